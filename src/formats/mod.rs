@@ -1,0 +1,1 @@
+//! Bytes to values and back; the only place that names a format crate. Nothing here opens a file.

@@ -1,0 +1,160 @@
+//! Triangle meshes, checked on construction.
+
+use nalgebra::{Point3, Vector3};
+
+/// A triangle mesh in the part frame: mm, +Z up as the designer modelled it, counter-clockwise seen from outside.
+///
+/// Vertices may be repeated (CAD exports split them at face borders). Normals, where the file had any, stand one for
+/// each vertex; whether they carry curvature or only repeat the facets is found out when the surface is sampled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TriMesh {
+    positions: Vec<Point3<f64>>,
+    normals: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Why a set of triangles is no mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// There is no triangle with an area.
+    #[error("the part has no triangle with an area")]
+    Empty,
+    /// A coordinate is not finite or beyond [`TriMesh::LARGEST_COORDINATE`].
+    #[error("vertex {vertex} has the coordinates ({}, {}, {})", coordinate[0], coordinate[1], coordinate[2])]
+    BadCoordinate {
+        /// Index of the vertex, from 0.
+        vertex: usize,
+        /// The coordinates as read, converted to mm.
+        coordinate: [f64; 3],
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices}")]
+    BadIndex {
+        /// Index of the triangle, from 0.
+        triangle: usize,
+        /// The index it names.
+        vertex: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// There are neither zero normals nor one for each vertex.
+    #[error("{normals} normals for {vertices} vertices")]
+    NormalCount {
+        /// Number of normals.
+        normals: usize,
+        /// Number of vertices.
+        vertices: usize,
+    },
+}
+
+impl TriMesh {
+    /// No product on a marking table is larger than 100 m; a coordinate beyond is damage, mm.
+    pub const LARGEST_COORDINATE: f64 = 1e5;
+
+    /// A mesh of `positions` (mm), one normal for each (any length; empty when the file has none) and `triangles`
+    /// (three indices each). Triangles without area are left out.
+    ///
+    /// # Errors
+    /// See [`MeshError`].
+    pub fn new(
+        positions: Vec<Point3<f64>>,
+        mut normals: Vec<Vector3<f64>>,
+        mut triangles: Vec<[u32; 3]>,
+    ) -> Result<Self, MeshError> {
+        for (vertex, position) in positions.iter().enumerate() {
+            if !position.iter().all(|value| value.abs() <= Self::LARGEST_COORDINATE) {
+                return Err(MeshError::BadCoordinate { vertex, coordinate: position.coords.into() });
+            }
+        }
+        if !normals.is_empty() && normals.len() != positions.len() {
+            return Err(MeshError::NormalCount { normals: normals.len(), vertices: positions.len() });
+        }
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|&&index| index as usize >= positions.len()) {
+                return Err(MeshError::BadIndex { triangle, vertex, vertices: positions.len() });
+            }
+        }
+        for normal in &mut normals {
+            let length = normal.norm();
+            // A normal that is no direction is marked as missing by zero; the sampler then estimates it.
+            *normal = if length.is_finite() && length > 1e-12 { *normal / length } else { Vector3::zeros() };
+        }
+        triangles.retain(|corners| {
+            let [a, b, c] = corners.map(|index| positions[index as usize]);
+            (b - a).cross(&(c - a)).norm() > 0.0
+        });
+        if triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        Ok(Self { positions, normals, triangles })
+    }
+
+    /// Vertex positions, mm.
+    pub fn positions(&self) -> &[Point3<f64>] {
+        &self.positions
+    }
+
+    /// Unit normals, one for each vertex (zero where the file's was no direction), or none at all.
+    pub fn normals(&self) -> &[Vector3<f64>] {
+        &self.normals
+    }
+
+    /// Triangles, three vertex indices each.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The corners of a triangle, mm.
+    pub fn corners(&self, triangle: [u32; 3]) -> [Point3<f64>; 3] {
+        triangle.map(|index| self.positions[index as usize])
+    }
+
+    /// Smallest and largest coordinates over the triangles, mm.
+    pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
+        let mut min = Point3::from(Vector3::repeat(f64::INFINITY));
+        let mut max = Point3::from(Vector3::repeat(f64::NEG_INFINITY));
+        for &index in self.triangles.iter().flatten() {
+            let position = self.positions[index as usize];
+            min = min.inf(&position);
+            max = max.sup(&position);
+        }
+        (min, max)
+    }
+
+    /// Largest extents along x, y and z, mm.
+    pub fn size(&self) -> Vector3<f64> {
+        let (min, max) = self.bounds();
+        max - min
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(third: [f64; 3]) -> Result<TriMesh, MeshError> {
+        TriMesh::new(
+            vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::from(third)],
+            Vec::new(),
+            vec![[0, 1, 2]],
+        )
+    }
+
+    #[test]
+    fn bad_meshes_are_refused_with_their_place() {
+        assert!(matches!(triangle([0.0, f64::NAN, 0.0]), Err(MeshError::BadCoordinate { vertex: 2, .. })));
+        assert!(matches!(triangle([0.0, 1e6, 0.0]), Err(MeshError::BadCoordinate { vertex: 2, .. })));
+        assert_eq!(triangle([2.0, 0.0, 0.0]), Err(MeshError::Empty));
+        let outside = TriMesh::new(vec![Point3::origin()], Vec::new(), vec![[0, 0, 7]]);
+        assert_eq!(outside, Err(MeshError::BadIndex { triangle: 0, vertex: 7, vertices: 1 }));
+    }
+
+    #[test]
+    fn size_is_that_of_the_triangles_not_of_stray_vertices() {
+        let positions = vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 1.0], [90.0, 90.0, 90.0]]
+            .into_iter()
+            .map(Point3::from);
+        let mesh = TriMesh::new(positions.collect(), Vec::new(), vec![[0, 1, 2]]).unwrap();
+        assert_eq!(mesh.size(), Vector3::new(2.0, 3.0, 1.0));
+    }
+}

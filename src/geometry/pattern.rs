@@ -1,0 +1,356 @@
+//! The drawing to be marked, free of any file format: layers, paths and segments in mm.
+
+use nalgebra::Vector2;
+
+use super::space::{Extents, FlatPoint};
+
+/// A drawing in its own plane, mm, in drawing order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Pattern {
+    /// The layers that paths refer to by index.
+    pub layers: Vec<Layer>,
+    /// Everything to be marked, in drawing order.
+    pub paths: Vec<Path>,
+}
+
+/// A layer of the drawing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Its name, as in the file.
+    pub name: String,
+    /// Its colour; never [`Color::ByLayer`].
+    pub color: Color,
+}
+
+/// A colour as drawings know it. Marking software may choose the pen by it, so it is kept, not converted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Color {
+    /// The colour of the path's layer.
+    ByLayer,
+    /// An index of the AutoCAD colour table, 1 to 255.
+    Aci(u8),
+    /// A true colour, with the nearest or given index for readers that know only the table.
+    Rgb {
+        /// Index of the AutoCAD colour table, 1 to 255.
+        aci: u8,
+        /// Red, green, blue.
+        rgb: [u8; 3],
+    },
+}
+
+/// One connected thing to mark.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Path {
+    /// Index into [`Pattern::layers`].
+    pub layer: usize,
+    /// The path's own colour.
+    pub color: Color,
+    /// What is drawn.
+    pub shape: Shape,
+    /// The filled region the path bounds, if it comes from a fill (HATCH, SOLID): paths with the same number bound one
+    /// region by the even-odd rule. A path without one bounds, if closed, the inked area of its layer.
+    pub region: Option<u32>,
+    /// Where the path comes from.
+    pub source: Source,
+}
+
+/// What a path draws.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// A single spot.
+    Dot(FlatPoint),
+    /// A connected curve with two ends; each segment starts where the last one ended.
+    Open(Vec<Segment>),
+    /// A contour: the last segment ends where the first one starts.
+    Closed(Vec<Segment>),
+}
+
+/// The entity of the file that a path comes from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Source {
+    /// Entity type, such as `LWPOLYLINE`.
+    pub entity: String,
+    /// The entity's handle in hexadecimal, if the file has one.
+    pub handle: Option<String>,
+}
+
+/// A smooth piece of a path, mm, with a parameter from 0 to 1.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Segment {
+    /// A straight line.
+    Line {
+        /// Start, mm.
+        from: FlatPoint,
+        /// End, mm.
+        to: FlatPoint,
+    },
+    /// An arc of a circle or an ellipse: `center + cos(a)·u + sin(a)·v` for `a` from `start` over `sweep`.
+    Arc {
+        /// Centre, mm.
+        center: FlatPoint,
+        /// Half axis at angle 0, mm (any conjugate half diameter will do).
+        u: Vector2<f64>,
+        /// Half axis at angle π/2, mm.
+        v: Vector2<f64>,
+        /// Start angle, rad.
+        start: f64,
+        /// Signed angle from start to end, rad.
+        sweep: f64,
+    },
+    /// A Bézier curve of degree 3, rational where a weight differs from 1.
+    Bezier {
+        /// Control points, mm.
+        points: [FlatPoint; 4],
+        /// Weights, all positive.
+        weights: [f64; 4],
+    },
+}
+
+impl Segment {
+    /// The point at parameter `t`, 0 to 1, mm.
+    pub fn point(&self, t: f64) -> FlatPoint {
+        match self {
+            Self::Line { from, to } => from.lerp(*to, t),
+            Self::Arc { center, u, v, start, sweep } => {
+                let (sin, cos) = (start + sweep * t).sin_cos();
+                *center + u * cos + v * sin
+            }
+            Self::Bezier { points, weights } => {
+                let s = 1.0 - t;
+                let bernstein = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
+                let mut sum = Vector2::zeros();
+                let mut weight = 0.0;
+                for ((point, w), b) in points.iter().zip(weights).zip(bernstein) {
+                    sum += point.coords() * (w * b);
+                    weight += w * b;
+                }
+                (sum / weight).into()
+            }
+        }
+    }
+
+    /// Where the segment starts, mm; exact to the bit for lines and Bézier curves.
+    pub fn start(&self) -> FlatPoint {
+        match self {
+            Self::Bezier { points, .. } => points[0],
+            other => other.point(0.0),
+        }
+    }
+
+    /// Where the segment ends, mm; exact to the bit for lines and Bézier curves.
+    pub fn end(&self) -> FlatPoint {
+        match self {
+            Self::Line { to, .. } => *to,
+            Self::Bezier { points, .. } => points[3],
+            other => other.point(1.0),
+        }
+    }
+
+    /// The segment traced the other way.
+    pub fn reversed(&self) -> Self {
+        match self {
+            Self::Line { from, to } => Self::Line { from: *to, to: *from },
+            Self::Arc { center, u, v, start, sweep } => {
+                Self::Arc { center: *center, u: *u, v: *v, start: start + sweep, sweep: -sweep }
+            }
+            Self::Bezier { points: [a, b, c, d], weights: [wa, wb, wc, wd] } => {
+                Self::Bezier { points: [*d, *c, *b, *a], weights: [*wd, *wc, *wb, *wa] }
+            }
+        }
+    }
+
+    /// The image under an affine map.
+    pub fn transformed(&self, map: &Affine) -> Self {
+        match self {
+            Self::Line { from, to } => Self::Line { from: map.point(*from), to: map.point(*to) },
+            Self::Arc { center, u, v, start, sweep } => Self::Arc {
+                center: map.point(*center),
+                u: map.linear * u,
+                v: map.linear * v,
+                start: *start,
+                sweep: *sweep,
+            },
+            Self::Bezier { points, weights } => {
+                Self::Bezier { points: points.map(|point| map.point(point)), weights: *weights }
+            }
+        }
+    }
+
+    /// A bound on the distance between the curve and its chords when it is cut into `pieces` equal parameter steps,
+    /// mm: the second-difference bound for polynomial pieces, the sagitta for arcs. Rational pieces are measured.
+    fn chord_error(&self, pieces: usize) -> f64 {
+        let pieces = pieces as f64;
+        match self {
+            Self::Line { .. } => 0.0,
+            Self::Arc { u, v, sweep, .. } => {
+                // Largest half axis of the ellipse with the conjugate half diameters u, v is at most |(u, v)|.
+                let radius = (u.norm_squared().max(v.norm_squared()) + u.dot(v).abs()).sqrt();
+                let half = (sweep.abs() / pieces / 2.0).min(std::f64::consts::PI);
+                radius * (1.0 - half.cos())
+            }
+            Self::Bezier { points, weights } => {
+                let [a, b, c, d] = points.map(FlatPoint::coords);
+                let bend = (a - b * 2.0 + c).norm().max((b - c * 2.0 + d).norm());
+                let largest = weights.iter().copied().fold(0.0, f64::max);
+                let smallest = weights.iter().copied().fold(f64::INFINITY, f64::min);
+                // Wang's formula: d(d-1)/8 · max second difference / n², with a margin for uneven weights.
+                0.75 * bend * (largest / smallest).powi(2) / (pieces * pieces)
+            }
+        }
+    }
+
+    /// Number of equal parameter steps after which chords stay within `tolerance` mm of the curve (at most 65,536).
+    pub fn steps(&self, tolerance: f64) -> usize {
+        let mut pieces = match self {
+            Self::Line { .. } => return 1,
+            // A closed arc in fewer than four pieces would fold onto itself.
+            Self::Arc { sweep, .. } => {
+                (sweep.abs() / std::f64::consts::FRAC_PI_2).ceil().clamp(1.0, 64.0) as usize
+            }
+            Self::Bezier { .. } => 1,
+        };
+        while self.chord_error(pieces) > tolerance && pieces < 65_536 {
+            pieces *= 2;
+        }
+        pieces
+    }
+}
+
+/// An affine map of the drawing plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Affine {
+    /// The linear part, without unit.
+    pub linear: nalgebra::Matrix2<f64>,
+    /// The image of the origin, mm.
+    pub offset: Vector2<f64>,
+}
+
+impl Affine {
+    /// The image of a point.
+    pub fn point(&self, point: FlatPoint) -> FlatPoint {
+        (self.linear * point.coords() + self.offset).into()
+    }
+
+    /// The rigid motion that turns by `angle` rad about `anchor` and then carries `anchor` to `target`.
+    pub fn rigid(anchor: FlatPoint, angle: f64, target: FlatPoint) -> Self {
+        let linear = *nalgebra::Rotation2::new(angle).matrix();
+        Self { linear, offset: target.coords() - linear * anchor.coords() }
+    }
+}
+
+impl Shape {
+    /// The segments of a curve; none for a dot.
+    pub fn segments(&self) -> &[Segment] {
+        match self {
+            Self::Dot(_) => &[],
+            Self::Open(segments) | Self::Closed(segments) => segments,
+        }
+    }
+
+    /// Whether the shape is a contour.
+    pub fn is_closed(&self) -> bool {
+        matches!(self, Self::Closed(_))
+    }
+
+    /// Points along the shape with chords within `tolerance` mm of it; for a contour the first point is not repeated.
+    pub fn flattened(&self, tolerance: f64) -> Vec<FlatPoint> {
+        let mut points = Vec::new();
+        match self {
+            Self::Dot(point) => points.push(*point),
+            Self::Open(segments) | Self::Closed(segments) => {
+                points.extend(segments.first().map(Segment::start));
+                for segment in segments {
+                    let steps = segment.steps(tolerance);
+                    points.extend((1..steps).map(|step| segment.point(step as f64 / steps as f64)));
+                    points.push(segment.end());
+                }
+                if self.is_closed() && points.len() > 1 {
+                    points.pop();
+                }
+            }
+        }
+        points
+    }
+}
+
+impl Pattern {
+    /// The smallest rectangle round everything drawn, to within 0.001 mm; empty for an empty drawing.
+    pub fn extents(&self) -> Extents {
+        Extents::of(self.paths.iter().flat_map(|path| path.shape.flattened(1e-3)).map(FlatPoint::coords))
+    }
+
+    /// The image under an affine map.
+    pub fn transformed(&self, map: &Affine) -> Self {
+        let all = |segments: &[Segment]| segments.iter().map(|segment| segment.transformed(map)).collect();
+        let paths = self.paths.iter().map(|path| Path {
+            shape: match &path.shape {
+                Shape::Dot(point) => Shape::Dot(map.point(*point)),
+                Shape::Open(segments) => Shape::Open(all(segments)),
+                Shape::Closed(segments) => Shape::Closed(all(segments)),
+            },
+            ..path.clone()
+        });
+        Self { layers: self.layers.clone(), paths: paths.collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_4, PI, TAU};
+
+    fn circle(radius: f64) -> Segment {
+        Segment::Arc {
+            center: FlatPoint::new(1.0, 2.0),
+            u: Vector2::new(radius, 0.0),
+            v: Vector2::new(0.0, radius),
+            start: 0.0,
+            sweep: TAU,
+        }
+    }
+
+    #[test]
+    fn chords_stay_within_the_tolerance() {
+        let shape = Shape::Closed(vec![circle(10.0)]);
+        for tolerance in [0.1, 0.01, 0.001] {
+            let points = shape.flattened(tolerance);
+            let center = FlatPoint::new(1.0, 2.0);
+            let ends = points.iter().zip(points.iter().cycle().skip(1));
+            let worst = ends.map(|(a, b)| 10.0 - a.lerp(*b, 0.5).distance(center)).fold(0.0, f64::max);
+            assert!(worst <= tolerance && worst > tolerance / 8.0, "{worst} of {tolerance}");
+        }
+    }
+
+    #[test]
+    fn a_quarter_circle_as_a_rational_bezier_lies_on_the_circle() {
+        // Degree-raised from the quadratic with weights 1, cos 45°, 1 (The NURBS Book, eq. 7.33).
+        let w = (1.0 + 2.0 * FRAC_PI_4.cos()) / 3.0;
+        let a = 2.0 * (0.5f64).sqrt() / 3.0 / w;
+        let points = [[1.0, 0.0], [1.0 / 3.0 / w + a, a], [a, 1.0 / 3.0 / w + a], [0.0, 1.0]]
+            .map(|[x, y]| FlatPoint::new(x, y));
+        let quarter = Segment::Bezier { points, weights: [1.0, w, w, 1.0] };
+        for step in 0..=10 {
+            assert!((quarter.point(f64::from(step) / 10.0).coords().norm() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn an_affine_image_of_an_arc_is_the_arc_of_the_images() {
+        let map =
+            Affine { linear: nalgebra::Matrix2::new(2.0, 0.5, -0.3, -1.0), offset: Vector2::new(3.0, -4.0) };
+        let arc = circle(5.0);
+        for t in [0.0, 0.2, 0.7, 1.0] {
+            assert!(arc.transformed(&map).point(t).distance(map.point(arc.point(t))) < 1e-12);
+            assert!(arc.reversed().point(t).distance(arc.point(1.0 - t)) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_rigid_motion_carries_the_anchor_to_its_place() {
+        let anchor = FlatPoint::new(3.0, 1.0);
+        let map = Affine::rigid(anchor, PI / 3.0, FlatPoint::new(-7.0, 2.0));
+        assert!(map.point(anchor).distance(FlatPoint::new(-7.0, 2.0)) < 1e-12);
+        let right = map.point(FlatPoint::new(4.0, 1.0)) - map.point(anchor);
+        assert!((right.y.atan2(right.x) - PI / 3.0).abs() < 1e-12);
+    }
+}

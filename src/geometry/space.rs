@@ -1,0 +1,257 @@
+//! The frames: part, view, laser, field, and the plane the pattern is drawn in. Lengths in mm, angles in rad.
+//!
+//! A point of the drawing, a point of the view and a point of the field are all two numbers in mm, and mixing them up
+//! is scrap; so they are different types ([`FlatPoint`], [`ViewPoint`], [`FieldPoint`]).
+
+use std::marker::PhantomData;
+use std::ops::{Add, Sub};
+
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
+
+/// The plane the pattern is drawn in, after its placement: coordinates (s, t) in mm, true lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FlatSpace {}
+/// The part as the laser sees it, along its axis: x to the right, y up, in mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ViewSpace {}
+/// The marking software's working area: what the corrected drawing says, in mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FieldSpace {}
+
+/// A point in one of the plane frames, in mm.
+pub struct Point2<Space> {
+    /// Coordinate to the right, mm.
+    pub x: f64,
+    /// Coordinate upwards, mm.
+    pub y: f64,
+    space: PhantomData<Space>,
+}
+
+/// A point of the pattern.
+pub type FlatPoint = Point2<FlatSpace>;
+/// A point of the view.
+pub type ViewPoint = Point2<ViewSpace>;
+/// A point of the marking field.
+pub type FieldPoint = Point2<FieldSpace>;
+
+impl<Space> Point2<Space> {
+    /// The point (x, y), mm.
+    pub const fn new(x: f64, y: f64) -> Self {
+        Self { x, y, space: PhantomData }
+    }
+
+    /// The vector from the origin to the point, mm.
+    pub fn coords(self) -> Vector2<f64> {
+        Vector2::new(self.x, self.y)
+    }
+
+    /// Distance to another point of the same frame, mm.
+    pub fn distance(self, other: Self) -> f64 {
+        (other - self).norm()
+    }
+
+    /// The point at parameter `t` on the straight line to `other`: 0 here, 1 there.
+    pub fn lerp(self, other: Self, t: f64) -> Self {
+        Self::new(self.x + (other.x - self.x) * t, self.y + (other.y - self.y) * t)
+    }
+
+    /// Whether both coordinates are finite.
+    pub fn is_finite(self) -> bool {
+        self.x.is_finite() && self.y.is_finite()
+    }
+}
+
+impl<Space> From<Vector2<f64>> for Point2<Space> {
+    fn from(vector: Vector2<f64>) -> Self {
+        Self::new(vector.x, vector.y)
+    }
+}
+
+impl<Space> Clone for Point2<Space> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<Space> Copy for Point2<Space> {}
+
+impl<Space> PartialEq for Point2<Space> {
+    fn eq(&self, other: &Self) -> bool {
+        self.x == other.x && self.y == other.y
+    }
+}
+
+impl<Space> std::fmt::Debug for Point2<Space> {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "({}, {})", self.x, self.y)
+    }
+}
+
+impl<Space> Sub for Point2<Space> {
+    type Output = Vector2<f64>;
+    fn sub(self, other: Self) -> Vector2<f64> {
+        Vector2::new(self.x - other.x, self.y - other.y)
+    }
+}
+
+impl<Space> Add<Vector2<f64>> for Point2<Space> {
+    type Output = Self;
+    fn add(self, step: Vector2<f64>) -> Self {
+        Self::new(self.x + step.x, self.y + step.y)
+    }
+}
+
+/// An axis-parallel rectangle in one of the plane frames, in mm; empty until a point was included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extents {
+    /// Smallest x and y, mm.
+    pub min: Vector2<f64>,
+    /// Largest x and y, mm.
+    pub max: Vector2<f64>,
+}
+
+impl Extents {
+    /// The rectangle that holds nothing.
+    pub const EMPTY: Self = Self {
+        min: Vector2::new(f64::INFINITY, f64::INFINITY),
+        max: Vector2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
+    };
+
+    /// Grows the rectangle so that it holds `point`.
+    pub fn include(&mut self, point: Vector2<f64>) {
+        self.min = self.min.inf(&point);
+        self.max = self.max.sup(&point);
+    }
+
+    /// The smallest rectangle round the points.
+    pub fn of(points: impl IntoIterator<Item = Vector2<f64>>) -> Self {
+        let mut extents = Self::EMPTY;
+        points.into_iter().for_each(|point| extents.include(point));
+        extents
+    }
+
+    /// Whether no point was included.
+    pub fn is_empty(&self) -> bool {
+        self.min.x > self.max.x || self.min.y > self.max.y
+    }
+
+    /// Width and height, mm.
+    pub fn size(&self) -> Vector2<f64> {
+        self.max - self.min
+    }
+
+    /// The middle, mm.
+    pub fn center(&self) -> Vector2<f64> {
+        (self.min + self.max) / 2.0
+    }
+
+    /// The rectangle with `margin` mm added on every side.
+    pub fn grown(&self, margin: f64) -> Self {
+        let step = Vector2::new(margin, margin);
+        Self { min: self.min - step, max: self.max + step }
+    }
+
+    /// Whether the point lies inside or on the border.
+    pub fn contains(&self, point: Vector2<f64>) -> bool {
+        point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y
+    }
+}
+
+/// Which side of the part faces the laser, as a direction in the part frame that points to the laser.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facing {
+    direction: Vector3<f64>,
+}
+
+impl Facing {
+    /// The part's top: +Z points to the laser.
+    pub const TOP: Self = Self { direction: Vector3::new(0.0, 0.0, 1.0) };
+
+    /// The side whose outward direction is `direction` (any length but zero, part frame).
+    pub fn towards(direction: Vector3<f64>) -> Option<Self> {
+        let length = direction.norm();
+        (length.is_finite() && length > 0.0).then(|| Self { direction: direction / length })
+    }
+
+    /// The unit direction to the laser, in the part frame.
+    pub fn direction(&self) -> Vector3<f64> {
+        self.direction
+    }
+}
+
+/// The turn from the part frame to the view: x to the right, y up, z to the laser; the origin stays the part's.
+///
+/// For `±x` and `±y` the part's +Z is up, for `±z` its +Y is up; any other direction takes +Z for up as far as it can.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    rotation: Matrix3<f64>,
+}
+
+impl View {
+    /// The view onto the side `facing`, turned by `roll` rad counter-clockwise about the laser's axis.
+    pub fn new(facing: Facing, roll: f64) -> Self {
+        let out = facing.direction;
+        // Within 1e-6 rad of ±Z the part's +Z gives no direction on the page any more.
+        let up_hint = if out.x.hypot(out.y) < 1e-6 { Vector3::y() } else { Vector3::z() };
+        let right = up_hint.cross(&out).normalize();
+        let up = out.cross(&right);
+        let (sin, cos) = roll.sin_cos();
+        let rolled_right = right * cos - up * sin;
+        let rolled_up = right * sin + up * cos;
+        let rotation =
+            Matrix3::from_rows(&[rolled_right.transpose(), rolled_up.transpose(), out.transpose()]);
+        Self { rotation }
+    }
+
+    /// The view onto the part's top, without a turn.
+    pub fn top() -> Self {
+        Self { rotation: Matrix3::identity() }
+    }
+
+    /// A point of the part, mm, as the laser sees it: (x, y) on the page, z towards the laser.
+    pub fn point(&self, part: Point3<f64>) -> Point3<f64> {
+        Point3::from(self.rotation * part.coords)
+    }
+
+    /// A direction of the part in the view.
+    pub fn vector(&self, part: Vector3<f64>) -> Vector3<f64> {
+        self.rotation * part
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view_of(direction: [f64; 3]) -> View {
+        View::new(Facing::towards(Vector3::from(direction)).unwrap(), 0.0)
+    }
+
+    #[test]
+    fn facing_keeps_the_part_upright() {
+        let up_on_page = |view: View, up: Vector3<f64>| (view.vector(up) - Vector3::y()).norm() < 1e-12;
+        for side in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
+            assert!(up_on_page(view_of(side), Vector3::z()), "{side:?}");
+        }
+        for side in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
+            assert!(up_on_page(view_of(side), Vector3::y()), "{side:?}");
+        }
+        assert_eq!(view_of([0.0, 0.0, 1.0]), View::top());
+    }
+
+    #[test]
+    fn a_view_is_a_rotation_and_looks_along_its_side() {
+        for side in [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [0.3, -0.4, 0.8]] {
+            let view = view_of(side);
+            assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
+            let out = view.vector(Vector3::from(side).normalize());
+            assert!((out - Vector3::z()).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn roll_turns_the_page_counter_clockwise() {
+        let view = View::new(Facing::TOP, std::f64::consts::FRAC_PI_2);
+        assert!((view.vector(Vector3::x()) - Vector3::y()).norm() < 1e-12);
+    }
+}

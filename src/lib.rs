@@ -1,0 +1,5 @@
+//! Bends flat drawings so that a galvo laser marks true lengths on curved parts.
+
+pub mod geometry;
+pub mod reason;
+pub mod formats;

@@ -1,0 +1,188 @@
+//! What people are told: why something was rejected, and what was noticed on the way.
+//!
+//! Every typed error of the readers and of the pipeline can be turned into a [`Reason`]; that is what
+//! `rejected/*.reason.json`, `--json` and the summary on stderr show. A [`Notice`] never stops a job.
+
+use serde::{Deserialize, Serialize};
+
+/// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reason {
+    /// Stable name for machines, in kebab case, such as `mesh-truncated`.
+    pub code: String,
+    /// What is wrong, as one sentence.
+    pub what: String,
+    /// Where it is wrong, as far as that is known.
+    #[serde(default, skip_serializing_if = "Place::is_unknown")]
+    pub place: Place,
+    /// The number that decided, with its unit and the limit it broke.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub number: Option<Quantity>,
+    /// What the reader of this reason can do about it, as one sentence.
+    pub remedy: String,
+}
+
+/// A place in a file or on a part; every field that is not known is left out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// The file's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Line in a text file, counted from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<u64>,
+    /// Column in that line, counted from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<u64>,
+    /// Offset in a binary file, in bytes from its start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub byte: Option<u64>,
+    /// The item in the file, such as `LWPOLYLINE 2F`, `mesh "Solid", primitive 3` or `station.folders.hot`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub item: Option<String>,
+    /// The layer of the drawing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<String>,
+    /// A coordinate in mm, in the frame that `what` speaks of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinate: Option<Vec<f64>>,
+}
+
+/// A number with its unit, and the limit it was held against.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Quantity {
+    /// What was measured, such as `incidence angle`.
+    pub name: String,
+    /// The measured value, in `unit`.
+    pub value: f64,
+    /// Unit of `value` and `limit`: `mm`, `deg`, `bytes`, `triangles`, or empty for a plain count.
+    pub unit: String,
+    /// The limit that was broken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<f64>,
+}
+
+/// Something that was assumed, repaired, skipped or found unusual; the job goes on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notice {
+    /// Stable name for machines, in kebab case, such as `unit-assumed`.
+    pub code: String,
+    /// How much attention it deserves.
+    pub severity: Severity,
+    /// What a person reads, as one sentence with numbers and units.
+    pub message: String,
+}
+
+/// How much attention a [`Notice`] deserves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// Worth knowing, nothing to do.
+    Note,
+    /// Look at it before marking.
+    Warning,
+}
+
+impl Reason {
+    /// A reason with a code, a sentence and a remedy; place and number are added with the `with_` functions.
+    pub fn new(code: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self {
+            code: code.into(),
+            what: what.into(),
+            place: Place::default(),
+            number: None,
+            remedy: remedy.into(),
+        }
+    }
+
+    /// Adds the file's name, unless one is already known.
+    pub fn in_file(mut self, file: impl Into<String>) -> Self {
+        self.place.file.get_or_insert(file.into());
+        self
+    }
+
+    /// Adds a place.
+    pub fn at(mut self, place: Place) -> Self {
+        let file = self.place.file.take();
+        self.place = place;
+        if self.place.file.is_none() {
+            self.place.file = file;
+        }
+        self
+    }
+
+    /// Adds the deciding number.
+    pub fn with_number(mut self, name: &str, value: f64, unit: &str, limit: Option<f64>) -> Self {
+        self.number = Some(Quantity { name: name.into(), value, unit: unit.into(), limit });
+        self
+    }
+}
+
+impl std::fmt::Display for Reason {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{}", self.what)?;
+        if !self.place.is_unknown() {
+            write!(out, "\n  where:  {}", self.place)?;
+        }
+        if let Some(number) = &self.number {
+            write!(out, "\n  number: {number}")?;
+        }
+        write!(out, "\n  remedy: {}", self.remedy)
+    }
+}
+
+impl Place {
+    /// Whether nothing at all is known of the place.
+    pub fn is_unknown(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut parts = Vec::new();
+        parts.extend(self.file.clone());
+        match (self.line, self.column) {
+            (Some(line), Some(column)) => parts.push(format!("line {line}, column {column}")),
+            (Some(line), None) => parts.push(format!("line {line}")),
+            _ => {}
+        }
+        parts.extend(self.byte.map(|byte| format!("byte {byte}")));
+        parts.extend(self.item.clone());
+        parts.extend(self.layer.as_ref().map(|layer| format!("layer {layer}")));
+        parts.extend(self.coordinate.as_ref().map(|coordinate| {
+            let numbers: Vec<String> = coordinate.iter().map(|value| format!("{value:.3}")).collect();
+            format!("at ({}) mm", numbers.join(", "))
+        }));
+        write!(out, "{}", parts.join(", "))
+    }
+}
+
+impl std::fmt::Display for Quantity {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{} {}", self.name, round_for_people(self.value))?;
+        if !self.unit.is_empty() {
+            write!(out, " {}", self.unit)?;
+        }
+        if let Some(limit) = self.limit {
+            write!(out, " (limit {} {})", round_for_people(limit), self.unit)?;
+        }
+        Ok(())
+    }
+}
+
+impl Notice {
+    /// A notice that needs no action.
+    pub fn note(code: &str, message: impl Into<String>) -> Self {
+        Self { code: code.into(), severity: Severity::Note, message: message.into() }
+    }
+
+    /// A notice to look at before marking.
+    pub fn warning(code: &str, message: impl Into<String>) -> Self {
+        Self { code: code.into(), severity: Severity::Warning, message: message.into() }
+    }
+}
+
+fn round_for_people(value: f64) -> String {
+    if value == value.trunc() && value.abs() < 1e15 { format!("{value:.0}") } else { format!("{value:.4}") }
+}
