@@ -2,4 +2,12 @@
 
 pub mod space;
 pub mod mesh;
+pub mod normals;
+pub mod curved_triangle;
+pub mod height_field;
+pub mod normal_equations;
+pub mod surface;
 pub mod pattern;
+pub mod ink;
+pub mod mapping;
+pub mod shapes;

@@ -1,0 +1,164 @@
+//! Where the drawing puts ink: short pieces along its lines, and small squares over its inked areas.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector2;
+
+use super::pattern::{Pattern, Shape};
+use super::space::{Extents, FlatPoint};
+
+/// Squares are made larger rather than more than this many.
+const MOST_SQUARES_IN_BOX: f64 = 4e6;
+
+/// The drawing as samples: what the quality figures sum over and what the length-true map is weighted by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ink {
+    /// Pieces of all curves, each no longer than asked for.
+    pub pieces: Vec<Piece>,
+    /// Centres of the squares of an axis-parallel grid that lie inside the inked area.
+    pub squares: Vec<FlatPoint>,
+    /// Side of the squares, mm.
+    pub side: f64,
+    /// The smallest rectangle round everything, dots included.
+    pub extents: Extents,
+}
+
+/// A short piece of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// Start, mm.
+    pub from: FlatPoint,
+    /// End, mm.
+    pub to: FlatPoint,
+}
+
+impl Piece {
+    /// Straight length, mm.
+    pub fn length(&self) -> f64 {
+        self.from.distance(self.to)
+    }
+}
+
+impl Ink {
+    /// Samples the paths for which `counts` says yes (given the layer's name) with pieces of at most `piece` mm and
+    /// squares of `side` mm.
+    ///
+    /// The inked area of a layer is bounded by its contours under the even-odd rule; a fill (HATCH, SOLID) is a region
+    /// of its own. What several regions cover counts once.
+    pub fn sample(pattern: &Pattern, counts: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
+        let mut pieces = Vec::new();
+        let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
+        let mut extents = Extents::EMPTY;
+        for path in &pattern.paths {
+            if !pattern.layers.get(path.layer).is_some_and(|layer| counts(&layer.name)) {
+                continue;
+            }
+            if let Shape::Dot(point) = path.shape {
+                extents.include(point.coords());
+            }
+            for segment in path.shape.segments() {
+                let steps = segment.steps(1e-3);
+                let ends: Vec<FlatPoint> =
+                    (0..=steps).map(|step| segment.point(step as f64 / steps as f64)).collect();
+                ends.iter().for_each(|end| extents.include(end.coords()));
+                let length: f64 = ends.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+                let count = (length / piece).ceil().clamp(1.0, 1e6) as usize;
+                let along = |index: usize| segment.point(index as f64 / count as f64);
+                pieces.extend((0..count).map(|index| Piece { from: along(index), to: along(index + 1) }));
+            }
+            if path.shape.is_closed() {
+                let group = contours.entry((path.layer, path.region)).or_default();
+                group.push(path.shape.flattened(side / 40.0));
+            }
+        }
+        let size = extents.size();
+        let side = side.max((size.x * size.y / MOST_SQUARES_IN_BOX).max(0.0).sqrt());
+        let squares =
+            if contours.is_empty() { Vec::new() } else { squares_inside(&contours, &extents, side) };
+        Self { pieces, squares, side, extents }
+    }
+
+    /// Sum of the lengths of all pieces, mm.
+    pub fn length(&self) -> f64 {
+        self.pieces.iter().map(Piece::length).sum()
+    }
+
+    /// Inked area, mm².
+    pub fn area(&self) -> f64 {
+        self.squares.len() as f64 * self.side * self.side
+    }
+}
+
+fn squares_inside<Key: Ord>(
+    contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
+    extents: &Extents,
+    side: f64,
+) -> Vec<FlatPoint> {
+    let size = extents.size();
+    let (columns, rows) = ((size.x / side).ceil() as usize, (size.y / side).ceil() as usize);
+    if columns == 0 || rows == 0 {
+        return Vec::new();
+    }
+    // Centred, so that a symmetric drawing is sampled symmetrically.
+    let origin = extents.center() - Vector2::new(columns as f64, rows as f64) * (side / 2.0);
+    let mut inked = vec![false; columns * rows];
+    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); rows];
+    for group in contours.values() {
+        crossings.iter_mut().for_each(Vec::clear);
+        for contour in group {
+            for (from, to) in contour.iter().zip(contour.iter().cycle().skip(1)) {
+                let (low, high) = if from.y < to.y { (from, to) } else { (to, from) };
+                let row_at = |y: f64| ((y - origin.y) / side - 0.5).ceil().max(0.0) as usize;
+                for row in row_at(low.y)..row_at(high.y).min(rows) {
+                    let y = origin.y + (row as f64 + 0.5) * side;
+                    crossings[row].push(low.x + (high.x - low.x) * ((y - low.y) / (high.y - low.y)));
+                }
+            }
+        }
+        for (row, crossings) in crossings.iter_mut().enumerate() {
+            crossings.sort_unstable_by(f64::total_cmp);
+            for pair in crossings.chunks_exact(2) {
+                let column_at =
+                    |x: f64| ((x - origin.x) / side - 0.5).ceil().clamp(0.0, columns as f64) as usize;
+                inked[row * columns + column_at(pair[0])..row * columns + column_at(pair[1])].fill(true);
+            }
+        }
+    }
+    let center = |index: usize| {
+        let place = Vector2::new((index % columns) as f64 + 0.5, (index / columns) as f64 + 0.5);
+        FlatPoint::from(origin + place * side)
+    };
+    inked.iter().enumerate().filter(|(_, inked)| **inked).map(|(index, _)| center(index)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pattern::{Color, Layer, Path, Segment, Source};
+
+    fn square(half: f64, region: Option<u32>) -> Path {
+        let corners =
+            [[-half, -half], [half, -half], [half, half], [-half, half]].map(|[x, y]| FlatPoint::new(x, y));
+        let sides = (0..4).map(|side| Segment::Line { from: corners[side], to: corners[(side + 1) % 4] });
+        let shape = Shape::Closed(sides.collect());
+        Path { layer: 0, color: Color::ByLayer, shape, region, source: Source::default() }
+    }
+
+    fn ink(paths: Vec<Path>) -> Ink {
+        let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
+        Ink::sample(&Pattern { layers, paths }, |_| true, 0.25, 0.1)
+    }
+
+    #[test]
+    fn a_frame_has_its_hole_and_its_lengths() {
+        let frame = ink(vec![square(5.0, None), square(2.0, None)]);
+        assert!((frame.area() - 84.0).abs() < 1e-9, "{}", frame.area());
+        assert!((frame.length() - 56.0).abs() < 1e-9);
+        assert!(frame.pieces.iter().all(|piece| piece.length() <= 0.25 + 1e-12));
+    }
+
+    #[test]
+    fn an_outline_round_a_fill_does_not_empty_it() {
+        assert!((ink(vec![square(5.0, None), square(5.0, Some(1))]).area() - 100.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,121 @@
+//! How true the lengths, areas and angles are on the part: the figures of every report.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::geometry::ink::Ink;
+use crate::geometry::space::{FlatPoint, ViewPoint};
+
+/// Pieces of the contours are at most this long for the figures, mm.
+pub const PIECE: f64 = 0.25;
+/// Side of the squares of the inked area for the figures, mm.
+pub const SQUARE: f64 = 0.2;
+
+/// What differs between the drawing and its image on the part.
+///
+/// The sums are those of Chuang, Shape correction for laser marking, 2023, equations 5.1 and 5.2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distortion {
+    /// e_l: sum over all pieces of the lines of |length on the part − length drawn|, mm.
+    pub length_error: f64,
+    /// e_a: sum over all squares of the inked area of |area on the part − area drawn|, mm².
+    pub area_error: f64,
+    /// Length of all lines as drawn, mm.
+    pub length: f64,
+    /// Inked area as drawn, mm².
+    pub area: f64,
+    /// Largest |length on the part / length drawn − 1| of a piece.
+    pub largest_stretch: f64,
+    /// Where that is, in the drawing.
+    pub largest_stretch_at: FlatPoint,
+    /// Root mean square of the same, weighted by length.
+    pub rms_stretch: f64,
+    /// Largest change of the angle between any two directions, over the inked squares and along the lines, rad.
+    pub largest_angle_error: f64,
+    /// Largest |area on the part / area drawn − 1| of a square; 0 without inked area.
+    pub largest_area_stretch: f64,
+}
+
+/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` is that of the part itself,
+/// not of a fit to it. `None` if the image leaves the part somewhere: then the point of the view where it does.
+///
+/// # Errors
+/// The first point of the view for which `height` has no answer.
+pub fn measure(
+    ink: &Ink,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    height: impl Fn(ViewPoint) -> Option<f64>,
+) -> Result<Distortion, ViewPoint> {
+    let lift = |flat: FlatPoint| -> Result<Point3<f64>, ViewPoint> {
+        let seen = map(flat);
+        height(seen).map(|z| Point3::new(seen.x, seen.y, z)).ok_or(seen)
+    };
+    let mut distortion = Distortion {
+        length_error: 0.0,
+        area_error: 0.0,
+        length: 0.0,
+        area: ink.area(),
+        largest_stretch: 0.0,
+        largest_stretch_at: FlatPoint::new(0.0, 0.0),
+        rms_stretch: 0.0,
+        largest_angle_error: 0.0,
+        largest_area_stretch: 0.0,
+    };
+    let mut last: Option<(FlatPoint, Point3<f64>)> = None;
+    for piece in &ink.pieces {
+        // Pieces mostly continue each other.
+        let from = match last {
+            Some((flat, point)) if flat == piece.from => point,
+            _ => lift(piece.from)?,
+        };
+        let to = lift(piece.to)?;
+        last = Some((piece.to, to));
+        let drawn = piece.length();
+        if drawn == 0.0 {
+            continue;
+        }
+        let stretch = (to - from).norm() / drawn - 1.0;
+        distortion.length += drawn;
+        let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
+        let middle = piece.from.lerp(piece.to, 0.5);
+        let beside = |step: nalgebra::Vector2<f64>| lift(middle + step);
+        // Just outside the part there may be nothing to measure; the piece itself was on it.
+        if let (Ok(left), Ok(right)) = (beside(sideways), beside(-sideways)) {
+            distortion.largest_angle_error =
+                distortion.largest_angle_error.max(angle_error(&(to - from), &(left - right)));
+        }
+        distortion.length_error += stretch.abs() * drawn;
+        distortion.rms_stretch += stretch * stretch * drawn;
+        if stretch.abs() > distortion.largest_stretch {
+            distortion.largest_stretch = stretch.abs();
+            distortion.largest_stretch_at = piece.from.lerp(piece.to, 0.5);
+        }
+    }
+    if distortion.length > 0.0 {
+        distortion.rms_stretch = (distortion.rms_stretch / distortion.length).sqrt();
+    }
+    let half = ink.side / 2.0;
+    for square in &ink.squares {
+        let corner = |x: f64, y: f64| lift(FlatPoint::new(square.x + x * half, square.y + y * half));
+        let [a, b, c, d] = [corner(-1.0, -1.0)?, corner(1.0, -1.0)?, corner(1.0, 1.0)?, corner(-1.0, 1.0)?];
+        let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
+        let drawn = ink.side * ink.side;
+        distortion.area_error += (area - drawn).abs();
+        distortion.largest_area_stretch = distortion.largest_area_stretch.max((area / drawn - 1.0).abs());
+        let across = (b - a) + (c - d);
+        let up = (d - a) + (c - b);
+        distortion.largest_angle_error = distortion.largest_angle_error.max(angle_error(&across, &up));
+    }
+    Ok(distortion)
+}
+
+/// The largest change of the angle between any two directions, rad, where unit steps in s and t of the drawing become
+/// the vectors `across` and `up` on the part: 2·asin((σ₁ − σ₂)/(σ₁ + σ₂)) for the principal stretches σ₁ ≥ σ₂.
+///
+/// Tissot's maximum angular distortion (Snyder, Map Projections: A Working Manual, 1987, eq. 4-1a).
+fn angle_error(across: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
+    let (e, f, g) = (across.norm_squared(), across.dot(up), up.norm_squared());
+    // (σ₁ ± σ₂)² = E + G ± 2√(EG − F²)
+    let twice_area = 2.0 * (e * g - f * f).max(0.0).sqrt();
+    let ratio = ((e + g - twice_area).max(0.0) / (e + g + twice_area)).sqrt();
+    2.0 * ratio.clamp(0.0, 1.0).asin()
+}

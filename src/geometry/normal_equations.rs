@@ -1,0 +1,322 @@
+//! Least squares over a tensor grid of control points: sparse normal equations and their solution.
+//!
+//! The surface fit and the length-true map both look for the control points of a bicubic B-spline, so both lead to a
+//! symmetric positive definite matrix in which a control point meets only its neighbours within three rows and columns.
+
+use faer::Side;
+use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+
+/// Neighbours of a control point that come after it, row by row, with itself first: (columns, rows) to the right and up.
+const STENCIL: [(isize, isize); 25] = {
+    let mut offsets = [(0, 0); 25];
+    let mut next = 0;
+    let mut row = 0;
+    while row <= 3 {
+        let mut column = if row == 0 { 0 } else { -3 };
+        while column <= 3 {
+            offsets[next] = (column, row);
+            next += 1;
+            column += 1;
+        }
+        row += 1;
+    }
+    offsets
+};
+
+/// Position in [`STENCIL`] of the neighbour `column` to the right and `row` up; it must not lie before the point itself.
+const fn stencil_index(column: isize, row: isize) -> usize {
+    if row == 0 { column as usize } else { (row * 7 + column) as usize }
+}
+
+/// The normal equations AᵀA x = Aᵀb over a grid of control points with `COMPONENTS` unknowns each.
+#[derive(Debug, Clone)]
+pub struct NormalEquations<const COMPONENTS: usize> {
+    columns: usize,
+    rows: usize,
+    matrix: Vec<[[f64; COMPONENTS]; COMPONENTS]>,
+    right: Vec<[f64; COMPONENTS]>,
+}
+
+/// Why the equations could not be solved.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// The matrix is not positive definite: the data do not determine the control points.
+    #[error("the {unknowns} unknowns of the fit are not determined by the data")]
+    NotPositiveDefinite {
+        /// Number of unknowns.
+        unknowns: usize,
+    },
+    /// The solution does not satisfy the equations.
+    #[error("the solution of {unknowns} equations leaves a relative residual of {residual:.1e}")]
+    Inaccurate {
+        /// Number of unknowns.
+        unknowns: usize,
+        /// ‖Ax − b‖ / ‖b‖.
+        residual: f64,
+    },
+    /// There is not enough memory.
+    #[error("there is not enough memory to solve for {unknowns} unknowns")]
+    OutOfMemory {
+        /// Number of unknowns.
+        unknowns: usize,
+    },
+}
+
+/// The elimination order of a grid, found once and used for every matrix on it.
+#[derive(Debug, Clone)]
+pub struct GridSolver<const COMPONENTS: usize> {
+    columns: usize,
+    rows: usize,
+    column_starts: Vec<usize>,
+    row_indices: Vec<usize>,
+    symbolic: SymbolicLlt<usize>,
+}
+
+/// One observation that touches the 4 × 4 control points of a cell: its derivative by each of their components.
+pub type CellRow<const COMPONENTS: usize> = [[f64; COMPONENTS]; 16];
+
+/// Observations of one cell, summed up before they are spread over the grid: 16 control points at a time fit a cache.
+#[derive(Debug, Clone)]
+pub struct CellSum<const COMPONENTS: usize> {
+    matrix: [[[[f64; COMPONENTS]; COMPONENTS]; 16]; 16],
+    right: [[f64; COMPONENTS]; 16],
+}
+
+impl<const COMPONENTS: usize> Default for CellSum<COMPONENTS> {
+    fn default() -> Self {
+        Self { matrix: [[[[0.0; COMPONENTS]; COMPONENTS]; 16]; 16], right: [[0.0; COMPONENTS]; 16] }
+    }
+}
+
+impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
+    /// Adds the observation `row · x = value` with a weight.
+    pub fn add(&mut self, row: &CellRow<COMPONENTS>, value: f64, weight: f64) {
+        for first in 0..16 {
+            for component in 0..COMPONENTS {
+                let scaled = weight * row[first][component];
+                self.right[first][component] += scaled * value;
+                for second in first..16 {
+                    for other in 0..COMPONENTS {
+                        self.matrix[first][second][component][other] += scaled * row[second][other];
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
+    /// Empty equations for `columns` × `rows` control points.
+    pub fn new(columns: usize, rows: usize) -> Self {
+        let points = columns * rows;
+        Self {
+            columns,
+            rows,
+            matrix: vec![[[0.0; COMPONENTS]; COMPONENTS]; points * STENCIL.len()],
+            right: vec![[0.0; COMPONENTS]; points],
+        }
+    }
+
+    /// Adds the observations of the cell whose lower left control point is (`column`, `row`).
+    pub fn add_cell(&mut self, column: usize, row: usize, sum: &CellSum<COMPONENTS>) {
+        for first in 0..16 {
+            let (i, j) = (first % 4, first / 4);
+            let point = (row + j) * self.columns + column + i;
+            for component in 0..COMPONENTS {
+                self.right[point][component] += sum.right[first][component];
+            }
+            for second in first..16 {
+                let (k, l) = (second % 4, second / 4);
+                let neighbour = stencil_index(k as isize - i as isize, l as isize - j as isize);
+                let block = &mut self.matrix[point * STENCIL.len() + neighbour];
+                for component in 0..COMPONENTS {
+                    for other in 0..COMPONENTS {
+                        block[component][other] += sum.matrix[first][second][component][other];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds `weight` times the square of the third difference along each row and column, for every component: it
+    /// vanishes on quadratics, so it continues a surface smoothly where there are no data and hardly bends it where
+    /// there are (Eilers & Marx, Flexible smoothing with B-splines and penalties, Statistical Science 1996, eq. 4).
+    pub fn add_third_difference_penalty(&mut self, weight: f64) {
+        const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                for (step_column, step_row) in [(1, 0), (0, 1)] {
+                    if column + 3 * step_column >= self.columns || row + 3 * step_row >= self.rows {
+                        continue;
+                    }
+                    for first in 0..4 {
+                        let point = (row + first * step_row) * self.columns + column + first * step_column;
+                        for second in first..4 {
+                            let apart = (second - first) as isize;
+                            let neighbour =
+                                stencil_index(apart * step_column as isize, apart * step_row as isize);
+                            let block = &mut self.matrix[point * STENCIL.len() + neighbour];
+                            for component in 0..COMPONENTS {
+                                block[component][component] +=
+                                    weight * DIFFERENCE[first] * DIFFERENCE[second];
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The control points that satisfy the equations, row by row.
+    ///
+    /// # Errors
+    /// See [`SolveError`]; the residual of every solution is checked.
+    ///
+    /// # Panics
+    /// Never, if `solver` was made for the same grid.
+    pub fn solve(&self, solver: &GridSolver<COMPONENTS>) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
+        let unknowns = self.right.len() * COMPONENTS;
+        assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "the solver is of another grid");
+        let mut values = Vec::with_capacity(solver.row_indices.len());
+        for_each_column::<COMPONENTS>(self.columns, self.rows, |point, component, neighbour, other| {
+            values.push(self.matrix[point * STENCIL.len() + neighbour][component][other]);
+        });
+        let pattern = SymbolicSparseColMatRef::new_checked(
+            unknowns,
+            unknowns,
+            &solver.column_starts,
+            None,
+            &solver.row_indices,
+        );
+        let matrix = SparseColMatRef::new(pattern, &values);
+        let factor = Llt::try_new_with_symbolic(solver.symbolic.clone(), matrix, Side::Lower)
+            .map_err(|_| SolveError::NotPositiveDefinite { unknowns })?;
+        let mut solution: Vec<f64> = self.right.iter().flatten().copied().collect();
+        factor.solve_in_place(faer::ColMut::from_slice_mut(&mut solution).as_mat_mut());
+        let residual = self.relative_residual(solver, &values, &solution);
+        // The matrix squares the condition of the observations; 1e-7 of the right side is far below 1e-6 mm.
+        if !(residual <= 1e-7) {
+            return Err(SolveError::Inaccurate { unknowns, residual });
+        }
+        let points = solution.chunks_exact(COMPONENTS);
+        Ok(points.map(|point| std::array::from_fn(|component| point[component])).collect())
+    }
+
+    fn relative_residual(&self, solver: &GridSolver<COMPONENTS>, values: &[f64], solution: &[f64]) -> f64 {
+        let mut rest: Vec<f64> = self.right.iter().flatten().copied().collect();
+        let scale = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
+        for column in 0..solution.len() {
+            for at in solver.column_starts[column]..solver.column_starts[column + 1] {
+                let row = solver.row_indices[at];
+                rest[row] -= values[at] * solution[column];
+                if row != column {
+                    rest[column] -= values[at] * solution[row];
+                }
+            }
+        }
+        let norm = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
+        if scale == 0.0 { norm } else { norm / scale }
+    }
+}
+
+impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
+    /// The solver for `columns` × `rows` control points.
+    ///
+    /// # Errors
+    /// When the memory does not suffice.
+    pub fn new(columns: usize, rows: usize) -> Result<Self, SolveError> {
+        let unknowns = columns * rows * COMPONENTS;
+        let mut column_starts = vec![0; unknowns + 1];
+        let mut row_indices = Vec::with_capacity(unknowns * STENCIL.len() * COMPONENTS);
+        for_each_column::<COMPONENTS>(columns, rows, |point, component, neighbour, other| {
+            let (right, up) = STENCIL[neighbour];
+            let reached = (point as isize + up * columns as isize + right) as usize;
+            row_indices.push(reached * COMPONENTS + other);
+            column_starts[point * COMPONENTS + component + 1] = row_indices.len();
+        });
+        let pattern =
+            SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &column_starts, None, &row_indices);
+        let symbolic =
+            SymbolicLlt::try_new(pattern, Side::Lower).map_err(|_| SolveError::OutOfMemory { unknowns })?;
+        Ok(Self { columns, rows, column_starts, row_indices, symbolic })
+    }
+}
+
+/// Visits the lower triangle of the matrix column by column, rows ascending: (point, component, neighbour in the
+/// stencil, its component).
+fn for_each_column<const COMPONENTS: usize>(
+    columns: usize,
+    rows: usize,
+    mut visit: impl FnMut(usize, usize, usize, usize),
+) {
+    for point in 0..columns * rows {
+        let (column, row) = ((point % columns) as isize, (point / columns) as isize);
+        for component in 0..COMPONENTS {
+            for (neighbour, (right, up)) in STENCIL.iter().enumerate() {
+                if column + right < 0 || column + right >= columns as isize || row + up >= rows as isize {
+                    continue;
+                }
+                let first = if neighbour == 0 { component } else { 0 };
+                (first..COMPONENTS).for_each(|other| visit(point, component, neighbour, other));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn observations_of_known_control_points_give_them_back() {
+        let (columns, rows) = (6, 5);
+        let truth = |point: usize, component: usize| (point as f64).sin() + component as f64;
+        let mut equations = NormalEquations::<2>::new(columns, rows);
+        let mut state = 1u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        for row in 0..rows - 3 {
+            for column in 0..columns - 3 {
+                let mut sum = CellSum::default();
+                for _ in 0..60 {
+                    let derivative: CellRow<2> = std::array::from_fn(|_| [random(), random()]);
+                    let mut value = 0.0;
+                    for (local, entry) in derivative.iter().enumerate() {
+                        let point = (row + local / 4) * columns + column + local % 4;
+                        value += entry[0] * truth(point, 0) + entry[1] * truth(point, 1);
+                    }
+                    sum.add(&derivative, value, 0.7);
+                }
+                equations.add_cell(column, row, &sum);
+            }
+        }
+        let solution = equations.solve(&GridSolver::new(columns, rows).unwrap()).unwrap();
+        for (point, components) in solution.iter().enumerate() {
+            for (component, value) in components.iter().enumerate() {
+                assert!((value - truth(point, component)).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn undetermined_control_points_are_an_error_until_the_penalty_ties_them() {
+        let solver = GridSolver::<1>::new(8, 4).unwrap();
+        let mut equations = NormalEquations::<1>::new(8, 4);
+        let mut sum = CellSum::default();
+        for local in 0..16 {
+            let mut row = [[0.0]; 16];
+            row[local] = [1.0];
+            // The heights 1 + column²: a quadratic, which the penalty continues exactly.
+            sum.add(&row, 1.0 + ((local % 4) as f64).powi(2), 1.0);
+        }
+        equations.add_cell(0, 0, &sum);
+        assert!(equations.solve(&solver).is_err());
+        equations.add_third_difference_penalty(1e-3);
+        let solution = equations.solve(&solver).unwrap();
+        assert!((solution[7][0] - 50.0).abs() < 1e-6, "{}", solution[7][0]);
+    }
+}

@@ -1,0 +1,72 @@
+//! Surfaces with a formula, and their meshes: the yardsticks of the tests and benchmarks, in mm.
+
+use nalgebra::Point3;
+
+use super::mesh::TriMesh;
+
+/// A sphere of radius 30 mm about the origin, z = √(900 − x² − y²).
+pub fn sphere(x: f64, y: f64) -> f64 {
+    (900.0 - x * x - y * y).max(0.0).sqrt()
+}
+
+/// A cylinder of radius 30 mm about the y axis.
+pub fn cylinder(x: f64, _y: f64) -> f64 {
+    (900.0 - x * x).max(0.0).sqrt()
+}
+
+/// A mandarin: a spheroid with ten ribs about its stem.
+pub fn mandarin(x: f64, y: f64) -> f64 {
+    let square = x * x + y * y;
+    let (mut re, mut im) = (1.0, 0.0);
+    for _ in 0..10 {
+        (re, im) = (re * x - im * y, re * y + im * x);
+    }
+    22.5 * (1.0 - square / 900.0).max(0.0).sqrt() + 0.06 * re / (square.powi(5) + 14f64.powi(10))
+}
+
+/// The back of a computer mouse, 60 × 110 × 38 mm.
+pub fn mouse(x: f64, y: f64) -> f64 {
+    let y0 = y / 55.0;
+    let across = x / (30.0 * (1.0 - 0.05 * y0 * y0));
+    let along = y0 + (6.0 / 55.0) * (1.0 - y0 * y0);
+    let inside =
+        1.0 - 0.55 * across.powi(2) - 0.45 * across.powi(4) - 0.5 * along.powi(2) - 0.5 * along.powi(4);
+    38.0 * inside.max(0.0).powf(0.45)
+}
+
+/// The graph of `height` over a disc of radius `radius` mm as a mesh of nearly equilateral triangles with edges of
+/// about `edge` mm over the plane, without normals.
+pub fn graph(radius: f64, edge: f64, height: impl Fn(f64, f64) -> f64) -> TriMesh {
+    let row_step = edge * 0.75f64.sqrt();
+    let rows = (radius / row_step).ceil() as i64;
+    let columns = (radius / edge).ceil() as i64 + 1;
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    let width = (2 * columns + 1) as u32;
+    for row in -rows..=rows {
+        for column in -columns..=columns {
+            let x = (column as f64 + if row % 2 == 0 { 0.0 } else { 0.5 }) * edge;
+            let y = row as f64 * row_step;
+            positions.push(Point3::new(x, y, height(x, y)));
+        }
+    }
+    let inside = |index: u32| {
+        let position: &Point3<f64> = &positions[index as usize];
+        position.x.hypot(position.y) <= radius
+    };
+    for row in 0..2 * rows as u32 {
+        for column in 0..width - 1 {
+            let lower = row * width + column;
+            let upper = lower + width;
+            // Odd rows are shifted to the right by half an edge.
+            let shifted = (row as i64 - rows) % 2 != 0;
+            let pair = if shifted {
+                [[lower, lower + 1, upper + 1], [lower, upper + 1, upper]]
+            } else {
+                [[lower, lower + 1, upper], [lower + 1, upper + 1, upper]]
+            };
+            triangles.extend(pair.into_iter().filter(|corners| corners.iter().all(|&index| inside(index))));
+        }
+    }
+    TriMesh::new(positions, Vec::new(), triangles).expect("a disc larger than an edge has triangles")
+}

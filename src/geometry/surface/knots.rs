@@ -1,0 +1,152 @@
+//! Knot vectors and cubic B-spline basis functions.
+
+/// Degree of every spline in the program.
+pub const DEGREE: usize = 3;
+
+/// A uniform cubic knot vector over an interval in mm: the spline is not clamped, so every span is alike and no control
+/// point is crowded against a border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UniformKnots {
+    start: f64,
+    step: f64,
+    spans: usize,
+}
+
+/// Values, first and second derivatives of the four basis functions that do not vanish at a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Basis {
+    /// Index of the first of the four control points.
+    pub first: usize,
+    /// Values; they sum to 1.
+    pub value: [f64; 4],
+    /// First derivatives, 1/mm.
+    pub slope: [f64; 4],
+    /// Second derivatives, 1/mm².
+    pub bend: [f64; 4],
+}
+
+impl UniformKnots {
+    /// `spans` spans (at least one) of length `step` mm (positive), beginning at `start` mm.
+    pub fn new(start: f64, step: f64, spans: usize) -> Self {
+        debug_assert!(step > 0.0 && spans > 0);
+        Self { start, step, spans }
+    }
+
+    /// Number of control points: spans + 3.
+    pub fn control_points(&self) -> usize {
+        self.spans + DEGREE
+    }
+
+    /// Number of spans.
+    pub fn spans(&self) -> usize {
+        self.spans
+    }
+
+    /// Length of a span, mm.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Start of the first span, mm.
+    pub fn start(&self) -> f64 {
+        self.start
+    }
+
+    /// End of the last span, mm.
+    pub fn end(&self) -> f64 {
+        self.start + self.step * self.spans as f64
+    }
+
+    /// All knots, mm: three before the first span and three behind the last one.
+    pub fn knots(&self) -> Vec<f64> {
+        (0..self.spans + 2 * DEGREE + 1).map(|index| self.start + self.step * (index as f64 - 3.0)).collect()
+    }
+
+    /// The Greville abscissa of a control point, mm: the mean of its three inner knots. Control points that lie there
+    /// make the spline reproduce its own parameter (Piegl & Tiller, The NURBS Book, 1997, section 9.2).
+    pub fn greville(&self, control_point: usize) -> f64 {
+        self.start + self.step * (control_point as f64 - 1.0)
+    }
+
+    /// The span that holds `parameter` (mm); the first or last one for a parameter outside.
+    pub fn span(&self, parameter: f64) -> usize {
+        // A cast saturates, so a parameter before the start (or NaN) gives span 0.
+        (((parameter - self.start) / self.step) as usize).min(self.spans - 1)
+    }
+
+    /// The basis functions at `parameter` (mm). Outside the interval the polynomials of the border spans are continued.
+    ///
+    /// Piegl & Tiller, The NURBS Book, 1997, algorithm A2.3, written out for uniform cubic knots.
+    pub fn basis(&self, parameter: f64) -> Basis {
+        let first = self.span(parameter);
+        let t = (parameter - self.start) / self.step - first as f64;
+        let s = 1.0 - t;
+        let (per_step, per_square) = (1.0 / self.step, 1.0 / (self.step * self.step));
+        Basis {
+            first,
+            value: [
+                s * s * s / 6.0,
+                (4.0 + t * t * (3.0 * t - 6.0)) / 6.0,
+                (4.0 + s * s * (3.0 * s - 6.0)) / 6.0,
+                t * t * t / 6.0,
+            ],
+            slope: [
+                -0.5 * s * s * per_step,
+                t * (1.5 * t - 2.0) * per_step,
+                -s * (1.5 * s - 2.0) * per_step,
+                0.5 * t * t * per_step,
+            ],
+            bend: [
+                s * per_square,
+                (3.0 * t - 2.0) * per_square,
+                (3.0 * s - 2.0) * per_square,
+                t * per_square,
+            ],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Cox–de Boor recursion, straight from the definition (The NURBS Book, eq. 2.5).
+    fn cox_de_boor(knots: &[f64], index: usize, degree: usize, u: f64) -> f64 {
+        if degree == 0 {
+            return f64::from(u >= knots[index] && u < knots[index + 1]);
+        }
+        let left = (u - knots[index]) / (knots[index + degree] - knots[index]);
+        let right = (knots[index + degree + 1] - u) / (knots[index + degree + 1] - knots[index + 1]);
+        left * cox_de_boor(knots, index, degree - 1, u) + right * cox_de_boor(knots, index + 1, degree - 1, u)
+    }
+
+    proptest! {
+        #[test]
+        fn basis_agrees_with_its_definition_and_sums_to_one(t in 0.0..0.999_999f64, start in -9.0..9.0f64, step in 0.1..4.0f64) {
+            let knots = UniformKnots::new(start, step, 5);
+            let u = start + t * 5.0 * step;
+            let basis = knots.basis(u);
+            for (local, value) in basis.value.iter().enumerate() {
+                let expected = cox_de_boor(&knots.knots(), basis.first + local, DEGREE, u);
+                prop_assert!((value - expected).abs() < 1e-12);
+            }
+            prop_assert!((basis.value.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let reproduced: f64 =
+                basis.value.iter().enumerate().map(|(local, value)| value * knots.greville(basis.first + local)).sum();
+            prop_assert!((reproduced - u).abs() < 1e-11);
+        }
+
+        #[test]
+        fn derivatives_are_those_of_the_values(t in 0.1..4.9f64) {
+            let knots = UniformKnots::new(-1.0, 0.5, 5);
+            let (u, h) = (-1.0 + t * 0.5, 1e-6);
+            let (before, here, after) = (knots.basis(u - h), knots.basis(u), knots.basis(u + h));
+            prop_assume!(before.first == after.first);
+            for local in 0..4 {
+                prop_assert!(((after.value[local] - before.value[local]) / (2.0 * h) - here.slope[local]).abs() < 1e-7);
+                prop_assert!(((after.slope[local] - before.slope[local]) / (2.0 * h) - here.bend[local]).abs() < 1e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The fitted surface: a bicubic B-spline whose x and y are its parameters.
+
+use nalgebra::{Matrix2, Point3, Vector2};
+
+use super::knots::{Basis, UniformKnots};
+use crate::geometry::space::{Extents, ViewPoint};
+
+/// A tensor-product cubic NURBS surface with unit weights over the view, z = f(x, y), in mm.
+///
+/// Its control points stand over the Greville abscissae, so the parameters are x and y themselves
+/// (Piegl & Tiller, The NURBS Book, 1997, eq. 3.11).
+#[derive(Debug, Clone, PartialEq)]
+pub struct NurbsSurface {
+    knots_x: UniformKnots,
+    knots_y: UniformKnots,
+    heights: Vec<f64>,
+}
+
+/// Height, slope and curvature of a surface at a point of the view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceJet {
+    /// Height z, mm.
+    pub height: f64,
+    /// (∂z/∂x, ∂z/∂y), no unit.
+    pub gradient: Vector2<f64>,
+    /// Second derivatives, 1/mm.
+    pub hessian: Matrix2<f64>,
+}
+
+impl NurbsSurface {
+    /// The surface with the given control heights (mm), row by row; `None` unless there is one for each control point
+    /// and all are finite.
+    pub fn new(knots_x: UniformKnots, knots_y: UniformKnots, heights: Vec<f64>) -> Option<Self> {
+        let expected = knots_x.control_points() * knots_y.control_points();
+        (heights.len() == expected && heights.iter().all(|height| height.is_finite())).then_some(Self {
+            knots_x,
+            knots_y,
+            heights,
+        })
+    }
+
+    /// Knots along x and along y.
+    pub fn knots(&self) -> (UniformKnots, UniformKnots) {
+        (self.knots_x, self.knots_y)
+    }
+
+    /// Control heights, mm, row by row.
+    pub fn heights(&self) -> &[f64] {
+        &self.heights
+    }
+
+    /// The control net, mm, row by row.
+    pub fn control_net(&self) -> Vec<Point3<f64>> {
+        let columns = self.knots_x.control_points();
+        let points = self.heights.iter().enumerate().map(|(index, &height)| {
+            Point3::new(
+                self.knots_x.greville(index % columns),
+                self.knots_y.greville(index / columns),
+                height,
+            )
+        });
+        points.collect()
+    }
+
+    /// The rectangle over which the surface is defined, mm.
+    pub fn domain(&self) -> Extents {
+        Extents {
+            min: Vector2::new(self.knots_x.start(), self.knots_y.start()),
+            max: Vector2::new(self.knots_x.end(), self.knots_y.end()),
+        }
+    }
+
+    /// Height at a point of the view, mm; outside the domain the border polynomials are continued.
+    pub fn height(&self, at: ViewPoint) -> f64 {
+        let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
+        self.sum(&x, &y, &x.value, &y.value)
+    }
+
+    /// Height, gradient and second derivatives at a point of the view
+    /// (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
+    pub fn jet(&self, at: ViewPoint) -> SurfaceJet {
+        let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
+        let mixed = self.sum(&x, &y, &x.slope, &y.slope);
+        SurfaceJet {
+            height: self.sum(&x, &y, &x.value, &y.value),
+            gradient: Vector2::new(
+                self.sum(&x, &y, &x.slope, &y.value),
+                self.sum(&x, &y, &x.value, &y.slope),
+            ),
+            hessian: Matrix2::new(
+                self.sum(&x, &y, &x.bend, &y.value),
+                mixed,
+                mixed,
+                self.sum(&x, &y, &x.value, &y.bend),
+            ),
+        }
+    }
+
+    fn sum(&self, x: &Basis, y: &Basis, along_x: &[f64; 4], along_y: &[f64; 4]) -> f64 {
+        let columns = self.knots_x.control_points();
+        let mut total = 0.0;
+        for (row, weight) in along_y.iter().enumerate() {
+            let start = (y.first + row) * columns + x.first;
+            let line = &self.heights[start..start + 4];
+            total += weight * line.iter().zip(along_x).map(|(height, value)| height * value).sum::<f64>();
+        }
+        total
+    }
+}
+
+impl SurfaceJet {
+    /// Gaussian curvature, 1/mm² (do Carmo, Differential Geometry of Curves and Surfaces, section 3-3, example 5).
+    pub fn gaussian_curvature(&self) -> f64 {
+        self.hessian.determinant() / (1.0 + self.gradient.norm_squared()).powi(2)
+    }
+
+    /// Angle between the surface normal and the laser's axis, rad.
+    pub fn tilt(&self) -> f64 {
+        self.gradient.norm().atan()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quadratic_surface_is_reproduced_with_its_derivatives() {
+        let knots = UniformKnots::new(-2.0, 0.5, 8);
+        // The control value of x² over uniform cubic knots is ξ² − h²/3 (blossom of x² at the three inner knots).
+        let square = |greville: f64| greville * greville - 0.25 / 3.0;
+        let mut heights = Vec::new();
+        for row in 0..knots.control_points() {
+            for column in 0..knots.control_points() {
+                let (x, y) = (knots.greville(column), knots.greville(row));
+                heights.push(3.0 * square(x) - square(y) + 0.5 * x * y + x);
+            }
+        }
+        let surface = NurbsSurface::new(knots, knots, heights).unwrap();
+        for (x, y) in [(-2.0, -2.0), (0.3, -1.2), (1.99, 2.0)] {
+            let jet = surface.jet(ViewPoint::new(x, y));
+            assert!((jet.height - (3.0 * x * x - y * y + 0.5 * x * y + x)).abs() < 1e-12);
+            assert!(
+                (jet.gradient - Vector2::new(6.0 * x + 0.5 * y + 1.0, -2.0 * y + 0.5 * x)).norm() < 1e-11
+            );
+            assert!((jet.hessian - Matrix2::new(6.0, 0.5, 0.5, -2.0)).norm() < 1e-10);
+        }
+    }
+}
