@@ -3,3 +3,4 @@
 pub mod space;
 pub mod mesh;
 pub mod pattern;
+pub mod marking;
