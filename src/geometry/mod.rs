@@ -3,4 +3,5 @@
 pub mod space;
 pub mod mesh;
 pub mod pattern;
+pub mod contour;
 pub mod marking;
