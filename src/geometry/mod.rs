@@ -8,6 +8,8 @@ pub mod height_field;
 pub mod normal_equations;
 pub mod surface;
 pub mod pattern;
+pub mod contour;
 pub mod ink;
 pub mod mapping;
+pub mod marking;
 pub mod shapes;

@@ -1,0 +1,441 @@
+//! The writer: plain polylines with straight segments in mm, and only what readers need round them.
+//!
+//! R2000 carries the tables, blocks and objects that strict readers ask for, R12 just its own. Lines end in CR LF, as
+//! AutoCAD writes them; the same drawing always gives the same bytes.
+
+use std::collections::BTreeSet;
+use std::fmt::{Display, Write};
+
+use crate::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
+use crate::geometry::pattern::{Color, Layer};
+use crate::geometry::space::FieldPoint;
+
+/// The dialect of DXF to write.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum DxfProfile {
+    /// AC1015: LWPOLYLINE, units in the header, true colours, layer names of any alphabet.
+    #[default]
+    R2000,
+    /// AC1009: POLYLINE with VERTEX; the format has no unit, no true colour and short ASCII layer names.
+    R12,
+}
+
+/// The drawing as a DXF file in millimetres.
+///
+/// Coordinates have at most six decimals. A path with a single point becomes a POINT, a path without points nothing.
+pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
+    let mut file = Groups::new(FIRST_FREE_HANDLE, profile);
+    for comment in &drawing.comments {
+        comment_lines(comment).iter().for_each(|line| file.put(999, line));
+    }
+    let names = layer_names(&drawing.layers, profile);
+    let mut entities = Groups::new(FIRST_FREE_HANDLE, profile);
+    for path in &drawing.paths {
+        entity(&mut entities, path, names.get(path.layer).map_or("0", String::as_str));
+    }
+    file.next_handle = entities.next_handle;
+
+    header(&mut file, drawing);
+    file.section("TABLES", |file| tables(file, &drawing.layers, &names));
+    file.section("BLOCKS", blocks);
+    file.section("ENTITIES", |file| file.text.push_str(&entities.text));
+    if profile == DxfProfile::R2000 {
+        file.section("OBJECTS", objects);
+    }
+    file.put(0, "EOF");
+    file.text.into_bytes()
+}
+
+// Handles of the fixed parts of an R2000 file; layers and entities count on from `FIRST_FREE_HANDLE`.
+const BLOCK_RECORD_TABLE: u64 = 0x1;
+const LAYER_TABLE: u64 = 0x2;
+const STYLE_TABLE: u64 = 0x3;
+const LINE_TYPE_TABLE: u64 = 0x5;
+const VIEW_TABLE: u64 = 0x6;
+const UCS_TABLE: u64 = 0x7;
+const VIEWPORT_TABLE: u64 = 0x8;
+const APPLICATION_TABLE: u64 = 0x9;
+const DIMENSION_STYLE_TABLE: u64 = 0xA;
+const ROOT_DICTIONARY: u64 = 0xC;
+const GROUP_DICTIONARY: u64 = 0xD;
+const LAYOUT_DICTIONARY: u64 = 0xE;
+const STANDARD_STYLE: u64 = 0x11;
+const MODEL_SPACE: u64 = 0x20;
+const PAPER_SPACE: u64 = 0x21;
+const MODEL_LAYOUT: u64 = 0x22;
+const PAPER_LAYOUT: u64 = 0x23;
+const FIRST_FREE_HANDLE: u64 = 0x100;
+
+/// Group codes and values, one a line.
+struct Groups {
+    text: String,
+    next_handle: u64,
+    profile: DxfProfile,
+}
+
+impl Groups {
+    fn new(next_handle: u64, profile: DxfProfile) -> Self {
+        Self { text: String::new(), next_handle, profile }
+    }
+
+    fn put(&mut self, code: u16, value: impl Display) {
+        // Writing into a String cannot fail.
+        let _ = write!(self.text, "{code:>3}\r\n{value}\r\n");
+    }
+
+    fn put_all(&mut self, groups: &[(u16, &str)]) {
+        groups.iter().for_each(|(code, value)| self.put(*code, value));
+    }
+
+    fn put_point(&mut self, code: u16, point: FieldPoint) {
+        self.put(code, number(point.x));
+        self.put(code + 10, number(point.y));
+    }
+
+    fn put_handle(&mut self, code: u16, handle: u64) {
+        if self.profile == DxfProfile::R2000 {
+            self.put(code, format_args!("{handle:X}"));
+        }
+    }
+
+    /// A new handle with the handle of its owner.
+    fn put_new_handle(&mut self, owner: u64) {
+        self.put_handle(5, self.next_handle);
+        self.put_handle(330, owner);
+        self.next_handle += 1;
+    }
+
+    fn put_class(&mut self, class: &str) {
+        if self.profile == DxfProfile::R2000 {
+            self.put(100, class);
+        }
+    }
+
+    fn section(&mut self, name: &str, content: impl FnOnce(&mut Self)) {
+        self.put_all(&[(0, "SECTION"), (2, name)]);
+        content(self);
+        self.put(0, "ENDSEC");
+    }
+
+    fn table(&mut self, name: &str, handle: u64, entries: usize, content: impl FnOnce(&mut Self)) {
+        self.put_all(&[(0, "TABLE"), (2, name)]);
+        self.put_handle(5, handle);
+        self.put_handle(330, 0);
+        self.put_class("AcDbSymbolTable");
+        self.put(70, entries);
+        if name == "DIMSTYLE" {
+            self.put_class("AcDbDimStyleTable");
+        }
+        content(self);
+        self.put(0, "ENDTAB");
+    }
+
+    fn table_entry(&mut self, kind: &str, class: &str, table: u64, name: &str) {
+        self.put(0, kind);
+        self.put_new_handle(table);
+        self.put_class("AcDbSymbolTableRecord");
+        self.put_class(class);
+        self.put(2, name);
+        self.put(70, 0);
+    }
+}
+
+fn header(file: &mut Groups, drawing: &MarkingDrawing) {
+    let extents = drawing.extents();
+    let (min, max) = if extents.is_empty() { Default::default() } else { (extents.min, extents.max) };
+    file.section("HEADER", |file| {
+        file.put_all(&[
+            (9, "$ACADVER"),
+            (1, if file.profile == DxfProfile::R12 { "AC1009" } else { "AC1015" }),
+        ]);
+        if file.profile == DxfProfile::R2000 {
+            file.put_all(&[(9, "$DWGCODEPAGE"), (3, "ANSI_1252")]);
+        }
+        for (name, corner) in [("$EXTMIN", min), ("$EXTMAX", max)] {
+            file.put(9, name);
+            file.put_point(10, corner.into());
+            file.put(30, "0.0");
+        }
+        if file.profile == DxfProfile::R2000 {
+            file.put_all(&[(9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1"), (9, "$HANDSEED")]);
+            // Layers and table entries still take handles: more than enough are left for them.
+            file.put(5, format_args!("{:X}", file.next_handle + drawing.layers.len() as u64 + 0x100));
+        }
+    });
+}
+
+fn tables(file: &mut Groups, layers: &[Layer], names: &[String]) {
+    let r2000 = file.profile == DxfProfile::R2000;
+    if r2000 {
+        file.table("VPORT", VIEWPORT_TABLE, 0, |_| {});
+    }
+    file.table("LTYPE", LINE_TYPE_TABLE, if r2000 { 3 } else { 1 }, |file| {
+        let names: &[&str] = if r2000 { &["ByBlock", "ByLayer", "Continuous"] } else { &["CONTINUOUS"] };
+        for name in names {
+            file.table_entry("LTYPE", "AcDbLinetypeTableRecord", LINE_TYPE_TABLE, name);
+            file.put_all(&[(3, ""), (72, "65"), (73, "0"), (40, "0.0")]);
+        }
+    });
+    let has_zero = names.iter().any(|name| name == "0");
+    file.table("LAYER", LAYER_TABLE, names.len() + usize::from(!has_zero), |file| {
+        if !has_zero {
+            layer_entry(file, "0", Color::Aci(7));
+        }
+        for (layer, name) in layers.iter().zip(names) {
+            layer_entry(file, name, layer.color);
+        }
+    });
+    file.table("STYLE", STYLE_TABLE, 1, |file| {
+        file.put(0, "STYLE");
+        file.put_handle(5, STANDARD_STYLE);
+        file.put_handle(330, STYLE_TABLE);
+        file.put_class("AcDbSymbolTableRecord");
+        file.put_class("AcDbTextStyleTableRecord");
+        file.put_all(&[(2, "Standard"), (70, "0"), (40, "0.0"), (41, "1.0"), (50, "0.0"), (71, "0")]);
+        file.put_all(&[(42, "2.5"), (3, "txt"), (4, "")]);
+    });
+    if !r2000 {
+        return;
+    }
+    file.table("VIEW", VIEW_TABLE, 0, |_| {});
+    file.table("UCS", UCS_TABLE, 0, |_| {});
+    file.table("APPID", APPLICATION_TABLE, 1, |file| {
+        file.table_entry("APPID", "AcDbRegAppTableRecord", APPLICATION_TABLE, "ACAD");
+    });
+    file.table("DIMSTYLE", DIMENSION_STYLE_TABLE, 1, |file| {
+        file.put(0, "DIMSTYLE");
+        file.put_handle(105, file.next_handle);
+        file.next_handle += 1;
+        file.put_handle(330, DIMENSION_STYLE_TABLE);
+        file.put_class("AcDbSymbolTableRecord");
+        file.put_class("AcDbDimStyleTableRecord");
+        file.put_all(&[(2, "Standard"), (70, "0")]);
+        file.put_handle(340, STANDARD_STYLE);
+    });
+    file.table("BLOCK_RECORD", BLOCK_RECORD_TABLE, 2, |file| {
+        for (name, handle, layout) in
+            [("*Model_Space", MODEL_SPACE, MODEL_LAYOUT), ("*Paper_Space", PAPER_SPACE, PAPER_LAYOUT)]
+        {
+            file.put(0, "BLOCK_RECORD");
+            file.put_handle(5, handle);
+            file.put_handle(330, BLOCK_RECORD_TABLE);
+            file.put_class("AcDbSymbolTableRecord");
+            file.put_class("AcDbBlockTableRecord");
+            file.put(2, name);
+            file.put_handle(340, layout);
+        }
+    });
+}
+
+fn layer_entry(file: &mut Groups, name: &str, layer_color: Color) {
+    file.table_entry("LAYER", "AcDbLayerTableRecord", LAYER_TABLE, name);
+    if layer_color == Color::ByLayer {
+        color(file, Color::Aci(7));
+    } else {
+        color(file, layer_color);
+    }
+    file.put(6, if file.profile == DxfProfile::R12 { "CONTINUOUS" } else { "Continuous" });
+}
+
+fn color(file: &mut Groups, color: Color) {
+    let (aci, rgb) = match color {
+        Color::ByLayer => return,
+        Color::Aci(aci) => (aci, None),
+        Color::Rgb { aci, rgb } => (aci, Some(rgb)),
+    };
+    // 0 would mean "as the block that holds it", and there are no blocks.
+    file.put(62, if aci == 0 { 7 } else { aci });
+    if let (Some([red, green, blue]), DxfProfile::R2000) = (rgb, file.profile) {
+        file.put(420, u32::from_be_bytes([0, red, green, blue]));
+    }
+}
+
+fn blocks(file: &mut Groups) {
+    if file.profile == DxfProfile::R12 {
+        return;
+    }
+    for (name, record) in [("*Model_Space", MODEL_SPACE), ("*Paper_Space", PAPER_SPACE)] {
+        file.put(0, "BLOCK");
+        file.put_new_handle(record);
+        file.put_class("AcDbEntity");
+        file.put(8, "0");
+        file.put_class("AcDbBlockBegin");
+        file.put_all(&[(2, name), (70, "0"), (10, "0.0"), (20, "0.0"), (30, "0.0"), (3, name), (1, "")]);
+        file.put(0, "ENDBLK");
+        file.put_new_handle(record);
+        file.put_class("AcDbEntity");
+        file.put(8, "0");
+        file.put_class("AcDbBlockEnd");
+    }
+}
+
+fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
+    let points = path.shape.points();
+    let closed = matches!(path.shape, MarkingShape::Closed(_));
+    let begin = |file: &mut Groups, kind: &str, class: &str| {
+        file.put(0, kind);
+        file.put_new_handle(MODEL_SPACE);
+        file.put_class("AcDbEntity");
+        file.put(8, layer);
+        color(file, path.color);
+        file.put_class(class);
+    };
+    match (points, file.profile) {
+        ([], _) => {}
+        ([point], _) => {
+            begin(file, "POINT", "AcDbPoint");
+            file.put_point(10, *point);
+            file.put(30, "0.0");
+        }
+        (points, DxfProfile::R2000) => {
+            begin(file, "LWPOLYLINE", "AcDbPolyline");
+            file.put(90, points.len());
+            file.put(70, u8::from(closed));
+            points.iter().for_each(|point| file.put_point(10, *point));
+        }
+        (points, DxfProfile::R12) => {
+            begin(file, "POLYLINE", "");
+            file.put_all(&[(66, "1"), (70, if closed { "1" } else { "0" })]);
+            file.put_all(&[(10, "0.0"), (20, "0.0"), (30, "0.0")]);
+            for point in points {
+                file.put_all(&[(0, "VERTEX"), (8, layer)]);
+                file.put_point(10, *point);
+                file.put(30, "0.0");
+            }
+            file.put_all(&[(0, "SEQEND"), (8, layer)]);
+        }
+    }
+}
+
+fn objects(file: &mut Groups) {
+    let dictionary = |file: &mut Groups, handle: u64, owner: u64, entries: &[(&str, u64)]| {
+        file.put(0, "DICTIONARY");
+        file.put_handle(5, handle);
+        file.put_handle(330, owner);
+        file.put_class("AcDbDictionary");
+        file.put(281, 1);
+        for (name, handle) in entries {
+            file.put(3, name);
+            file.put_handle(350, *handle);
+        }
+    };
+    let root = [("ACAD_GROUP", GROUP_DICTIONARY), ("ACAD_LAYOUT", LAYOUT_DICTIONARY)];
+    dictionary(file, ROOT_DICTIONARY, 0, &root);
+    dictionary(file, GROUP_DICTIONARY, ROOT_DICTIONARY, &[]);
+    let layouts = [("Layout1", PAPER_LAYOUT), ("Model", MODEL_LAYOUT)];
+    dictionary(file, LAYOUT_DICTIONARY, ROOT_DICTIONARY, &layouts);
+    for (name, handle, record, tab) in
+        [("Model", MODEL_LAYOUT, MODEL_SPACE, 0), ("Layout1", PAPER_LAYOUT, PAPER_SPACE, 1)]
+    {
+        file.put(0, "LAYOUT");
+        file.put_handle(5, handle);
+        file.put_handle(330, LAYOUT_DICTIONARY);
+        file.put_class("AcDbPlotSettings");
+        file.put_all(&[(1, ""), (2, "none_device"), (4, ""), (6, "")]);
+        // 1024: the tab is the model.
+        file.put(70, if tab == 0 { 1024 } else { 0 });
+        file.put_class("AcDbLayout");
+        file.put(1, name);
+        file.put(70, 1);
+        file.put(71, tab);
+        file.put_handle(330, record);
+    }
+}
+
+/// A number with at most six decimals and at least one, without trailing zeros and never `-0.0`.
+fn number(value: f64) -> String {
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0');
+    let text = if text.ends_with('.') { format!("{text}0") } else { text.into() };
+    if text == "-0.0" { "0.0".into() } else { text }
+}
+
+/// Text in ASCII, other letters as `\U+XXXX`; letters that need more than four digits and control characters are
+/// replaced by `_`.
+fn escaped(text: &str) -> String {
+    let mut out = String::new();
+    for letter in text.chars() {
+        match letter {
+            ' '..='~' => out.push(letter),
+            '\u{a0}'..='\u{ffff}' => {
+                let _ = write!(out, "\\U+{:04X}", u32::from(letter));
+            }
+            _ => out.push('_'),
+        }
+    }
+    out
+}
+
+/// A comment cut into lines that every reader takes (AutoCAD's limit is 255 characters).
+fn comment_lines(comment: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    for paragraph in comment.lines() {
+        let mut line = String::new();
+        for letter in paragraph.chars() {
+            if line.len() > 200 {
+                lines.push(std::mem::take(&mut line));
+            }
+            line += &escaped(letter.encode_utf8(&mut [0; 4]));
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+/// The layers' names as the profile can hold them, all different.
+fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let mut unique = |name: String, limit: usize| {
+        let mut candidate = name.clone();
+        let mut number = 2;
+        // Names are compared without regard to case, as AutoCAD does.
+        while !taken.insert(candidate.to_uppercase()) {
+            let suffix = format!("_{number}");
+            let kept: String = name.chars().take(limit - suffix.len()).collect();
+            candidate = kept + &suffix;
+            number += 1;
+        }
+        candidate
+    };
+    let names = layers.iter().map(|layer| {
+        let clean = |letter: char| match profile {
+            DxfProfile::R12 => letter.is_ascii_alphanumeric() || matches!(letter, '$' | '-' | '_'),
+            DxfProfile::R2000 => !letter.is_control() && !"<>/\\\":;?*|=,`'^".contains(letter),
+        };
+        let limit = if profile == DxfProfile::R12 { 31 } else { 255 };
+        let name: String = layer.name.trim().chars().map(|l| if clean(l) { l } else { '_' }).collect();
+        let name: String = name.chars().take(limit).collect();
+        unique(if name.is_empty() { "_".into() } else { name }, limit)
+    });
+    let names: Vec<String> = names.collect();
+    names.iter().map(|name| escaped(name)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short_and_never_minus_zero() {
+        for (value, text) in [
+            (0.0, "0.0"),
+            (-0.0, "0.0"),
+            (-1e-9, "0.0"),
+            (12.5, "12.5"),
+            (-3.0, "-3.0"),
+            (1.0 / 3.0, "0.333333"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn layer_names_stay_different_and_valid() {
+        let layer = |name: &str| Layer { name: name.into(), color: Color::Aci(1) };
+        let layers = [layer("Größe"), layer("a|b"), layer("A/B"), layer(""), layer("0")];
+        let r2000 = layer_names(&layers, DxfProfile::R2000);
+        assert_eq!(r2000, ["Gr\\U+00F6\\U+00DFe", "a_b", "A_B_2", "_", "0"]);
+        let r12 = layer_names(&layers, DxfProfile::R12);
+        assert_eq!(r12, ["Gr__e", "a_b", "A_B_2", "_", "0"]);
+    }
+}
