@@ -15,6 +15,8 @@ const MOST_SQUARES_IN_BOX: f64 = 4e6;
 pub struct Ink {
     /// Pieces of all curves, each no longer than asked for.
     pub pieces: Vec<Piece>,
+    /// Single spots.
+    pub dots: Vec<FlatPoint>,
     /// Centres of the squares of an axis-parallel grid that lie inside the inked area.
     pub squares: Vec<FlatPoint>,
     /// Side of the squares, mm.
@@ -46,7 +48,7 @@ impl Ink {
     /// The inked area of a layer is bounded by its contours under the even-odd rule; a fill (HATCH, SOLID) is a region
     /// of its own. What several regions cover counts once.
     pub fn sample(pattern: &Pattern, counts: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
-        let mut pieces = Vec::new();
+        let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
         let mut extents = Extents::EMPTY;
         for path in &pattern.paths {
@@ -55,6 +57,7 @@ impl Ink {
             }
             if let Shape::Dot(point) = path.shape {
                 extents.include(point.coords());
+                dots.push(point);
             }
             for segment in path.shape.segments() {
                 let steps = segment.steps(1e-3);
@@ -75,7 +78,7 @@ impl Ink {
         let side = side.max((size.x * size.y / MOST_SQUARES_IN_BOX).max(0.0).sqrt());
         let squares =
             if contours.is_empty() { Vec::new() } else { squares_inside(&contours, &extents, side) };
-        Self { pieces, squares, side, extents }
+        Self { pieces, dots, squares, side, extents }
     }
 
     /// Sum of the lengths of all pieces, mm.

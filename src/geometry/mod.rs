@@ -12,4 +12,6 @@ pub mod contour;
 pub mod ink;
 pub mod mapping;
 pub mod marking;
+pub mod optics;
+pub mod correction;
 pub mod shapes;

@@ -151,6 +151,12 @@ impl Extents {
         Self { min: self.min - step, max: self.max + step }
     }
 
+    /// The rectangle widened about its centre so that both sides measure at least `least` mm.
+    pub fn grown_to(&self, least: f64) -> Self {
+        let half = self.size().map(|side| side.max(least) / 2.0);
+        Self { min: self.center() - half, max: self.center() + half }
+    }
+
     /// Whether the point lies inside or on the border.
     pub fn contains(&self, point: Vector2<f64>) -> bool {
         point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y

@@ -1,0 +1,330 @@
+//! The drawing through the length-true map and the optics: what the marking software is told to draw, and the checks
+//! that it can be marked.
+
+use nalgebra::Point3;
+
+use super::ink::Ink;
+use super::mapping::LengthTrueMap;
+use super::marking::{MarkingDrawing, MarkingPath, MarkingShape};
+use super::optics::{Fixture, Lens};
+use super::pattern::{Pattern, Segment, Shape};
+use super::space::{Extents, FieldPoint, FlatPoint, ViewPoint};
+use super::surface::fit::FittedSurface;
+
+/// Which points of the drawing are carried over.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Subdivision {
+    /// As many as the chord tolerance needs, and no more.
+    #[default]
+    Adaptive,
+    /// The ends of the drawing's own segments; arcs and curves are first flattened to the chord tolerance.
+    Keep,
+}
+
+/// Everything between the drawing's plane and the field.
+#[derive(Debug, Clone, Copy)]
+pub struct Projection<'a> {
+    /// The drawing onto the view.
+    pub map: &'a LengthTrueMap,
+    /// The part's surface over the view.
+    pub surface: &'a FittedSurface,
+    /// The view in the laser's frame.
+    pub fixture: Fixture,
+    /// The laser's frame into the field.
+    pub lens: Lens,
+}
+
+/// The part does not reach where the drawing wants to be marked, or reaches too high.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the part is as high as the lens at ({:.3}, {:.3}) mm", at.x, at.y)]
+pub struct AboveLens {
+    /// The point of the view.
+    pub at: ViewPoint,
+}
+
+impl Projection<'_> {
+    /// The point of the part that a point of the drawing comes to lie on, in the laser's frame, mm.
+    fn landing(&self, at: FlatPoint) -> (ViewPoint, Point3<f64>) {
+        let view = self.map.point(at);
+        let height = self.surface.nurbs.height(view) + self.surface.difference(view);
+        (view, self.fixture.point(Point3::new(view.x, view.y, height)))
+    }
+
+    /// What the marking software must be told for a point of the drawing, mm.
+    ///
+    /// # Errors
+    /// When the part is as high as the lens there.
+    pub fn aim(&self, at: FlatPoint) -> Result<FieldPoint, AboveLens> {
+        let (view, landing) = self.landing(at);
+        self.lens.aim(landing).ok_or(AboveLens { at: view })
+    }
+
+    /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
+    /// `tolerance` mm of the true image.
+    ///
+    /// # Errors
+    /// When the part is as high as the lens somewhere.
+    pub fn bend(
+        &self,
+        pattern: &Pattern,
+        tolerance: f64,
+        subdivision: Subdivision,
+    ) -> Result<MarkingDrawing, AboveLens> {
+        let mut paths = Vec::with_capacity(pattern.paths.len());
+        for path in &pattern.paths {
+            let bend = |segments: &[Segment]| self.bend_segments(segments, tolerance, subdivision);
+            let shape = match &path.shape {
+                Shape::Dot(point) => MarkingShape::Dot(self.aim(*point)?),
+                Shape::Open(segments) => MarkingShape::Open(bend(segments)?),
+                Shape::Closed(segments) => {
+                    let mut points = bend(segments)?;
+                    points.pop();
+                    MarkingShape::Closed(points)
+                }
+            };
+            paths.push(MarkingPath { layer: path.layer, color: path.color, shape });
+        }
+        Ok(MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() })
+    }
+
+    fn bend_segments(
+        &self,
+        segments: &[Segment],
+        tolerance: f64,
+        subdivision: Subdivision,
+    ) -> Result<Vec<FieldPoint>, AboveLens> {
+        let mut points = Vec::new();
+        for segment in segments {
+            let start = self.aim(segment.point(0.0))?;
+            let end = self.aim(segment.point(1.0))?;
+            if points.is_empty() {
+                points.push(start);
+            }
+            match subdivision {
+                Subdivision::Keep => {
+                    let steps = segment.steps(tolerance);
+                    for step in 1..steps {
+                        points.push(self.aim(segment.point(step as f64 / steps as f64))?);
+                    }
+                    points.push(end);
+                }
+                Subdivision::Adaptive => {
+                    self.subdivide(segment, (0.0, start), (1.0, end), tolerance, &mut points)?;
+                }
+            }
+        }
+        Ok(points)
+    }
+
+    /// Adds the points after `from` up to `to`: the piece is halved until probes along it lie close to its chord.
+    fn subdivide(
+        &self,
+        segment: &Segment,
+        from: (f64, FieldPoint),
+        to: (f64, FieldPoint),
+        tolerance: f64,
+        points: &mut Vec<FieldPoint>,
+    ) -> Result<(), AboveLens> {
+        let span = to.0 - from.0;
+        // Between probes 2 mm apart no product surface hides a wave; three probes see an S.
+        let rough_length = from.1.distance(to.1);
+        let probes = ((rough_length / 2.0).ceil() as usize).clamp(3, 1000);
+        let middle = from.0 + span / 2.0;
+        let close = |t: f64| -> Result<bool, AboveLens> {
+            let image = self.aim(segment.point(t))?;
+            Ok(distance_to_line(image, from.1, to.1) <= tolerance)
+        };
+        // A closed circle has a chord of no length, and a fold could hide between far probes: 1e-5 ends the search.
+        let mut straight = span < 1.0 || !matches!(segment, Segment::Arc { sweep, .. } if sweep.abs() > 3.0);
+        for probe in 1..=probes {
+            straight = straight && close(from.0 + span * probe as f64 / (probes + 1) as f64)?;
+        }
+        if straight || span < 1e-5 {
+            points.push(to.1);
+            return Ok(());
+        }
+        let halfway = (middle, self.aim(segment.point(middle))?);
+        self.subdivide(segment, from, halfway, tolerance, points)?;
+        self.subdivide(segment, halfway, to, tolerance, points)
+    }
+
+    /// Looks at every sample of the ink: is there surface, at what angle and height, and where in the field?
+    pub fn expose(&self, ink: &Ink) -> Exposure {
+        let mut exposure = Exposure {
+            samples: 0,
+            off_surface: 0,
+            first_off_surface: None,
+            steepest: 0.0,
+            steepest_at: ViewPoint::new(0.0, 0.0),
+            lowest: f64::INFINITY,
+            highest: f64::NEG_INFINITY,
+            field: Extents::EMPTY,
+            largest_difference: 0.0,
+        };
+        let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+        for flat in ends.chain(ink.squares.iter().copied()).chain(ink.dots.iter().copied()) {
+            let (view, landing) = self.landing(flat);
+            exposure.samples += 1;
+            if !self.surface.field.is_surface(view) {
+                exposure.off_surface += 1;
+                exposure.first_off_surface.get_or_insert((flat, view));
+                continue;
+            }
+            let normal = self.fixture.direction(self.map.normal(self.surface, flat));
+            let incidence = normal.dot(&self.lens.towards(landing)).clamp(-1.0, 1.0).acos();
+            if incidence > exposure.steepest {
+                (exposure.steepest, exposure.steepest_at) = (incidence, view);
+            }
+            exposure.lowest = exposure.lowest.min(landing.z);
+            exposure.highest = exposure.highest.max(landing.z);
+            exposure.largest_difference =
+                exposure.largest_difference.max(self.surface.difference(view).abs());
+            if let Some(aim) = self.lens.aim(landing) {
+                exposure.field.include(aim.coords());
+            }
+        }
+        exposure
+    }
+}
+
+/// What the beam meets where the ink lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Number of samples looked at.
+    pub samples: usize,
+    /// How many of them have no surface under them.
+    pub off_surface: usize,
+    /// The first such sample: in the drawing and in the view.
+    pub first_off_surface: Option<(FlatPoint, ViewPoint)>,
+    /// Largest angle between beam and surface normal, rad.
+    pub steepest: f64,
+    /// Where that is.
+    pub steepest_at: ViewPoint,
+    /// Lowest height in the laser's frame, mm.
+    pub lowest: f64,
+    /// Highest height in the laser's frame, mm.
+    pub highest: f64,
+    /// The rectangle of the field that is marked, mm.
+    pub field: Extents,
+    /// Largest distance between the sampled part and the fitted surface, mm.
+    pub largest_difference: f64,
+}
+
+fn distance_to_line(point: FieldPoint, from: FieldPoint, to: FieldPoint) -> f64 {
+    let (along, offset) = (to - from, point - from);
+    let square = along.norm_squared();
+    let t = if square > 0.0 { (offset.dot(&along) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (offset - along * t).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::mapping::Method;
+    use crate::geometry::mapping::isometric::IsometricOptions;
+    use crate::geometry::pattern::{Color, Layer, Path, Source};
+    use crate::geometry::shapes;
+    use crate::geometry::space::View;
+    use crate::geometry::surface::fit::FitOptions;
+
+    fn surface(height: impl Fn(f64, f64) -> f64) -> FittedSurface {
+        let part = FacingPart::new(&shapes::graph(25.0, 0.75, height), &View::top());
+        FittedSurface::of_part(&part, &FitOptions::default()).unwrap()
+    }
+
+    fn drawing(shape: Shape) -> Pattern {
+        let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
+        Pattern {
+            layers,
+            paths: vec![Path {
+                layer: 0,
+                color: Color::ByLayer,
+                shape,
+                region: None,
+                source: Source::default(),
+            }],
+        }
+    }
+
+    fn line(from: [f64; 2], to: [f64; 2]) -> Pattern {
+        drawing(Shape::Open(vec![Segment::Line {
+            from: FlatPoint::new(from[0], from[1]),
+            to: FlatPoint::new(to[0], to[1]),
+        }]))
+    }
+
+    fn bent(
+        surface: &FittedSurface,
+        pattern: &Pattern,
+        method: Method,
+        tolerance: f64,
+    ) -> (MarkingDrawing, LengthTrueMap) {
+        let map = LengthTrueMap::find(surface, pattern, |_| true, FlatPoint::new(0.0, 0.0), &method).unwrap();
+        let projection =
+            Projection { map: &map, surface, fixture: Fixture::default(), lens: Lens::Telecentric };
+        (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap(), map)
+    }
+
+    #[test]
+    fn a_line_round_a_cylinder_becomes_a_sine_within_the_tolerance() {
+        let surface = surface(shapes::cylinder);
+        let pattern = line([-15.0, -15.0], [15.0, 15.0]);
+        for tolerance in [0.1, 0.01, 0.001] {
+            let (bent, _) = bent(&surface, &pattern, Method::Cylinder, tolerance);
+            let points = bent.paths[0].shape.points();
+            let mut worst = 0.0f64;
+            for step in 0..=3000 {
+                let s = -15.0 + 30.0 * f64::from(step) / 3000.0;
+                let truth = FieldPoint::new(30.0 * (s / 30.0).sin(), s);
+                let nearest = points.windows(2).map(|pair| distance_to_line(truth, pair[0], pair[1]));
+                worst = worst.max(nearest.fold(f64::INFINITY, f64::min));
+            }
+            assert!(worst < tolerance * 1.02 + 2e-4, "{worst} mm");
+            // A chord of curvature k and length l errs by k·l²/8; here k is at most 0.009/mm: never more than twice
+            // the vertices of an even division.
+            let fewest = 42.0 / (8.0 * tolerance / 0.0085f64).sqrt();
+            assert!((points.len() as f64) < 2.0 * fewest + 2.0, "{} for {fewest}", points.len());
+        }
+    }
+
+    #[test]
+    fn on_a_plane_a_line_keeps_its_two_ends_and_a_circle_its_closure() {
+        let surface = surface(|x, y| 5.0 + 0.0 * (x + y));
+        let method = Method::Isometric(IsometricOptions::INK);
+        let (straight, _) = bent(&surface, &line([-10.0, 2.0], [12.0, -3.0]), method, 0.01);
+        assert_eq!(straight.paths[0].shape.points().len(), 2);
+        let circle = drawing(Shape::Closed(vec![Segment::Arc {
+            center: FlatPoint::new(0.0, 0.0),
+            u: nalgebra::Vector2::new(10.0, 0.0),
+            v: nalgebra::Vector2::new(0.0, 10.0),
+            start: 0.0,
+            sweep: std::f64::consts::TAU,
+        }]));
+        let (round, _) = bent(&surface, &circle, method, 0.01);
+        let points = round.paths[0].shape.points();
+        assert!(points.iter().all(|point| (point.coords().norm() - 10.0).abs() < 1e-6));
+        assert!((70..=160).contains(&points.len()), "{}", points.len());
+        assert!(points[0].distance(points[points.len() - 1]) > 0.1, "the first point is not repeated");
+    }
+
+    #[test]
+    fn exposure_tells_tilt_height_and_missing_surface() {
+        let surface = surface(shapes::cylinder);
+        let pattern = line([-15.0, 0.0], [15.0, 0.0]);
+        let (_, map) = bent(&surface, &pattern, Method::Cylinder, 0.01);
+        let projection = Projection {
+            map: &map,
+            surface: &surface,
+            fixture: Fixture { z: -30.0, ..Fixture::default() },
+            lens: Lens::Telecentric,
+        };
+        let seen = projection.expose(&Ink::sample(&pattern, |_| true, 0.25, 0.2));
+        assert_eq!(seen.off_surface, 0);
+        assert!((seen.steepest - 0.5).abs() < 1e-3, "15 mm on R = 30 mm is 0.5 rad, not {}", seen.steepest);
+        assert!(seen.highest.abs() < 1e-3 && (seen.lowest - 30.0 * (0.5f64.cos() - 1.0)).abs() < 1e-3);
+        let beyond = line([0.0, 0.0], [0.0, 40.0]);
+        let seen = projection.expose(&Ink::sample(&beyond, |_| true, 0.25, 0.2));
+        assert!(seen.off_surface > 50 && seen.first_off_surface.unwrap().1.y > 24.0);
+    }
+}

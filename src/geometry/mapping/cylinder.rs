@@ -1,0 +1,344 @@
+//! The exact map onto a cylinder of any direction, tilt and offset.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector3};
+
+use super::isometric::tangent_frame;
+use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
+
+/// A circular cylinder in the frame of the view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cylinder {
+    /// The point of the axis nearest to the fitted region's middle, mm.
+    pub center: Point3<f64>,
+    /// Direction of the axis.
+    pub axis: Unit<Vector3<f64>>,
+    /// Radius, mm.
+    pub radius: f64,
+}
+
+/// A cylinder that was fitted to a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CylinderFit {
+    /// The cylinder.
+    pub cylinder: Cylinder,
+    /// Largest distance of a sampled point from it, mm.
+    pub residual: f64,
+}
+
+/// Why there is no cylinder under the drawing.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CylinderError {
+    /// There are too few points of the part under the drawing.
+    #[error("only {points} sampled points of the part lie under the drawing")]
+    TooFewPoints {
+        /// Number of points.
+        points: usize,
+    },
+    /// The normals do not turn about one axis: the surface is flat or no cylinder at all.
+    #[error("the surface under the drawing is no cylinder: {what}")]
+    NoAxis {
+        /// What was found instead.
+        what: &'static str,
+    },
+    /// The anchor's line of sight misses the cylinder.
+    #[error("the anchor at ({:.3}, {:.3}) mm lies beside the cylinder of radius {radius:.3} mm", at.x, at.y)]
+    AnchorBeside {
+        /// Where the anchor is.
+        at: ViewPoint,
+        /// The cylinder's radius, mm.
+        radius: f64,
+    },
+}
+
+/// Points taken for the fit at most; more would not move it by a nanometre.
+const MOST_POINTS: usize = 1500;
+/// Normals that turn by less than this over the drawing, rad, do not tell a radius: the surface counts as flat.
+const LEAST_TURN: f64 = 0.01;
+
+impl CylinderFit {
+    /// The cylinder that fits the part best under the rectangle `under` of the view.
+    ///
+    /// The axis starts at right angles to all normals; then the squared distances of the sampled points are minimised
+    /// over axis and radius by Gauss and Newton's method (Lukács, Martin & Marshall, Faithful least-squares fitting of
+    /// spheres, cylinders, cones and tori, ECCV 1998).
+    ///
+    /// # Errors
+    /// See [`CylinderError`].
+    pub fn under(surface: &FittedSurface, under: &Extents) -> Result<Self, CylinderError> {
+        // A drawing that is a single line tells an axis only with a band round it.
+        let (size, step) = (under.size(), surface.field.step());
+        let least = (size.max() / 4.0).max(6.0 * step);
+        let under = under.grown_to(least);
+        let nodes: Vec<(ViewPoint, f64)> = surface
+            .field
+            .surface_nodes()
+            .map(|(column, row, height)| (surface.field.position(column, row), height))
+            .filter(|(at, _)| under.contains(at.coords()))
+            .collect();
+        if nodes.len() < 25 {
+            return Err(CylinderError::TooFewPoints { points: nodes.len() });
+        }
+        let kept: Vec<_> = nodes.iter().step_by(nodes.len().div_ceil(MOST_POINTS)).collect();
+        let points: Vec<Point3<f64>> =
+            kept.iter().map(|(at, height)| Point3::new(at.x, at.y, *height)).collect();
+        let normals = kept.iter().map(|(at, _)| {
+            let gradient = surface.jet(*at).gradient;
+            Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
+        });
+        let normals: Vec<Vector3<f64>> = normals.collect();
+        let start = start_cylinder(&points, &normals)?;
+        let cylinder = refine(start, &points);
+        let residual = points.iter().map(|point| cylinder.distance(point).abs()).fold(0.0, f64::max);
+        if !residual.is_finite() {
+            return Err(CylinderError::NoAxis { what: "the fit did not settle" });
+        }
+        Ok(Self { cylinder, residual })
+    }
+}
+
+fn start_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Result<Cylinder, CylinderError> {
+    let spread: Matrix3<f64> =
+        normals.iter().map(|normal| normal * normal.transpose()).sum::<Matrix3<f64>>() / normals.len() as f64;
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let turn = eigen.eigenvalues[order[1]].max(0.0).sqrt();
+    if turn < LEAST_TURN {
+        return Err(CylinderError::NoAxis { what: "it is flat" });
+    }
+    if eigen.eigenvalues[order[0]].max(0.0).sqrt() > turn / 3.0 {
+        return Err(CylinderError::NoAxis { what: "it bends in both directions" });
+    }
+    let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
+    // Across the axis, point = center + radius · normal: linear in center and (signed) radius.
+    let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
+    let mean_point = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+    let mean_normal =
+        normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / normals.len() as f64;
+    let (mut product, mut square) = (0.0, 0.0);
+    for (point, normal) in points.iter().zip(normals) {
+        let (p, n) = (across(point.coords - mean_point), across(*normal) - mean_normal);
+        product += p.dot(&n);
+        square += n.norm_squared();
+    }
+    let signed_radius = product / square;
+    let center = Point3::from(mean_point - mean_normal * signed_radius);
+    Ok(Cylinder { center, axis, radius: signed_radius.abs() })
+}
+
+fn refine(mut cylinder: Cylinder, points: &[Point3<f64>]) -> Cylinder {
+    for _ in 0..20 {
+        let (first, second) = cylinder.cross_directions();
+        let mut matrix = DMatrix::zeros(points.len(), 5);
+        let mut right = DVector::zeros(points.len());
+        for (row, point) in points.iter().enumerate() {
+            let (along, radial) = cylinder.split(point);
+            let outwards = radial.normalize();
+            let (a, b) = (outwards.dot(&first), outwards.dot(&second));
+            // Derivatives of the distance by a shift of the axis, a turn of it, and the radius.
+            let derivatives = [-a, -b, -a * along, -b * along, -1.0];
+            derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
+            right[row] = -(radial.norm() - cylinder.radius);
+        }
+        let normal_matrix = matrix.transpose() * &matrix;
+        let Some(factor) = normal_matrix.cholesky() else { break };
+        let step = factor.solve(&(matrix.transpose() * right));
+        if !step.iter().all(|value| value.is_finite()) {
+            break;
+        }
+        cylinder.center += first * step[0] + second * step[1];
+        cylinder.axis = Unit::new_normalize(*cylinder.axis + first * step[2] + second * step[3]);
+        cylinder.radius += step[4];
+        if step.norm() < 1e-10 {
+            break;
+        }
+    }
+    cylinder
+}
+
+impl Cylinder {
+    /// Distance along the axis from the centre, mm, and the vector from the axis to the point, mm.
+    fn split(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let from_center = point - self.center;
+        let along = from_center.dot(&self.axis);
+        (along, from_center - *self.axis * along)
+    }
+
+    /// Signed distance of a point from the surface, mm; positive outside.
+    pub fn distance(&self, point: &Point3<f64>) -> f64 {
+        self.split(point).1.norm() - self.radius
+    }
+
+    fn cross_directions(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let first =
+            self.axis.cross(&if self.axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+        (first, self.axis.cross(&first))
+    }
+
+    /// The points where the line of sight through `at` meets the cylinder: heights z, mm, the lower first.
+    fn heights(&self, at: ViewPoint) -> Option<[f64; 2]> {
+        let across = |vector: Vector3<f64>| vector - *self.axis * self.axis.dot(&vector);
+        let start = across(Point3::new(at.x, at.y, 0.0) - self.center);
+        let sight = across(Vector3::z());
+        let (a, b) = (sight.norm_squared(), start.dot(&sight));
+        let c = start.norm_squared() - self.radius * self.radius;
+        let root = (b * b - a * c).sqrt();
+        (a > 0.0 && root.is_finite()).then(|| [(-b - root) / a, (-b + root) / a])
+    }
+}
+
+/// The exact map from the drawing to the view by unrolling a cylinder about the anchor.
+///
+/// Chuang, Shape correction for laser marking, 2023, appendix E (x = R·sin(s/R)), for any direction, tilt and offset of
+/// the axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CylinderMap {
+    /// The cylinder.
+    pub cylinder: Cylinder,
+    anchor: FlatPoint,
+    /// The anchor on the cylinder, mm.
+    start: Point3<f64>,
+    /// Unit vector from the axis to the anchor.
+    radial: Vector3<f64>,
+    /// Unit vectors on the surface at the anchor that the drawing's s and t directions follow.
+    right: Vector3<f64>,
+    up: Vector3<f64>,
+    /// Whether the laser sees the hollow side.
+    hollow: bool,
+}
+
+impl CylinderMap {
+    /// The map that leaves `anchor` where it is in the view and keeps the drawing's x direction there; `height` is that
+    /// of the part at the anchor, mm, which tells the near side of the cylinder from the far one.
+    ///
+    /// # Errors
+    /// When the anchor lies beside the cylinder.
+    pub fn new(cylinder: Cylinder, anchor: FlatPoint, height: f64) -> Result<Self, CylinderError> {
+        let at = ViewPoint::from(anchor.coords());
+        let beside = CylinderError::AnchorBeside { at, radius: cylinder.radius };
+        let [lower, upper] = cylinder.heights(at).ok_or(beside)?;
+        let hollow = (lower - height).abs() < (upper - height).abs();
+        let start = Point3::new(at.x, at.y, if hollow { lower } else { upper });
+        let (_, from_axis) = cylinder.split(&start);
+        let radial = from_axis.normalize();
+        if radial.z.abs() < 1e-6 {
+            return Err(beside);
+        }
+        let gradient = -radial.xy() / radial.z;
+        let frame = tangent_frame(&gradient);
+        let lift = |column: usize| {
+            let flat = frame.column(column);
+            Vector3::new(flat[0], flat[1], gradient.dot(&flat))
+        };
+        Ok(Self { cylinder, anchor, start, radial, right: lift(0), up: lift(1), hollow })
+    }
+
+    /// The point of the cylinder that a point of the drawing comes to lie on, mm, in the frame of the view.
+    pub fn point_on_part(&self, at: FlatPoint) -> Point3<f64> {
+        let (along, angle) = self.unrolled(at);
+        let axis = *self.cylinder.axis;
+        let sideways = axis.cross(&self.radial);
+        let turned = self.radial * (angle.cos() - 1.0) + sideways * angle.sin();
+        self.start + axis * along + turned * self.cylinder.radius
+    }
+
+    /// The image of a point of the drawing in the view.
+    pub fn point(&self, at: FlatPoint) -> ViewPoint {
+        let point = self.point_on_part(at);
+        ViewPoint::new(point.x, point.y)
+    }
+
+    /// Unit normal of the part at the image of a point of the drawing, on the side of the laser; its z component is
+    /// negative where the surface turns away.
+    pub fn normal(&self, at: FlatPoint) -> Vector3<f64> {
+        let (_, angle) = self.unrolled(at);
+        let radial = self.radial * angle.cos() + self.cylinder.axis.cross(&self.radial) * angle.sin();
+        if self.hollow { -radial } else { radial }
+    }
+
+    /// Way along the axis, mm, and angle about it, rad, from the anchor.
+    fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
+        let from_anchor = at - self.anchor;
+        let way = self.right * from_anchor.x + self.up * from_anchor.y;
+        let sideways = self.cylinder.axis.cross(&self.radial);
+        (way.dot(&self.cylinder.axis), way.dot(&sideways) / self.cylinder.radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::shapes;
+    use crate::geometry::space::{Facing, View};
+    use crate::geometry::surface::fit::FitOptions;
+    use nalgebra::Vector2;
+    use proptest::prelude::*;
+
+    fn cylinder(azimuth: f64, tilt: f64, radius: f64) -> Cylinder {
+        let axis = Vector3::new(azimuth.cos() * tilt.cos(), azimuth.sin() * tilt.cos(), tilt.sin());
+        Cylinder { center: Point3::new(1.0, -2.0, 3.0), axis: Unit::new_normalize(axis), radius }
+    }
+
+    #[test]
+    fn over_the_top_line_the_arc_length_becomes_a_sine() {
+        let radius = 33.0;
+        let upright = Cylinder { center: Point3::origin(), axis: Vector3::y_axis(), radius };
+        let map = CylinderMap::new(upright, FlatPoint::new(0.0, 0.0), radius).unwrap();
+        for s in [-20.0, -3.0, 0.0, 10.0, 30.0] {
+            let image = map.point(FlatPoint::new(s, 7.0));
+            assert!((image - ViewPoint::new(radius * (s / radius).sin(), 7.0)).norm() < 1e-12);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_map_is_isometric_and_keeps_the_anchor(
+            azimuth in 0.0..6.3f64, tilt in -0.7..0.7f64, radius in 8.0..80.0f64,
+            x in -6.0..6.0f64, y in -6.0..6.0f64, anchor_x in -3.0..3.0f64, hollow: bool,
+        ) {
+            let cylinder = cylinder(azimuth, tilt, radius);
+            let anchor = FlatPoint::new(anchor_x, -2.0);
+            let height = if hollow { -1e3 } else { 1e3 };
+            let map = CylinderMap::new(cylinder, anchor, height).unwrap();
+            prop_assert!((map.point(anchor).coords() - anchor.coords()).norm() < 1e-12);
+            let right = map.point(anchor + Vector2::new(1e-6, 0.0)) - map.point(anchor).coords().into();
+            prop_assert!(right.y.abs() < 1e-12 && right.x > 0.0);
+            let at = FlatPoint::new(x, y);
+            prop_assert!(cylinder.distance(&map.point_on_part(at)).abs() < 1e-11);
+            let h = 1e-5;
+            let by = |step: Vector2<f64>| (map.point_on_part(at + step) - map.point_on_part(at + -step)) / (2.0 * h);
+            let (by_s, by_t) = (by(Vector2::new(h, 0.0)), by(Vector2::new(0.0, h)));
+            prop_assert!((by_s.norm() - 1.0).abs() < 1e-8 && (by_t.norm() - 1.0).abs() < 1e-8);
+            prop_assert!(by_s.dot(&by_t).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_cylinder_is_found_in_any_direction_and_tilt() {
+        for (azimuth, tilt) in [(0.0, 0.0), (1.0, 0.0), (2.2, 0.3), (4.0, -0.4)] {
+            let truth = cylinder(azimuth, tilt, 30.0);
+            let height = |x: f64, y: f64| truth.heights(ViewPoint::new(x, y)).map_or(0.0, |[_, upper]| upper);
+            let mesh = shapes::graph(20.0, 0.75, height);
+            let part = FacingPart::new(&mesh, &View::new(Facing::TOP, 0.0));
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            let under = Extents { min: Vector2::new(-12.0, -6.0), max: Vector2::new(12.0, 6.0) };
+            let found = CylinderFit::under(&surface, &under).unwrap();
+            assert!(found.residual < 2e-4, "{found:?}");
+            assert!((found.cylinder.radius - 30.0).abs() < 2e-3, "{found:?}");
+            assert!(found.cylinder.axis.dot(&truth.axis).abs() > 1.0 - 1e-8);
+        }
+    }
+
+    #[test]
+    fn planes_and_spheres_are_no_cylinders() {
+        let under = Extents { min: Vector2::new(-9.0, -9.0), max: Vector2::new(9.0, 9.0) };
+        let fit = |height: fn(f64, f64) -> f64| {
+            let part = FacingPart::new(&shapes::graph(15.0, 0.75, height), &View::top());
+            CylinderFit::under(&FittedSurface::of_part(&part, &FitOptions::default()).unwrap(), &under)
+        };
+        assert!(matches!(fit(|x, _| 0.1 * x), Err(CylinderError::NoAxis { .. })));
+        assert!(matches!(fit(shapes::sphere), Err(CylinderError::NoAxis { .. })));
+    }
+}

@@ -1,0 +1,105 @@
+//! Where the part stands under the laser, and where the marking software must aim to hit a point of it.
+
+use nalgebra::{Point3, Vector3};
+
+use super::space::FieldPoint;
+
+/// Where the part's view stands in the laser's frame; z = 0 is the plane the marking software's own lens correction was
+/// calibrated at.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Fixture {
+    /// Offset to the right in the field, mm.
+    pub x: f64,
+    /// Offset upwards in the field, mm.
+    pub y: f64,
+    /// Height of the part's origin above the calibrated plane, mm.
+    pub z: f64,
+    /// Turn about the laser's axis, counter-clockwise, rad.
+    pub rotation: f64,
+}
+
+impl Fixture {
+    /// A point of the view in the laser's frame, mm.
+    pub fn point(&self, view: Point3<f64>) -> Point3<f64> {
+        Point3::from(self.direction(view.coords) + Vector3::new(self.x, self.y, self.z))
+    }
+
+    /// A direction of the view in the laser's frame.
+    pub fn direction(&self, view: Vector3<f64>) -> Vector3<f64> {
+        let (sin, cos) = self.rotation.sin_cos();
+        Vector3::new(cos * view.x - sin * view.y, sin * view.x + cos * view.y, view.z)
+    }
+}
+
+/// How the lens projects. Pincushion and barrel distortion belong to the marking software's correction file.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Lens {
+    /// The beam is parallel to the axis everywhere: height shifts nothing.
+    #[default]
+    Telecentric,
+    /// The beams seem to meet in one point for each mirror.
+    Perspective {
+        /// Distance from the calibrated plane to where the beams meet in x, mm.
+        x: f64,
+        /// Distance from the calibrated plane to where the beams meet in y, mm.
+        y: f64,
+    },
+}
+
+impl Lens {
+    /// What the drawing must say to hit a point of the laser's frame (mm): X = x·Lx/(Lx − z), and alike for y. `None`
+    /// if the point lies as high as the lens or higher.
+    ///
+    /// The stretch is linear in z as in Scanlab's RTC5 manual, page 176, "correction for z ≠ 0".
+    pub fn aim(&self, at: Point3<f64>) -> Option<FieldPoint> {
+        match *self {
+            Self::Telecentric => Some(FieldPoint::new(at.x, at.y)),
+            Self::Perspective { x, y } => {
+                let (clear_x, clear_y) = (x - at.z, y - at.z);
+                (clear_x > 0.0 && clear_y > 0.0)
+                    .then(|| FieldPoint::new(at.x * x / clear_x, at.y * y / clear_y))
+            }
+        }
+    }
+
+    /// Unit direction from a point of the laser's frame (mm), which must lie below the lens, against the beam.
+    pub fn towards(&self, at: Point3<f64>) -> Vector3<f64> {
+        match *self {
+            Self::Telecentric => Vector3::z(),
+            Self::Perspective { x, y } => {
+                Vector3::new(-at.x / (x - at.z), -at.y / (y - at.z), 1.0).normalize()
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn height_shifts_the_aim_by_the_lens_distance() {
+        // marking field notes: at r = 50 mm, z = 10 mm, L = 300 mm the shift is 1.7 mm.
+        let aim = Lens::Perspective { x: 300.0, y: 300.0 }.aim(Point3::new(50.0, 0.0, 10.0)).unwrap();
+        assert!((aim.x - 50.0 - 50.0 / 29.0).abs() < 1e-12 && aim.y == 0.0);
+        assert_eq!(Lens::Perspective { x: 300.0, y: 290.0 }.aim(Point3::new(1.0, 1.0, 290.0)), None);
+    }
+
+    #[test]
+    fn the_beam_from_the_aim_lands_on_the_point() {
+        let lens = Lens::Perspective { x: 310.0, y: 290.0 };
+        let at = Point3::new(40.0, -30.0, 12.0);
+        let aim = lens.aim(at).unwrap();
+        // The beam goes from (0, ·, Lx) in x and from (·, 0, Ly) in y through the aim at z = 0.
+        assert!((aim.x * (310.0 - 12.0) / 310.0 - at.x).abs() < 1e-12);
+        assert!((aim.y * (290.0 - 12.0) / 290.0 - at.y).abs() < 1e-12);
+        let back = lens.towards(at);
+        assert!((at + back * ((310.0 - 12.0) / back.z)).x.abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_fixture_turns_before_it_shifts() {
+        let fixture = Fixture { x: 5.0, y: 1.0, z: -2.0, rotation: std::f64::consts::FRAC_PI_2 };
+        assert!((fixture.point(Point3::new(3.0, 0.0, 4.0)) - Point3::new(5.0, 4.0, 2.0)).norm() < 1e-12);
+    }
+}
