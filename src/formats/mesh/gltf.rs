@@ -1,0 +1,229 @@
+//! glTF 2 and GLB: container, buffers and JSON. The scene is walked in [`scene`], numbers are read in [`accessor`].
+//!
+//! The format crate gives the types of the JSON only. Its validation panics on files with missing accessors and refuses
+//! files that lack what is not needed here (textures, bounds of positions); so whatever is used is checked where it is
+//! used, and nothing else.
+
+use std::borrow::Cow;
+use std::io;
+
+use ::gltf::json::{Root, buffer::Buffer};
+
+use crate::reason::Notice;
+
+use super::clues::Clues;
+use super::{MeshFormat, MeshReadError, RawPart};
+
+mod accessor;
+mod scene;
+
+/// Extensions that a file may require although nothing is done for them: they change looks, not shape.
+const HARMLESS_EXTENSIONS: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"];
+
+/// Reads a part from a glTF or GLB file; `sibling` gives the bytes of a file beside it.
+pub(super) fn read(
+    bytes: &[u8],
+    format: MeshFormat,
+    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+) -> Result<RawPart, MeshReadError> {
+    let container = Container::split(bytes, format)?;
+    let root = parse(container.json)?;
+    let buffers = load_buffers(&root.buffers, container.binary, sibling)?;
+    let mut part = scene::read(&root, &buffers, Clues::new(format, root.asset.generator.clone()))?;
+    if container.trailing > 0 {
+        let message = format!("{} bytes after the end of the GLB file were left aside", container.trailing);
+        part.notices.push(Notice::warning("glb-trailing-bytes", message));
+    }
+    Ok(part)
+}
+
+/// Names of the files beside the part that hold its buffers, in the order of the file, each once.
+pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshReadError> {
+    let root = parse(Container::split(bytes, format)?.json)?;
+    let mut names: Vec<String> = Vec::new();
+    for uri in root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref()) {
+        if !uri.starts_with("data:") {
+            let name = sibling_name(uri)?;
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+    }
+    Ok(names)
+}
+
+/// The two chunks of a GLB file, or the JSON alone.
+struct Container<'a> {
+    json: &'a [u8],
+    binary: Option<&'a [u8]>,
+    trailing: usize,
+}
+
+impl<'a> Container<'a> {
+    fn split(bytes: &'a [u8], format: MeshFormat) -> Result<Self, MeshReadError> {
+        if !bytes.starts_with(b"glTF") {
+            let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+            return match json.trim_ascii_start().first() {
+                Some(b'{') => Ok(Self { json, binary: None, trailing: 0 }),
+                _ => Err(MeshReadError::NotThisFormat { format, found: beginning(bytes) }),
+            };
+        }
+        let actual = bytes.len() as u64;
+        let truncated = |declared: u64| MeshReadError::Truncated { format: MeshFormat::Glb, declared, actual };
+        let version = word(bytes, 4).ok_or(truncated(12))?;
+        let length = word(bytes, 8).ok_or(truncated(12))? as usize;
+        if version != 2 {
+            return Err(MeshReadError::Version { version: version.to_string() });
+        }
+        let file = bytes.get(..length).ok_or(truncated(length as u64))?;
+        let mut json = None;
+        let mut binary = None;
+        let mut at = 12;
+        while at < file.len() {
+            let chunk_length = word(file, at).ok_or(truncated(at as u64 + 8))? as usize;
+            let kind = file.get(at + 4..at + 8).ok_or(truncated(at as u64 + 8))?;
+            let end = at.saturating_add(8).saturating_add(chunk_length);
+            let data = file.get(at + 8..end).ok_or(truncated(end as u64))?;
+            match kind {
+                b"JSON" if json.is_none() => json = Some(data),
+                b"BIN\0" if binary.is_none() => binary = Some(data),
+                _ => {}
+            }
+            at = end;
+        }
+        let json = json.ok_or(MeshReadError::NotThisFormat {
+            format: MeshFormat::Glb,
+            found: "a GLB header without a JSON chunk".into(),
+        })?;
+        Ok(Self { json, binary, trailing: bytes.len() - file.len() })
+    }
+}
+
+/// The first bytes of a file as a person can read them.
+pub(super) fn beginning(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "nothing: it is empty".into();
+    }
+    format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii())
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    let four = bytes.get(at..at + 4)?;
+    Some(u32::from_le_bytes(four.try_into().ok()?))
+}
+
+fn parse(json: &[u8]) -> Result<Root, MeshReadError> {
+    // Names in the machine's own code page are damaged, but harmless.
+    let text = String::from_utf8_lossy(json);
+    let root: Root = ::gltf::json::deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
+        line: error.line() as u64,
+        column: error.column() as u64,
+        message: error.to_string(),
+    })?;
+    if !root.asset.version.starts_with("2.") {
+        return Err(MeshReadError::Version { version: root.asset.version });
+    }
+    let needed = root.extensions_required.iter();
+    match needed.into_iter().find(|name| !HARMLESS_EXTENSIONS.iter().any(|known| name.starts_with(known))) {
+        Some(name) => Err(MeshReadError::UnsupportedExtension { name: name.clone() }),
+        None => Ok(root),
+    }
+}
+
+fn load_buffers<'a>(
+    buffers: &[Buffer],
+    binary: Option<&'a [u8]>,
+    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+) -> Result<Vec<Cow<'a, [u8]>>, MeshReadError> {
+    let load = |(number, buffer): (usize, &Buffer)| {
+        let (name, data) = match buffer.uri.as_deref() {
+            None => {
+                let name = format!("{number} inside the GLB file");
+                let data = binary.ok_or(MeshReadError::BufferShort {
+                    name: name.clone(),
+                    declared: buffer.byte_length.0,
+                    actual: 0,
+                })?;
+                (name, Cow::Borrowed(data))
+            }
+            Some(uri) if uri.starts_with("data:") => {
+                let encoded = uri.split_once(";base64,").map(|(_, encoded)| encoded);
+                let data = encoded.and_then(decode_base64);
+                (format!("{number}"), Cow::Owned(data.ok_or(MeshReadError::BadDataUri { buffer: number })?))
+            }
+            Some(uri) => {
+                let name = sibling_name(uri)?;
+                let data = sibling(&name)
+                    .map_err(|error| MeshReadError::BufferMissing { name: name.clone(), kind: error.kind() })?;
+                (format!("\"{name}\""), Cow::Owned(data))
+            }
+        };
+        let (declared, actual) = (buffer.byte_length.0, data.len() as u64);
+        if actual < declared {
+            return Err(MeshReadError::BufferShort { name, declared, actual });
+        }
+        Ok(data)
+    };
+    buffers.iter().enumerate().map(load).collect()
+}
+
+/// The file name a buffer's URI stands for.
+///
+/// # Errors
+/// [`MeshReadError::BufferName`] unless it is a plain name in the part's own folder.
+fn sibling_name(uri: &str) -> Result<String, MeshReadError> {
+    let name = decode_percent(uri);
+    let plain = name.strip_prefix("./").unwrap_or(&name);
+    let leaves = plain.is_empty()
+        || plain == "."
+        || plain == ".."
+        || plain.chars().any(|letter| matches!(letter, '/' | '\\' | ':') || letter.is_control());
+    if leaves { Err(MeshReadError::BufferName { name }) } else { Ok(plain.into()) }
+}
+
+fn decode_percent(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut decoded = Vec::with_capacity(bytes.len());
+    let mut at = 0;
+    while at < bytes.len() {
+        let digit = |offset: usize| bytes.get(at + offset).and_then(|&byte| (byte as char).to_digit(16));
+        match (bytes[at], digit(1), digit(2)) {
+            (b'%', Some(high), Some(low)) => {
+                decoded.push((high * 16 + low) as u8);
+                at += 3;
+            }
+            (byte, ..) => {
+                decoded.push(byte);
+                at += 1;
+            }
+        }
+    }
+    // A name with a bare % that happens to look encoded is kept as written if decoding breaks it.
+    String::from_utf8(decoded).unwrap_or_else(|_| uri.into())
+}
+
+fn decode_base64(text: &str) -> Option<Vec<u8>> {
+    let text = text.trim_end_matches('=');
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
+    let (mut bits, mut count) = (0u32, 0);
+    for letter in text.bytes() {
+        let value = match letter {
+            b'A'..=b'Z' => letter - b'A',
+            b'a'..=b'z' => letter - b'a' + 26,
+            b'0'..=b'9' => letter - b'0' + 52,
+            b'+' | b'-' => 62,
+            b'/' | b'_' => 63,
+            _ => return None,
+        };
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,349 @@
+//! The walk through a glTF scene: nodes, transforms, primitives.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use ::gltf::json::mesh::{Mode, Primitive, Semantic};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Index, Mesh, Node, Root};
+use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::formats::mesh::clues::{Clues, RootTurn};
+use crate::formats::mesh::error::{EmptyCause, VertexPlace};
+use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles};
+
+use super::accessor::Data;
+
+/// Reads the file's own scene; numbers stay in the file's unit and axes.
+pub(super) fn read(root: &Root, buffers: &[Cow<'_, [u8]>], clues: Clues) -> Result<RawPart, MeshReadError> {
+    let mut walk = Walk {
+        data: Data { root, buffers },
+        part: RawPart::new(clues),
+        not_taken: BTreeMap::new(),
+        used_materials: vec![false; root.materials.len()],
+        has_normals: false,
+    };
+    let roots = walk.roots()?;
+    walk.part.clues.root_turn = walk.turn_of(&roots);
+    walk.nodes(roots)?;
+    walk.name_the_rest();
+    walk.finish()
+}
+
+struct Walk<'a> {
+    data: Data<'a>,
+    part: RawPart,
+    /// How often something was left aside, by its name.
+    not_taken: BTreeMap<&'static str, usize>,
+    used_materials: Vec<bool>,
+    has_normals: bool,
+}
+
+impl Walk<'_> {
+    fn roots(&self) -> Result<Vec<usize>, MeshReadError> {
+        let root = self.data.root;
+        let scene = root.scene.map_or(0, |scene| scene.value());
+        match root.scenes.get(scene) {
+            Some(scene) => Ok(scene.nodes.iter().map(|node| node.value()).collect()),
+            None if root.scene.is_some() => Err(MeshReadError::BrokenReference {
+                item: "the file".into(),
+                kind: "scene",
+                index: scene,
+                count: root.scenes.len(),
+            }),
+            // A file without scenes is a library of nodes; all that nobody owns are taken.
+            None => {
+                let mut is_child = vec![false; root.nodes.len()];
+                for child in root.nodes.iter().flat_map(children) {
+                    if let Some(seen) = is_child.get_mut(child) {
+                        *seen = true;
+                    }
+                }
+                Ok((0..root.nodes.len()).filter(|&node| !is_child[node]).collect())
+            }
+        }
+    }
+
+    /// Which quarter turn about X all roots with a mesh or children have in common.
+    fn turn_of(&self, roots: &[usize]) -> RootTurn {
+        let carriers = roots
+            .iter()
+            .filter_map(|&node| self.data.root.nodes.get(node))
+            .filter(|node| node.mesh.is_some() || node.children.is_some());
+        let turns: Vec<RootTurn> = carriers.map(quarter_turn).collect();
+        match turns.first() {
+            Some(&first) if turns.iter().all(|&turn| turn == first) => first,
+            _ => RootTurn::Other,
+        }
+    }
+
+    fn nodes(&mut self, roots: Vec<usize>) -> Result<(), MeshReadError> {
+        let nodes = &self.data.root.nodes;
+        let mut reached = vec![false; nodes.len()];
+        let mut waiting: Vec<(usize, Matrix4<f64>)> =
+            roots.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
+        while let Some((number, above)) = waiting.pop() {
+            let node = nodes.get(number).ok_or_else(|| MeshReadError::BrokenReference {
+                item: "the tree of nodes".into(),
+                kind: "node",
+                index: number,
+                count: nodes.len(),
+            })?;
+            // A tree reaches every node once; this also ends the walk on cycles.
+            if std::mem::replace(&mut reached[number], true) {
+                return Err(MeshReadError::NodeTwice { node: node_name(node, number) });
+            }
+            let transform = above * local_transform(node);
+            if !transform.iter().all(|entry| entry.is_finite()) {
+                return Err(MeshReadError::BadTransform { node: node_name(node, number) });
+            }
+            self.node(node, number, &transform)?;
+            waiting.extend(
+                children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)),
+            );
+        }
+        let unreached = nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
+        self.leave_aside("object outside the scene shown", unreached.count());
+        Ok(())
+    }
+
+    fn node(
+        &mut self,
+        node: &Node,
+        number: usize,
+        transform: &Matrix4<f64>,
+    ) -> Result<(), MeshReadError> {
+        self.leave_aside("camera", usize::from(node.camera.is_some()));
+        self.leave_aside("skin (the part is read unposed)", usize::from(node.skin.is_some()));
+        if let Some(extensions) = &node.extensions {
+            self.leave_aside("light", usize::from(extensions.others.contains_key("KHR_lights_punctual")));
+            let instanced = extensions.others.contains_key("EXT_mesh_gpu_instancing");
+            self.leave_aside("set of instances (only the first place is read)", usize::from(instanced));
+        }
+        let Some(mesh_index) = node.mesh else { return Ok(()) };
+        let meshes = &self.data.root.meshes;
+        let mesh = meshes.get(mesh_index.value()).ok_or_else(|| MeshReadError::BrokenReference {
+            item: node_name(node, number),
+            kind: "mesh",
+            index: mesh_index.value(),
+            count: meshes.len(),
+        })?;
+        let mesh_name = name_of_mesh(mesh, mesh_index);
+        let before = self.part.triangles.len();
+        for (number, primitive) in mesh.primitives.iter().enumerate() {
+            self.primitive(primitive, &mesh_name, number, transform)?;
+        }
+        if self.part.triangles.len() > before {
+            self.part.bodies.push(node.name.clone().unwrap_or(mesh_name));
+        }
+        Ok(())
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        mesh: &str,
+        number: usize,
+        transform: &Matrix4<f64>,
+    ) -> Result<(), MeshReadError> {
+        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
+        let item = |what: &str| format!("mesh \"{mesh}\", primitive {number}, {what}");
+        let mode = match primitive.mode {
+            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
+            Checked::Valid(Mode::Points) => return Ok(self.leave_aside("set of points", 1)),
+            Checked::Valid(_) => return Ok(self.leave_aside("set of lines", 1)),
+            Checked::Invalid => return Ok(self.leave_aside("primitive of an unknown kind", 1)),
+        };
+        let Some(positions) = attribute(Semantic::Positions) else {
+            return Ok(self.leave_aside("primitive without positions", 1));
+        };
+        self.leave_aside("set of morph targets", usize::from(primitive.targets.is_some()));
+
+        let positions = self.data.vectors(positions, &|| item("POSITION"))?;
+        let first_vertex = self.part.positions.len();
+        let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
+        // Every vertex index must fit, as those of all instances are numbered through.
+        if first_vertex + positions.len() > 3 * MOST_TRIANGLES {
+            return Err(too_many_triangles(first_vertex + positions.len()));
+        }
+        let (linear, shift) = (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
+        for (vertex, position) in positions.iter().enumerate() {
+            let own = Vector3::from(position.map(f64::from));
+            if !own.iter().all(|coordinate| coordinate.is_finite()) {
+                return Err(MeshReadError::NotFinite { vertex: place(vertex), coordinate: own.into() });
+            }
+            self.part.positions.push(Point3::from(linear * own + shift));
+        }
+        self.normals(attribute(Semantic::Normals), &linear, positions.len(), &|| item("NORMAL"))?;
+
+        let first = first_vertex as u32;
+        let is_mirrored = linear.determinant() < 0.0;
+        let sequence = match primitive.indices {
+            Some(indices) => self.data.indices(indices, &|| item("indices"))?,
+            None => (0..positions.len() as u32).collect(),
+        };
+        let highest = sequence.iter().enumerate().max_by_key(|(_, index)| **index);
+        if let Some((corner, &index)) = highest.filter(|(_, index)| **index as usize >= positions.len()) {
+            return Err(MeshReadError::IndexOutOfRange {
+                face: place(corner),
+                kind: "vertex",
+                index: i64::from(index),
+                count: positions.len(),
+            });
+        }
+        let wanted = self.part.triangles.len() + sequence.len() / if mode == Mode::Triangles { 3 } else { 1 };
+        if wanted > MOST_TRIANGLES {
+            return Err(too_many_triangles(wanted));
+        }
+        let mut push = |[a, b, c]: [u32; 3]| {
+            let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
+            self.part.triangles.push(corners.map(|index| first + index));
+        };
+        match mode {
+            Mode::TriangleStrip => {
+                // Every other triangle of a strip turns the other way.
+                let turned = |(at, run): (usize, &[u32])| {
+                    if at % 2 == 0 { [run[0], run[1], run[2]] } else { [run[1], run[0], run[2]] }
+                };
+                sequence.windows(3).enumerate().map(turned).for_each(&mut push);
+            }
+            Mode::TriangleFan => {
+                let hub = sequence.first().copied().unwrap_or(0);
+                sequence.windows(2).skip(1).for_each(|rim| push([hub, rim[0], rim[1]]));
+            }
+            _ => sequence.chunks_exact(3).for_each(|run| push([run[0], run[1], run[2]])),
+        }
+        if mode == Mode::Triangles && sequence.len() % 3 != 0 {
+            self.leave_aside("triangle without a third corner", 1);
+        }
+        self.note_material(primitive);
+        Ok(())
+    }
+
+    /// Adds a primitive's normals, or as many zeros where it has none.
+    fn normals(
+        &mut self,
+        accessor: Option<Index<::gltf::json::Accessor>>,
+        linear: &Matrix3<f64>,
+        vertices: usize,
+        item: &dyn Fn() -> String,
+    ) -> Result<(), MeshReadError> {
+        let wanted = self.part.normals.len() + vertices;
+        if let Some(accessor) = accessor {
+            let normals = self.data.vectors(accessor, item)?;
+            if self.part.clues.is_open_cascade() {
+                normals.iter().for_each(|&normal| self.part.clues.zeros.count(normal));
+            }
+            // Normals of a flattened object have no direction; they are then estimated.
+            let turn = linear.try_inverse().map(|inverse| inverse.transpose());
+            let turned = normals.iter().take(vertices).map(|normal| {
+                turn.map_or(Vector3::zeros(), |turn| turn * Vector3::from(normal.map(f64::from)))
+            });
+            self.part.normals.extend(turned);
+            self.has_normals = true;
+        }
+        self.part.normals.resize(wanted, Vector3::zeros());
+        Ok(())
+    }
+
+    fn note_material(&mut self, primitive: &Primitive) {
+        let Some(material) = primitive.material else { return };
+        let number = material.value();
+        if self.used_materials.get(number) == Some(&false) {
+            self.used_materials[number] = true;
+            let name = self.data.root.materials[number].name.clone();
+            self.part.materials.push(name.unwrap_or_else(|| format!("material {number}")));
+        }
+    }
+
+    fn leave_aside(&mut self, what: &'static str, count: usize) {
+        if count > 0 {
+            *self.not_taken.entry(what).or_default() += count;
+        }
+    }
+
+    fn name_the_rest(&mut self) {
+        self.leave_aside("animation", self.data.root.animations.len());
+        self.part.not_taken = self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
+    }
+
+    fn finish(self) -> Result<RawPart, MeshReadError> {
+        let mut part = self.part;
+        if part.triangles.is_empty() {
+            let root = self.data.root;
+            let cause = match () {
+                _ if !self.not_taken.is_empty() => EmptyCause::OnlyOthers(part.not_taken),
+                _ if root.meshes.is_empty() && !root.nodes.is_empty() && part.clues.is_open_cascade() => {
+                    EmptyCause::NeverMeshed
+                }
+                _ => EmptyCause::Nothing,
+            };
+            return Err(MeshReadError::NoTriangles { cause });
+        }
+        if !self.has_normals {
+            part.normals.clear();
+            part.normals_found = NormalsFound::None;
+            return Ok(part);
+        }
+        let normal = |triangle: usize, corner: usize| {
+            let index: u32 = part.triangles[triangle][corner];
+            part.normals[index as usize]
+        };
+        part.normals_found = NormalsFound::Smooth;
+        if let Some(welded) = normals::weld_facets(&part.positions, &part.triangles, normal) {
+            part.normals_found = NormalsFound::FacetsOnly;
+            part.normals.clear();
+            (part.positions, part.triangles) = welded;
+        }
+        Ok(part)
+    }
+}
+
+fn children(node: &Node) -> impl Iterator<Item = usize> + '_ {
+    node.children.iter().flatten().map(|child| child.value())
+}
+
+fn node_name(node: &Node, number: usize) -> String {
+    node.name.as_ref().map_or_else(|| format!("node {number}"), |name| format!("node \"{name}\""))
+}
+
+fn name_of_mesh(mesh: &Mesh, index: Index<Mesh>) -> String {
+    mesh.name.clone().unwrap_or_else(|| format!("mesh {}", index.value()))
+}
+
+/// A node's own transform. It is composed in f64, since f32 products lose 1e-4 mm at the end of a long tree.
+fn local_transform(node: &Node) -> Matrix4<f64> {
+    if let Some(matrix) = &node.matrix {
+        return Matrix4::from_iterator(matrix.iter().map(|&entry| f64::from(entry)));
+    }
+    let triple = |values: Option<[f32; 3]>, otherwise: f64| {
+        Vector3::from(values.map_or([otherwise; 3], |values| values.map(f64::from)))
+    };
+    let turn = rotation(node).map_or(Matrix3::identity(), |turn| turn.to_rotation_matrix().into_inner());
+    let linear = turn * Matrix3::from_diagonal(&triple(node.scale, 1.0));
+    let mut transform = linear.to_homogeneous();
+    transform.fixed_view_mut::<3, 1>(0, 3).copy_from(&triple(node.translation, 0.0));
+    transform
+}
+
+/// The node's turn with its seven digits brought back to unit length; none for a quaternion of length zero.
+fn rotation(node: &Node) -> Option<UnitQuaternion<f64>> {
+    let [x, y, z, w] = node.rotation.as_ref()?.0.map(f64::from);
+    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)
+}
+
+/// A quarter turn about X to within 1e-5 rad, without scale.
+fn quarter_turn(node: &Node) -> RootTurn {
+    if node.matrix.is_some() || node.scale.is_some_and(|scale| scale.iter().any(|s| (s - 1.0).abs() > 1e-5)) {
+        return RootTurn::Other;
+    }
+    let turn = rotation(node).map_or(Vector3::zeros(), |turn| turn.scaled_axis());
+    let quarter = Vector3::x() * std::f64::consts::FRAC_PI_2;
+    if (turn - quarter).norm() < 1e-5 {
+        RootTurn::UpToFront
+    } else if (turn + quarter).norm() < 1e-5 {
+        RootTurn::FrontToUp
+    } else {
+        RootTurn::Other
+    }
+}

@@ -1,0 +1,129 @@
+//! Triangles of a face with any number of corners, concave ones included.
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+/// Cuts the polygon into `corners.len() - 2` triangles, given as numbers of its corners and turning as it turns.
+///
+/// Ear clipping (G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82, 1975) in the plane of the polygon's
+/// vector area; a convex polygon is cut into a fan. Where no ear is left, because the polygon crosses itself or has no
+/// area, the next corner is cut off all the same, so that every corner is used and the work is bounded.
+pub(super) fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 3])) {
+    if corners.len() < 3 {
+        return;
+    }
+    let flat = projected(corners);
+    let is_left_turn = |a: usize, b: usize, c: usize| turn(flat[a], flat[b], flat[c]) >= 0.0;
+    let count = corners.len();
+    let is_convex = (0..count).all(|at| is_left_turn(at, (at + 1) % count, (at + 2) % count));
+    if corners.len() == 3 || is_convex {
+        (1..count - 1).for_each(|at| emit([0, at, at + 1]));
+        return;
+    }
+    let mut left: Vec<usize> = (0..count).collect();
+    let mut at = 0;
+    let mut refused = 0;
+    while left.len() > 3 {
+        let here = [left[(at + left.len() - 1) % left.len()], left[at], left[(at + 1) % left.len()]];
+        if refused >= left.len() || is_ear(&flat, &left, here) {
+            emit(here);
+            left.remove(at);
+            refused = 0;
+            // Stepping back would cut a fan of slivers; going on spreads the cuts.
+            at %= left.len();
+        } else {
+            refused += 1;
+            at = (at + 1) % left.len();
+        }
+    }
+    emit([left[0], left[1], left[2]]);
+}
+
+fn is_ear(flat: &[Vector2<f64>], left: &[usize], [before, tip, after]: [usize; 3]) -> bool {
+    let [a, b, c] = [flat[before], flat[tip], flat[after]];
+    if turn(a, b, c) <= 0.0 {
+        return false;
+    }
+    !left.iter().any(|&other| {
+        let point = flat[other];
+        other != before
+            && other != tip
+            && other != after
+            && point != a
+            && point != b
+            && point != c
+            && turn(a, b, point) >= 0.0
+            && turn(b, c, point) >= 0.0
+            && turn(c, a, point) >= 0.0
+    })
+}
+
+/// The corners in the plane across Newell's normal, counter-clockwise.
+fn projected(corners: &[Point3<f64>]) -> Vec<Vector2<f64>> {
+    let origin = corners[0];
+    let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
+    let normal: Vector3<f64> = pairs.map(|(a, b)| (a - origin).cross(&(b - origin))).sum();
+    let normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::z);
+    let helper = if normal.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+    let u = helper.cross(&normal).normalize();
+    let v = normal.cross(&u);
+    corners.iter().map(|corner| corner - origin).map(|arm| Vector2::new(arm.dot(&u), arm.dot(&v))).collect()
+}
+
+/// Twice the signed area of the triangle, positive counter-clockwise.
+fn turn(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
+    (b - a).perp(&(c - a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sum of the triangles' areas along +Z, and of their magnitudes: equal only if none lies outside or flipped.
+    fn areas(points: &[[f64; 2]]) -> (f64, f64, usize) {
+        let corners: Vec<Point3<f64>> = points.iter().map(|&[x, y]| Point3::new(x, y, 3.0)).collect();
+        let (mut signed, mut total, mut count) = (0.0, 0.0, 0);
+        triangulate(&corners, |[a, b, c]| {
+            let area = (corners[b] - corners[a]).cross(&(corners[c] - corners[a])).z / 2.0;
+            signed += area;
+            total += area.abs();
+            count += 1;
+        });
+        (signed, total, count)
+    }
+
+    #[test]
+    fn concave_faces_keep_their_area_and_turn() {
+        let arrow = [[0.0, 0.0], [4.0, -2.0], [1.0, 0.0], [4.0, 2.0]];
+        assert_eq!(areas(&arrow), (2.0, 2.0, 2));
+        let mut turned = arrow;
+        turned.rotate_left(1);
+        assert_eq!(areas(&turned), (2.0, 2.0, 2));
+        let comb = [
+            [0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [6.0, 3.0], [6.0, 1.0], [5.0, 1.0], [5.0, 3.0], [4.0, 3.0], [4.0, 1.0],
+            [3.0, 1.0], [3.0, 3.0], [0.0, 3.0],
+        ];
+        let (signed, total, count) = areas(&comb);
+        assert!((signed - 17.0).abs() < 1e-12 && (total - 17.0).abs() < 1e-12, "{signed} {total}");
+        assert_eq!(count, 10);
+        let clockwise: Vec<[f64; 2]> = comb.iter().rev().copied().collect();
+        assert!((areas(&clockwise).0 + 17.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_face_with_a_bridged_hole_keeps_the_hole_open() {
+        let ring = [
+            [0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0], [1.0, 1.0], [1.0, 3.0], [3.0, 3.0], [3.0, 1.0],
+            [1.0, 1.0],
+        ];
+        let (signed, total, _) = areas(&ring);
+        assert!((signed - 12.0).abs() < 1e-12 && (total - 12.0).abs() < 1e-12, "{signed} {total}");
+    }
+
+    #[test]
+    fn faces_without_area_or_with_crossings_come_to_an_end() {
+        assert_eq!(areas(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]).2, 2);
+        assert_eq!(areas(&[[0.0, 0.0]; 5]).2, 3);
+        assert_eq!(areas(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]).2, 2);
+        assert_eq!(areas(&[[0.0, 0.0], [1.0, 1.0]]).2, 0);
+    }
+}

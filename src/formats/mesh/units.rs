@@ -1,0 +1,150 @@
+//! The units and up axes a part file may speak in, and decisions with their reasons.
+
+use std::fmt;
+use std::str::FromStr;
+
+use nalgebra::Vector3;
+
+/// The unit of a part file's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LengthUnit {
+    /// 1 mm.
+    Millimetre,
+    /// 10 mm.
+    Centimetre,
+    /// 1000 mm.
+    Metre,
+    /// 25.4 mm.
+    Inch,
+}
+
+/// The axis of a part file that points up as the designer modelled the part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UpAxis {
+    /// +Y up, as glTF demands.
+    Y,
+    /// +Z up, as CAD programs have it.
+    Z,
+}
+
+/// A value that was decided, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decision<T> {
+    /// What was decided.
+    pub value: T,
+    /// Why, as a clause that can stand after "because".
+    pub why: String,
+}
+
+/// A setting's word that names no unit or axis.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("\"{word}\" is none of {expected}")]
+pub struct UnknownWord {
+    /// The word as written.
+    pub word: String,
+    /// The words that are understood.
+    pub expected: &'static str,
+}
+
+impl LengthUnit {
+    /// Length of the unit, mm.
+    pub fn in_mm(self) -> f64 {
+        match self {
+            Self::Millimetre => 1.0,
+            Self::Centimetre => 10.0,
+            Self::Metre => 1000.0,
+            Self::Inch => 25.4,
+        }
+    }
+}
+
+impl fmt::Display for LengthUnit {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Millimetre => "mm",
+            Self::Centimetre => "cm",
+            Self::Metre => "m",
+            Self::Inch => "inch",
+        })
+    }
+}
+
+impl FromStr for LengthUnit {
+    type Err = UnknownWord;
+
+    fn from_str(word: &str) -> Result<Self, UnknownWord> {
+        match word.to_ascii_lowercase().as_str() {
+            "mm" => Ok(Self::Millimetre),
+            "cm" => Ok(Self::Centimetre),
+            "m" => Ok(Self::Metre),
+            "inch" => Ok(Self::Inch),
+            _ => Err(UnknownWord { word: word.into(), expected: "mm, cm, m, inch" }),
+        }
+    }
+}
+
+impl UpAxis {
+    /// A vector of the file, turned so that up is +Z.
+    pub(super) fn to_z_up(self, vector: Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Y => Vector3::new(vector.x, -vector.z, vector.y),
+            Self::Z => vector,
+        }
+    }
+}
+
+impl fmt::Display for UpAxis {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Y => "y",
+            Self::Z => "z",
+        })
+    }
+}
+
+impl FromStr for UpAxis {
+    type Err = UnknownWord;
+
+    fn from_str(word: &str) -> Result<Self, UnknownWord> {
+        match word.to_ascii_lowercase().as_str() {
+            "y" => Ok(Self::Y),
+            "z" => Ok(Self::Z),
+            _ => Err(UnknownWord { word: word.into(), expected: "y, z" }),
+        }
+    }
+}
+
+impl<T> Decision<T> {
+    /// The value and its reason.
+    pub fn new(value: T, why: impl Into<String>) -> Self {
+        Self { value, why: why.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_the_settings_are_read_and_written_alike() {
+        for word in ["mm", "cm", "m", "inch"] {
+            assert_eq!(word.parse::<LengthUnit>().unwrap().to_string(), word);
+        }
+        for word in ["y", "z"] {
+            assert_eq!(word.parse::<UpAxis>().unwrap().to_string(), word);
+        }
+        assert_eq!("Z".parse(), Ok(UpAxis::Z));
+        assert_eq!(
+            "ell".parse::<LengthUnit>().unwrap_err().to_string(),
+            "\"ell\" is none of mm, cm, m, inch"
+        );
+        assert!("x".parse::<UpAxis>().is_err());
+    }
+
+    #[test]
+    fn y_up_is_turned_not_mirrored() {
+        let turn = |x, y, z| UpAxis::Y.to_z_up(Vector3::new(x, y, z));
+        assert_eq!(turn(0.0, 1.0, 0.0), Vector3::z());
+        assert_eq!(turn(1.0, 0.0, 0.0).cross(&turn(0.0, 1.0, 0.0)), turn(0.0, 0.0, 1.0));
+    }
+}
