@@ -1,0 +1,228 @@
+//! The closed choices of the settings, with the names people write; the command line uses the same names.
+
+use std::str::FromStr;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::text::{listed, nearest};
+use crate::geometry::space::Facing;
+
+/// A name that is none of the choices.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownChoice {
+    /// What was to be chosen, such as `method`.
+    pub what: &'static str,
+    /// The name that was given.
+    pub given: String,
+    /// The names that are known.
+    pub allowed: &'static [&'static str],
+}
+
+impl std::fmt::Display for UnknownChoice {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{} `{}` is not known; choose {}", self.what, self.given, listed(self.allowed))?;
+        match nearest(&self.given, self.allowed) {
+            Some(name) => write!(out, " (did you mean `{name}`?)"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl std::error::Error for UnknownChoice {}
+
+/// Defines an enum whose variants have one name each, for the files, the command line and the reports alike.
+macro_rules! choices {
+    ($(#[$about:meta])* $kind:ident, $what:literal { $($(#[$meta:meta])* $variant:ident = $name:literal,)+ }) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum $kind {
+            $($(#[$meta])* #[serde(rename = $name)] $variant,)+
+        }
+
+        impl $kind {
+            /// The names of all choices, in the order they are explained.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// The name people write.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)+
+                }
+            }
+        }
+
+        impl FromStr for $kind {
+            type Err = UnknownChoice;
+            fn from_str(text: &str) -> Result<Self, UnknownChoice> {
+                match text {
+                    $($name => Ok(Self::$variant),)+
+                    _ => Err(UnknownChoice { what: $what, given: text.into(), allowed: Self::NAMES }),
+                }
+            }
+        }
+
+        impl std::fmt::Display for $kind {
+            fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                out.write_str(self.name())
+            }
+        }
+    };
+}
+
+choices! {
+    /// How the drawing is bent.
+    Method, "method" {
+        /// The exact cylinder where the part is one within the residual, otherwise `isometric`.
+        #[default]
+        Auto = "auto",
+        /// Any free form: the map whose metric is nearest to the drawing's.
+        Isometric = "isometric",
+        /// Exact unrolling of a cylinder.
+        Cylinder = "cylinder",
+        /// Plain projection, to show what happens without a correction.
+        None = "none",
+    }
+}
+
+choices! {
+    /// Where `isometric` keeps lengths first.
+    Weighting, "weighting" {
+        /// On the lines and areas that are marked.
+        #[default]
+        Ink = "ink",
+        /// Evenly over the pattern's rectangle.
+        Uniform = "uniform",
+    }
+}
+
+choices! {
+    /// Which points of the drawing are carried over.
+    Vertices, "vertices" {
+        /// As many as the chord tolerance needs, and no more.
+        #[default]
+        Adaptive = "adaptive",
+        /// Exactly the drawing's own, to compare with other tools.
+        Keep = "keep",
+    }
+}
+
+choices! {
+    /// A unit of length in a file.
+    LengthUnit, "unit" {
+        /// Millimetres.
+        #[default]
+        Mm = "mm",
+        /// Centimetres.
+        Cm = "cm",
+        /// Metres.
+        M = "m",
+        /// Inches of 25.4 mm.
+        Inch = "inch",
+    }
+}
+
+impl LengthUnit {
+    /// The length of one unit, mm.
+    pub fn millimetres(self) -> f64 {
+        match self {
+            Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::M => 1000.0,
+            Self::Inch => 25.4,
+        }
+    }
+}
+
+choices! {
+    /// The axis of a part's file that points up.
+    UpAxis, "up axis" {
+        /// Z, as in CAD.
+        #[default]
+        Z = "z",
+        /// Y, as glTF asks for.
+        Y = "y",
+    }
+}
+
+choices! {
+    /// Where the marking field has its zero.
+    FieldOrigin, "origin" {
+        /// In the middle.
+        #[default]
+        Center = "center",
+        /// In the lower left corner.
+        Corner = "corner",
+    }
+}
+
+choices! {
+    /// The version of the corrected DXF.
+    DxfVersion, "DXF version" {
+        /// LWPOLYLINE, read by everything current.
+        #[default]
+        R2000 = "R2000",
+        /// POLYLINE, for old importers.
+        R12 = "R12",
+    }
+}
+
+choices! {
+    /// How new files in the hot folder are noticed between two listings.
+    Backend, "backend" {
+        /// By the operating system's events: at once, on local disks.
+        #[default]
+        Native = "native",
+        /// By listing alone: for network shares, which raise no events for other computers' files.
+        Poll = "poll",
+    }
+}
+
+const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y"];
+
+/// The side of the part that faces the laser, from `+z`, `-x` … or a direction `X,Y,Z` in the part frame.
+///
+/// # Errors
+/// When the text is neither, or the direction has no length.
+pub fn parse_facing(text: &str) -> Result<Facing, UnknownChoice> {
+    let direction = match text.trim() {
+        "+z" | "z" => Vector3::z(),
+        "-z" => -Vector3::z(),
+        "+x" | "x" => Vector3::x(),
+        "-x" => -Vector3::x(),
+        "+y" | "y" => Vector3::y(),
+        "-y" => -Vector3::y(),
+        other => {
+            let numbers: Vec<f64> = other.split(',').map_while(|part| part.trim().parse().ok()).collect();
+            let given: [f64; 3] = match numbers.try_into() {
+                Ok(given) if other.matches(',').count() == 2 => given,
+                _ => [0.0; 3],
+            };
+            Vector3::from(given)
+        }
+    };
+    Facing::towards(direction).ok_or(UnknownChoice { what: "facing", given: text.into(), allowed: FACINGS })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_back_from_every_choice() {
+        for name in Method::NAMES {
+            assert_eq!(name.parse::<Method>().unwrap().to_string(), *name);
+        }
+        let error = "isometrc".parse::<Method>().unwrap_err();
+        assert!(error.to_string().contains("did you mean `isometric`?"), "{error}");
+    }
+
+    #[test]
+    fn a_facing_is_a_side_or_a_direction() {
+        assert_eq!(parse_facing("-y").unwrap().direction(), -Vector3::y());
+        assert_eq!(parse_facing("0, 0, 2").unwrap(), Facing::TOP);
+        for wrong in ["", "up", "0,0,0", "1,2", "1,2,3,4", "1,,3", "nan,0,0"] {
+            assert!(parse_facing(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! The keys of the files, as serde sees them, and what they change in a [`JobSettings`].
+
+use nalgebra::Vector3;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::choices::{
+    DxfVersion, FieldOrigin, LengthUnit, Method, UpAxis, Vertices, Weighting, parse_facing,
+};
+use super::error::ConfigError;
+use super::settings::{Anchor, Field, IncidenceLimits, JobSettings, Lens};
+use super::text::SettingsText;
+use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
+
+/// A coordinate no station reaches, mm; beyond it a unit was mistaken.
+const FARTHEST: f64 = 10_000.0;
+
+/// The tables that the station sets for all SKUs and a SKU file may override.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct JobKeys {
+    part: PartKeys,
+    pattern: PatternKeys,
+    placement: PlacementKeys,
+    correction: CorrectionKeys,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PartKeys {
+    facing: Option<Spanned<NameOr<[f64; 3]>>>,
+    roll_deg: Option<Spanned<f64>>,
+    unit: Option<LengthUnit>,
+    up: Option<UpAxis>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PatternKeys {
+    unit_if_unitless: Option<LengthUnit>,
+    ink_layers: Option<Spanned<Vec<String>>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct PlacementKeys {
+    place_mm: Option<Spanned<[f64; 2]>>,
+    anchor: Option<Spanned<NameOr<[f64; 2]>>>,
+    rotate_deg: Option<Spanned<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct CorrectionKeys {
+    method: Option<Method>,
+    weighting: Option<Weighting>,
+    tolerance_mm: Option<Spanned<f64>>,
+    vertices: Option<Vertices>,
+    max_residual_mm: Option<Spanned<f64>>,
+}
+
+/// A name in quotes, or numbers.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a name in quotes or a list of numbers in brackets")]
+enum NameOr<T> {
+    Name(String),
+    Numbers(T),
+}
+
+impl JobKeys {
+    /// The same tables inside a station file.
+    pub(super) fn from_tables(
+        part: PartKeys,
+        pattern: PatternKeys,
+        placement: PlacementKeys,
+        correction: CorrectionKeys,
+    ) -> Self {
+        Self { part, pattern, placement, correction }
+    }
+
+    /// Sets what the file names and leaves the rest.
+    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        self.part.apply(text, to)?;
+        self.pattern.apply(text, to)?;
+        self.placement.apply(text, to)?;
+        self.correction.apply(text, to)
+    }
+}
+
+impl PartKeys {
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        if let Some(facing) = self.facing {
+            to.part.facing = match facing.get_ref() {
+                NameOr::Name(name) => parse_facing(name).ok(),
+                NameOr::Numbers(direction) => Facing::towards(Vector3::from(*direction)),
+            }
+            .ok_or_else(|| ConfigError::Contradiction {
+                spot: text.spot(&facing.span()),
+                what: "`part.facing` names no side of the part.".into(),
+                remedy:
+                    "Give \"+z\", \"-z\", \"+x\", \"-x\", \"+y\", \"-y\" or a direction such as [1, 0, 0.5]."
+                        .into(),
+            })?;
+        }
+        if let Some(roll) = self.roll_deg {
+            to.part.roll = text.number("part.roll_deg", &roll, -360.0..=360.0, "deg")?.to_radians();
+        }
+        to.part.unit = self.unit.or(to.part.unit);
+        to.part.up = self.up.or(to.part.up);
+        Ok(())
+    }
+}
+
+impl PatternKeys {
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        to.pattern.unit_if_unitless = self.unit_if_unitless.unwrap_or(to.pattern.unit_if_unitless);
+        if let Some(layers) = self.ink_layers {
+            if layers.get_ref().is_empty() {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&layers.span()),
+                    what: "`pattern.ink_layers` is empty, so nothing would be marked.".into(),
+                    remedy: "Name at least one layer, or leave the key out to mark all.".into(),
+                });
+            }
+            to.pattern.ink_layers = Some(layers.into_inner());
+        }
+        Ok(())
+    }
+}
+
+impl PlacementKeys {
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        if let Some(place) = self.place_mm {
+            let [x, y] = text.numbers("placement.place_mm", &place, -FARTHEST..=FARTHEST, "mm")?;
+            to.placement.place = Some(ViewPoint::new(x, y));
+        }
+        if let Some(anchor) = self.anchor {
+            to.placement.anchor = match anchor.get_ref() {
+                NameOr::Name(name) => match name.as_str() {
+                    "center" => Anchor::Center,
+                    "origin" => Anchor::Origin,
+                    _ => {
+                        return Err(ConfigError::UnknownChoice {
+                            spot: text.spot(&anchor.span()),
+                            given: name.clone(),
+                            allowed: vec!["center".into(), "origin".into()],
+                        });
+                    }
+                },
+                NameOr::Numbers(point) => {
+                    for value in point {
+                        let range = -FARTHEST..=FARTHEST;
+                        text.in_range("placement.anchor", *value, &anchor.span(), range, "mm")?;
+                    }
+                    Anchor::At(FlatPoint::new(point[0], point[1]))
+                }
+            };
+        }
+        if let Some(rotate) = self.rotate_deg {
+            let range = -360.0..=360.0;
+            to.placement.rotate = text.number("placement.rotate_deg", &rotate, range, "deg")?.to_radians();
+        }
+        Ok(())
+    }
+}
+
+impl CorrectionKeys {
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        let correction = &mut to.correction;
+        correction.method = self.method.unwrap_or(correction.method);
+        correction.weighting = self.weighting.unwrap_or(correction.weighting);
+        correction.vertices = self.vertices.unwrap_or(correction.vertices);
+        if let Some(tolerance) = self.tolerance_mm {
+            correction.tolerance = text.number("correction.tolerance_mm", &tolerance, 0.0001..=1.0, "mm")?;
+        }
+        if let Some(limit) = self.max_residual_mm {
+            correction.max_residual =
+                text.number("correction.max_residual_mm", &limit, 0.0001..=10.0, "mm")?;
+        }
+        Ok(())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FieldKeys {
+    width_mm: Spanned<f64>,
+    height_mm: Spanned<f64>,
+    #[serde(default)]
+    origin: FieldOrigin,
+}
+
+impl FieldKeys {
+    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        to.field = Some(Field {
+            width: text.number("field.width_mm", &self.width_mm, 1.0..=FARTHEST, "mm")?,
+            height: text.number("field.height_mm", &self.height_mm, 1.0..=FARTHEST, "mm")?,
+            origin: self.origin,
+        });
+        Ok(())
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct FixtureKeys {
+    x_mm: Option<Spanned<f64>>,
+    y_mm: Option<Spanned<f64>>,
+    z_mm: Option<Spanned<f64>>,
+    rotation_deg: Option<Spanned<f64>>,
+}
+
+impl FixtureKeys {
+    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        let offset = |key, given: Option<Spanned<f64>>| match given {
+            Some(given) => text.number(key, &given, -FARTHEST..=FARTHEST, "mm"),
+            None => Ok(0.0),
+        };
+        to.fixture.x = offset("fixture.x_mm", self.x_mm)?;
+        to.fixture.y = offset("fixture.y_mm", self.y_mm)?;
+        to.fixture.z = offset("fixture.z_mm", self.z_mm)?;
+        if let Some(rotation) = self.rotation_deg {
+            let range = -360.0..=360.0;
+            to.fixture.rotation = text.number("fixture.rotation_deg", &rotation, range, "deg")?.to_radians();
+        }
+        Ok(())
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct OpticsKeys {
+    kind: Option<Spanned<LensKind>>,
+    lens_distance_x_mm: Option<Spanned<f64>>,
+    lens_distance_y_mm: Option<Spanned<f64>>,
+    focus_depth_mm: Option<Spanned<f64>>,
+    incidence_note_deg: Option<Spanned<f64>>,
+    incidence_warn_deg: Option<Spanned<f64>>,
+    incidence_refuse_deg: Option<Spanned<f64>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum LensKind {
+    Telecentric,
+    Perspective,
+}
+
+impl OpticsKeys {
+    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        to.optics.lens = self.lens(text)?;
+        if let Some(depth) = &self.focus_depth_mm {
+            to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);
+        }
+        to.optics.incidence = self.incidence(text, to.optics.incidence)?;
+        Ok(())
+    }
+
+    fn lens(&self, text: &SettingsText) -> Result<Lens, ConfigError> {
+        let kind = self.kind.as_ref().map_or(LensKind::Telecentric, |kind| *kind.get_ref());
+        let distance = |key, given: &Spanned<f64>| text.number(key, given, 10.0..=FARTHEST, "mm");
+        match (kind, &self.lens_distance_x_mm, &self.lens_distance_y_mm) {
+            (LensKind::Telecentric, None, None) => Ok(Lens::Telecentric),
+            (LensKind::Perspective, Some(x), Some(y)) => Ok(Lens::Perspective {
+                x: distance("optics.lens_distance_x_mm", x)?,
+                y: distance("optics.lens_distance_y_mm", y)?,
+            }),
+            (LensKind::Telecentric, Some(given), _) | (LensKind::Telecentric, None, Some(given)) => {
+                Err(ConfigError::Contradiction {
+                    spot: text.spot(&given.span()),
+                    what: "A telecentric lens has no lens distance.".into(),
+                    remedy: "Set `kind = \"perspective\"`, or remove the lens distances.".into(),
+                })
+            }
+            (LensKind::Perspective, x, _) => Err(ConfigError::Missing {
+                spot: text.spot(&self.kind.as_ref().map_or(0..0, Spanned::span)),
+                key: if x.is_none() { "lens_distance_x_mm" } else { "lens_distance_y_mm" }.into(),
+            }),
+        }
+    }
+
+    fn incidence(
+        &self,
+        text: &SettingsText,
+        default: IncidenceLimits,
+    ) -> Result<IncidenceLimits, ConfigError> {
+        let limit = |key, given: &Option<Spanned<f64>>, default: f64| match given {
+            Some(given) => Ok(text.number(key, given, 0.0..=89.0, "deg")?.to_radians()),
+            None => Ok(default),
+        };
+        let limits = IncidenceLimits {
+            note: limit("optics.incidence_note_deg", &self.incidence_note_deg, default.note)?,
+            warn: limit("optics.incidence_warn_deg", &self.incidence_warn_deg, default.warn)?,
+            refuse: limit("optics.incidence_refuse_deg", &self.incidence_refuse_deg, default.refuse)?,
+        };
+        if limits.note <= limits.warn && limits.warn <= limits.refuse {
+            return Ok(limits);
+        }
+        let given = [&self.incidence_note_deg, &self.incidence_warn_deg, &self.incidence_refuse_deg];
+        let first = given.into_iter().flatten().next();
+        Err(ConfigError::Contradiction {
+            spot: text.spot(&first.map_or(0..0, Spanned::span)),
+            what: format!(
+                "The incidence limits note {:.1}, warn {:.1}, refuse {:.1} deg do not rise.",
+                limits.note.to_degrees(),
+                limits.warn.to_degrees(),
+                limits.refuse.to_degrees()
+            ),
+            remedy: "Order them: note, warn, refuse, each at least as large as the one before.".into(),
+        })
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct OutputKeys {
+    dxf: Option<DxfVersion>,
+    comments: Option<bool>,
+}
+
+impl OutputKeys {
+    pub(super) fn apply(self, to: &mut JobSettings) {
+        to.output.dxf = self.dxf.unwrap_or(to.output.dxf);
+        to.output.comments = self.comments.unwrap_or(to.output.comments);
+    }
+}

@@ -1,0 +1,35 @@
+//! Settings: a station file and one file per SKU become one validated [`Station`] and one [`JobSettings`] per job.
+//!
+//! ```text
+//! station.toml  ──▶ Station { folders, watch, settings: JobSettings }
+//! skus/<sku>.toml ──────────▶ JobSettings of that SKU (overrides any part, placement, pattern or correction key)
+//! ```
+//!
+//! In the files angles are degrees and every key names its unit; inside there are millimetres and radians. Every
+//! mistake is a [`ConfigError`] that names file, line and column and says what is allowed. [`LiveSettings`] follows
+//! the files while a station runs.
+
+mod choices;
+mod sku;
+mod settings;
+mod station;
+mod keys;
+mod live;
+mod text;
+mod error;
+
+pub use choices::{
+    Backend, DxfVersion, FieldOrigin, LengthUnit, Method, UnknownChoice, UpAxis, Vertices, Weighting,
+    parse_facing,
+};
+pub use error::{ConfigError, Spot};
+pub use live::{LiveSettings, SettingsEvent};
+pub use settings::{
+    Anchor, CorrectionSettings, Field, Fixture, IncidenceLimits, JobSettings, Lens, Optics, Output,
+    PartSettings, PatternSettings, Placement,
+};
+pub use sku::{BadSku, Sku};
+pub use station::{FolderPaths, Station, Watch};
+
+#[cfg(test)]
+mod tests;

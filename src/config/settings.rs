@@ -1,0 +1,186 @@
+//! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
+
+use super::choices::{DxfVersion, FieldOrigin, LengthUnit, Method, UpAxis, Vertices, Weighting};
+use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
+
+/// All settings of one job; [`Default`] is what holds without any file or option.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JobSettings {
+    /// How the part's file is read and seen.
+    pub part: PartSettings,
+    /// How the pattern's file is read.
+    pub pattern: PatternSettings,
+    /// Where the pattern lands on the part.
+    pub placement: Placement,
+    /// How the drawing is bent.
+    pub correction: CorrectionSettings,
+    /// Where the part stands under the laser.
+    pub fixture: Fixture,
+    /// The lens and its limits.
+    pub optics: Optics,
+    /// The marking software's working area; `None` leaves the drawing's size unchecked.
+    pub field: Option<Field>,
+    /// The corrected file.
+    pub output: Output,
+}
+
+/// How the part's file is read and from which side it is seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartSettings {
+    /// The side of the part that faces the laser.
+    pub facing: Facing,
+    /// Turn of the view about the laser's axis, counter-clockwise, rad.
+    pub roll: f64,
+    /// Unit of the file's numbers; `None` takes what the format and the producer say.
+    pub unit: Option<LengthUnit>,
+    /// Axis of the file that points up; `None` takes what the format and the producer say.
+    pub up: Option<UpAxis>,
+}
+
+impl Default for PartSettings {
+    fn default() -> Self {
+        Self { facing: Facing::TOP, roll: 0.0, unit: None, up: None }
+    }
+}
+
+/// How the pattern's file is read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PatternSettings {
+    /// Unit of a drawing that names none.
+    pub unit_if_unitless: LengthUnit,
+    /// The layers that are marked, compared without regard to case; `None` for all. Other layers are carried along
+    /// without counting as ink.
+    pub ink_layers: Option<Vec<String>>,
+}
+
+/// Where the pattern lands on the part.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Placement {
+    /// Where the anchor lands in the view, mm; `None` leaves it where it was drawn.
+    pub place: Option<ViewPoint>,
+    /// The point of the drawing that is placed and turned about.
+    pub anchor: Anchor,
+    /// Turn of the drawing about its anchor, counter-clockwise, rad.
+    pub rotate: f64,
+}
+
+/// The point of the drawing that is placed and turned about.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Anchor {
+    /// The centre of the drawing's extents.
+    #[default]
+    Center,
+    /// The drawing's origin.
+    Origin,
+    /// A point of the drawing, mm.
+    At(FlatPoint),
+}
+
+/// How the drawing is bent, and how exactly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CorrectionSettings {
+    /// The method.
+    pub method: Method,
+    /// Where lengths are kept first.
+    pub weighting: Weighting,
+    /// Greatest distance between the corrected polyline and the true curve, mm.
+    pub tolerance: f64,
+    /// Which points of the drawing are carried over.
+    pub vertices: Vertices,
+    /// Greatest distance between the part and the fitted surface, mm; above it the part is refused.
+    pub max_residual: f64,
+}
+
+impl Default for CorrectionSettings {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            weighting: Weighting::default(),
+            tolerance: 0.01,
+            vertices: Vertices::default(),
+            max_residual: 0.1,
+        }
+    }
+}
+
+/// Where the part's view stands in the laser's frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Fixture {
+    /// Offset to the right in the field, mm.
+    pub x: f64,
+    /// Offset upwards in the field, mm.
+    pub y: f64,
+    /// Height of the part's origin above the plane the lens was calibrated at, mm.
+    pub z: f64,
+    /// Turn about the laser's axis, counter-clockwise, rad.
+    pub rotation: f64,
+}
+
+/// The lens and the limits of what it can mark.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Optics {
+    /// How the lens projects.
+    pub lens: Lens,
+    /// Whole range of heights that is in focus, mm; `None` leaves it unchecked.
+    pub focus_depth: Option<f64>,
+    /// What is said about the angle between the beam and the surface's normal.
+    pub incidence: IncidenceLimits,
+}
+
+/// How the lens projects.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Lens {
+    /// The beam is parallel to the axis everywhere: height shifts nothing.
+    #[default]
+    Telecentric,
+    /// The beams seem to come from one point per mirror.
+    Perspective {
+        /// Distance from the calibrated plane to where the beams meet in x, mm.
+        x: f64,
+        /// Distance from the calibrated plane to where the beams meet in y, mm.
+        y: f64,
+    },
+}
+
+/// Limits of the angle between the beam and the surface's normal, rad, in rising order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IncidenceLimits {
+    /// Above it the report notes the angle.
+    pub note: f64,
+    /// Above it the report warns.
+    pub warn: f64,
+    /// Above it the job is refused.
+    pub refuse: f64,
+}
+
+impl Default for IncidenceLimits {
+    fn default() -> Self {
+        Self { note: 11f64.to_radians(), warn: 30f64.to_radians(), refuse: 60f64.to_radians() }
+    }
+}
+
+/// The marking software's working area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Field {
+    /// Extent in x, mm.
+    pub width: f64,
+    /// Extent in y, mm.
+    pub height: f64,
+    /// Where its zero lies.
+    pub origin: FieldOrigin,
+}
+
+/// How the corrected file is written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    /// Its DXF version.
+    pub dxf: DxfVersion,
+    /// Whether comments (group code 999) say which program and SKU it comes from.
+    pub comments: bool,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { dxf: DxfVersion::default(), comments: true }
+    }
+}

@@ -1,0 +1,173 @@
+//! What station files say, and what is said about mistakes in them.
+
+use std::path::Path;
+use std::time::Duration;
+
+use super::*;
+use crate::geometry::space::{FlatPoint, ViewPoint};
+
+const NEEDED: &str = r#"
+[station]
+name = "L1"
+[folders]
+hot = "drop/hot"
+import = "../import"
+[field]
+width_mm = 100
+height_mm = 80.5
+"#;
+
+fn parse(text: &str) -> Result<Station, ConfigError> {
+    Station::parse(Path::new("line/station.toml"), text)
+}
+
+fn with(more: &str) -> Result<Station, ConfigError> {
+    parse(&format!("{NEEDED}{more}"))
+}
+
+#[test]
+fn a_short_file_is_enough_and_paths_start_at_it() {
+    let station = parse(NEEDED).unwrap();
+    assert_eq!(station.folders.hot, Path::new("line/drop/hot"));
+    assert_eq!(station.folders.import, Path::new("import"));
+    assert_eq!(station.folders.rejected, Path::new("line/rejected"));
+    assert_eq!(station.settings.field.unwrap().height, 80.5);
+    assert_eq!(station.watch, Watch::default());
+    assert_eq!(with("[watch]\nbackend = \"poll\"").unwrap().watch.rescan, Duration::from_secs(1));
+}
+
+#[test]
+fn files_speak_degrees_and_settings_hold_radians() {
+    let more = "[fixture]\nz_mm = -2\nrotation_deg = 90\n[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300\n\
+                lens_distance_y_mm = 285\nincidence_warn_deg = 45\n[placement]\nanchor = [1, 2.5]\nplace_mm = [0, 3]\n\
+                rotate_deg = 180\n[part]\nfacing = [0, -2, 0]\nunit = \"inch\"";
+    let settings = with(more).unwrap().settings;
+    assert_eq!(settings.fixture.rotation, std::f64::consts::FRAC_PI_2);
+    assert_eq!(settings.optics.lens, Lens::Perspective { x: 300.0, y: 285.0 });
+    assert_eq!(settings.optics.incidence.warn, 45f64.to_radians());
+    assert_eq!(settings.placement.anchor, Anchor::At(FlatPoint::new(1.0, 2.5)));
+    assert_eq!(settings.placement.place, Some(ViewPoint::new(0.0, 3.0)));
+    assert_eq!(settings.part.facing, parse_facing("-y").unwrap());
+    assert_eq!(settings.part.unit, Some(LengthUnit::Inch));
+}
+
+#[test]
+fn a_sku_overrides_key_by_key() {
+    let station = with("[correction]\ntolerance_mm = 0.02\nmethod = \"isometric\"").unwrap();
+    let file = Path::new("skus/a.toml");
+    let settings = station.settings.overridden_by(file, "[correction]\nmethod = \"none\"").unwrap();
+    assert_eq!((settings.correction.method, settings.correction.tolerance), (Method::None, 0.02));
+    let error = station.settings.overridden_by(file, "[folders]\nhot = \"x\"").unwrap_err();
+    assert!(matches!(error, ConfigError::UnknownKey { .. }), "{error}");
+}
+
+/// The text after [`NEEDED`] (whose last line is 9), what is said, and where.
+const MISTAKES: &[(&str, &str, u64, u64)] = &[
+    ("[watch]\nsetle_ms = 1", "There is no key `setle_ms` here. Did you mean `settle_ms`?", 11, 1),
+    ("[optic]\nkind = 1", "There is no key `optic` here. Did you mean `optics`?", 10, 2),
+    (
+        "[correction]\nmethod = \"isometrc\"",
+        "`isometrc` is none of the choices. Did you mean `isometric`?",
+        11,
+        10,
+    ),
+    (
+        "[correction]\ntolerance_mm = 5",
+        "`correction.tolerance_mm` cannot be 5 mm. Give a number from 0.0001",
+        11,
+        16,
+    ),
+    ("[correction]\ntolerance_mm = nan", "cannot be NaN mm", 11, 16),
+    ("[correction]\ntolerance_mm = \"5\"", "expected f64", 11, 16),
+    ("[part]\n  facing = \"up\"", "names no side", 11, 12),
+    ("[part]\nfacing = [0, 0, 0]", "names no side", 11, 10),
+    ("[part]\nfacing = 3", "expected a name in quotes or a list", 11, 10),
+    ("[placement]\nanchor = \"centre\"", "Did you mean `center`?", 11, 10),
+    ("[placement]\nplace_mm = [0, 1e9]", "cannot be 1000000000 mm", 11, 12),
+    ("[pattern]\nink_layers = []", "nothing would be marked", 11, 14),
+    ("[optics]\nlens_distance_x_mm = 300", "has no lens distance", 11, 22),
+    ("[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300", "`lens_distance_y_mm` is missing", 11, 8),
+    ("[optics]\nincidence_warn_deg = 5", "do not rise", 11, 22),
+    ("[output]\ndxf = \"R2004\"", "Did you mean `R2000`?", 11, 7),
+    ("[watch]\nrescan_s = 0", "cannot be 0 s", 11, 12),
+    ("[output]\ncomments = \"\\i\"", "forward slashes", 11, 14),
+];
+
+#[test]
+fn mistakes_are_told_with_place_and_remedy() {
+    for (more, words, line, column) in MISTAKES {
+        let error = with(more).expect_err(more);
+        let reason = error.reason();
+        assert!(error.to_string().contains(words), "{more}: {error}");
+        assert_eq!((reason.place.line, reason.place.column), (Some(*line), Some(*column)), "{more}: {error}");
+        assert_eq!(reason.place.file.as_deref(), Some("line/station.toml"));
+        assert!(!reason.remedy.is_empty());
+    }
+}
+
+#[test]
+fn what_is_needed_is_asked_for() {
+    let error = parse(&NEEDED.replace("import = \"../import\"\n", "")).unwrap_err();
+    assert!(matches!(&error, ConfigError::Missing { key, .. } if key == "import"), "{error}");
+    let error = parse("").unwrap_err();
+    assert!(matches!(&error, ConfigError::Missing { key, .. } if key == "station"), "{error}");
+    let error = parse(&NEEDED.replace("\"L1\"", "\" \"")).unwrap_err();
+    assert!(error.to_string().contains("no readable name"), "{error}");
+}
+
+#[test]
+fn folders_keep_out_of_each_other() {
+    for (folders, words) in [
+        ("import = \"drop/hot\"", "is the same"),
+        ("import = \"drop/hot/../hot/./x\"", "`import` lies in the folder `hot`"),
+        ("import = \"i\"\nreports = \"i/reports\"", "`reports` lies in the folder `import`"),
+        ("import = \"i\"\nreports = \"a\"\narchive = \"a\"", "are the same"),
+    ] {
+        let error = parse(&NEEDED.replace("import = \"../import\"", folders)).expect_err(folders);
+        assert!(error.to_string().contains(words), "{folders}: {error}");
+    }
+}
+
+#[test]
+fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    let sku: Sku = "Can-500".parse().unwrap();
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    let sku_file = folder.path().join("skus/can-500.toml");
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
+
+    let mut live = LiveSettings::open(&file).unwrap();
+    assert!(live.job(&sku).unwrap().placement.rotate > 1.5);
+
+    fs_err::write(&file, NEEDED.replace("width_mm", "widht_mm")).unwrap();
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = ").unwrap();
+    for expected in [2, 0] {
+        live.refresh();
+        assert_eq!(live.station().name, "L1");
+        assert!(live.job(&sku).unwrap().placement.rotate > 1.5);
+        let events = live.take_events();
+        assert!(events.iter().all(|event| matches!(event, SettingsEvent::Broken(_))), "{events:?}");
+        assert_eq!(events.len(), expected);
+    }
+
+    fs_err::write(&file, NEEDED.replace("L1", "L2")).unwrap();
+    fs_err::remove_file(&sku_file).unwrap();
+    live.refresh();
+    assert_eq!(live.station().name, "L2");
+    assert_eq!(live.job(&sku).unwrap().placement.rotate, 0.0);
+    assert!(matches!(live.take_events()[..], [SettingsEvent::StationChanged, SettingsEvent::SkuChanged(_)]));
+}
+
+#[test]
+fn a_sku_file_that_was_never_right_is_an_error_for_its_jobs_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    fs_err::write(folder.path().join("skus/bad.toml"), "[part]\nfacng = 1").unwrap();
+    let mut live = LiveSettings::open(&file).unwrap();
+    assert!(live.job(&"bad".parse().unwrap()).unwrap_err().to_string().contains("`facing`"));
+    assert!(live.job(&"good".parse().unwrap()).is_ok());
+}

@@ -1,0 +1,153 @@
+//! The text of a settings file: from spans to lines and columns, from the parser's words to typed errors.
+
+use std::ops::{Range, RangeInclusive};
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+
+use super::error::{ConfigError, Spot};
+
+/// A settings file as it was read.
+pub(super) struct SettingsText {
+    file: PathBuf,
+    text: String,
+}
+
+impl SettingsText {
+    pub(super) fn new(file: &Path, text: &str) -> Self {
+        // An editor's byte order mark is no mistake of the person who wrote the file.
+        Self { file: file.into(), text: text.strip_prefix('\u{feff}').unwrap_or(text).into() }
+    }
+
+    /// The tables of the file.
+    pub(super) fn parse<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
+        toml::from_str(&self.text).map_err(|error| self.explain(&error))
+    }
+
+    /// The line and column where `span` starts.
+    pub(super) fn spot(&self, span: &Range<usize>) -> Spot {
+        let before = self.text.get(..span.start).unwrap_or(&self.text);
+        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+        Spot {
+            file: self.file.clone(),
+            line: before.matches('\n').count() as u64 + 1,
+            column: before[line_start..].chars().count() as u64 + 1,
+        }
+    }
+
+    /// The number, if it lies in its range.
+    pub(super) fn number(
+        &self,
+        key: &str,
+        given: &Spanned<f64>,
+        range: RangeInclusive<f64>,
+        unit: &'static str,
+    ) -> Result<f64, ConfigError> {
+        self.in_range(key, *given.get_ref(), &given.span(), range, unit)
+    }
+
+    /// The numbers, if each lies in the range.
+    pub(super) fn numbers<const N: usize>(
+        &self,
+        key: &str,
+        given: &Spanned<[f64; N]>,
+        range: RangeInclusive<f64>,
+        unit: &'static str,
+    ) -> Result<[f64; N], ConfigError> {
+        for value in given.get_ref() {
+            self.in_range(key, *value, &given.span(), range.clone(), unit)?;
+        }
+        Ok(*given.get_ref())
+    }
+
+    pub(super) fn in_range(
+        &self,
+        key: &str,
+        value: f64,
+        span: &Range<usize>,
+        range: RangeInclusive<f64>,
+        unit: &'static str,
+    ) -> Result<f64, ConfigError> {
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        let (low, high) = range.into_inner();
+        Err(ConfigError::OutOfRange { spot: self.spot(span), key: key.into(), value, low, high, unit })
+    }
+
+    /// The parser names unknown keys and choices only in its message, with the names in backticks.
+    fn explain(&self, error: &toml::de::Error) -> ConfigError {
+        let span = error.span().unwrap_or(0..0);
+        let spot = self.spot(&span);
+        let message = error.message().trim_end_matches('.').replace('\n', "; ");
+        let mut names = message.split('`').skip(1).step_by(2).map(str::to_owned);
+        match (message.split_once('`').map(|(head, _)| head), names.next()) {
+            (Some("unknown field "), Some(key)) => {
+                ConfigError::UnknownKey { spot, key, allowed: names.collect() }
+            }
+            (Some("unknown variant "), Some(given)) => {
+                ConfigError::UnknownChoice { spot, given, allowed: names.collect() }
+            }
+            (Some("missing field "), Some(key)) => ConfigError::Missing { spot, key },
+            _ => {
+                let line = self.text.lines().nth(spot.line as usize - 1).unwrap_or("");
+                ConfigError::Syntax { spot, message, backslash: line.contains('\\') }
+            }
+        }
+    }
+}
+
+/// The names in backticks, as a list for people.
+pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("`{}`", name.as_ref())).collect();
+    quoted.join(", ")
+}
+
+/// The name that differs least from `given`, if it differs in less than half of its letters.
+pub(super) fn nearest<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Option<&'a str> {
+    let given = given.to_lowercase();
+    let distances = names.iter().map(|name| (edits(&given, &name.as_ref().to_lowercase()), name.as_ref()));
+    let (distance, name) = distances.min_by_key(|(distance, _)| *distance)?;
+    (distance * 2 <= name.chars().count()).then_some(name)
+}
+
+/// The number of letters to insert, remove, replace or swap with their neighbour (optimal string alignment).
+fn edits(from: &str, to: &str) -> usize {
+    let (from, to): (Vec<char>, Vec<char>) = (from.chars().collect(), to.chars().collect());
+    let mut table = vec![vec![0; to.len() + 1]; from.len() + 1];
+    for i in 0..=from.len() {
+        for j in 0..=to.len() {
+            table[i][j] = if i == 0 || j == 0 {
+                i + j
+            } else {
+                let replaced = table[i - 1][j - 1] + usize::from(from[i - 1] != to[j - 1]);
+                let mut best = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
+                if i > 1 && j > 1 && from[i - 1] == to[j - 2] && from[i - 2] == to[j - 1] {
+                    best = best.min(table[i - 2][j - 2] + 1);
+                }
+                best
+            };
+        }
+    }
+    table[from.len()][to.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_near() {
+        let names = ["hot", "import", "archive", "rejected"];
+        let cases = [
+            ("imprt", Some("import")),
+            ("improt", Some("import")),
+            ("Import", Some("import")),
+            ("ipmort_folder", None),
+        ];
+        for (given, expected) in cases {
+            assert_eq!(nearest(given, &names), expected, "{given}");
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Every sample in `watch-config/` is right, and says the defaults as they are.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+
+use std::path::{Path, PathBuf};
+
+use isomark::config::{JobSettings, Sku, Station, Watch};
+
+fn samples(folder: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let entries = fs_err::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let samples: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "toml")).collect();
+    assert!(!samples.is_empty());
+    samples
+}
+
+#[test]
+fn every_sample_loads() {
+    for file in samples("watch-config") {
+        Station::load(&file).unwrap_or_else(|error| panic!("{error}"));
+    }
+    for file in samples("watch-config/skus") {
+        let stem = file.file_stem().unwrap().to_str().unwrap();
+        stem.parse::<Sku>().unwrap();
+        let text = fs_err::read_to_string(&file).unwrap();
+        let settings = JobSettings::default().overridden_by(&file, &text);
+        assert_ne!(settings.unwrap_or_else(|error| panic!("{error}")), JobSettings::default());
+    }
+}
+
+#[test]
+fn the_annotated_station_shows_the_defaults() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("watch-config/station.toml");
+    let station = Station::load(&file).unwrap();
+    let expected = JobSettings { field: station.settings.field, ..JobSettings::default() };
+    assert_eq!(station.settings, expected);
+    assert_eq!(station.watch, Watch::default());
+    assert_eq!(station.folders.skus, file.with_file_name("skus"));
+}
