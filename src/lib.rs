@@ -4,3 +4,5 @@ pub mod geometry;
 pub mod reason;
 pub mod formats;
 pub mod config;
+pub mod files;
+pub mod cache;

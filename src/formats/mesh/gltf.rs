@@ -69,7 +69,8 @@ impl<'a> Container<'a> {
             };
         }
         let actual = bytes.len() as u64;
-        let truncated = |declared: u64| MeshReadError::Truncated { format: MeshFormat::Glb, declared, actual };
+        let truncated =
+            |declared: u64| MeshReadError::Truncated { format: MeshFormat::Glb, declared, actual };
         let version = word(bytes, 4).ok_or(truncated(12))?;
         let length = word(bytes, 8).ok_or(truncated(12))? as usize;
         if version != 2 {
@@ -153,8 +154,10 @@ fn load_buffers<'a>(
             }
             Some(uri) => {
                 let name = sibling_name(uri)?;
-                let data = sibling(&name)
-                    .map_err(|error| MeshReadError::BufferMissing { name: name.clone(), kind: error.kind() })?;
+                let data = sibling(&name).map_err(|error| MeshReadError::BufferMissing {
+                    name: name.clone(),
+                    kind: error.kind(),
+                })?;
                 (format!("\"{name}\""), Cow::Owned(data))
             }
         };

@@ -10,6 +10,7 @@ use std::fmt;
 use std::io;
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::reason::Notice;
@@ -31,7 +32,8 @@ use clues::{Clues, Corners};
 const MOST_TRIANGLES: usize = 20_000_000;
 
 /// A format that parts can be read from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum MeshFormat {
     /// glTF 2 as text, its buffers beside it or inside.
     Gltf,
@@ -60,7 +62,7 @@ pub struct PartReading {
 }
 
 /// What was found in a part file, and how it was understood.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartFacts {
     /// The format the bytes were in, whatever the file's name says.
     pub format: MeshFormat,
@@ -71,6 +73,7 @@ pub struct PartFacts {
     /// Axis of the file that points up.
     pub up: Decision<UpAxis>,
     /// Extents of the part along x, y and z with +Z up, mm.
+    #[serde(rename = "size_mm")]
     pub size: [f64; 3],
     /// Number of triangles with an area.
     pub triangles: usize,
@@ -89,7 +92,8 @@ pub struct PartFacts {
 }
 
 /// What a file's normals are good for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum NormalsFound {
     /// The file has none.
     None,
@@ -211,10 +215,11 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
-        let mesh = TriMesh::new(self.positions, self.normals, self.triangles).map_err(|error| match error {
-            MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
-            _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
-        })?;
+        let mesh =
+            TriMesh::new(self.positions, self.normals, self.triangles).map_err(|error| match error {
+                MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
+                _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+            })?;
         self.notices.extend(verdict.notices);
         let facts = PartFacts {
             format: self.clues.format,

@@ -54,10 +54,7 @@ fn is_within(angle: f64, a: Vector3<f64>, b: Vector3<f64>) -> bool {
 }
 
 /// Merges vertices at exactly the same position; triangles keep their order and name the first of each.
-pub(super) fn weld(
-    positions: &[Point3<f64>],
-    triangles: &[[u32; 3]],
-) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+pub(super) fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
     const FREE: u32 = u32::MAX;
     // Open addressing with at most half the places taken; a std map would not keep the order of first appearance.
     let places = (positions.len() * 2).next_power_of_two().max(2);
@@ -101,7 +98,14 @@ mod tests {
     use super::*;
 
     fn ridge() -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
-        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [-0.0, 1.0, 0.0]];
+        let points = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 1.0],
+            [-0.0, 1.0, 0.0],
+        ];
         (points.map(Point3::from).to_vec(), vec![[0, 1, 2], [3, 4, 5]])
     }
 

@@ -4,22 +4,28 @@ use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// The unit of a part file's numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LengthUnit {
     /// 1 mm.
+    #[serde(rename = "mm")]
     Millimetre,
     /// 10 mm.
+    #[serde(rename = "cm")]
     Centimetre,
     /// 1000 mm.
+    #[serde(rename = "m")]
     Metre,
     /// 25.4 mm.
+    #[serde(rename = "inch")]
     Inch,
 }
 
 /// The axis of a part file that points up as the designer modelled the part.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// +Y up, as glTF demands.
     Y,
@@ -28,7 +34,7 @@ pub enum UpAxis {
 }
 
 /// A value that was decided, and why.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Decision<T> {
     /// What was decided.
     pub value: T,

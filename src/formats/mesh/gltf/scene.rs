@@ -10,7 +10,9 @@ use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles};
+use crate::formats::mesh::{
+    MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles,
+};
 
 use super::accessor::Data;
 
@@ -98,21 +100,16 @@ impl Walk<'_> {
                 return Err(MeshReadError::BadTransform { node: node_name(node, number) });
             }
             self.node(node, number, &transform)?;
-            waiting.extend(
-                children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)),
-            );
+            waiting
+                .extend(children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)));
         }
-        let unreached = nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
+        let unreached =
+            nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
         self.leave_aside("object outside the scene shown", unreached.count());
         Ok(())
     }
 
-    fn node(
-        &mut self,
-        node: &Node,
-        number: usize,
-        transform: &Matrix4<f64>,
-    ) -> Result<(), MeshReadError> {
+    fn node(&mut self, node: &Node, number: usize, transform: &Matrix4<f64>) -> Result<(), MeshReadError> {
         self.leave_aside("camera", usize::from(node.camera.is_some()));
         self.leave_aside("skin (the part is read unposed)", usize::from(node.skin.is_some()));
         if let Some(extensions) = &node.extensions {
@@ -166,7 +163,8 @@ impl Walk<'_> {
         if first_vertex + positions.len() > 3 * MOST_TRIANGLES {
             return Err(too_many_triangles(first_vertex + positions.len()));
         }
-        let (linear, shift) = (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
+        let (linear, shift) =
+            (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
             let own = Vector3::from(position.map(f64::from));
             if !own.iter().all(|coordinate| coordinate.is_finite()) {
@@ -264,7 +262,8 @@ impl Walk<'_> {
 
     fn name_the_rest(&mut self) {
         self.leave_aside("animation", self.data.root.animations.len());
-        self.part.not_taken = self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
+        self.part.not_taken =
+            self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
     }
 
     fn finish(self) -> Result<RawPart, MeshReadError> {

@@ -1,0 +1,441 @@
+//! Fitted surfaces on disk, one folder per SKU, so that a pattern for a known SKU needs no mesh.
+//!
+//! ```text
+//! <cache>/v1/                 format version: another one is another folder
+//! └── <sku>/
+//!     ├── current.toml        the part last learned for the SKU
+//!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
+//!     └── <key>.toml          the same for people: where it comes from, what it leaves
+//! ```
+//!
+//! The key is the BLAKE3 hash of the part's bytes, of the settings that shape the surface and of the version of the fit;
+//! a `.fit` file is written once, whole, and never changed, so several stations may share a cache folder. A file that is
+//! damaged in any way is a miss: it is named, and the surface is fitted again.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+use crate::config::Sku;
+use crate::files::{read_if_there, write_whole};
+use crate::formats::mesh::PartFacts;
+use crate::geometry::height_field::{HeightField, Node};
+use crate::geometry::surface::fit::FittedSurface;
+use crate::geometry::surface::knots::UniformKnots;
+use crate::geometry::surface::nurbs::NurbsSurface;
+
+/// Version of the files' format and of the fit itself: raised whenever either changes.
+const VERSION: u32 = 1;
+const MAGIC: &[u8; 12] = b"isomark fit\n";
+/// Magic, version, hash of the body.
+const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;
+const CURRENT: &str = "current.toml";
+
+/// A folder of fitted surfaces.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cache {
+    root: PathBuf,
+}
+
+/// The name of a surface: what it was fitted to, and how.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct CacheKey(String);
+
+/// Where a surface comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartOrigin {
+    /// The part file's name.
+    pub file: String,
+    /// BLAKE3 hash of the part's bytes and of its buffers', in hexadecimal.
+    pub blake3: String,
+}
+
+/// A surface with its origin, as it is kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CachedSurface {
+    /// Where it comes from.
+    pub origin: PartOrigin,
+    /// What was found in the part's file.
+    pub facts: PartFacts,
+    /// The fitted surface with its samples.
+    pub surface: FittedSurface,
+}
+
+/// What a look into the cache found.
+#[derive(Debug)]
+pub enum Lookup {
+    /// The surface.
+    Hit(Box<CachedSurface>),
+    /// There is none.
+    Miss,
+    /// There is a file, but it cannot be used: what is wrong with it.
+    Damaged(String),
+}
+
+/// One entry, as `isomark cache list` shows it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CacheEntry {
+    /// The SKU's folder name.
+    pub sku: String,
+    /// The entry's name.
+    pub key: CacheKey,
+    /// Size of the file, bytes.
+    pub bytes: u64,
+    /// Whether this is the part last learned for the SKU.
+    pub current: bool,
+    /// The part's file name, or why the entry cannot be used.
+    pub state: EntryState,
+}
+
+/// Whether an entry can be used.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EntryState {
+    /// It can; the part it was fitted to and the largest residual, mm.
+    Good {
+        /// The part's file name.
+        part: String,
+        /// Largest distance between part and fit, mm.
+        residual_mm: f64,
+    },
+    /// It cannot; the next job fits the surface again.
+    Damaged(String),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    origin: PartOrigin,
+    /// As JSON: facts may gain fields that postcard could not skip.
+    facts: String,
+    knots_x: (f64, f64, usize),
+    knots_y: (f64, f64, usize),
+    heights: Vec<f64>,
+    field_origin: [f64; 2],
+    field_step: f64,
+    field_columns: usize,
+    field_rows: usize,
+    /// 0 empty, 1 wall, 2 surface.
+    node_kinds: Vec<u8>,
+    /// One for each wall or surface node.
+    node_heights: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Sidecar {
+    part: PartOrigin,
+    program: String,
+    control_points: [usize; 2],
+    span_mm: f64,
+    size_mm: [f64; 3],
+    residual_largest_mm: f64,
+    residual_rms_mm: f64,
+}
+
+impl CacheKey {
+    /// The key of a part (its hash, see [`PartOrigin`]) under settings that are written out in `settings`.
+    pub fn new(part_blake3: &str, settings: &str) -> Self {
+        let text = format!("isomark fit {VERSION}\n{part_blake3}\n{settings}");
+        Self(blake3::hash(text.as_bytes()).to_hex()[..32].to_owned())
+    }
+
+    /// The key as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Cache {
+    /// The cache in `root`, which is made when something is kept.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The folder of the cache.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    fn folder(&self, sku: &Sku) -> PathBuf {
+        self.version_folder().join(sku.key())
+    }
+
+    fn version_folder(&self) -> PathBuf {
+        self.root.join(format!("v{VERSION}"))
+    }
+
+    /// The part last learned for a SKU; `None` for an unknown one.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn current(&self, sku: &Sku) -> io::Result<Option<PartOrigin>> {
+        let Some(bytes) = read_if_there(&self.folder(sku).join(CURRENT))? else { return Ok(None) };
+        // A damaged note is as good as none: the part is then dropped or found in the archive.
+        Ok(std::str::from_utf8(&bytes).ok().and_then(|text| toml::from_str(text).ok()))
+    }
+
+    /// Looks a surface up.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn get(&self, sku: &Sku, key: &CacheKey) -> io::Result<Lookup> {
+        let Some(bytes) = read_if_there(&self.folder(sku).join(format!("{}.fit", key.0)))? else {
+            return Ok(Lookup::Miss);
+        };
+        Ok(match decode(&bytes) {
+            Ok(surface) => Lookup::Hit(Box::new(surface)),
+            Err(what) => Lookup::Damaged(what),
+        })
+    }
+
+    /// Keeps a surface and makes its part the current one of the SKU.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn put(&self, sku: &Sku, key: &CacheKey, kept: &CachedSurface) -> io::Result<()> {
+        let folder = self.folder(sku);
+        fs::create_dir_all(&folder)?;
+        write_whole(&folder, &format!("{}.fit", key.0), &encode(kept)?)?;
+        let (knots_x, knots_y) = kept.surface.nurbs.knots();
+        let sidecar = Sidecar {
+            part: kept.origin.clone(),
+            program: format!("isomark {}", env!("CARGO_PKG_VERSION")),
+            control_points: [knots_x.control_points(), knots_y.control_points()],
+            span_mm: knots_x.step(),
+            size_mm: kept.facts.size,
+            residual_largest_mm: kept.surface.residual.largest,
+            residual_rms_mm: kept.surface.residual.rms,
+        };
+        write_whole(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())?;
+        self.make_current(sku, &kept.origin)
+    }
+
+    /// Makes a part the current one of the SKU.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn make_current(&self, sku: &Sku, origin: &PartOrigin) -> io::Result<()> {
+        if self.current(sku)?.as_ref() == Some(origin) {
+            return Ok(());
+        }
+        fs::create_dir_all(self.folder(sku))?;
+        write_whole(&self.folder(sku), CURRENT, to_toml(origin)?.as_bytes())
+    }
+
+    /// All entries, by SKU and key; each is read and checked.
+    ///
+    /// # Errors
+    /// When a folder cannot be read.
+    pub fn entries(&self) -> io::Result<Vec<CacheEntry>> {
+        let mut entries = Vec::new();
+        for folder in sorted_names(&self.version_folder())? {
+            let current = read_if_there(&folder.join(CURRENT))?
+                .and_then(|bytes| toml::from_str::<PartOrigin>(&String::from_utf8_lossy(&bytes)).ok());
+            for file in
+                sorted_names(&folder)?.into_iter().filter(|file| file.extension().is_some_and(|e| e == "fit"))
+            {
+                let Some(bytes) = read_if_there(&file)? else { continue };
+                let decoded = decode(&bytes);
+                entries.push(CacheEntry {
+                    sku: name_of(&folder),
+                    key: CacheKey(file.file_stem().unwrap_or_default().to_string_lossy().into_owned()),
+                    bytes: bytes.len() as u64,
+                    current: decoded.as_ref().is_ok_and(|kept| Some(&kept.origin) == current.as_ref()),
+                    state: match decoded {
+                        Ok(kept) => EntryState::Good {
+                            part: kept.origin.file,
+                            residual_mm: kept.surface.residual.largest,
+                        },
+                        Err(what) => EntryState::Damaged(what),
+                    },
+                });
+            }
+        }
+        Ok(entries)
+    }
+
+    /// Removes everything kept for a SKU; whether there was anything.
+    ///
+    /// # Errors
+    /// When the folder cannot be removed.
+    pub fn remove(&self, sku: &Sku) -> io::Result<bool> {
+        match fs::remove_dir_all(self.folder(sku)) {
+            Ok(()) => Ok(true),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Removes one entry.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub fn remove_entry(&self, entry: &CacheEntry) -> io::Result<()> {
+        let folder = self.version_folder().join(&entry.sku);
+        for ending in ["fit", "toml"] {
+            match fs::remove_file(folder.join(format!("{}.{ending}", entry.key.0))) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn sorted_names(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let listing = match fs::read_dir(folder) {
+        Ok(listing) => listing,
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            return Ok(Vec::new());
+        }
+        Err(error) => return Err(error),
+    };
+    let mut paths = listing.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>()?;
+    paths.retain(|path| !name_of(path).starts_with('.'));
+    paths.sort();
+    Ok(paths)
+}
+
+fn to_toml(value: &impl Serialize) -> io::Result<String> {
+    toml::to_string(value).map_err(io::Error::other)
+}
+
+fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
+    let knots = |knots: UniformKnots| (knots.start(), knots.step(), knots.spans());
+    let (knots_x, knots_y) = kept.surface.nurbs.knots();
+    let field = &kept.surface.field;
+    let (field_columns, field_rows) = field.size();
+    let kind = |node: &Node| match node {
+        Node::Empty => 0,
+        Node::Wall(_) => 1,
+        Node::Surface(_) => 2,
+    };
+    let height = |node: &Node| match node {
+        Node::Empty => None,
+        Node::Wall(height) | Node::Surface(height) => Some(*height),
+    };
+    let record = Record {
+        origin: kept.origin.clone(),
+        facts: serde_json::to_string(&kept.facts).map_err(io::Error::other)?,
+        knots_x: knots(knots_x),
+        knots_y: knots(knots_y),
+        heights: kept.surface.nurbs.heights().to_vec(),
+        field_origin: field.origin().into(),
+        field_step: field.step(),
+        field_columns,
+        field_rows,
+        node_kinds: field.nodes().iter().map(kind).collect(),
+        node_heights: field.nodes().iter().filter_map(height).collect(),
+    };
+    let body = postcard::to_stdvec(&record).map_err(io::Error::other)?;
+    let mut bytes = Vec::with_capacity(HEADER + body.len());
+    bytes.extend_from_slice(MAGIC);
+    bytes.extend_from_slice(&VERSION.to_le_bytes());
+    bytes.extend_from_slice(blake3::hash(&body).as_bytes());
+    bytes.extend_from_slice(&body);
+    Ok(bytes)
+}
+
+fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
+    let (Some(header), Some(body)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
+        return Err(format!("it is cut short: {} bytes", bytes.len()));
+    };
+    if !header.starts_with(MAGIC) || header[MAGIC.len()..MAGIC.len() + 4] != VERSION.to_le_bytes() {
+        return Err("its header is not one of this version".into());
+    }
+    if header[MAGIC.len() + 4..] != *blake3::hash(body).as_bytes() {
+        return Err("its checksum does not fit its content".into());
+    }
+    let record: Record =
+        postcard::from_bytes(body).map_err(|error| format!("its body cannot be read: {error}"))?;
+    let facts =
+        serde_json::from_str(&record.facts).map_err(|error| format!("its facts cannot be read: {error}"))?;
+    let knots = |(start, step, spans): (f64, f64, usize)| UniformKnots::new(start, step, spans);
+    let sensible = |(_, step, spans): (f64, f64, usize)| step > 0.0 && (1..1_000_000).contains(&spans);
+    if !sensible(record.knots_x) || !sensible(record.knots_y) {
+        return Err("its knots are no knots".into());
+    }
+    let mut heights = record.node_heights.into_iter();
+    let mut next = || heights.next().unwrap_or(f64::NAN);
+    let node = |kind: u8| match kind {
+        0 => Node::Empty,
+        1 => Node::Wall(next()),
+        _ => Node::Surface(next()),
+    };
+    let nodes: Vec<Node> = record.node_kinds.into_iter().map(node).collect();
+    let nurbs = NurbsSurface::new(knots(record.knots_x), knots(record.knots_y), record.heights);
+    let origin = Vector2::from(record.field_origin);
+    let field = HeightField::new(origin, record.field_step, record.field_columns, record.field_rows, nodes);
+    let (Some(nurbs), Some(field)) = (nurbs, field) else {
+        return Err("its grids do not fit together".into());
+    };
+    Ok(CachedSurface { origin: record.origin, facts, surface: FittedSurface::compare(nurbs, field) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::mesh::{MeshFormat, MeshOptions};
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::space::View;
+    use crate::geometry::surface::fit::FitOptions;
+
+    fn kept() -> CachedSurface {
+        let mut obj = String::new();
+        for row in 0..12 {
+            for column in 0..12 {
+                obj += &format!("v {column} {row} {}\n", f64::from(column * row) * 0.02);
+            }
+        }
+        for row in 0..11 {
+            for column in 1..12 {
+                let lower = row * 12 + column;
+                obj += &format!("f {lower} {} {} {}\n", lower + 1, lower + 13, lower + 12);
+            }
+        }
+        let reading =
+            crate::formats::mesh::read(obj.as_bytes(), MeshFormat::Obj, &MeshOptions::default(), &mut |_| {
+                Err(io::ErrorKind::NotFound.into())
+            })
+            .unwrap();
+        let part = FacingPart::new(&reading.mesh, &View::top());
+        let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+        let origin = PartOrigin { file: "saddle.obj".into(), blake3: "00".into() };
+        CachedSurface { origin, facts: reading.facts, surface }
+    }
+
+    #[test]
+    fn what_is_kept_comes_back_to_the_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path());
+        let (sku, key, kept) = ("Saddle".parse::<Sku>().unwrap(), CacheKey::new("00", "top"), kept());
+        assert!(matches!(cache.get(&sku, &key).unwrap(), Lookup::Miss));
+        assert_eq!(cache.current(&sku).unwrap(), None);
+        cache.put(&sku, &key, &kept).unwrap();
+        let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
+        assert_eq!(*found, kept);
+        assert_eq!(cache.current(&sku).unwrap(), Some(kept.origin.clone()));
+        assert_eq!(cache.entries().unwrap().len(), 1);
+        assert!(cache.remove(&sku).unwrap() && !cache.remove(&sku).unwrap());
+    }
+
+    #[test]
+    fn any_damage_is_a_miss_that_says_what_is_wrong() {
+        let bytes = encode(&kept()).unwrap();
+        for cut in [0, 10, HEADER, bytes.len() - 1] {
+            assert!(decode(&bytes[..cut]).is_err());
+        }
+        for at in (0..bytes.len()).step_by(bytes.len() / 97) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            assert!(decode(&damaged).is_err(), "byte {at}");
+        }
+    }
+}
