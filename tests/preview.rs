@@ -106,11 +106,12 @@ impl Part {
 
     fn picture(&self) -> HeightPicture {
         let origin = self.half_size.map(|half| -half);
-        let [columns, rows] = self.half_size.map(|half| (2.0 * half) as usize + 1);
-        let heights = (0..columns * rows).map(|index| {
-            (self.height)(origin[0] + (index % columns) as f64, origin[1] + (index / columns) as f64)
-        });
-        HeightPicture { origin, step: 1.0, columns, rows, heights: heights.collect() }
+        let step = 0.5;
+        let [columns, rows] = self.half_size.map(|half| (2.0 * half / step) as usize + 1);
+        let place = |start: f64, node: usize| start + step * node as f64;
+        let heights = (0..columns * rows)
+            .map(|index| (self.height)(place(origin[0], index % columns), place(origin[1], index / columns)));
+        HeightPicture { origin, step, columns, rows, heights: heights.collect() }
     }
 
     fn preview(&self, title: &str) -> Preview {

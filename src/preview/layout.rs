@@ -8,7 +8,7 @@ use super::stretch_scale::{StretchScale, color, last_color, percent, round_perce
 use crate::geometry::space::Extents;
 
 /// Blank border of the page and gap between its blocks, mm.
-const MARGIN: f64 = 6.0;
+const MARGIN: f64 = 8.0;
 /// Panels are at least this wide, mm, so that the foot has room for its text.
 const PANEL_WIDTH: f64 = 78.0;
 /// A panel is at least this share of its width high.
@@ -307,11 +307,14 @@ fn draw_inset(
     for (name, extents, color) in named {
         if let Some(extents) = extents {
             let size = extents.size();
+            // Below a centimetre the tenths count.
+            let side =
+                |length: f64| if size.max() < 10.0 { format!("{length:.1}") } else { format!("{length:.0}") };
             y += 2.8;
             page.text(
                 [window.at[0], y],
                 Type::new(TICK.size, color),
-                &format!("{name} {:.0} × {:.0} mm", size.x, size.y),
+                &format!("{name} {} × {} mm", side(size.x), side(size.y)),
             );
         }
     }

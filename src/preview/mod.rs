@@ -39,7 +39,8 @@ pub struct Preview {
     pub summary: Vec<(String, String)>,
 }
 
-/// Heights of the part on a square grid, the background of the picture. A millimetre is fine enough.
+/// Heights of the part on a square grid, the background of the picture. Some 200 nodes along its longer side
+/// give a smooth rim; more are thinned.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HeightPicture {
     /// The node of column 0 and row 0, mm.

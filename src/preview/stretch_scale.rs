@@ -6,7 +6,7 @@
 /// Colours on either side of the true length; with it there are 21.
 const STEPS: i32 = 10;
 /// Limits that read well, in % up to a power of ten.
-const ROUND: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
+const ROUND: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0];
 /// Share of the drawn length that the scale must cover; a few steep segments must not flatten all the others.
 const COVERED: f64 = 0.99;
 
@@ -39,7 +39,7 @@ impl StretchScale {
         let largest = sizes.last().map_or(0.0, |(size, _)| *size);
         let limit = round_limit(covered.map_or(0.0, |(size, _)| *size));
         // A scale that almost holds everything is widened rather than called exceeded.
-        let limit = if largest <= 1.5 * limit { round_limit(largest) } else { limit };
+        let limit = if largest <= 1.3 * limit { round_limit(largest) } else { limit };
         Self { limit, exceeded: largest > limit }
     }
 
@@ -70,7 +70,8 @@ pub(super) fn color(shade: Shade) -> String {
     const LONGER: [[f64; 3]; 3] = [TRUE, [190.0, 62.0, 8.0], [251.0, 146.0, 20.0]];
     let Some(step) = shade else { return "#a3a3a3".to_owned() };
     let [dark, middle, end] = if step < 0 { SHORTER } else { LONGER };
-    let along = f64::from(step.abs()) / f64::from(STEPS) * 2.0;
+    // The eye sees no colour in the darkest third of an even ramp; the power lets it set in earlier.
+    let along = (f64::from(step.abs()) / f64::from(STEPS)).powf(0.7) * 2.0;
     let (from, to, t) = if along <= 1.0 { (dark, middle, along) } else { (middle, end, along - 1.0) };
     let [red, green, blue] = [0, 1, 2].map(|channel| from[channel] + (to[channel] - from[channel]) * t);
     format!("#{:02x}{:02x}{:02x}", red.round() as u8, green.round() as u8, blue.round() as u8)
@@ -135,7 +136,7 @@ mod tests {
     #[test]
     fn the_limit_is_round_and_covers_the_data() {
         let limit = |stretch: f64| StretchScale::covering([(1.0, stretch)].into_iter()).limit;
-        for (stretch, expected) in [(0.0, 0.001), (0.0007, 0.001), (-0.17, 0.2), (0.2, 0.2), (0.31, 0.5)] {
+        for (stretch, expected) in [(0.0, 0.001), (0.0007, 0.001), (-0.17, 0.2), (0.2, 0.2), (0.31, 0.4)] {
             assert!((limit(stretch) - expected).abs() < 1e-12, "{stretch}");
         }
     }
