@@ -191,6 +191,6 @@ fn written(name: &str, preview: &Preview) -> String {
     let picture = svg(preview);
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join(format!("{}.svg", name.replace([' ', ':'], "")));
-    std::fs::write(file, &picture).unwrap();
+    std::fs::write(file, &picture).expect("the folder for temporary files of tests can be written");
     picture
 }

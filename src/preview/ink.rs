@@ -9,6 +9,9 @@ use super::{PreviewPath, grid_cell};
 /// Segments a picture may hold; beyond that neighbours are joined, because no screen shows them apart.
 const MAX_SEGMENTS: usize = 200_000;
 
+/// Coordinates beyond this, mm, are taken for damage: no part is a kilometre long.
+const MAX_COORDINATE: f64 = 1e6;
+
 /// A connected line with its stretch for each segment: one point more than stretches. A dot has one point.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Line {
@@ -23,7 +26,7 @@ pub(super) fn lines(paths: &[PreviewPath]) -> Vec<Line> {
         let closing = path.points.first().filter(|first| path.closed && path.points.last() != Some(first));
         let mut line = Line { points: Vec::new(), stretch: Vec::new() };
         for (index, point) in path.points.iter().chain(closing).enumerate() {
-            if !point.iter().all(|coordinate| coordinate.is_finite()) {
+            if !point.iter().all(|coordinate| coordinate.abs() <= MAX_COORDINATE) {
                 lines.push(std::mem::replace(&mut line, Line { points: Vec::new(), stretch: Vec::new() }));
                 continue;
             }

@@ -247,7 +247,7 @@ impl Grid {
     /// Where the level crosses an edge: in its middle where one end has no value.
     fn crossing(&self, edge: usize, level: f64, value: impl Fn(usize, usize) -> f64) -> [f64; 2] {
         let (column, row) = (edge / 2 % self.columns, edge / 2 / self.columns);
-        let (right, up) = if edge % 2 == 0 { (1, 0) } else { (0, 1) };
+        let (right, up) = if edge.is_multiple_of(2) { (1, 0) } else { (0, 1) };
         let (from, to) = (value(column, row), value(column + right, row + up));
         let along = (level - from) / (to - from);
         let along = if from.is_finite() && to.is_finite() { along.clamp(0.0, 1.0) } else { 0.5 };
@@ -274,10 +274,10 @@ fn simplified(ring: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         kept[first] = true;
         let (a, b) = (ring[first], ring[last % ring.len()]);
         let far = (first + 1..last).map(|index| (index, off_chord(ring[index], a, b)));
-        if let Some((index, worst)) = far.max_by(|x, y| x.1.total_cmp(&y.1)) {
-            if worst > tolerance {
-                open.extend([(first, index), (index, last)]);
-            }
+        if let Some((index, worst)) = far.max_by(|x, y| x.1.total_cmp(&y.1))
+            && worst > tolerance
+        {
+            open.extend([(first, index), (index, last)]);
         }
     }
     ring.iter().zip(kept).filter(|(_, kept)| *kept).map(|(point, _)| *point).collect()
