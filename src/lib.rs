@@ -6,3 +6,5 @@ pub mod formats;
 pub mod config;
 pub mod files;
 pub mod cache;
+pub mod preview;
+pub mod diff;

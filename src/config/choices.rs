@@ -108,44 +108,6 @@ choices! {
 }
 
 choices! {
-    /// A unit of length in a file.
-    LengthUnit, "unit" {
-        /// Millimetres.
-        #[default]
-        Mm = "mm",
-        /// Centimetres.
-        Cm = "cm",
-        /// Metres.
-        M = "m",
-        /// Inches of 25.4 mm.
-        Inch = "inch",
-    }
-}
-
-impl LengthUnit {
-    /// The length of one unit, mm.
-    pub fn millimetres(self) -> f64 {
-        match self {
-            Self::Mm => 1.0,
-            Self::Cm => 10.0,
-            Self::M => 1000.0,
-            Self::Inch => 25.4,
-        }
-    }
-}
-
-choices! {
-    /// The axis of a part's file that points up.
-    UpAxis, "up axis" {
-        /// Z, as in CAD.
-        #[default]
-        Z = "z",
-        /// Y, as glTF asks for.
-        Y = "y",
-    }
-}
-
-choices! {
     /// Where the marking field has its zero.
     FieldOrigin, "origin" {
         /// In the middle.

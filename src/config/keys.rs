@@ -4,12 +4,12 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::choices::{
-    DxfVersion, FieldOrigin, LengthUnit, Method, UpAxis, Vertices, Weighting, parse_facing,
-};
+use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting, parse_facing};
 use super::error::ConfigError;
-use super::settings::{Anchor, Field, IncidenceLimits, JobSettings, Lens};
+use super::settings::{Anchor, Field, IncidenceLimits, JobSettings};
 use super::text::SettingsText;
+use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::geometry::optics::Lens;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 
 /// A coordinate no station reaches, mm; beyond it a unit was mistaken.

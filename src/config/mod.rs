@@ -19,14 +19,13 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DxfVersion, FieldOrigin, LengthUnit, Method, UnknownChoice, UpAxis, Vertices, Weighting,
-    parse_facing,
+    Backend, DxfVersion, FieldOrigin, Method, UnknownChoice, Vertices, Weighting, parse_facing,
 };
 pub use error::{ConfigError, Spot};
 pub use live::{LiveSettings, SettingsEvent};
 pub use settings::{
-    Anchor, CorrectionSettings, Field, Fixture, IncidenceLimits, JobSettings, Lens, Optics, Output,
-    PartSettings, PatternSettings, Placement,
+    Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
+    PatternSettings, Placement,
 };
 pub use sku::{BadSku, Sku};
 pub use station::{FolderPaths, Station, Watch};

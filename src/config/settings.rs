@@ -1,7 +1,10 @@
 //! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
 
-use super::choices::{DxfVersion, FieldOrigin, LengthUnit, Method, UpAxis, Vertices, Weighting};
-use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
+use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting};
+use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::geometry::optics::{Fixture, Lens};
+use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
+use nalgebra::Vector2;
 
 /// All settings of one job; [`Default`] is what holds without any file or option.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -103,19 +106,6 @@ impl Default for CorrectionSettings {
     }
 }
 
-/// Where the part's view stands in the laser's frame.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Fixture {
-    /// Offset to the right in the field, mm.
-    pub x: f64,
-    /// Offset upwards in the field, mm.
-    pub y: f64,
-    /// Height of the part's origin above the plane the lens was calibrated at, mm.
-    pub z: f64,
-    /// Turn about the laser's axis, counter-clockwise, rad.
-    pub rotation: f64,
-}
-
 /// The lens and the limits of what it can mark.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Optics {
@@ -125,21 +115,6 @@ pub struct Optics {
     pub focus_depth: Option<f64>,
     /// What is said about the angle between the beam and the surface's normal.
     pub incidence: IncidenceLimits,
-}
-
-/// How the lens projects.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub enum Lens {
-    /// The beam is parallel to the axis everywhere: height shifts nothing.
-    #[default]
-    Telecentric,
-    /// The beams seem to come from one point per mirror.
-    Perspective {
-        /// Distance from the calibrated plane to where the beams meet in x, mm.
-        x: f64,
-        /// Distance from the calibrated plane to where the beams meet in y, mm.
-        y: f64,
-    },
 }
 
 /// Limits of the angle between the beam and the surface's normal, rad, in rising order.
@@ -168,6 +143,17 @@ pub struct Field {
     pub height: f64,
     /// Where its zero lies.
     pub origin: FieldOrigin,
+}
+
+impl Field {
+    /// The area in field coordinates, mm.
+    pub fn extents(&self) -> Extents {
+        let size = Vector2::new(self.width, self.height);
+        match self.origin {
+            FieldOrigin::Center => Extents { min: -size / 2.0, max: size / 2.0 },
+            FieldOrigin::Corner => Extents { min: Vector2::zeros(), max: size },
+        }
+    }
 }
 
 /// How the corrected file is written.

@@ -1,0 +1,335 @@
+//! What changed between two drawings, in words a person reads and in entries a program reads.
+//!
+//! [`compare`] first lets `similar` order the paths that are the same in both drawings, then pairs what is left: the
+//! same lines in another place of the order, on another layer or in another colour, moved together, moved alone,
+//! resized, reshaped. Whatever finds no partner was added or removed. Where a contour starts and which way a path is
+//! traced do not count as a change.
+//!
+//! ```
+//! use isomark::diff::{DiffKind, DiffPath, TOLERANCE, compare};
+//!
+//! let line = |x: f64| DiffPath {
+//!     layer: "OUTLINE".into(),
+//!     color: "7".into(),
+//!     kind: DiffKind::Open,
+//!     points: vec![[x, 0.0], [x + 5.0, 2.0]],
+//! };
+//! let diff = compare(&[line(0.0), line(20.0)], &[line(0.0), line(20.42)], TOLERANCE);
+//! assert_eq!(
+//!     diff.to_string(),
+//!     "layer OUTLINE: open path of 2 vertices near (22.5, 1.0) mm moved by 0.42 mm to the right\n1 path unchanged"
+//! );
+//! ```
+
+mod outline;
+mod matching;
+mod words;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::pattern::{Color, Pattern, Shape};
+use crate::geometry::space::FlatPoint;
+use matching::{Found, Pair};
+use outline::{Outline, deviation};
+
+/// Smaller differences, in mm, are not looked at by default: drawings are written with a few more digits than that.
+pub const TOLERANCE: f64 = 0.001;
+
+/// One path of a drawing, as far as a comparison needs it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiffPath {
+    /// The layer's name.
+    pub layer: String,
+    /// The colour that is seen: an index of the AutoCAD colour table such as `7`, or `#rrggbb`.
+    pub color: String,
+    /// Dot, open path or contour.
+    pub kind: DiffKind,
+    /// Its points, mm; a contour does not repeat the first.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// What a path is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DiffKind {
+    /// A single spot.
+    Dot,
+    /// A curve with two ends.
+    Open,
+    /// A contour.
+    Closed,
+}
+
+/// The differences between an old and a new drawing. Printed, it is a few lines, alike changes taken together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrawingDiff {
+    /// The tolerance of the comparison, mm.
+    pub tolerance: f64,
+    /// Number of paths in the old drawing.
+    pub old_paths: usize,
+    /// Number of paths in the new drawing.
+    pub new_paths: usize,
+    /// Number of paths that are the same in both.
+    pub unchanged: usize,
+    /// The changes: those of old paths in the old drawing's order, then the added paths in the new one's. A path that
+    /// changed in several ways has an entry for each.
+    pub entries: Vec<Change>,
+}
+
+/// One change of one path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "change", rename_all = "kebab-case")]
+pub enum Change {
+    /// The path is only in the new drawing.
+    Added {
+        /// The new path.
+        what: PathNote,
+    },
+    /// The path is only in the old drawing.
+    Removed {
+        /// The old path.
+        what: PathNote,
+    },
+    /// The path lies elsewhere.
+    Moved {
+        /// The old path.
+        what: PathNote,
+        /// Its old centre, mm.
+        from: [f64; 2],
+        /// Its new centre, mm.
+        to: [f64; 2],
+        /// The move, mm.
+        by: [f64; 2],
+        /// The length of the move, mm.
+        distance: f64,
+        /// Where to, in words.
+        direction: Direction,
+    },
+    /// The path has the same shape in another size.
+    Resized {
+        /// The old path.
+        what: PathNote,
+        /// Its old width and height, mm.
+        from: [f64; 2],
+        /// Its new width and height, mm.
+        to: [f64; 2],
+    },
+    /// The path has another shape.
+    Reshaped {
+        /// The old path.
+        what: PathNote,
+        /// The largest distance between old and new line, mm; after the move, where there is one.
+        deviation: f64,
+    },
+    /// The path has another colour.
+    Recoloured {
+        /// The old path.
+        what: PathNote,
+        /// Its old colour.
+        from: String,
+        /// Its new colour.
+        to: String,
+    },
+    /// The path is on another layer.
+    Relayered {
+        /// The old path.
+        what: PathNote,
+        /// Its old layer.
+        from: String,
+        /// Its new layer.
+        to: String,
+    },
+    /// The path is drawn at another point of the order.
+    Reordered {
+        /// The old path.
+        what: PathNote,
+        /// Its place in the old order, counted from 1.
+        from: usize,
+        /// Its place in the new order, counted from 1.
+        to: usize,
+    },
+}
+
+/// Enough of a path to find it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathNote {
+    /// The layer's name.
+    pub layer: String,
+    /// Dot, open path or contour.
+    pub kind: DiffKind,
+    /// Number of its points.
+    pub vertices: usize,
+    /// The centre of its extents, mm.
+    pub center: [f64; 2],
+    /// Its width and height, mm.
+    pub size: [f64; 2],
+}
+
+/// The direction of a move as people say it; a diagonal is a move with a sizeable part both ways.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[expect(missing_docs, reason = "each name says it all")]
+pub enum Direction {
+    Right,
+    UpRight,
+    Up,
+    UpLeft,
+    Left,
+    DownLeft,
+    Down,
+    DownRight,
+}
+
+/// Compares two drawings; differences of at most `tolerance` mm do not count (see [`TOLERANCE`]).
+///
+/// Comparing the other way round gives the same pairs: what one direction calls added, the other calls removed. Where
+/// many equal paths were shuffled, more than one story is true, and the same one is told every time.
+pub fn compare(old: &[DiffPath], new: &[DiffPath], tolerance: f64) -> DrawingDiff {
+    let tolerance = if tolerance.is_finite() && tolerance > 1e-9 { tolerance } else { 1e-9 };
+    let outlines = [old, new].map(|paths| paths.iter().map(|path| Outline::of(path, tolerance)).collect());
+    let [old_outlines, new_outlines]: [Vec<Outline<'_>>; 2] = outlines;
+    let pairs = matching::pairs(&old_outlines, &new_outlines, tolerance);
+
+    let mut diff = DrawingDiff {
+        tolerance,
+        old_paths: old.len(),
+        new_paths: new.len(),
+        unchanged: 0,
+        entries: Vec::new(),
+    };
+    let mut partner = vec![None; old.len()];
+    let mut is_new = vec![true; new.len()];
+    for Pair { old, new, found } in pairs {
+        partner[old] = Some((new, found));
+        is_new[new] = false;
+    }
+    for (index, outline) in old_outlines.iter().enumerate() {
+        let before = diff.entries.len();
+        match partner[index] {
+            None => diff.entries.push(Change::Removed { what: outline.note() }),
+            Some((_, Found::InPlace)) => {}
+            Some((new, Found::OutOfOrder)) => {
+                diff.entries.push(Change::Reordered { what: outline.note(), from: index + 1, to: new + 1 });
+            }
+            Some((new, found)) => {
+                diff.entries.extend(changes(outline, &new_outlines[new], found, tolerance));
+            }
+        }
+        diff.unchanged += usize::from(diff.entries.len() == before);
+    }
+    let added = new_outlines.iter().zip(is_new).filter(|(_, is_new)| *is_new);
+    diff.entries.extend(added.map(|(outline, _)| Change::Added { what: outline.note() }));
+    diff
+}
+
+/// The paths of a drawing for a comparison, flattened at 0.001 mm; colours by layer are resolved.
+pub fn paths_of(pattern: &Pattern) -> Vec<DiffPath> {
+    let paths = pattern.paths.iter().map(|path| {
+        let layer = pattern.layers.get(path.layer);
+        let color = match (path.color, layer) {
+            (Color::ByLayer, Some(layer)) => layer.color,
+            (color, _) => color,
+        };
+        DiffPath {
+            layer: layer.map_or_else(|| "0".to_owned(), |layer| layer.name.clone()),
+            color: match color {
+                Color::ByLayer => "7".to_owned(),
+                Color::Aci(index) => index.to_string(),
+                Color::Rgb { rgb: [red, green, blue], .. } => format!("#{red:02x}{green:02x}{blue:02x}"),
+            },
+            kind: match path.shape {
+                Shape::Dot(_) => DiffKind::Dot,
+                Shape::Open(_) => DiffKind::Open,
+                Shape::Closed(_) => DiffKind::Closed,
+            },
+            points: path.shape.flattened(1e-3).into_iter().map(|FlatPoint { x, y, .. }| [x, y]).collect(),
+        }
+    });
+    paths.collect()
+}
+
+/// What became of a path that has a partner.
+fn changes(old: &Outline<'_>, new: &Outline<'_>, found: Found, tolerance: f64) -> Vec<Change> {
+    let mut changes = Vec::new();
+    if old.path.layer != new.path.layer {
+        let (from, to) = (old.path.layer.clone(), new.path.layer.clone());
+        changes.push(Change::Relayered { what: old.note(), from, to });
+    }
+    if old.path.color != new.path.color {
+        let (from, to) = (old.path.color.clone(), new.path.color.clone());
+        changes.push(Change::Recoloured { what: old.note(), from, to });
+    }
+    let by = [new.center[0] - old.center[0], new.center[1] - old.center[1]];
+    let distance = by[0].hypot(by[1]);
+    let moved = || Change::Moved {
+        what: old.note(),
+        from: old.center,
+        to: new.center,
+        by,
+        distance,
+        direction: Direction::of(by),
+    };
+    match found {
+        Found::InPlace | Found::OutOfOrder | Found::SameLines => return changes,
+        Found::SameShape => {
+            changes.extend((distance > tolerance).then(moved));
+            return changes;
+        }
+        Found::Alike => {}
+    }
+    let in_place = deviation(old, new, |point| point);
+    let shifted = deviation(old, new, |[x, y]| [x + by[0], y + by[1]]);
+    if in_place <= tolerance {
+        return changes;
+    }
+    let factor =
+        [0, 1].map(|axis| if old.size[axis] > tolerance { new.size[axis] / old.size[axis] } else { 1.0 });
+    let scaled = |point: [f64; 2]| {
+        [0, 1].map(|axis| new.center[axis] + (point[axis] - old.center[axis]) * factor[axis])
+    };
+    if shifted <= tolerance {
+        changes.push(moved());
+    } else if deviation(old, new, scaled) <= tolerance {
+        changes.extend((distance > tolerance).then(moved));
+        changes.push(Change::Resized { what: old.note(), from: old.size, to: new.size });
+    } else if shifted < 0.5 * in_place {
+        changes.push(moved());
+        changes.push(Change::Reshaped { what: old.note(), deviation: shifted });
+    } else {
+        changes.push(Change::Reshaped { what: old.note(), deviation: in_place });
+    }
+    changes
+}
+
+impl Change {
+    /// The path that changed: the new one where it was added, otherwise the old one.
+    pub fn what(&self) -> &PathNote {
+        match self {
+            Self::Added { what }
+            | Self::Removed { what }
+            | Self::Moved { what, .. }
+            | Self::Resized { what, .. }
+            | Self::Reshaped { what, .. }
+            | Self::Recoloured { what, .. }
+            | Self::Relayered { what, .. }
+            | Self::Reordered { what, .. } => what,
+        }
+    }
+}
+
+impl Direction {
+    /// The direction of a step (x to the right, y up); a side of less than a tenth of the other is not named.
+    pub fn of([x, y]: [f64; 2]) -> Self {
+        let (is_level, is_upright) = (y.abs() < 0.1 * x.abs(), x.abs() < 0.1 * y.abs());
+        match (x >= 0.0, y >= 0.0) {
+            (true, _) if is_level => Self::Right,
+            (false, _) if is_level => Self::Left,
+            (_, true) if is_upright => Self::Up,
+            (_, false) if is_upright => Self::Down,
+            (true, true) => Self::UpRight,
+            (false, true) => Self::UpLeft,
+            (false, false) => Self::DownLeft,
+            (true, false) => Self::DownRight,
+        }
+    }
+}

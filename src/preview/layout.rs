@@ -1,0 +1,432 @@
+//! Where everything stands on the page.
+
+use super::Preview;
+use super::ink::{self, Line};
+use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
+use super::relief::{self, Relief, millimetres, round_step};
+use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
+use crate::geometry::space::Extents;
+
+/// Blank border of the page and gap between its blocks, mm.
+const MARGIN: f64 = 8.0;
+/// Panels are at least this wide, mm, so that the foot has room for its text.
+const PANEL_WIDTH: f64 = 78.0;
+/// A panel is at least this share of its width high.
+const PANEL_ASPECT: f64 = 0.5;
+/// Panels of these sides, mm, are drawn in true size; together two of them fit on a landscape A4 page.
+const TRUE_SIZE: std::ops::RangeInclusive<f64> = 32.0..=130.0;
+/// Upper edge of the panels, mm.
+const PANEL_TOP: f64 = 26.0;
+/// Largest width and height of the inset, mm.
+const INSET: [f64; 2] = [34.0, 40.0];
+/// Width of the colour scale, mm.
+const LEGEND_WIDTH: f64 = 52.0;
+
+/// Ink of the working area's border.
+const FIELD: &str = "#0f766e";
+
+const TITLE: Type = Type::new(4.2, DARK).bold();
+const HEADING: Type = Type::new(3.0, DARK).bold();
+const LABEL: Type = Type::new(2.3, QUIET);
+const VALUE: Type = Type::new(2.3, DARK);
+const TICK: Type = Type::new(1.9, QUIET);
+
+/// A window onto the view: the part of it that is shown, and where.
+struct Window {
+    /// What is shown, mm of the view.
+    shown: Extents,
+    /// Upper left corner on the page, mm.
+    at: [f64; 2],
+    /// Millimetres of paper for each millimetre of the view.
+    scale: f64,
+}
+
+/// Draws the preview: two panels, an inset of the whole part, a legend and the summary.
+///
+/// One user unit is one mm of paper, and a pattern between a coin and a hand in size is drawn in true size; smaller and
+/// larger ones are drawn at the scale that the picture names. Coordinates and stretches that are not finite are left
+/// out. More segments than a screen can show apart are joined, so that the text stays within some megabytes.
+pub fn svg(preview: &Preview) -> String {
+    let before = ink::lines(&preview.before);
+    let after = ink::lines(&preview.after);
+    let colors = StretchScale::covering(ink::weighted(&before).chain(ink::weighted(&after)));
+    let relief = relief::relief(&preview.part_outline);
+    let drawn = Extents::of(points(&before).chain(points(&after)));
+    let part = relief.as_ref().map(|relief| relief.extents);
+
+    let left = panel_window(&drawn, part.as_ref());
+    let [panel_width, panel_height] = left.paper_size();
+    let right = Window { at: [MARGIN + panel_width + MARGIN, PANEL_TOP], ..left };
+    let width = 2.0 * panel_width + 3.0 * MARGIN;
+
+    let mut page = Page::default();
+    page.add(format_args!("<defs>"));
+    for window in
+        [("panel-window", &left), ("inset-window", &inset_window(preview, &drawn, part.as_ref(), [0.0; 2]))]
+    {
+        page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
+    }
+    page.add(format_args!("{}</defs>", relief.as_ref().map(Relief::definitions).unwrap_or_default()));
+    page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&preview.title, width - 2.0 * MARGIN));
+
+    let thickness = line_width(&before, &drawn, left.scale);
+    for (window, name, how, lines) in
+        [(&left, "Before", "drawn as it is", &before), (&right, "After", "corrected", &after)]
+    {
+        page.text([window.at[0], 18.5], HEADING, name);
+        page.text([window.at[0] + HEADING.width(name) + 1.5, 18.5], VALUE, how);
+        page.text([window.at[0], 23.0], LABEL, &stretch_range(lines));
+        page.add(format_args!("{}", window.opening("panel-window")));
+        background(&mut page, window, relief.is_some(), preview.field.as_ref());
+        if name == "After" {
+            outline(&mut page, &before, thickness / window.scale);
+        }
+        colored(&mut page, lines, &colors, thickness / window.scale);
+        page.add(format_args!("</g>"));
+        frame(&mut page, window);
+        scale_bar(&mut page, window);
+    }
+
+    let foot = PANEL_TOP + panel_height + 11.0;
+    let inset = inset_window(preview, &drawn, part.as_ref(), [MARGIN, foot]);
+    let pattern = Extents::of(points(&before));
+    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), preview.field.as_ref(), &pattern);
+    let legend_at = [MARGIN + INSET[0] + MARGIN, foot];
+    let is_unknown =
+        ink::weighted(&before).chain(ink::weighted(&after)).any(|(_, stretch)| !stretch.is_finite());
+    let legend_end = legend(&mut page, legend_at, &colors, is_unknown, relief.as_ref());
+    let summary_at = [legend_at[0] + LEGEND_WIDTH + 1.5 * MARGIN, foot];
+    let summary_end = summary(&mut page, summary_at, width - MARGIN - summary_at[0], &preview.summary);
+    let foot_height = (inset_end - foot).max(legend_end - foot).max(summary_end - foot);
+    page.finished(&preview.title, [width, (foot + foot_height + MARGIN - 2.0).ceil()])
+}
+
+impl Window {
+    fn paper_size(&self) -> [f64; 2] {
+        let size = self.shown.size() * self.scale;
+        [size.x, size.y]
+    }
+
+    /// A point of the view on the page.
+    fn place(&self, x: f64, y: f64) -> [f64; 2] {
+        [self.at[0] + (x - self.shown.min.x) * self.scale, self.at[1] + (self.shown.max.y - y) * self.scale]
+    }
+
+    /// The window's rectangle in coordinates of the view, y negated.
+    fn rectangle(&self) -> String {
+        rectangle(&self.shown, "")
+    }
+
+    /// Opens a group in coordinates of the view (mm, y negated) that shows nothing outside the window.
+    fn opening(&self, clip: &str) -> String {
+        let [x, y] = self.place(0.0, 0.0).map(number);
+        format!(
+            "<g transform=\"translate({x} {y}) scale({})\" clip-path=\"url(#{clip})\">",
+            number(self.scale)
+        )
+    }
+
+    /// The page's name for the scale.
+    fn scale_name(&self) -> String {
+        let ratio = |a: f64, b: f64| format!("scale {} : {}", number(a), number(b));
+        if self.scale >= 1.0 { ratio(self.scale, 1.0) } else { ratio(1.0, 1.0 / self.scale) }
+    }
+}
+
+/// The window of a panel: the drawing and a margin, at a scale that people know.
+fn panel_window(drawn: &Extents, part: Option<&Extents>) -> Window {
+    let fallback = || part.copied().unwrap_or(Extents::of([[-20.0, -10.0].into(), [20.0, 10.0].into()]));
+    let crop = if drawn.is_empty() { fallback() } else { *drawn };
+    let longer = crop.size().max().max(0.5);
+    let crop = crop.grown(0.14 * longer);
+    let longer = crop.size().max();
+    let scale = if TRUE_SIZE.contains(&longer) { 1.0 } else { known_scale(*TRUE_SIZE.end() / longer) };
+    let width = (crop.size().x * scale).max(PANEL_WIDTH).ceil();
+    let height = (crop.size().y * scale).max(PANEL_ASPECT * width).ceil();
+    let half = nalgebra::Vector2::new(width, height) / (2.0 * scale);
+    let shown = Extents { min: crop.center() - half, max: crop.center() + half };
+    Window { shown, at: [MARGIN, PANEL_TOP], scale }
+}
+
+/// The window of the inset: the whole part, and the field unless the part would be lost in it.
+fn inset_window(preview: &Preview, drawn: &Extents, part: Option<&Extents>, at: [f64; 2]) -> Window {
+    let mut whole = *drawn;
+    for corner in part.iter().flat_map(|part| [part.min, part.max]) {
+        whole.include(corner);
+    }
+    if whole.is_empty() {
+        whole = Extents::of([[-20.0, -20.0].into(), [20.0, 20.0].into()]);
+    }
+    let size = whole.size().max();
+    if let Some(field) = preview.field.filter(|field| field.size().max() <= 2.5 * size) {
+        [field.min, field.max].into_iter().for_each(|corner| whole.include(corner));
+    }
+    let whole = whole.grown(0.04 * whole.size().max().max(1.0));
+    let scale = (INSET[0] / whole.size().x).min(INSET[1] / whole.size().y);
+    Window { shown: whole, at, scale }
+}
+
+/// The largest of 1, 2, 5 times a power of ten that is at most `scale`.
+fn known_scale(scale: f64) -> f64 {
+    let decade = 10f64.powf(scale.log10().floor());
+    [5.0, 2.0]
+        .map(|round| round * decade)
+        .into_iter()
+        .find(|known| *known <= scale * (1.0 + 1e-9))
+        .unwrap_or(decade)
+}
+
+/// Part, field and axes, in coordinates of the view.
+fn background(page: &mut Page, window: &Window, has_part: bool, field: Option<&Extents>) {
+    let hair = 0.12 / window.scale;
+    if has_part {
+        page.add(format_args!("<use xlink:href=\"#part\" stroke-width=\"{}\"/>", number(hair)));
+    }
+    if let Some(field) = field {
+        let paint = format!(
+            "stroke=\"{FIELD}\" stroke-width=\"{}\" stroke-dasharray=\"{} {}\"",
+            number(0.25 / window.scale),
+            number(2.0 / window.scale),
+            number(1.2 / window.scale)
+        );
+        page.add(format_args!("{}", rectangle(field, &paint)));
+    }
+    let Extents { min, max } = window.shown;
+    page.add(format_args!(
+        "<path stroke=\"#64748b\" stroke-opacity=\".7\" stroke-width=\"{}\" stroke-dasharray=\"{} {}\" \
+         d=\"M{} 0H{}M0 {}V{}\"/>",
+        number(hair),
+        number(1.6 / window.scale),
+        number(0.9 / window.scale),
+        number(min.x),
+        number(max.x),
+        number(-max.y),
+        number(-min.y)
+    ));
+}
+
+/// The original lines, thin and grey, so that the shift is seen.
+fn outline(page: &mut Page, lines: &[Line], thickness: f64) {
+    let data = ink::outline(lines);
+    page.add(format_args!(
+        "<path stroke=\"#7c8798\" stroke-width=\"{}\" d=\"{}\"/>",
+        number(0.4 * thickness),
+        data.text()
+    ));
+}
+
+/// The lines in the colours of their stretch.
+fn colored(page: &mut Page, lines: &[Line], colors: &StretchScale, thickness: f64) {
+    let runs = ink::runs(lines, colors);
+    page.add(format_args!("<g stroke-width=\"{}\">", number(thickness)));
+    for shade in StretchScale::drawing_order() {
+        if let Some(data) = runs.get(&shade).map(PathData::text) {
+            page.add(format_args!("<path stroke=\"{}\" d=\"{data}\"/>", color(shade)));
+        }
+    }
+    page.add(format_args!("</g>"));
+}
+
+/// The border of a panel with its rulers, and the names of the axes.
+fn frame(page: &mut Page, window: &Window) {
+    let [width, height] = window.paper_size();
+    page.rect(window.at, [width, height], &format!("stroke=\"{FAINT}\" stroke-width=\".2\""));
+    let step = round_step(8.0 / window.scale);
+    let Extents { min, max } = window.shown;
+    let bottom = window.at[1] + height;
+    for tick in ticks(min.x, max.x, step) {
+        let [x, _] = window.place(tick, 0.0);
+        page.line([x, bottom], [x, bottom + 0.9], FAINT, 0.2);
+        page.text([x, bottom + 3.2], TICK.anchored(Anchor::Middle), &signed(tick));
+    }
+    for tick in ticks(min.y, max.y, step) {
+        let [_, y] = window.place(0.0, tick);
+        page.line([window.at[0] - 0.9, y], [window.at[0], y], FAINT, 0.2);
+        page.text([window.at[0] - 1.3, y + 0.65], TICK.anchored(Anchor::End), &signed(tick));
+    }
+    let [x, y] = window.place(0.0, 0.0);
+    if min.y <= 0.0 && max.y >= 0.0 {
+        page.text([window.at[0] + width - 1.0, y - 0.8], TICK.anchored(Anchor::End), "x");
+    }
+    if min.x <= 0.0 && max.x >= 0.0 {
+        page.text([x + 0.8, window.at[1] + 2.4], TICK, "y");
+    }
+}
+
+/// Multiples of `step` strictly inside the range, as many as fit.
+fn ticks(min: f64, max: f64, step: f64) -> impl Iterator<Item = f64> {
+    let (first, last) = ((min / step).ceil() as i64, (max / step).floor() as i64);
+    (first..=last).take(100).map(move |index| index as f64 * step)
+}
+
+fn signed(value: f64) -> String {
+    let text = millimetres(value.abs());
+    let text = text.trim_end_matches(" mm");
+    if value < 0.0 { format!("−{text}") } else { text.to_owned() }
+}
+
+/// A bar of round length in the lower left corner.
+fn scale_bar(page: &mut Page, window: &Window) {
+    let known = round_step(7.0 / window.scale);
+    let length = known * window.scale;
+    let text = format!("{} · {}", millimetres(known), window.scale_name());
+    let [left, bottom] = [window.at[0] + 2.0, window.at[1] + window.paper_size()[1] - 2.0];
+    let width = length + 1.5 + LABEL.width(&text) * 0.9;
+    page.rect(
+        [left - 1.0, bottom - 2.6],
+        [width + 1.5, 3.6],
+        "fill=\"#ffffff\" fill-opacity=\".8\" rx=\".6\"",
+    );
+    page.rect([left, bottom - 1.4], [length, 0.8], &format!("fill=\"{DARK}\""));
+    page.text([left + length + 1.2, bottom - 0.2], VALUE, &text);
+}
+
+/// The whole part with the box of the pattern; returns where it ends.
+fn draw_inset(
+    page: &mut Page,
+    window: &Window,
+    relief: Option<&Relief>,
+    field: Option<&Extents>,
+    pattern: &Extents,
+) -> f64 {
+    page.add(format_args!("{}", window.opening("inset-window")));
+    background(page, window, relief.is_some(), field);
+    if !pattern.is_empty() {
+        let width = number(0.35 / window.scale);
+        let paint =
+            format!("fill=\"#ffffff\" fill-opacity=\".6\" stroke=\"{DARK}\" stroke-width=\"{width}\"");
+        page.add(format_args!("{}", rectangle(pattern, &paint)));
+    }
+    page.add(format_args!("</g>"));
+    let mut y = window.at[1] + window.paper_size()[1] + 0.3;
+    let named = [
+        ("part ≈", relief.map(|relief| relief.extents), QUIET),
+        ("pattern", Some(*pattern).filter(|pattern| !pattern.is_empty()), DARK),
+        ("field", field.copied(), FIELD),
+    ];
+    for (name, extents, color) in named {
+        if let Some(extents) = extents {
+            let size = extents.size();
+            // Below a centimetre the tenths count.
+            let side =
+                |length: f64| if size.max() < 10.0 { format!("{length:.1}") } else { format!("{length:.0}") };
+            y += 2.8;
+            page.text(
+                [window.at[0], y],
+                Type::new(TICK.size, color),
+                &format!("{name} {} × {} mm", side(size.x), side(size.y)),
+            );
+        }
+    }
+    y
+}
+
+/// The colour scale with its numbers; returns where it ends.
+fn legend(
+    page: &mut Page,
+    at: [f64; 2],
+    colors: &StretchScale,
+    is_unknown: bool,
+    relief: Option<&Relief>,
+) -> f64 {
+    let [x, y] = at;
+    page.text([x, y + 2.3], HEADING, "Length on the part");
+    let swatch = LEGEND_WIDTH / StretchScale::steps().count() as f64;
+    for (index, step) in StretchScale::steps().enumerate() {
+        // A hair of overlap keeps the page from shining through between two colours.
+        let size = [swatch + 0.05, 3.2];
+        page.rect([x + index as f64 * swatch, y + 5.2], size, &format!("fill=\"{}\"", color(Some(step))));
+    }
+    for (place, word) in [(0.0, "too short"), (0.5, "true"), (1.0, "too long")] {
+        page.text([x + place * LEGEND_WIDTH, y + 14.0], LABEL.anchored(anchor_at(place)), word);
+    }
+    for (place, share) in [(0.0, -1.0), (0.25, -0.5), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)] {
+        let middle = x + place * LEGEND_WIDTH;
+        page.line([middle, y + 8.4], [middle, y + 9.2], FAINT, 0.2);
+        let number = round_percent(share * colors.limit);
+        page.text([middle, y + 11.3], TICK.anchored(anchor_at(place)), &number);
+    }
+    let mut line = y + 14.0;
+    let mut note = |page: &mut Page, color: &str, width: f64, text: &str| {
+        line += 3.9;
+        page.line([x, line - 0.8], [x + 4.0, line - 0.8], color, width);
+        page.text([x + 5.5, line], LABEL, text);
+    };
+    if colors.exceeded {
+        let text = format!("stretch beyond {}", round_percent(colors.limit).replace('+', "±"));
+        note(page, &last_color(), 0.5, &text);
+    }
+    if is_unknown {
+        note(page, &color(None), 0.5, "no surface measured there");
+    }
+    note(page, "#7c8798", 0.15, "original drawing");
+    if let Some(relief) = relief.filter(|relief| !relief.contours.is_empty()) {
+        note(page, "#b9c0cb", 0.15, &format!("height lines every {}", millimetres(relief.contour_step)));
+    }
+    line + 1.5
+}
+
+/// Text at the ends of the scale stays above it.
+fn anchor_at(place: f64) -> Anchor {
+    match place {
+        0.0 => Anchor::Start,
+        1.0 => Anchor::End,
+        _ => Anchor::Middle,
+    }
+}
+
+/// The table of the summary; returns where it ends.
+fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)]) -> f64 {
+    let [x, mut y] = at;
+    y += 2.3;
+    for (label, text) in rows {
+        let fits = LABEL.width(label) + VALUE.width(text) + 2.0 <= width;
+        page.text([x, y], LABEL, &LABEL.shortened(label, width));
+        let lines = if fits { vec![text.clone()] } else { VALUE.wrapped(text, width) };
+        for (index, line) in lines.iter().enumerate() {
+            if !fits || index > 0 {
+                y += 3.3;
+            }
+            page.text([x + width, y], VALUE.anchored(Anchor::End), line);
+        }
+        page.line([x, y + 1.3], [x + width, y + 1.3], "#e2e6ec", 0.15);
+        y += 4.6;
+    }
+    y - 3.0
+}
+
+/// The least and the largest stretch in words.
+fn stretch_range(lines: &[Line]) -> String {
+    let stretches = || ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
+    let least = stretches().fold(f64::INFINITY, f64::min);
+    let largest = stretches().fold(f64::NEG_INFINITY, f64::max);
+    match (lines.is_empty(), least <= largest) {
+        (true, _) => "nothing drawn".to_owned(),
+        (_, false) => "lengths on the part not measured".to_owned(),
+        _ if percent(least) == percent(largest) => format!("lengths on the part: {}", percent(least)),
+        _ => format!("lengths on the part: {} to {}", percent(least), percent(largest)),
+    }
+}
+
+/// Thickness of the lines on paper, mm: thinner where they lie so close that they would run together.
+fn line_width(lines: &[Line], drawn: &Extents, scale: f64) -> f64 {
+    let length: f64 = ink::weighted(lines).map(|(length, _)| length).sum::<f64>() * scale;
+    let area = drawn.size().x * drawn.size().y * scale * scale;
+    if length > 0.0 { (0.3 * area / length).clamp(0.06, 0.34) } else { 0.34 }
+}
+
+fn points(lines: &[Line]) -> impl Iterator<Item = nalgebra::Vector2<f64>> {
+    lines.iter().flat_map(|line| line.points.iter().map(|point| (*point).into()))
+}
+
+/// A rectangle of the view in its coordinates, y negated.
+fn rectangle(extents: &Extents, paint: &str) -> String {
+    let size = extents.size();
+    format!(
+        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {paint}/>",
+        number(extents.min.x),
+        number(-extents.max.y),
+        number(size.x),
+        number(size.y)
+    )
+}

@@ -1,0 +1,73 @@
+//! The picture of a job: the part as the laser sees it, and on it the lines before and after the correction.
+//!
+//! [`svg`] turns values into text; it opens no file and measures nothing. Two panels stand side by side and zoom on the
+//! pattern, an inset shows the whole part, and colours say how much longer or shorter each line is on the part than
+//! in the drawing. The same preview gives the same bytes.
+//!
+//! ```
+//! use isomark::preview::{HeightPicture, Preview, PreviewPath, svg};
+//!
+//! let line = PreviewPath { points: vec![[0.0, 0.0], [20.0, 0.0]], closed: false, stretch: vec![0.08] };
+//! let preview = Preview { title: "can · date.dxf".into(), before: vec![line], ..Preview::default() };
+//! assert!(svg(&preview).contains("+8.0 %"));
+//! ```
+
+mod layout;
+mod page;
+mod stretch_scale;
+mod ink;
+mod relief;
+
+use crate::geometry::space::Extents;
+
+pub use layout::svg;
+
+/// Everything the picture shows. All lengths are in mm of the view, x to the right and y up as the laser sees it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Preview {
+    /// Heading, such as `mouse · date.dxf · isometric`.
+    pub title: String,
+    /// The part as the laser sees it.
+    pub part_outline: HeightPicture,
+    /// The lines drawn as they are: plain projection.
+    pub before: Vec<PreviewPath>,
+    /// The lines that are sent to the laser, with the stretch that remains.
+    pub after: Vec<PreviewPath>,
+    /// The working area, if it is known.
+    pub field: Option<Extents>,
+    /// Rows of the table at the foot: label and text, such as `length error` and `6.83 mm → 0.05 mm`.
+    pub summary: Vec<(String, String)>,
+}
+
+/// Heights of the part on a square grid, the background of the picture. Some 200 nodes along its longer side
+/// give a smooth rim; more are thinned.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct HeightPicture {
+    /// The node of column 0 and row 0, mm.
+    pub origin: [f64; 2],
+    /// Distance between neighbouring nodes, mm.
+    pub step: f64,
+    /// Nodes along x.
+    pub columns: usize,
+    /// Nodes along y.
+    pub rows: usize,
+    /// Height of each node towards the laser, mm, row by row from the lowest y; `None` where there is no surface.
+    pub heights: Vec<Option<f64>>,
+}
+
+/// A line of the picture.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PreviewPath {
+    /// Its points, mm; a single one is a dot, and a contour does not repeat the first.
+    pub points: Vec<[f64; 2]>,
+    /// Whether the line returns to its first point.
+    pub closed: bool,
+    /// Stretch of each segment: length on the part over length in the drawing, less 1. Segments without a finite
+    /// stretch are shown as lying where nothing was measured.
+    pub stretch: Vec<f64>,
+}
+
+/// The cell of a square grid that a point lies in, for joining what no picture shows apart.
+fn grid_cell(point: [f64; 2], size: f64) -> [i64; 2] {
+    point.map(|coordinate| (coordinate / size).floor() as i64)
+}

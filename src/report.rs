@@ -1,0 +1,382 @@
+//! One job's story in numbers: what was read, what was decided, how true the lengths are, what to look at.
+//!
+//! The JSON form is stable and named by [`SCHEMA`]: fields may be added, never renamed or given another unit. Lengths are
+//! in mm, angles in degrees, times in milliseconds; every field says so in its name.
+
+use serde::{Deserialize, Serialize};
+
+use crate::cache::PartOrigin;
+use crate::diff::DrawingDiff;
+use crate::formats::mesh::PartFacts;
+use crate::formats::pattern::PatternFacts;
+use crate::geometry::correction::Exposure;
+use crate::geometry::mapping::quality::Distortion;
+use crate::geometry::mapping::{LengthTrueMap, isometric::Iteration};
+use crate::geometry::space::Extents;
+use crate::geometry::surface::fit::FittedSurface;
+use crate::reason::{Notice, Severity};
+
+/// Name and version of the JSON form.
+pub const SCHEMA: &str = "isomark.report/1";
+
+/// The report of a delivered job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Name and version of the program.
+    pub program: String,
+    /// The product.
+    pub sku: String,
+    /// The part and its surface.
+    pub part: PartStory,
+    /// The drawing.
+    pub pattern: PatternStory,
+    /// Where the drawing was put.
+    pub placement: PlacementStory,
+    /// How it was bent.
+    pub map: MapStory,
+    /// How true it is on the part.
+    pub quality: Quality,
+    /// What the beam meets.
+    pub exposure: ExposureStory,
+    /// The corrected drawing.
+    pub output: OutputStory,
+    /// What differs from the drawing that the new one replaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub changes: Option<DrawingDiff>,
+    /// Everything a person should know, the gravest first.
+    pub notices: Vec<Notice>,
+    /// How long each stage took, in the order of the journey.
+    pub timings: Vec<Timing>,
+}
+
+/// The part and its surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartStory {
+    /// File and hash.
+    #[serde(flatten)]
+    pub origin: PartOrigin,
+    /// What was found in the file.
+    pub facts: PartFacts,
+    /// Name of the surface in the cache.
+    pub surface_key: String,
+    /// Whether the surface came from the cache.
+    pub surface_from_cache: bool,
+    /// Control points along x and y.
+    pub control_points: [usize; 2],
+    /// Distance between control points, mm.
+    pub span_mm: f64,
+    /// What the fit leaves over the whole visible side.
+    pub residual: ResidualStory,
+}
+
+/// Distance between the fitted surface and the sampled part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualStory {
+    /// Largest, mm.
+    pub largest_mm: f64,
+    /// Where in the view, mm.
+    pub at_mm: [f64; 2],
+    /// Root mean square, mm.
+    pub rms_mm: f64,
+    /// What 95 % of the samples stay below, mm.
+    pub most_mm: f64,
+    /// Largest under the ink, mm.
+    pub under_ink_mm: f64,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+/// The drawing as it was read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PatternStory {
+    /// The file's name.
+    pub file: String,
+    /// BLAKE3 hash of its bytes, in hexadecimal.
+    pub blake3: String,
+    /// What was found in it.
+    pub facts: PatternFacts,
+    /// Number of paths taken over.
+    pub paths: usize,
+    /// How many of them are contours.
+    pub contours: usize,
+    /// Layers that count as ink; absent when all do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ink_layers: Option<Vec<String>>,
+}
+
+/// Where the drawing was put in the view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlacementStory {
+    /// Direction, in the part's frame, that faces the laser.
+    pub facing: [f64; 3],
+    /// Turn of the view about the laser's axis, degrees.
+    pub roll_deg: f64,
+    /// The anchor in the drawing, mm.
+    pub anchor_mm: [f64; 2],
+    /// Where it came to lie in the view, mm.
+    pub place_mm: [f64; 2],
+    /// Turn of the drawing, degrees.
+    pub rotate_deg: f64,
+}
+
+/// How the drawing was bent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "method", rename_all = "kebab-case")]
+pub enum MapStory {
+    /// The map of least strain.
+    Isometric {
+        /// What was weighted: `ink` or `uniform`.
+        weighting: String,
+        /// Number of steps of the solver.
+        iterations: usize,
+        /// Weighted mean squared strain before the first and before the last step.
+        energy: [f64; 2],
+    },
+    /// Exact unrolling.
+    Cylinder {
+        /// Radius, mm.
+        radius_mm: f64,
+        /// Direction of the axis in the view.
+        axis: [f64; 3],
+        /// A point of the axis in the view, mm.
+        center_mm: [f64; 3],
+        /// Largest distance of the part from the cylinder under the drawing, mm.
+        residual_mm: f64,
+    },
+    /// Plain projection.
+    None,
+}
+
+/// How true the drawing is on the part, measured on the sampled part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// As plain projection would mark it; absent when that would leave the part.
+    pub before: Option<DistortionStory>,
+    /// As it will be marked.
+    pub after: DistortionStory,
+}
+
+/// The figures of [`Distortion`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DistortionStory {
+    /// e_l, mm.
+    pub length_error_mm: f64,
+    /// e_l / length of all lines.
+    pub length_error_relative: f64,
+    /// e_a, mm².
+    pub area_error_mm2: f64,
+    /// e_a / inked area; 0 without inked area.
+    pub area_error_relative: f64,
+    /// Length of all lines as drawn, mm.
+    pub length_mm: f64,
+    /// Inked area as drawn, mm².
+    pub area_mm2: f64,
+    /// Largest relative change of length.
+    pub largest_stretch: f64,
+    /// Where that is in the placed drawing, mm.
+    pub largest_stretch_at_mm: [f64; 2],
+    /// Root mean square relative change of length.
+    pub rms_stretch: f64,
+    /// Largest relative change of area.
+    pub largest_area_stretch: f64,
+    /// Largest change of an angle, degrees.
+    pub largest_angle_error_deg: f64,
+}
+
+/// What the beam meets where the ink lies.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExposureStory {
+    /// Largest angle between beam and surface normal, degrees.
+    pub incidence_deg: f64,
+    /// Where that is in the view, mm.
+    pub incidence_at_mm: [f64; 2],
+    /// Lowest and highest point in the laser's frame, mm.
+    pub height_mm: [f64; 2],
+    /// Height that should be in focus: the middle of the two, mm.
+    pub best_focus_mm: f64,
+}
+
+/// The corrected drawing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputStory {
+    /// BLAKE3 hash of the file, in hexadecimal.
+    pub blake3: String,
+    /// Size of the file, bytes.
+    pub bytes: usize,
+    /// Its version, `R2000` or `R12`.
+    pub dxf: String,
+    /// Number of paths.
+    pub paths: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// The rectangle round it in the field: left, bottom, right, top, mm.
+    pub extents_mm: [f64; 4],
+}
+
+/// How long a stage took.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// The stage.
+    pub stage: String,
+    /// Its time, ms.
+    pub ms: f64,
+}
+
+impl PartStory {
+    /// The story of a surface.
+    pub fn new(
+        origin: PartOrigin,
+        facts: PartFacts,
+        surface: &FittedSurface,
+        key: &str,
+        from_cache: bool,
+        under_ink: f64,
+    ) -> Self {
+        let (knots_x, knots_y) = surface.nurbs.knots();
+        let residual = &surface.residual;
+        Self {
+            origin,
+            facts,
+            surface_key: key.into(),
+            surface_from_cache: from_cache,
+            control_points: [knots_x.control_points(), knots_y.control_points()],
+            span_mm: knots_x.step(),
+            residual: ResidualStory {
+                largest_mm: residual.largest,
+                at_mm: residual.at.coords().into(),
+                rms_mm: residual.rms,
+                most_mm: residual.most,
+                under_ink_mm: under_ink,
+                samples: residual.nodes,
+            },
+        }
+    }
+}
+
+impl MapStory {
+    /// The story of a map; `weighting` is what the isometric one was weighted by.
+    pub fn new(map: &LengthTrueMap, weighting: &str) -> Self {
+        match map {
+            LengthTrueMap::Isometric(map) => {
+                let energy = |iteration: Option<&Iteration>| iteration.map_or(0.0, |iteration| iteration.energy);
+                Self::Isometric {
+                    weighting: weighting.into(),
+                    iterations: map.iterations.len(),
+                    energy: [energy(map.iterations.first()), energy(map.iterations.last())],
+                }
+            }
+            LengthTrueMap::Cylinder(map, fit) => Self::Cylinder {
+                radius_mm: map.cylinder.radius,
+                axis: (*map.cylinder.axis).into(),
+                center_mm: map.cylinder.center.coords.into(),
+                residual_mm: fit.residual,
+            },
+            LengthTrueMap::Plain => Self::None,
+        }
+    }
+
+    /// The method's name, as on the command line.
+    pub fn method(&self) -> &'static str {
+        match self {
+            Self::Isometric { .. } => "isometric",
+            Self::Cylinder { .. } => "cylinder",
+            Self::None => "none",
+        }
+    }
+}
+
+impl From<&Distortion> for DistortionStory {
+    fn from(distortion: &Distortion) -> Self {
+        let relative = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+        Self {
+            length_error_mm: distortion.length_error,
+            length_error_relative: relative(distortion.length_error, distortion.length),
+            area_error_mm2: distortion.area_error,
+            area_error_relative: relative(distortion.area_error, distortion.area),
+            length_mm: distortion.length,
+            area_mm2: distortion.area,
+            largest_stretch: distortion.largest_stretch,
+            largest_stretch_at_mm: distortion.largest_stretch_at.coords().into(),
+            rms_stretch: distortion.rms_stretch,
+            largest_area_stretch: distortion.largest_area_stretch,
+            largest_angle_error_deg: distortion.largest_angle_error.to_degrees(),
+        }
+    }
+}
+
+impl From<&Exposure> for ExposureStory {
+    fn from(exposure: &Exposure) -> Self {
+        Self {
+            incidence_deg: exposure.steepest.to_degrees(),
+            incidence_at_mm: exposure.steepest_at.coords().into(),
+            height_mm: [exposure.lowest, exposure.highest],
+            best_focus_mm: (exposure.lowest + exposure.highest) / 2.0,
+        }
+    }
+}
+
+/// Left, bottom, right, top.
+pub fn corners(extents: &Extents) -> [f64; 4] {
+    [extents.min.x, extents.min.y, extents.max.x, extents.max.y]
+}
+
+impl Report {
+    /// The JSON form, indented, with a newline at its end.
+    ///
+    /// # Errors
+    /// Never for a report of finite numbers.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self).map(|text| text + "\n")
+    }
+
+    /// One paragraph for people: what was done, how true it is, what to look at.
+    pub fn summary(&self) -> String {
+        let after = &self.quality.after;
+        let before = self.quality.before.as_ref();
+        let from = |value: Option<f64>, digits: usize| {
+            value.map_or("?".to_owned(), |value| format!("{value:.digits$}"))
+        };
+        let mut text = format!(
+            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected by `{}` on {} ({:.1} x {:.1} x {:.1} mm). ",
+            self.sku,
+            self.pattern.file,
+            self.pattern.facts.size[0],
+            self.pattern.facts.size[1],
+            self.pattern.paths,
+            self.map.method(),
+            self.part.origin.file,
+            self.part.facts.size[0],
+            self.part.facts.size[1],
+            self.part.facts.size[2],
+        );
+        text += &format!(
+            "Length error {} -> {:.3} mm on {:.1} mm of lines, ",
+            from(before.map(|before| before.length_error_mm), 3),
+            after.length_error_mm,
+            after.length_mm,
+        );
+        if after.area_mm2 > 0.0 {
+            text += &format!(
+                "area error {} -> {:.3} mm2 on {:.1} mm2, ",
+                from(before.map(|before| before.area_error_mm2), 3),
+                after.area_error_mm2,
+                after.area_mm2,
+            );
+        }
+        text += &format!(
+            "largest stretch {} -> {:.3} %, angles {} -> {:.2} deg; surface within {:.4} mm under the ink, beam at up to {:.0} deg.",
+            from(before.map(|before| before.largest_stretch * 100.0), 2),
+            after.largest_stretch * 100.0,
+            from(before.map(|before| before.largest_angle_error_deg), 2),
+            after.largest_angle_error_deg,
+            self.part.residual.under_ink_mm,
+            self.exposure.incidence_deg,
+        );
+        for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
+            text += &format!("\n  warning: {}", notice.message);
+        }
+        text
+    }
+}
