@@ -122,7 +122,11 @@ impl Clues {
         notices.extend(notice(
             "axis-assumed",
             up_footing,
-            format!("the file's +{} axis is taken as up because {}", up.value.to_string().to_uppercase(), up.why),
+            format!(
+                "the file's +{} axis is taken as up because {}",
+                up.value.to_string().to_uppercase(),
+                up.why
+            ),
             "`--part-up` says otherwise if the part lies on its side",
         ));
         let longest = corners.size.max() * unit.value.in_mm();
@@ -232,10 +236,7 @@ impl Clues {
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if !in_millimetres {
-            return (
-                Decision::new(UpAxis::Y, "Blender writes OBJ with Y up by default"),
-                Footing::Certain,
-            );
+            return (Decision::new(UpAxis::Y, "Blender writes OBJ with Y up by default"), Footing::Certain);
         }
         // Blender with mm: either a scene in mm (Y up), or a part in mm with Z up that only passed through, or an export
         // with Z chosen as up. The turn there and back leaves rounding in y and z only.

@@ -351,13 +351,21 @@ impl MeshReadError {
                 return format!("drop \"{name}\" beside the .gltf, or export as GLB, which is one file");
             }
             Self::BadDataUri { .. } | Self::NodeTwice { .. } => "export the part as GLB again",
-            Self::BadTransform { .. } => "apply the object's transform in the modelling program and export again",
-            Self::NotFinite { .. } => "repair the mesh in the modelling program (remove broken vertices) and export again",
+            Self::BadTransform { .. } => {
+                "apply the object's transform in the modelling program and export again"
+            }
+            Self::NotFinite { .. } => {
+                "repair the mesh in the modelling program (remove broken vertices) and export again"
+            }
             Self::TooFar { .. } => {
                 "delete stray vertices far from the part; if the size is wrong as a whole, set the unit with `--part-unit`"
             }
-            Self::IndexOutOfRange { .. } => "export the part again; the file is damaged or was edited by hand",
-            Self::BadLine { .. } => "correct this line, or export the part again with a point as decimal sign",
+            Self::IndexOutOfRange { .. } => {
+                "export the part again; the file is damaged or was edited by hand"
+            }
+            Self::BadLine { .. } => {
+                "correct this line, or export the part again with a point as decimal sign"
+            }
             Self::NoTriangles { cause } => empty_remedy(cause),
             Self::TooLarge { .. } => "reduce the mesh (decimate it, or export with a larger chord tolerance)",
         };
@@ -374,8 +382,12 @@ fn empty_remedy(cause: &EmptyCause) -> &'static str {
         EmptyCause::ArchContainer => {
             "FreeCAD's Arch exporter leaves out what is inside a container: select the bodies themselves and export again"
         }
-        EmptyCause::OnlyOthers(_) => "select the solid or the mesh, not its sketch or point cloud, and export again",
-        EmptyCause::Flat | EmptyCause::Nothing => "select the part before exporting, and check that it is visible",
+        EmptyCause::OnlyOthers(_) => {
+            "select the solid or the mesh, not its sketch or point cloud, and export again"
+        }
+        EmptyCause::Flat | EmptyCause::Nothing => {
+            "select the part before exporting, and check that it is visible"
+        }
     }
 }
 

@@ -28,7 +28,7 @@ pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 use clues::{Clues, Corners};
 
 /// Most triangles a part may have; a million is already finer than any marking needs.
-const MOST_TRIANGLES: usize = 20_000_000;
+const MOST_TRIANGLES: usize = 10_000_000;
 
 /// A format that parts can be read from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,6 +162,20 @@ impl MeshFormat {
     }
 }
 
+impl NormalsFound {
+    fn notice(self) -> Option<Notice> {
+        let found = match self {
+            Self::None => "the file has no normals",
+            Self::FacetsOnly => "the file's normals only repeat the flat facets",
+            Self::Smooth => return None,
+        };
+        let message = format!(
+            "{found}, so curvature between vertices is estimated; a GLB from CAD has the exact normals"
+        );
+        Some(Notice::note("normals-estimated", message))
+    }
+}
+
 impl fmt::Display for MeshFormat {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
@@ -211,11 +225,13 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
-        let mesh = TriMesh::new(self.positions, self.normals, self.triangles).map_err(|error| match error {
-            MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
-            _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
-        })?;
+        let mesh =
+            TriMesh::new(self.positions, self.normals, self.triangles).map_err(|error| match error {
+                MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
+                _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+            })?;
         self.notices.extend(verdict.notices);
+        self.notices.extend(self.normals_found.notice());
         let facts = PartFacts {
             format: self.clues.format,
             producer: self.clues.producer,

@@ -41,7 +41,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     let ends_open = lines.is_cut();
     let mut part = content.into_part()?;
     if ends_open {
-        let message = "the last line does not end with a line break; if the file was cut there, the last face is wrong";
+        let message =
+            "the last line does not end with a line break; if the file was cut there, the last face is wrong";
         part.notices.push(Notice::warning("last-line-open", message));
     }
     Ok(part)

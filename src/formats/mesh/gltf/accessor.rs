@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use ::gltf::json::accessor::{Accessor, ComponentType, Type};
-use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Root, buffer::View};
+use gltf_json::accessor::{Accessor, ComponentType, Type};
+use gltf_json::validation::Checked;
+use gltf_json::{Index, Root, buffer::View};
 
 use crate::formats::mesh::MeshReadError;
 
@@ -100,13 +100,12 @@ impl<'a> Data<'a> {
                 self.run(sparse.values.buffer_view, sparse.values.byte_offset.0, count, size, item)?;
             for (place, bytes) in places.map(u32_of).zip(replaced) {
                 let places = values.len();
-                let value =
-                    values.get_mut(place as usize).ok_or_else(|| MeshReadError::BrokenReference {
-                        item: item(),
-                        kind: "sparse element",
-                        index: place as usize,
-                        count: places,
-                    })?;
+                let value = values.get_mut(place as usize).ok_or_else(|| MeshReadError::BrokenReference {
+                    item: item(),
+                    kind: "sparse element",
+                    index: place as usize,
+                    count: places,
+                })?;
                 *value = decode(bytes);
             }
         }
@@ -124,9 +123,7 @@ impl<'a> Data<'a> {
     ) -> Result<impl ExactSizeIterator<Item = &'a [u8]> + use<'a>, MeshReadError> {
         let views = &self.root.buffer_views;
         let broken = |kind, index, count| MeshReadError::BrokenReference { item: item(), kind, index, count };
-        let view = views
-            .get(view.value())
-            .ok_or_else(|| broken("buffer view", view.value(), views.len()))?;
+        let view = views.get(view.value()).ok_or_else(|| broken("buffer view", view.value(), views.len()))?;
         let buffer = self
             .buffers
             .get(view.buffer.value())

@@ -3,14 +3,16 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use ::gltf::json::mesh::{Mode, Primitive, Semantic};
-use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Mesh, Node, Root};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::Checked;
+use gltf_json::{Index, Mesh, Node, Root};
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles};
+use crate::formats::mesh::{
+    MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles,
+};
 
 use super::accessor::Data;
 
@@ -98,21 +100,16 @@ impl Walk<'_> {
                 return Err(MeshReadError::BadTransform { node: node_name(node, number) });
             }
             self.node(node, number, &transform)?;
-            waiting.extend(
-                children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)),
-            );
+            waiting
+                .extend(children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)));
         }
-        let unreached = nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
+        let unreached =
+            nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
         self.leave_aside("object outside the scene shown", unreached.count());
         Ok(())
     }
 
-    fn node(
-        &mut self,
-        node: &Node,
-        number: usize,
-        transform: &Matrix4<f64>,
-    ) -> Result<(), MeshReadError> {
+    fn node(&mut self, node: &Node, number: usize, transform: &Matrix4<f64>) -> Result<(), MeshReadError> {
         self.leave_aside("camera", usize::from(node.camera.is_some()));
         self.leave_aside("skin (the part is read unposed)", usize::from(node.skin.is_some()));
         if let Some(extensions) = &node.extensions {
@@ -148,14 +145,13 @@ impl Walk<'_> {
     ) -> Result<(), MeshReadError> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let item = |what: &str| format!("mesh \"{mesh}\", primitive {number}, {what}");
-        let mode = match primitive.mode {
-            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
-            Checked::Valid(Mode::Points) => return Ok(self.leave_aside("set of points", 1)),
-            Checked::Valid(_) => return Ok(self.leave_aside("set of lines", 1)),
-            Checked::Invalid => return Ok(self.leave_aside("primitive of an unknown kind", 1)),
-        };
+        if let Some(what) = no_surface(primitive) {
+            self.leave_aside(what, 1);
+            return Ok(());
+        }
         let Some(positions) = attribute(Semantic::Positions) else {
-            return Ok(self.leave_aside("primitive without positions", 1));
+            self.leave_aside("primitive without positions", 1);
+            return Ok(());
         };
         self.leave_aside("set of morph targets", usize::from(primitive.targets.is_some()));
 
@@ -166,7 +162,8 @@ impl Walk<'_> {
         if first_vertex + positions.len() > 3 * MOST_TRIANGLES {
             return Err(too_many_triangles(first_vertex + positions.len()));
         }
-        let (linear, shift) = (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
+        let (linear, shift) =
+            (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
             let own = Vector3::from(position.map(f64::from));
             if !own.iter().all(|coordinate| coordinate.is_finite()) {
@@ -191,7 +188,8 @@ impl Walk<'_> {
                 count: positions.len(),
             });
         }
-        let wanted = self.part.triangles.len() + sequence.len() / if mode == Mode::Triangles { 3 } else { 1 };
+        let is_list = matches!(primitive.mode, Checked::Valid(Mode::Triangles));
+        let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
         if wanted > MOST_TRIANGLES {
             return Err(too_many_triangles(wanted));
         }
@@ -199,21 +197,21 @@ impl Walk<'_> {
             let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
             self.part.triangles.push(corners.map(|index| first + index));
         };
-        match mode {
-            Mode::TriangleStrip => {
+        match primitive.mode {
+            Checked::Valid(Mode::TriangleStrip) => {
                 // Every other triangle of a strip turns the other way.
                 let turned = |(at, run): (usize, &[u32])| {
                     if at % 2 == 0 { [run[0], run[1], run[2]] } else { [run[1], run[0], run[2]] }
                 };
                 sequence.windows(3).enumerate().map(turned).for_each(&mut push);
             }
-            Mode::TriangleFan => {
+            Checked::Valid(Mode::TriangleFan) => {
                 let hub = sequence.first().copied().unwrap_or(0);
                 sequence.windows(2).skip(1).for_each(|rim| push([hub, rim[0], rim[1]]));
             }
             _ => sequence.chunks_exact(3).for_each(|run| push([run[0], run[1], run[2]])),
         }
-        if mode == Mode::Triangles && sequence.len() % 3 != 0 {
+        if is_list && sequence.len() % 3 != 0 {
             self.leave_aside("triangle without a third corner", 1);
         }
         self.note_material(primitive);
@@ -223,7 +221,7 @@ impl Walk<'_> {
     /// Adds a primitive's normals, or as many zeros where it has none.
     fn normals(
         &mut self,
-        accessor: Option<Index<::gltf::json::Accessor>>,
+        accessor: Option<Index<gltf_json::Accessor>>,
         linear: &Matrix3<f64>,
         vertices: usize,
         item: &dyn Fn() -> String,
@@ -264,7 +262,8 @@ impl Walk<'_> {
 
     fn name_the_rest(&mut self) {
         self.leave_aside("animation", self.data.root.animations.len());
-        self.part.not_taken = self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
+        self.part.not_taken =
+            self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
     }
 
     fn finish(self) -> Result<RawPart, MeshReadError> {
@@ -296,6 +295,16 @@ impl Walk<'_> {
             (part.positions, part.triangles) = welded;
         }
         Ok(part)
+    }
+}
+
+/// What the primitive is, if it is no surface.
+fn no_surface(primitive: &Primitive) -> Option<&'static str> {
+    match primitive.mode {
+        Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => None,
+        Checked::Valid(Mode::Points) => Some("set of points"),
+        Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => Some("set of lines"),
+        Checked::Invalid => Some("primitive of an unknown kind"),
     }
 }
 
