@@ -64,7 +64,7 @@ pub struct PartReading {
 pub struct PartFacts {
     /// The format the bytes were in, whatever the file's name says.
     pub format: MeshFormat,
-    /// The program that wrote the file, in its own words.
+    /// The program that wrote the file, in its own words; for OBJ the first comment.
     pub producer: Option<String>,
     /// Unit of the file's numbers.
     pub unit: Decision<LengthUnit>,
@@ -250,6 +250,10 @@ impl RawPart {
     }
 }
 
-fn too_many_triangles(count: usize) -> MeshReadError {
-    MeshReadError::TooLarge { what: "triangles", count: count as u64, limit: MOST_TRIANGLES as u64 }
+/// Refuses more of something than can be kept.
+fn at_most(what: &'static str, count: usize, limit: usize) -> Result<(), MeshReadError> {
+    if count > limit {
+        return Err(MeshReadError::TooLarge { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
 }

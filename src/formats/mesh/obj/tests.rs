@@ -152,6 +152,7 @@ fn a_unit_in_the_head_counts() {
     let sized = |head: &str| read_obj(format!("{head}\n{PLATE}f 1 2 3 4\n")).unwrap().facts.size[0];
     assert_eq!(sized("# File units = inches"), 254.0);
     assert_eq!(sized("# Units: mm"), 10.0);
+    assert_eq!(sized("# all units in cm"), 100.0);
     assert_eq!(sized("# a unit cube"), 10.0);
     assert_eq!(sized("# made by hand"), 10.0);
 }
