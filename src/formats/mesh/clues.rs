@@ -206,7 +206,14 @@ impl Clues {
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if !self.is_open_cascade() {
-            return (Decision::new(UpAxis::Y, "glTF has Y up by its standard"), Footing::Certain);
+            // Blender turns the axes whatever the unit; others that leave the unit may leave the axes as well.
+            return if in_millimetres && !self.producer_says("Blender") {
+                let why = "glTF has Y up by its standard; but as its numbers are no metres, the program may have kept \
+                           another axis as well";
+                (Decision::new(UpAxis::Y, why), Footing::Guess)
+            } else {
+                (Decision::new(UpAxis::Y, "glTF has Y up by its standard"), Footing::Certain)
+            };
         }
         if self.root_turn == RootTurn::FrontToUp {
             let why = "glTF has Y up by its standard, and the root is turned accordingly";

@@ -1,13 +1,13 @@
 //! glTF 2 and GLB: container, buffers and JSON. The scene is walked in [`scene`], numbers are read in [`accessor`].
 //!
-//! The format crate gives the types of the JSON only. Its validation panics on files with missing accessors and refuses
-//! files that lack what is not needed here (textures, bounds of positions); so whatever is used is checked where it is
-//! used, and nothing else.
+//! The format crate gives the types of the JSON only. Its validation panics on missing accessors and refuses files that
+//! lack what is not needed here (textures, bounds of positions); so what is used is checked where it is used, and
+//! nothing else.
 
 use std::borrow::Cow;
 use std::io;
 
-use ::gltf::json::{Root, buffer::Buffer};
+use gltf_json::{Root, buffer::Buffer};
 
 use crate::reason::Notice;
 
@@ -116,7 +116,7 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
 fn parse(json: &[u8]) -> Result<Root, MeshReadError> {
     // Names in the machine's own code page are damaged, but harmless.
     let text = String::from_utf8_lossy(json);
-    let root: Root = ::gltf::json::deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
+    let root: Root = gltf_json::deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
         line: error.line() as u64,
         column: error.column() as u64,
         message: error.to_string(),

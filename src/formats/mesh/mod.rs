@@ -29,7 +29,7 @@ pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 use clues::{Clues, Corners};
 
 /// Most triangles a part may have; a million is already finer than any marking needs.
-const MOST_TRIANGLES: usize = 20_000_000;
+const MOST_TRIANGLES: usize = 10_000_000;
 
 /// A format that parts can be read from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,7 +66,7 @@ pub struct PartReading {
 pub struct PartFacts {
     /// The format the bytes were in, whatever the file's name says.
     pub format: MeshFormat,
-    /// The program that wrote the file, in its own words.
+    /// The program that wrote the file, in its own words; for OBJ the first comment.
     pub producer: Option<String>,
     /// Unit of the file's numbers.
     pub unit: Decision<LengthUnit>,
@@ -166,6 +166,20 @@ impl MeshFormat {
     }
 }
 
+impl NormalsFound {
+    fn notice(self) -> Option<Notice> {
+        let found = match self {
+            Self::None => "the file has no normals",
+            Self::FacetsOnly => "the file's normals only repeat the flat facets",
+            Self::Smooth => return None,
+        };
+        let message = format!(
+            "{found}, so curvature between vertices is estimated; a GLB from CAD has the exact normals"
+        );
+        Some(Notice::note("normals-estimated", message))
+    }
+}
+
 impl fmt::Display for MeshFormat {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
@@ -221,6 +235,7 @@ impl RawPart {
                 _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
             })?;
         self.notices.extend(verdict.notices);
+        self.notices.extend(self.normals_found.notice());
         let facts = PartFacts {
             format: self.clues.format,
             producer: self.clues.producer,
@@ -239,6 +254,10 @@ impl RawPart {
     }
 }
 
-fn too_many_triangles(count: usize) -> MeshReadError {
-    MeshReadError::TooLarge { what: "triangles", count: count as u64, limit: MOST_TRIANGLES as u64 }
+/// Refuses more of something than can be kept.
+fn at_most(what: &'static str, count: usize, limit: usize) -> Result<(), MeshReadError> {
+    if count > limit {
+        return Err(MeshReadError::TooLarge { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
 }

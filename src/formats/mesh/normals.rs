@@ -11,6 +11,9 @@ const SLIVERS: f64 = 0.01;
 /// Share of positions that must lie between slightly bent facets, so that the part has curvature to lose at all.
 const BENT: f64 = 0.05;
 
+/// Positions, and triangles that name them.
+pub(super) type IndexedTriangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
+
 /// The mesh welded by position, if its normals only repeat the facets; otherwise nothing.
 ///
 /// Such normals are those of each triangle's plane, and differ where neighbouring facets of one curved surface meet.
@@ -20,7 +23,7 @@ pub(super) fn weld_facets(
     positions: &[Point3<f64>],
     triangles: &[[u32; 3]],
     normal: impl Fn(usize, usize) -> Vector3<f64>,
-) -> Option<(Vec<Point3<f64>>, Vec<[u32; 3]>)> {
+) -> Option<IndexedTriangles> {
     let mut patience = (triangles.len() as f64 * SLIVERS) as usize;
     for (triangle, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|index| positions[index as usize]);
@@ -54,7 +57,7 @@ fn is_within(angle: f64, a: Vector3<f64>, b: Vector3<f64>) -> bool {
 }
 
 /// Merges vertices at exactly the same position; triangles keep their order and name the first of each.
-pub(super) fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> IndexedTriangles {
     const FREE: u32 = u32::MAX;
     // Open addressing with at most half the places taken; a std map would not keep the order of first appearance.
     let places = (positions.len() * 2).next_power_of_two().max(2);

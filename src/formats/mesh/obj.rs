@@ -10,7 +10,7 @@ use super::clues::Clues;
 use super::error::{EmptyCause, VertexPlace};
 use super::polygon;
 use super::{LengthUnit, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, normals};
-use super::{gltf, too_many_triangles};
+use super::{at_most, gltf};
 use crate::reason::Notice;
 
 /// No face of a product has more corners than this; cutting one into triangles takes up to the square of it.
@@ -219,13 +219,8 @@ impl Content {
         if arity < 3 {
             return Err(bad("a face needs three corners"));
         }
-        if arity > MOST_CORNERS {
-            let (count, limit) = (arity as u64, MOST_CORNERS as u64);
-            return Err(MeshReadError::TooLarge { what: "corners in one face", count, limit });
-        }
-        if self.corners.len() > 3 * MOST_TRIANGLES {
-            return Err(too_many_triangles(self.corners.len() / 3));
-        }
+        at_most("corners in one face", arity, MOST_CORNERS)?;
+        at_most("corners of faces", self.corners.len(), 3 * MOST_TRIANGLES)?;
         self.arities.push(arity as u32);
         self.objects.use_now();
         self.groups.use_now();
@@ -390,7 +385,8 @@ fn unit_word(word: &str) -> Option<LengthUnit> {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
         "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
-        "in" | "inch" | "inches" => Some(LengthUnit::Inch),
+        // Not "in", which stands before the unit in most sentences.
+        "inch" | "inches" => Some(LengthUnit::Inch),
         _ => None,
     }
 }

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use ::gltf::json::accessor::{Accessor, ComponentType, Type};
-use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Root, buffer::View};
+use gltf_json::accessor::{Accessor, ComponentType, Type};
+use gltf_json::validation::Checked;
+use gltf_json::{Index, Root, buffer::View};
 
 use crate::formats::mesh::MeshReadError;
 

@@ -3,16 +3,14 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use ::gltf::json::mesh::{Mode, Primitive, Semantic};
-use ::gltf::json::validation::Checked;
-use ::gltf::json::{Index, Mesh, Node, Root};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::Checked;
+use gltf_json::{Index, Mesh, Node, Root};
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::{
-    MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, normals, too_many_triangles,
-};
+use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, at_most, normals};
 
 use super::accessor::Data;
 
@@ -145,14 +143,13 @@ impl Walk<'_> {
     ) -> Result<(), MeshReadError> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let item = |what: &str| format!("mesh \"{mesh}\", primitive {number}, {what}");
-        let mode = match primitive.mode {
-            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
-            Checked::Valid(Mode::Points) => return Ok(self.leave_aside("set of points", 1)),
-            Checked::Valid(_) => return Ok(self.leave_aside("set of lines", 1)),
-            Checked::Invalid => return Ok(self.leave_aside("primitive of an unknown kind", 1)),
-        };
+        if let Some(what) = no_surface(primitive) {
+            self.leave_aside(what, 1);
+            return Ok(());
+        }
         let Some(positions) = attribute(Semantic::Positions) else {
-            return Ok(self.leave_aside("primitive without positions", 1));
+            self.leave_aside("primitive without positions", 1);
+            return Ok(());
         };
         self.leave_aside("set of morph targets", usize::from(primitive.targets.is_some()));
 
@@ -160,9 +157,7 @@ impl Walk<'_> {
         let first_vertex = self.part.positions.len();
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
         // Every vertex index must fit, as those of all instances are numbered through.
-        if first_vertex + positions.len() > 3 * MOST_TRIANGLES {
-            return Err(too_many_triangles(first_vertex + positions.len()));
-        }
+        at_most("vertices", first_vertex + positions.len(), 3 * MOST_TRIANGLES)?;
         let (linear, shift) =
             (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
@@ -189,29 +184,14 @@ impl Walk<'_> {
                 count: positions.len(),
             });
         }
-        let wanted = self.part.triangles.len() + sequence.len() / if mode == Mode::Triangles { 3 } else { 1 };
-        if wanted > MOST_TRIANGLES {
-            return Err(too_many_triangles(wanted));
-        }
-        let mut push = |[a, b, c]: [u32; 3]| {
+        let is_list = matches!(primitive.mode, Checked::Valid(Mode::Triangles));
+        let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
+        at_most("triangles", wanted, MOST_TRIANGLES)?;
+        expand(primitive, &sequence, |[a, b, c]| {
             let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
             self.part.triangles.push(corners.map(|index| first + index));
-        };
-        match mode {
-            Mode::TriangleStrip => {
-                // Every other triangle of a strip turns the other way.
-                let turned = |(at, run): (usize, &[u32])| {
-                    if at % 2 == 0 { [run[0], run[1], run[2]] } else { [run[1], run[0], run[2]] }
-                };
-                sequence.windows(3).enumerate().map(turned).for_each(&mut push);
-            }
-            Mode::TriangleFan => {
-                let hub = sequence.first().copied().unwrap_or(0);
-                sequence.windows(2).skip(1).for_each(|rim| push([hub, rim[0], rim[1]]));
-            }
-            _ => sequence.chunks_exact(3).for_each(|run| push([run[0], run[1], run[2]])),
-        }
-        if mode == Mode::Triangles && sequence.len() % 3 != 0 {
+        });
+        if is_list && sequence.len() % 3 != 0 {
             self.leave_aside("triangle without a third corner", 1);
         }
         self.note_material(primitive);
@@ -221,7 +201,7 @@ impl Walk<'_> {
     /// Adds a primitive's normals, or as many zeros where it has none.
     fn normals(
         &mut self,
-        accessor: Option<Index<::gltf::json::Accessor>>,
+        accessor: Option<Index<gltf_json::Accessor>>,
         linear: &Matrix3<f64>,
         vertices: usize,
         item: &dyn Fn() -> String,
@@ -295,6 +275,34 @@ impl Walk<'_> {
             (part.positions, part.triangles) = welded;
         }
         Ok(part)
+    }
+}
+
+/// What the primitive is, if it is no surface.
+fn no_surface(primitive: &Primitive) -> Option<&'static str> {
+    match primitive.mode {
+        Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => None,
+        Checked::Valid(Mode::Points) => Some("set of points"),
+        Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => Some("set of lines"),
+        Checked::Invalid => Some("primitive of an unknown kind"),
+    }
+}
+
+/// The triangles of a list, strip or fan, all turning alike.
+fn expand(primitive: &Primitive, sequence: &[u32], mut push: impl FnMut([u32; 3])) {
+    match primitive.mode {
+        Checked::Valid(Mode::TriangleStrip) => {
+            // Every other triangle of a strip turns the other way.
+            let turned = |(at, run): (usize, &[u32])| {
+                if at % 2 == 0 { [run[0], run[1], run[2]] } else { [run[1], run[0], run[2]] }
+            };
+            sequence.windows(3).enumerate().map(turned).for_each(push);
+        }
+        Checked::Valid(Mode::TriangleFan) => {
+            let hub = sequence.first().copied().unwrap_or(0);
+            sequence.windows(2).skip(1).for_each(|rim| push([hub, rim[0], rim[1]]));
+        }
+        _ => sequence.chunks_exact(3).for_each(|run| push([run[0], run[1], run[2]])),
     }
 }
 

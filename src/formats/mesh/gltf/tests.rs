@@ -1,1 +1,363 @@
+use std::io;
 
+use nalgebra::{Point3, Vector3};
+use serde_json::{Value, json};
+
+use super::*;
+use crate::formats::mesh::error::{EmptyCause, VertexPlace};
+use crate::formats::mesh::{self, MeshOptions, PartReading};
+
+/// A GLB of one mesh: a right triangle with legs of 1 m along x and y, its normals, and whatever `change` does to it.
+fn glb_with(change: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let floats =
+        [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let mut binary: Vec<u8> = floats.iter().flat_map(|value| value.to_le_bytes()).collect();
+    binary.extend([0u16, 1, 2, 0].iter().flat_map(|index| index.to_le_bytes()));
+    let mut document = json!({
+        "asset": {"version": "2.0", "generator": "a test"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "Body"}],
+        "meshes": [{"name": "Shape", "primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 72},
+            {"buffer": 0, "byteOffset": 72, "byteLength": 8},
+        ],
+        "buffers": [{"byteLength": 80}],
+    });
+    change(&mut document);
+    container(&document, &binary)
+}
+
+fn container(document: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF".to_vec();
+    let length = 12 + 8 + json.len() + 8 + binary.len();
+    file.extend(2u32.to_le_bytes());
+    file.extend((length as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", &json[..]), (b"BIN\0", binary)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    file
+}
+
+fn no_sibling(_: &str) -> io::Result<Vec<u8>> {
+    Err(io::ErrorKind::NotFound.into())
+}
+
+fn read_glb(bytes: &[u8]) -> Result<PartReading, MeshReadError> {
+    mesh::read(bytes, MeshFormat::Glb, &MeshOptions::default(), &mut no_sibling)
+}
+
+fn read_with(change: impl FnOnce(&mut Value)) -> Result<PartReading, MeshReadError> {
+    read_glb(&glb_with(change))
+}
+
+/// The sum of the triangles' areas as vectors, m².
+fn area(part: &PartReading) -> Vector3<f64> {
+    let of = |corners| {
+        let [a, b, c]: [Point3<f64>; 3] = part.mesh.corners(corners);
+        (b - a).cross(&(c - a)) / 2e6
+    };
+    part.mesh.triangles().iter().map(|&corners| of(corners)).sum()
+}
+
+fn is_near(a: Vector3<f64>, b: [f64; 3]) -> bool {
+    (a - Vector3::from(b)).norm() < 1e-6
+}
+
+#[test]
+fn metres_with_y_up_become_millimetres_with_z_up() {
+    let part = read_with(|_| {}).unwrap();
+    assert_eq!(part.facts.size, [1000.0, 0.0, 1000.0]);
+    assert!(is_near(area(&part), [0.0, -0.5, 0.0]));
+    assert_eq!(part.mesh.normals()[0], -Vector3::y());
+    assert_eq!(part.facts.bodies, ["Body"]);
+    assert_eq!(part.facts.producer.as_deref(), Some("a test"));
+}
+
+#[test]
+fn a_tree_of_nodes_is_composed_and_mirrors_turn_the_triangles() {
+    let part = read_with(|document| {
+        document["nodes"] = json!([
+            {"children": [1], "translation": [1, 2, 3], "rotation": [0, 0, 1, 1]},
+            {"mesh": 0, "scale": [-2, 1, 1]},
+        ]);
+    })
+    .unwrap();
+    // Mirrored in x and turned to y the triangle still faces +z of the file, which is -y here.
+    assert!(is_near(area(&part), [0.0, -1.0, 0.0]), "{}", area(&part));
+    assert!((part.mesh.normals()[0] + Vector3::y()).norm() < 1e-9);
+    let (min, max) = part.mesh.bounds();
+    assert!(is_near(min.coords / 1000.0, [0.0, -3.0, 0.0]), "{min}");
+    assert!(is_near(max.coords / 1000.0, [1.0, -3.0, 2.0]), "{max}");
+}
+
+#[test]
+fn normals_stay_upright_under_uneven_scale() {
+    let part = read_with(|document| {
+        document["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 2, 0, 1, 0, 0, 0, 0, 1]);
+    })
+    .unwrap();
+    let normal = part.mesh.normals()[0];
+    let [a, b, c] = part.mesh.corners(part.mesh.triangles()[0]);
+    assert!(normal.dot(&(b - a)).abs() < 1e-9 && normal.dot(&(c - a)).abs() < 1e-9);
+}
+
+#[test]
+fn strips_and_fans_become_triangles_that_turn_alike() {
+    let square = |mode: u32| {
+        let corners = [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+        let order = if mode == 5 { [0, 1, 2, 3] } else { [0, 1, 3, 2] };
+        let floats = order.iter().flat_map(|&at: &usize| [corners[at][0], corners[at][1], 0.0]);
+        let binary: Vec<u8> = floats.flat_map(f32::to_le_bytes).collect();
+        let document = json!({
+            "asset": {"version": "2.0"},
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": mode}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 48}],
+            "buffers": [{"byteLength": 48}],
+        });
+        read_glb(&container(&document, &binary)).unwrap()
+    };
+    for mode in [5, 6] {
+        let part = square(mode);
+        assert_eq!(part.facts.triangles, 2, "mode {mode}");
+        assert!(is_near(area(&part), [0.0, -1.0, 0.0]), "mode {mode}");
+        assert_eq!(part.facts.normals, mesh::NormalsFound::None);
+    }
+}
+
+#[test]
+fn what_is_no_surface_is_named() {
+    let part = read_with(|document| {
+        let line = json!({"attributes": {"POSITION": 0}, "mode": 3});
+        let points = json!({"attributes": {"POSITION": 0}, "mode": 0});
+        let primitives = document["meshes"][0]["primitives"].as_array_mut().unwrap();
+        primitives.extend([line.clone(), line, points]);
+        document["nodes"][0]["camera"] = json!(0);
+        document["nodes"][0]["skin"] = json!(0);
+    })
+    .unwrap();
+    let named =
+        ["1 x camera", "2 x set of lines", "1 x set of points", "1 x skin (the part is read unposed)"];
+    assert_eq!(part.facts.not_taken, named);
+    let only_lines = read_with(|document| document["meshes"][0]["primitives"][0]["mode"] = json!(1));
+    let cause = EmptyCause::OnlyOthers(vec!["1 x set of lines".into()]);
+    assert_eq!(only_lines, Err(MeshReadError::NoTriangles { cause }));
+}
+
+#[test]
+fn sparse_values_replace_their_places() {
+    let part = read_with(|document| {
+        // The second vertex takes the place of the third normal, (0, 0, 1).
+        document["accessors"][0]["sparse"] = json!({
+            "count": 1,
+            "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
+            "values": {"bufferView": 0, "byteOffset": 60},
+        });
+    })
+    .unwrap();
+    assert_eq!(part.facts.size, [0.0, 1000.0, 1000.0]);
+    let beyond = read_with(|document| {
+        document["accessors"][0]["count"] = json!(4_000_000_000u32);
+        document["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+        document["accessors"][0]["sparse"] = json!({
+            "count": 1,
+            "indices": {"bufferView": 1, "componentType": 5123},
+            "values": {"bufferView": 0},
+        });
+    });
+    assert!(matches!(beyond, Err(MeshReadError::DataBeyondBuffer { .. })), "{beyond:?}");
+}
+
+#[test]
+fn data_that_are_missing_or_of_another_kind_are_refused() {
+    let quantised = read_with(|document| document["accessors"][0]["componentType"] = json!(5122));
+    let item = "mesh \"Shape\", primitive 0, POSITION".to_string();
+    let (expected, found) = ("three 32-bit floats", "vec3 of i16".to_string());
+    assert_eq!(quantised, Err(MeshReadError::WrongData { item: item.clone(), expected, found }));
+
+    let compressed = read_with(|document| {
+        document["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    });
+    assert_eq!(compressed, Err(MeshReadError::NoData { item: item.clone() }));
+
+    let beyond = read_with(|document| document["accessors"][0]["count"] = json!(7));
+    assert_eq!(
+        beyond,
+        Err(MeshReadError::DataBeyondBuffer { item: item.clone(), needed: 84, available: 72 })
+    );
+    let huge = read_with(|document| document["accessors"][0]["count"] = json!(u64::MAX));
+    assert!(matches!(huge, Err(MeshReadError::DataBeyondBuffer { .. })), "{huge:?}");
+
+    let nowhere = read_with(|document| document["accessors"] = json!([]));
+    assert_eq!(nowhere, Err(MeshReadError::BrokenReference { item, kind: "accessor", index: 0, count: 0 }));
+    for pointer in
+        ["/scene", "/scenes/0/nodes/0", "/nodes/0/mesh", "/bufferViews/0/buffer", "/accessors/2/bufferView"]
+    {
+        let broken = read_with(|document| *document.pointer_mut(pointer).unwrap() = json!(9));
+        assert!(
+            matches!(broken, Err(MeshReadError::BrokenReference { index: 9, .. })),
+            "{pointer}: {broken:?}"
+        );
+    }
+}
+
+#[test]
+fn bad_numbers_are_refused_with_their_place() {
+    let mut bytes = glb_with(|_| {});
+    let at = bytes.len() - 80 + 4 * 4;
+    bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let vertex = VertexPlace::Gltf { mesh: "Shape".into(), primitive: 0, vertex: 1 };
+    match read_glb(&bytes) {
+        Err(MeshReadError::NotFinite { vertex: found, coordinate }) => {
+            assert_eq!(found, vertex);
+            assert!(coordinate[1].is_nan());
+        }
+        other => panic!("{other:?}"),
+    }
+    let mut bytes = glb_with(|_| {});
+    let at = bytes.len() - 6;
+    bytes[at] = 77;
+    let out_of_range = MeshReadError::IndexOutOfRange { face: vertex, kind: "vertex", index: 77, count: 3 };
+    assert_eq!(read_glb(&bytes), Err(out_of_range));
+
+    let far = read_with(|document| document["nodes"][0]["translation"] = json!([1e30, 0, 0]));
+    assert!(matches!(far, Err(MeshReadError::TooFar { .. })), "{far:?}");
+    let matrix = json!([1e38, 0, 0, 0, 0, 1e38, 0, 0, 0, 0, 1e38, 0, 0, 0, 0, 1]);
+    let chain = read_with(|document| {
+        let child = |at: usize| json!({"matrix": matrix, "children": [at + 1]});
+        document["nodes"] = (0..12).map(child).collect();
+        document["nodes"][11] = json!({"mesh": 0});
+    });
+    assert!(matches!(chain, Err(MeshReadError::BadTransform { .. })), "{chain:?}");
+}
+
+#[test]
+fn trees_that_are_no_trees_come_to_an_end() {
+    let cycle =
+        read_with(|document| document["nodes"] = json!([{"children": [1]}, {"children": [0], "name": "B"}]));
+    assert_eq!(cycle, Err(MeshReadError::NodeTwice { node: "node 0".into() }));
+    let shared =
+        read_with(|document| document["nodes"] = json!([{"children": [1, 1]}, {"mesh": 0, "name": "B"}]));
+    assert_eq!(shared, Err(MeshReadError::NodeTwice { node: "node \"B\"".into() }));
+    let deep = read_with(|document| {
+        let depth = 20_000;
+        document["nodes"] = (0..depth).map(|at| json!({"children": [at + 1]})).collect();
+        document["nodes"].as_array_mut().unwrap().push(json!({"mesh": 0}));
+    });
+    assert_eq!(deep.unwrap().facts.triangles, 1);
+}
+
+#[test]
+fn containers_that_are_cut_or_foreign_are_refused() {
+    let whole = glb_with(|_| {});
+    let declared = whole.len() as u64;
+    let actual = declared - 5;
+    let cut = read_glb(&whole[..actual as usize]);
+    assert_eq!(cut, Err(MeshReadError::Truncated { format: MeshFormat::Glb, declared, actual }));
+    for length in 4..whole.len() {
+        assert!(matches!(read_glb(&whole[..length]), Err(MeshReadError::Truncated { .. })), "{length} bytes");
+    }
+    let mut first_version = whole.clone();
+    first_version[4] = 1;
+    assert_eq!(read_glb(&first_version), Err(MeshReadError::Version { version: "1".into() }));
+    for (bytes, found) in
+        [(&b""[..], "nothing: it is empty"), (&b"ISO-10303-21;\n"[..], "\"ISO-10303-21;\\n\"")]
+    {
+        let refused = MeshReadError::NotThisFormat { format: MeshFormat::Glb, found: found.into() };
+        assert_eq!(read_glb(bytes), Err(refused));
+    }
+    let mut longer = whole;
+    longer.extend([0; 3]);
+    let notices = read_glb(&longer).unwrap().facts.notices;
+    assert_eq!(notices[0].code, "glb-trailing-bytes");
+    match read_glb(b"{\n \"asset\": {\"version\": \"2.0\"},\n \"nodes\": [}") {
+        Err(MeshReadError::BadJson { line: 3, column: 12, .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn extensions_that_change_shapes_are_refused_by_name() {
+    for name in
+        ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization", "VENDOR_bend"]
+    {
+        let refused = read_with(|document| document["extensionsRequired"] = json!([name]));
+        assert_eq!(refused, Err(MeshReadError::UnsupportedExtension { name: name.into() }));
+    }
+    let harmless = json!(["KHR_materials_unlit", "KHR_texture_transform"]);
+    assert!(read_with(|document| document["extensionsRequired"] = harmless).is_ok());
+}
+
+#[test]
+fn an_unmeshed_export_names_its_likely_cause() {
+    let empty = json!({
+        "asset": {"version": "2.0", "generator": "Open CASCADE Technology 7.6 [dev.opencascade.org]"},
+        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": "Can"}],
+    });
+    let refused = read_glb(empty.to_string().as_bytes()).unwrap_err();
+    assert_eq!(refused, MeshReadError::NoTriangles { cause: EmptyCause::NeverMeshed });
+    assert!(refused.reason().remedy.contains("mesh the shape first"));
+}
+
+#[test]
+fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
+    let whole = glb_with(|_| {});
+    let binary = whole[whole.len() - 80..].to_vec();
+    let text_with = |uri: &str| {
+        let glb = glb_with(|document| document["buffers"][0]["uri"] = json!(uri));
+        Container::split(&glb, MeshFormat::Glb).unwrap().json.to_vec()
+    };
+    let mut asked = Vec::new();
+    let mut read_text = |uri: &str, data: Option<&[u8]>| {
+        let mut sibling = |name: &str| {
+            asked.push(name.to_string());
+            data.map(<[u8]>::to_vec).ok_or(io::ErrorKind::NotFound.into())
+        };
+        mesh::read(&text_with(uri), MeshFormat::Gltf, &MeshOptions::default(), &mut sibling)
+    };
+    assert_eq!(read_text("my%20part.bin", Some(&binary)).unwrap().facts.triangles, 1);
+    let name = || "part.bin".to_string();
+    let missing = MeshReadError::BufferMissing { name: name(), kind: io::ErrorKind::NotFound };
+    assert_eq!(read_text("part.bin", None), Err(missing));
+    let short = MeshReadError::BufferShort { name: "\"part.bin\"".into(), declared: 80, actual: 79 };
+    assert_eq!(read_text("part.bin", Some(&binary[..79])), Err(short));
+    for uri in
+        ["../part.bin", "/etc/part.bin", "http://x/part.bin", "C:\\part.bin", "..%2Fpart.bin", "", ".."]
+    {
+        let refused = read_text(uri, Some(&binary));
+        assert!(matches!(refused, Err(MeshReadError::BufferName { .. })), "{uri}: {refused:?}");
+        assert!(siblings(&text_with(uri), MeshFormat::Gltf).is_err(), "{uri}");
+    }
+    let encoded = format!("data:application/octet-stream;base64,{}", base64(&binary));
+    assert_eq!(read_text(&encoded, None).unwrap().facts.triangles, 1);
+    assert_eq!(read_text("data:;base64,@@", None), Err(MeshReadError::BadDataUri { buffer: 0 }));
+    assert_eq!(asked, ["my part.bin", "part.bin", "part.bin"]);
+    assert_eq!(siblings(&text_with("my%20part.bin"), MeshFormat::Gltf), Ok(vec!["my part.bin".into()]));
+    assert_eq!(siblings(&whole, MeshFormat::Glb), Ok(Vec::new()));
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let bits =
+            three.iter().fold(0u32, |bits, &byte| bits << 8 | u32::from(byte)) << (8 * (3 - three.len()));
+        for at in 0..=three.len() {
+            text.push(LETTERS[(bits >> (18 - 6 * at) & 63) as usize] as char);
+        }
+        (three.len()..3).for_each(|_| text.push('='));
+    }
+    text
+}
