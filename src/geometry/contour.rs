@@ -120,7 +120,11 @@ fn reach(segments: &[Segment]) -> f64 {
 
 fn end_point(paths: &[Path], end: usize) -> Option<FlatPoint> {
     let segments = paths[end / 2].shape.segments();
-    if end % 2 == 0 { segments.first().map(Segment::start) } else { segments.last().map(Segment::end) }
+    if end.is_multiple_of(2) {
+        segments.first().map(Segment::start)
+    } else {
+        segments.last().map(Segment::end)
+    }
 }
 
 type Group = (usize, (u8, u8, [u8; 3]));
@@ -214,7 +218,7 @@ fn connected(pieces: &[usize], paths: &[Path]) -> Vec<Segment> {
     let mut row: Vec<Segment> = Vec::new();
     for &piece in pieces {
         let segments = paths[piece / 2].shape.segments();
-        let directed: Vec<Segment> = if piece % 2 == 0 {
+        let directed: Vec<Segment> = if piece.is_multiple_of(2) {
             segments.to_vec()
         } else {
             segments.iter().rev().map(Segment::reversed).collect()
@@ -399,7 +403,7 @@ mod tests {
 
     #[test]
     fn a_turn_that_almost_closes_is_closed_and_a_wider_gap_is_named() {
-        let joining = join(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.28318)], 0.002);
+        let joining = join(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
         assert_eq!(joining.closed.len(), 1);
         assert!(
             matches!(joining.paths[0].shape.segments(), [Segment::Arc { sweep, .. }] if *sweep == 2.0 * PI)

@@ -176,6 +176,54 @@ impl Segment {
         }
     }
 
+    /// The smallest rectangle round the segment, mm: exact for lines and arcs, for Bézier curves to 1e-6 of their size.
+    pub fn extents(&self) -> Extents {
+        let mut extents = Extents::of([self.start().coords(), self.end().coords()]);
+        match self {
+            Self::Line { .. } => {}
+            Self::Arc { u, v, start, sweep, .. } => {
+                for axis in 0..2 {
+                    // Along an axis the arc turns where u·cos + v·sin is extreme, once every half turn.
+                    let turn = v[axis].atan2(u[axis]);
+                    for half in 0..2 {
+                        let angle = turn + std::f64::consts::PI * f64::from(half);
+                        let along = ((angle - start) * sweep.signum()).rem_euclid(std::f64::consts::TAU);
+                        if along < sweep.abs() {
+                            extents.include(self.point(along / sweep.abs()).coords());
+                        }
+                    }
+                }
+            }
+            Self::Bezier { .. } => {
+                let steps = 64;
+                let size = |t: f64, axis: usize| self.point(t).coords()[axis];
+                for axis in 0..2 {
+                    for sign in [1.0, -1.0] {
+                        let at = |step: i32| f64::from(step) / f64::from(steps);
+                        let mut best = 0.0;
+                        for step in 1..=steps {
+                            if sign * size(at(step), axis) > sign * size(best, axis) {
+                                best = at(step);
+                            }
+                        }
+                        // Near a maximum the curve is flat: ternary search over the two neighbouring steps.
+                        let (mut low, mut high) = ((best - at(1)).max(0.0), (best + at(1)).min(1.0));
+                        for _ in 0..24 {
+                            let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+                            if sign * size(left, axis) < sign * size(right, axis) {
+                                low = left;
+                            } else {
+                                high = right;
+                            }
+                        }
+                        extents.include(self.point((low + high) / 2.0).coords());
+                    }
+                }
+            }
+        }
+        extents
+    }
+
     /// A bound on the distance between the curve and its chords when it is cut into `pieces` equal parameter steps,
     /// mm: the second-difference bound for polynomial pieces, the sagitta for arcs. Rational pieces are measured.
     fn chord_error(&self, pieces: usize) -> f64 {
@@ -332,6 +380,21 @@ mod tests {
         for step in 0..=10 {
             assert!((quarter.point(f64::from(step) / 10.0).coords().norm() - 1.0).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn extents_touch_the_outermost_points() {
+        let close = |extents: Extents, expected: [f64; 4]| {
+            let found = [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        };
+        close(circle(5.0).extents(), [-4.0, -3.0, 6.0, 7.0]);
+        let (center, u, v) = (FlatPoint::new(0.0, 0.0), Vector2::new(2.0, 0.0), Vector2::new(0.0, 1.0));
+        let upper = Segment::Arc { center, u, v, start: PI, sweep: -PI };
+        close(upper.extents(), [-2.0, 0.0, 2.0, 1.0]);
+        // y = 3·4·t(1 − t) has its top, 3, in the middle.
+        let points = [[0.0, 0.0], [1.0, 4.0], [2.0, 4.0], [3.0, 0.0]].map(|[x, y]| FlatPoint::new(x, y));
+        close(Segment::Bezier { points, weights: [1.0; 4] }.extents(), [0.0, 0.0, 3.0, 3.0]);
     }
 
     #[test]

@@ -1,3 +1,86 @@
 //! DXF: the scan knows what is in the file and where, the `dxf` crate reads the entities it is able to read.
+//!
+//! ```text
+//! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─join─▶ pattern + facts
+//! ```
 
+pub(super) mod scan;
+mod structure;
+mod colour;
+mod curves;
+mod splines;
+mod entities;
+mod hatch;
+mod blocks;
+mod findings;
 pub(super) mod write;
+
+use super::error::PatternReadError;
+use super::facts::PatternFacts;
+use super::units::{UnitHints, decide};
+use super::{PatternOptions, PatternReading};
+use crate::geometry::contour;
+use crate::geometry::pattern::{Color, Layer, Path, Pattern};
+
+/// Splines of a degree above 3 are approximated within this, mm: far below what a laser can place.
+const SPLINE_TOLERANCE: f64 = 1e-4;
+
+pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
+    let mut scan = scan::scan(bytes)?;
+    let structure = structure::structure(&mut scan);
+    let header = &structure.header;
+    let hints = UnitHints { code: header.unit_code, measurement: header.measurement };
+    let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
+
+    let mut remarks = entities::Remarks::default();
+    let items = entities::items(&scan, &structure, SPLINE_TOLERANCE / unit.in_mm(), &mut remarks)?;
+    let unfolded = blocks::unfold(&scan, &structure, &items, unit.in_mm())?;
+    drop(items);
+    if unfolded.paths.is_empty() {
+        return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
+    }
+    let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
+    let joining = if options.joining_tolerance > 0.0 {
+        contour::join(paths, options.joining_tolerance)
+    } else {
+        contour::Joining { paths, ..Default::default() }
+    };
+
+    let mut facts = PatternFacts {
+        producer: findings::producer(&structure),
+        version: findings::version(&structure.header.version),
+        unit,
+        unit_why,
+        size: [0.0; 2],
+        extents: findings::extents(&joining.paths),
+        entities: findings::histogram(&structure),
+        layers: findings::layers(&structure, &layers, &joining.paths),
+        not_taken: unfolded.not_taken,
+        repairs: findings::repairs(&joining, &remarks, options.joining_tolerance),
+        notices: unit_notice.into_iter().collect(),
+    };
+    facts.size = facts.extents.size().into();
+    findings::size_notices(&structure, &mut facts, options);
+    let wide = remarks.wide.intersection(&unfolded.drawn).count();
+    findings::drawing_notices(&joining, wide, unfolded.heights, unfolded.patterned_fills, &mut facts);
+    Ok(PatternReading { pattern: Pattern { layers, paths: joining.paths }, facts })
+}
+
+/// The layers that paths lie on, in the order of the file's table, those that it does not define last.
+fn in_table_order(
+    structure: &structure::Structure,
+    names: Vec<String>,
+    mut paths: Vec<Path>,
+) -> (Vec<Layer>, Vec<Path>) {
+    let entry = |name: &String| structure.layers.get(&name.to_uppercase());
+    let mut order: Vec<usize> = (0..names.len()).collect();
+    order.sort_by_key(|number| entry(&names[*number]).map_or(usize::MAX, |entry| entry.order));
+    let mut place = vec![0; names.len()];
+    order.iter().enumerate().for_each(|(new, old)| place[*old] = new);
+    paths.iter_mut().for_each(|path| path.layer = place[path.layer]);
+    let layer = |number: &usize| Layer {
+        name: names[*number].clone(),
+        color: entry(&names[*number]).map_or(Color::Aci(7), |entry| entry.color),
+    };
+    (order.iter().map(layer).collect(), paths)
+}

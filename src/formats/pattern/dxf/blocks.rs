@@ -1,0 +1,308 @@
+//! Inserts unfolded: every entity where it is drawn, on the layer and in the colour it is drawn in.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::Vector3;
+
+use super::super::error::PatternReadError;
+use super::curves::{Curve, Placement};
+use super::entities::{Insert, Item};
+use super::scan::Scan;
+use super::structure::{LayerRecord, Record, RecordColor, Structure};
+use crate::formats::pattern::NotTaken;
+use crate::geometry::pattern::{Color, Path, Shape, Source};
+use crate::geometry::space::FlatPoint;
+
+/// Blocks may hold blocks this deep.
+const MAX_DEPTH: usize = 32;
+/// Largest number of entities after unfolding.
+const MAX_ENTITIES: usize = 2_000_000;
+/// Largest number of segments after unfolding.
+const MAX_SEGMENTS: usize = 3_000_000;
+/// Coordinates beyond this, mm, are refused: ten kilometres.
+pub(super) const MAX_COORDINATE: f64 = 1e7;
+
+/// The drawing after unfolding, in file order.
+#[derive(Default)]
+pub(super) struct Unfolded {
+    /// Paths with layers numbered by `layer_names`.
+    pub(super) paths: Vec<Path>,
+    pub(super) layer_names: Vec<String>,
+    /// Lowest and highest z of what is drawn, mm.
+    pub(super) heights: Option<(f64, f64)>,
+    pub(super) not_taken: Vec<NotTaken>,
+    /// Patterned hatches of which only the boundary is taken.
+    pub(super) patterned_fills: usize,
+    /// Which entities of the inventory made a path.
+    pub(super) drawn: BTreeSet<usize>,
+}
+
+/// Unfolds all entities that are drawn; `unit` mm is the length of one unit of the drawing.
+///
+/// # Errors
+/// A block holds itself, or the drawing unfolds to too much or reaches too far.
+pub(super) fn unfold(
+    scan: &Scan<'_>,
+    structure: &Structure,
+    items: &[Item],
+    unit: f64,
+) -> Result<Unfolded, PatternReadError> {
+    let mut unfolding = Unfolding {
+        scan,
+        structure,
+        items,
+        result: Unfolded::default(),
+        layer_numbers: BTreeMap::new(),
+        named: BTreeSet::new(),
+        entities: 0,
+        segments: 0,
+        regions: 0,
+        open_blocks: Vec::new(),
+    };
+    let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
+    for index in structure.drawn.iter().cloned().flatten() {
+        unfolding.entity(index, &ground)?;
+    }
+    Ok(unfolding.result)
+}
+
+/// Where and how the content of a block is drawn.
+struct Context {
+    placement: Placement,
+    /// The layer that stands for layer 0, inside a block.
+    layer: Option<String>,
+    /// The colour that stands for "by block".
+    color: Color,
+}
+
+struct Unfolding<'u> {
+    scan: &'u Scan<'u>,
+    structure: &'u Structure,
+    items: &'u [Item],
+    result: Unfolded,
+    layer_numbers: BTreeMap<String, usize>,
+    /// What was named already: a block may be drawn many times.
+    named: BTreeSet<(usize, String)>,
+    entities: usize,
+    segments: usize,
+    regions: u32,
+    open_blocks: Vec<String>,
+}
+
+impl Unfolding<'_> {
+    fn entity(&mut self, index: usize, context: &Context) -> Result<(), PatternReadError> {
+        let (structure, items) = (self.structure, self.items);
+        let (Some(record), Some(item)) = (structure.entities.get(index), items.get(index)) else {
+            return Ok(());
+        };
+        self.entities += 1;
+        if self.entities > MAX_ENTITIES {
+            return Err(self.too_many("entities", MAX_ENTITIES, record));
+        }
+        let own_layer = structure.layer(record);
+        let layer = match &context.layer {
+            Some(outer) if own_layer == "0" => outer.clone(),
+            _ => own_layer.to_owned(),
+        };
+        let entry = structure.layers.get(&layer.to_uppercase());
+        let is_insert = matches!(item, Item::Insert(_));
+        if let Some(why) = why_hidden(record, entry, is_insert) {
+            self.name(index, record, why);
+            return Ok(());
+        }
+        let color = match record.color {
+            RecordColor::ByBlock => context.color,
+            RecordColor::Own(color) => color,
+        };
+        // "By layer" inside a block means the layer that the entity ends up on.
+        let layer = entry.map_or(layer, |entry| entry.name.clone());
+        let placed = |curve: &Curve| -> Vec<_> {
+            curve.segments.iter().map(|segment| segment.placed(&context.placement)).collect()
+        };
+        if !matches!(item, Item::NotTaken(_)) {
+            self.result.drawn.insert(index);
+        }
+        match item {
+            Item::NotTaken(why) => self.name(index, record, why),
+            Item::Insert(insert) => self.insert(index, record, insert, context, layer, color)?,
+            Item::Dot(point) => {
+                let point = context.placement.point(*point);
+                self.check(point.amax(), record)?;
+                self.see_height(point.z);
+                let shape = Shape::Dot(FlatPoint::new(point.x, point.y));
+                self.push(shape, layer, color, None, record)?;
+            }
+            Item::Curve(curve) => {
+                let shape = self.shape(&placed(curve), curve.closed, record)?;
+                self.push(shape, layer, color, None, record)?;
+            }
+            Item::Fill(contours, loss) => {
+                self.regions += 1;
+                self.result.patterned_fills += usize::from(loss.is_some());
+                for contour in contours {
+                    let shape = self.shape(&placed(contour), true, record)?;
+                    self.push(shape, layer.clone(), color, Some(self.regions), record)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn insert(
+        &mut self,
+        index: usize,
+        record: &Record,
+        insert: &Insert,
+        context: &Context,
+        layer: String,
+        color: Color,
+    ) -> Result<(), PatternReadError> {
+        let structure = self.structure;
+        let key = insert.block.to_uppercase();
+        let has_text = record.pairs(self.scan).iter().any(|pair| self.scan.is(pair, 0, b"ATTRIB"));
+        if has_text {
+            self.name(
+                index,
+                record,
+                "its attributes are text: convert text to outlines in the drawing program",
+            );
+        }
+        let Some(block) = structure.blocks.get(&key) else {
+            self.name(index, record, &format!("the file does not define its block {}", insert.block));
+            return Ok(());
+        };
+        if block.external {
+            self.name(index, record, "it stands for another file: bind the reference before exporting");
+            return Ok(());
+        }
+        if self.open_blocks.contains(&key) {
+            let entity = structure.name(self.scan, record);
+            return Err(PatternReadError::RecursiveBlock { block: block.name.clone(), entity });
+        }
+        if self.open_blocks.len() == MAX_DEPTH {
+            return Err(self.too_many("blocks inside each other", MAX_DEPTH, record));
+        }
+        let copies = insert.columns.saturating_mul(insert.rows);
+        if copies > MAX_ENTITIES {
+            return Err(self.too_many("copies of a block", MAX_ENTITIES, record));
+        }
+        self.open_blocks.push(key);
+        let base = Placement {
+            linear: nalgebra::Matrix3::identity(),
+            offset: -Vector3::new(block.base[0], block.base[1], block.base[2]),
+        };
+        for copy in 0..copies {
+            let (row, column) = (copy / insert.columns, copy % insert.columns);
+            let mut placement = insert.placement;
+            placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
+            let inner = Context {
+                placement: context.placement.after(&placement.after(&base)),
+                layer: Some(layer.clone()),
+                color: if color == Color::ByLayer { self.layer_color(&layer) } else { color },
+            };
+            // An empty block counts too, or a large array of nothing would take for ever.
+            self.entities += 1;
+            if self.entities > MAX_ENTITIES {
+                return Err(self.too_many("entities", MAX_ENTITIES, record));
+            }
+            for inside in block.entities.clone() {
+                self.entity(inside, &inner)?;
+            }
+        }
+        self.open_blocks.pop();
+        Ok(())
+    }
+
+    fn layer_color(&self, layer: &str) -> Color {
+        self.structure.layers.get(&layer.to_uppercase()).map_or(Color::Aci(7), |entry| entry.color)
+    }
+
+    fn shape(
+        &mut self,
+        segments: &[super::curves::SpaceSegment],
+        closed: bool,
+        record: &Record,
+    ) -> Result<Shape, PatternReadError> {
+        self.segments += segments.len();
+        if self.segments > MAX_SEGMENTS {
+            return Err(self.too_many("segments", MAX_SEGMENTS, record));
+        }
+        for segment in segments {
+            self.check(segment.reach(), record)?;
+            self.see_height(segment.start().z);
+            self.see_height(segment.end().z);
+            self.see_height(segment.middle().z);
+        }
+        let flat = segments.iter().map(super::curves::SpaceSegment::seen_from_above).collect();
+        Ok(if closed { Shape::Closed(flat) } else { Shape::Open(flat) })
+    }
+
+    fn check(&self, reach: f64, record: &Record) -> Result<(), PatternReadError> {
+        if reach <= MAX_COORDINATE {
+            return Ok(());
+        }
+        let entity = self.structure.name(self.scan, record);
+        Err(PatternReadError::OutOfRange { entity, reach, limit: MAX_COORDINATE })
+    }
+
+    fn see_height(&mut self, z: f64) {
+        let (low, high) = self.result.heights.unwrap_or((z, z));
+        self.result.heights = Some((low.min(z), high.max(z)));
+    }
+
+    fn push(
+        &mut self,
+        shape: Shape,
+        layer: String,
+        color: Color,
+        region: Option<u32>,
+        record: &Record,
+    ) -> Result<(), PatternReadError> {
+        let name = self.structure.name(self.scan, record);
+        let names = &mut self.result.layer_names;
+        let layer = *self.layer_numbers.entry(layer).or_insert_with_key(|layer| {
+            names.push(layer.clone());
+            names.len() - 1
+        });
+        let source = Source { entity: name.kind, handle: name.handle };
+        self.result.paths.push(Path { layer, color, shape, region, source });
+        Ok(())
+    }
+
+    fn name(&mut self, index: usize, record: &Record, why: &str) {
+        if self.named.insert((index, why.to_owned())) {
+            let name = self.structure.name(self.scan, record);
+            self.result.not_taken.push(NotTaken {
+                entity: name.kind,
+                handle: name.handle,
+                layer: name.layer,
+                why: why.to_owned(),
+            });
+        }
+    }
+
+    fn too_many(&self, what: &'static str, limit: usize, record: &Record) -> PatternReadError {
+        PatternReadError::TooMany { what, limit, entity: Some(self.structure.name(self.scan, record)) }
+    }
+}
+
+/// Why an entity is not to be marked although it could be. Only freezing its layer hides all of an insert; what it holds
+/// may lie on other layers.
+fn why_hidden(record: &Record, layer: Option<&LayerRecord>, is_insert: bool) -> Option<&'static str> {
+    let of_layer = |state: fn(&LayerRecord) -> bool| layer.is_some_and(state);
+    if record.in_paper_space {
+        Some("it lies in paper space, beside the model")
+    } else if record.hidden {
+        Some("it is invisible")
+    } else if of_layer(|layer| layer.frozen) {
+        Some("its layer is frozen")
+    } else if is_insert {
+        None
+    } else if of_layer(|layer| layer.off) {
+        Some("its layer is off")
+    } else if of_layer(|layer| !layer.plotted) {
+        Some("its layer is not plotted")
+    } else {
+        None
+    }
+}

@@ -1,0 +1,288 @@
+//! Curves in space as entities give them, before blocks and units: lines, arcs, bulges, ellipses.
+//!
+//! An entity's own plane is given by its extrusion direction; everything ends up as segments in the space of the block
+//! that holds it, and is seen from above only when it is placed.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::geometry::pattern::Segment;
+use crate::geometry::space::FlatPoint;
+
+/// A smooth piece of a curve in space; the meaning is that of [`Segment`].
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum SpaceSegment {
+    Line { from: Vector3<f64>, to: Vector3<f64> },
+    Arc { center: Vector3<f64>, u: Vector3<f64>, v: Vector3<f64>, start: f64, sweep: f64 },
+    Bezier { points: [Vector3<f64>; 4], weights: [f64; 4] },
+}
+
+/// A curve of one entity.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Curve {
+    pub(super) segments: Vec<SpaceSegment>,
+    pub(super) closed: bool,
+}
+
+/// An affine map of space: where a block's content, or an entity's own plane, is put.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Placement {
+    pub(super) linear: Matrix3<f64>,
+    pub(super) offset: Vector3<f64>,
+}
+
+impl Placement {
+    pub(super) fn scaling(factor: f64) -> Self {
+        Self { linear: Matrix3::identity() * factor, offset: Vector3::zeros() }
+    }
+
+    /// The axes of an entity with the given extrusion direction (arbitrary axis algorithm, DXF Reference, "Object
+    /// Coordinate Systems"). A direction without length counts as +Z.
+    pub(super) fn of_extrusion(extrusion: Vector3<f64>) -> Self {
+        let length = extrusion.norm();
+        let z = if length > 1e-12 && length.is_finite() { extrusion / length } else { Vector3::z() };
+        let near_z = z.x.abs() < 1.0 / 64.0 && z.y.abs() < 1.0 / 64.0;
+        let hint = if near_z { Vector3::y() } else { Vector3::z() };
+        let x = hint.cross(&z).normalize();
+        let y = z.cross(&x);
+        Self { linear: Matrix3::from_columns(&[x, y, z]), offset: Vector3::zeros() }
+    }
+
+    pub(super) fn point(&self, point: Vector3<f64>) -> Vector3<f64> {
+        self.linear * point + self.offset
+    }
+
+    pub(super) fn vector(&self, vector: Vector3<f64>) -> Vector3<f64> {
+        self.linear * vector
+    }
+
+    /// First `inner`, then this one.
+    pub(super) fn after(&self, inner: &Self) -> Self {
+        Self { linear: self.linear * inner.linear, offset: self.point(inner.offset) }
+    }
+}
+
+impl SpaceSegment {
+    /// The segment where the placement puts it.
+    pub(super) fn placed(&self, placement: &Placement) -> Self {
+        match self {
+            Self::Line { from, to } => Self::Line { from: placement.point(*from), to: placement.point(*to) },
+            Self::Arc { center, u, v, start, sweep } => Self::Arc {
+                center: placement.point(*center),
+                u: placement.vector(*u),
+                v: placement.vector(*v),
+                start: *start,
+                sweep: *sweep,
+            },
+            Self::Bezier { points, weights } => {
+                Self::Bezier { points: points.map(|point| placement.point(point)), weights: *weights }
+            }
+        }
+    }
+
+    /// The segment as seen from above.
+    pub(super) fn seen_from_above(&self) -> Segment {
+        let flat = |point: Vector3<f64>| FlatPoint::new(point.x, point.y);
+        match self {
+            Self::Line { from, to } => Segment::Line { from: flat(*from), to: flat(*to) },
+            Self::Arc { center, u, v, start, sweep } => {
+                Segment::Arc { center: flat(*center), u: u.xy(), v: v.xy(), start: *start, sweep: *sweep }
+            }
+            Self::Bezier { points, weights } => {
+                Segment::Bezier { points: points.map(flat), weights: *weights }
+            }
+        }
+    }
+
+    /// The largest coordinate of the points that define the segment; not finite if one of them is not.
+    pub(super) fn reach(&self) -> f64 {
+        let largest = |points: &[Vector3<f64>]| {
+            let all = points.iter().flat_map(|point| point.iter());
+            all.fold(
+                0.0,
+                |reach: f64, value| if value.is_nan() { f64::INFINITY } else { reach.max(value.abs()) },
+            )
+        };
+        match self {
+            Self::Line { from, to } => largest(&[*from, *to]),
+            // The centre of a flat arc may be far away; what counts is where it runs.
+            Self::Arc { .. } => largest(&[self.start(), self.middle(), self.end()]),
+            Self::Bezier { points, weights } => {
+                let sound = weights.iter().all(|weight| weight.is_finite() && *weight > 0.0);
+                if sound { largest(points) } else { f64::INFINITY }
+            }
+        }
+    }
+
+    /// The point at half the parameter.
+    pub(super) fn middle(&self) -> Vector3<f64> {
+        match self {
+            Self::Line { from, to } => (from + to) / 2.0,
+            Self::Arc { center, u, v, start, sweep } => {
+                let (sin, cos) = (start + sweep / 2.0).sin_cos();
+                center + u * cos + v * sin
+            }
+            Self::Bezier { points: [a, b, c, d], weights } => {
+                let [wa, wb, wc, wd] = [weights[0], 3.0 * weights[1], 3.0 * weights[2], weights[3]];
+                (a * wa + b * wb + c * wc + d * wd) / (wa + wb + wc + wd)
+            }
+        }
+    }
+
+    pub(super) fn start(&self) -> Vector3<f64> {
+        match self {
+            Self::Line { from, .. } => *from,
+            Self::Arc { center, u, v, start, .. } => center + u * start.cos() + v * start.sin(),
+            Self::Bezier { points, .. } => points[0],
+        }
+    }
+
+    pub(super) fn end(&self) -> Vector3<f64> {
+        match self {
+            Self::Line { to, .. } => *to,
+            Self::Arc { center, u, v, start, sweep } => {
+                center + u * (start + sweep).cos() + v * (start + sweep).sin()
+            }
+            Self::Bezier { points, .. } => points[3],
+        }
+    }
+
+    pub(super) fn reversed(self) -> Self {
+        match self {
+            Self::Line { from, to } => Self::Line { from: to, to: from },
+            Self::Arc { center, u, v, start, sweep } => {
+                Self::Arc { center, u, v, start: start + sweep, sweep: -sweep }
+            }
+            Self::Bezier { points: [a, b, c, d], weights: [wa, wb, wc, wd] } => {
+                Self::Bezier { points: [d, c, b, a], weights: [wd, wc, wb, wa] }
+            }
+        }
+    }
+}
+
+/// A vertex of a polyline in its own plane, with the bulge of the segment that leaves it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct BulgeVertex {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) bulge: f64,
+}
+
+/// A polyline with bulges at a height above its own plane.
+pub(super) fn bulged(vertices: &[BulgeVertex], closed: bool, plane: &Placement, height: f64) -> Curve {
+    let following = vertices.iter().skip(1).chain(vertices.first().filter(|_| closed));
+    let mut segments = Vec::with_capacity(vertices.len());
+    for (index, (from, to)) in vertices.iter().zip(following).enumerate() {
+        // A closed polyline that repeats its first vertex needs no line back.
+        let is_back = index + 1 == vertices.len();
+        if is_back && index > 0 && (from.x, from.y) == (to.x, to.y) {
+            continue;
+        }
+        segments.push(bulge_segment(from, to, height).placed(plane));
+    }
+    Curve { segments, closed }
+}
+
+/// The segment between two vertices: a line, or the arc whose included angle is four times the arc tangent of the bulge.
+fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -> SpaceSegment {
+    let (start, end) = (Vector3::new(from.x, from.y, height), Vector3::new(to.x, to.y, height));
+    let chord = end - start;
+    let bulge = from.bulge;
+    // Below this the arc leaves its chord by less than 1e-9 of its length, and its centre is lost to rounding.
+    if bulge.abs() < 2e-9 || chord.norm() == 0.0 || !bulge.is_finite() {
+        return SpaceSegment::Line { from: start, to: end };
+    }
+    let left = Vector3::new(-chord.y, chord.x, 0.0);
+    let center = start + chord / 2.0 + left * ((1.0 - bulge * bulge) / (4.0 * bulge));
+    let out = start - center;
+    let radius = out.norm();
+    SpaceSegment::Arc {
+        center,
+        u: Vector3::x() * radius,
+        v: Vector3::y() * radius,
+        start: out.y.atan2(out.x),
+        sweep: 4.0 * bulge.atan(),
+    }
+}
+
+/// An angle from start to end counter-clockwise, rad, more than 0 and at most a full turn: equal angles are a full turn.
+pub(super) fn sweep_between(start: f64, end: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    let sweep = (end - start).rem_euclid(turn);
+    if sweep < 1e-9 { turn } else { sweep }
+}
+
+/// A circular arc in its own plane, angles in rad; the full circle is a contour.
+pub(super) fn arc(center: Vector3<f64>, radius: f64, start: f64, sweep: f64, plane: &Placement) -> Curve {
+    let segment = SpaceSegment::Arc {
+        center,
+        u: Vector3::x() * radius.abs(),
+        v: Vector3::y() * radius.abs(),
+        start,
+        sweep,
+    };
+    Curve { segments: vec![segment.placed(plane)], closed: is_full_turn(sweep) }
+}
+
+/// Whether the angle is a full turn up to rounding in f64.
+pub(super) fn is_full_turn(sweep: f64) -> bool {
+    (sweep.abs() - std::f64::consts::TAU).abs() < 1e-9
+}
+
+/// A contour or a line through points.
+pub(super) fn through(points: &[Vector3<f64>], closed: bool) -> Curve {
+    let following = points.iter().skip(1).chain(points.first().filter(|_| closed));
+    let pairs = points.iter().zip(following).enumerate();
+    let last = points.len();
+    let segments = pairs
+        .filter(|(index, (from, to))| index + 1 < last || from != to)
+        .map(|(_, (from, to))| SpaceSegment::Line { from: *from, to: *to });
+    Curve { segments: segments.collect(), closed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_bulge_passes_through_its_ends_at_its_height(
+            (x, y, bulge) in (-1e3..1e3f64, -1e3..1e3f64, prop_oneof![-50.0..50.0f64, -1e-3..1e-3f64])
+        ) {
+            let from = BulgeVertex { x: 3.0, y: -2.0, bulge };
+            let to = BulgeVertex { x, y, bulge: 0.0 };
+            let chord = Vector3::new(x - 3.0, y + 2.0, 0.0);
+            prop_assume!(chord.norm() > 1e-3);
+            let segment = bulge_segment(&from, &to, 0.0);
+            prop_assert!((segment.start() - Vector3::new(3.0, -2.0, 0.0)).norm() < 1e-7);
+            prop_assert!((segment.end() - Vector3::new(x, y, 0.0)).norm() < 1e-7);
+            // The sagitta is half the chord times the bulge (definition of the bulge), to the right of the chord.
+            let right = Vector3::new(chord.y, -chord.x, 0.0) / 2.0;
+            let expected = Vector3::new(3.0, -2.0, 0.0) + chord / 2.0 + right * bulge;
+            prop_assert!((segment.middle() - expected).norm() < 1e-6 * (1.0 + bulge.abs() * chord.norm()));
+        }
+
+        #[test]
+        fn the_axes_of_an_extrusion_are_a_right_handed_frame(x in -1.0..1.0f64, y in -1.0..1.0f64, z in -1.0..1.0f64) {
+            prop_assume!(Vector3::new(x, y, z).norm() > 1e-3);
+            let axes = Placement::of_extrusion(Vector3::new(x, y, z)).linear;
+            prop_assert!((axes.determinant() - 1.0).abs() < 1e-9);
+            prop_assert!((axes.column(2) - Vector3::new(x, y, z).normalize()).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_mirrored_entity_has_its_x_negated() {
+        let mirrored = Placement::of_extrusion(-Vector3::z());
+        assert_eq!(mirrored.point(Vector3::new(2.0, 3.0, 0.0)), Vector3::new(-2.0, 3.0, 0.0));
+    }
+
+    #[test]
+    fn angles_turn_counter_clockwise_and_equal_angles_are_a_full_turn() {
+        use std::f64::consts::{FRAC_PI_2, PI, TAU};
+        assert!((sweep_between(-FRAC_PI_2, FRAC_PI_2) - PI).abs() < 1e-12);
+        assert!((sweep_between(FRAC_PI_2, 0.0) - 1.5 * PI).abs() < 1e-12);
+        assert_eq!(sweep_between(0.0, TAU), TAU);
+        assert_eq!(sweep_between(1.0, 1.0), TAU);
+    }
+}

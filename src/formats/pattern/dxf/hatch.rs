@@ -1,0 +1,246 @@
+//! HATCH and MPOLYGON, which the `dxf` crate leaves out: their boundary paths as closed contours of one filled region.
+
+use nalgebra::Vector3;
+
+use super::curves::{BulgeVertex, Curve, Placement, SpaceSegment, bulged, is_full_turn, sweep_between};
+use super::entities::Item;
+use super::splines::{ControlSpline, by_control_points, through_fit_points};
+
+/// The filled region of a hatch, from its numbers with their group codes. Pieces of splines of high degree stay within
+/// `tolerance`.
+pub(super) fn fill(numbers: &[(i32, f64)], tolerance: f64) -> Item {
+    let first_path = numbers.iter().position(|(code, _)| *code == 92).unwrap_or(numbers.len());
+    let (head, paths) = numbers.split_at(first_path);
+    let last = |code: i32| head.iter().rev().find(|group| group.0 == code).map(|group| group.1);
+    let extrusion = match (last(210), last(220), last(230)) {
+        (Some(x), Some(y), Some(z)) => Vector3::new(x, y, z),
+        _ => Vector3::z(),
+    };
+    let plane = Placement::of_extrusion(extrusion);
+    let height = last(30).unwrap_or(0.0);
+    let is_solid = last(70).is_none_or(|flag| flag != 0.0);
+
+    let mut groups = Groups { rest: paths };
+    let mut contours = Vec::new();
+    while let Some(flags) = groups.skip_to(92) {
+        let contour = if flags as i64 & 2 != 0 {
+            polyline_path(&mut groups, &plane, height)
+        } else {
+            match edge_path(&mut groups, &plane, height, tolerance) {
+                Ok(contour) => contour,
+                Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}")),
+            }
+        };
+        if contour.segments.len() > 1
+            || contour.segments.first().is_some_and(|only| only.start() == only.end())
+        {
+            contours.push(contour);
+        } else if let [SpaceSegment::Arc { .. } | SpaceSegment::Bezier { .. }] = contour.segments.as_slice() {
+            contours.push(contour);
+        }
+    }
+    if contours.is_empty() {
+        return Item::NotTaken("it has no boundary".into());
+    }
+    let loses = "its pattern lines are not taken, its boundary is taken as a filled region";
+    Item::Fill(contours, (!is_solid).then_some(loses))
+}
+
+/// The groups still to be read.
+struct Groups<'g> {
+    rest: &'g [(i32, f64)],
+}
+
+impl Groups<'_> {
+    /// The next group, if it has this code.
+    fn take(&mut self, code: i32) -> Option<f64> {
+        match self.rest {
+            [(found, value), rest @ ..] if *found == code => {
+                self.rest = rest;
+                Some(*value)
+            }
+            _ => None,
+        }
+    }
+
+    /// The next group with this code, wherever it is.
+    fn skip_to(&mut self, code: i32) -> Option<f64> {
+        let at = self.rest.iter().position(|group| group.0 == code)?;
+        let value = self.rest[at].1;
+        self.rest = &self.rest[at + 1..];
+        Some(value)
+    }
+
+    /// A point with the codes `code` and `code + 10`.
+    fn point(&mut self, code: i32) -> Option<[f64; 2]> {
+        let x = self.take(code)?;
+        Some([x, self.take(code + 10)?])
+    }
+}
+
+fn polyline_path(groups: &mut Groups<'_>, plane: &Placement, height: f64) -> Curve {
+    let _has_bulge = groups.take(72);
+    let _is_closed = groups.take(73);
+    let _count = groups.take(93);
+    let mut vertices = Vec::new();
+    while let Some([x, y]) = groups.point(10) {
+        let bulge = groups.take(42).unwrap_or(0.0);
+        vertices.push(BulgeVertex { x, y, bulge });
+    }
+    if vertices.len() < 2 {
+        return Curve { segments: Vec::new(), closed: true };
+    }
+    bulged(&vertices, true, plane, height)
+}
+
+/// A path of edges, each carried on from the end of the last; gaps become lines.
+fn edge_path(
+    groups: &mut Groups<'_>,
+    plane: &Placement,
+    height: f64,
+    tolerance: f64,
+) -> Result<Curve, String> {
+    let count = groups.take(93).unwrap_or(0.0);
+    let mut segments: Vec<SpaceSegment> = Vec::new();
+    let mut done = 0.0;
+    while done < count {
+        let Some(kind) = groups.take(72) else { break };
+        let mut edge = edge(groups, kind as i64, height, tolerance)?;
+        done += 1.0;
+        if let (Some(last), Some(first), Some(end)) = (segments.last(), edge.first(), edge.last()) {
+            // Some programs write an edge against the direction of the path.
+            let (ahead, back) = ((first.start() - last.end()).norm(), (end.end() - last.end()).norm());
+            if back < ahead {
+                edge = edge.into_iter().rev().map(SpaceSegment::reversed).collect();
+            }
+        }
+        for segment in edge {
+            bridge(&mut segments, segment.start());
+            segments.push(segment);
+        }
+    }
+    if let Some(start) = segments.first().map(SpaceSegment::start) {
+        bridge(&mut segments, start);
+    }
+    Ok(Curve { segments: segments.iter().map(|segment| segment.placed(plane)).collect(), closed: true })
+}
+
+/// Adds a line to `target` if the last segment does not end there, up to rounding.
+fn bridge(segments: &mut Vec<SpaceSegment>, target: Vector3<f64>) {
+    let is_gap = |from: &Vector3<f64>| (target - from).norm() > 1e-9 * (1.0 + target.norm());
+    if let Some(from) = segments.last().map(SpaceSegment::end).filter(is_gap) {
+        segments.push(SpaceSegment::Line { from, to: target });
+    }
+}
+
+fn edge(
+    groups: &mut Groups<'_>,
+    kind: i64,
+    height: f64,
+    tolerance: f64,
+) -> Result<Vec<SpaceSegment>, String> {
+    let missing = |what: &str| format!("{what} is missing");
+    let lift = |[x, y]: [f64; 2]| Vector3::new(x, y, height);
+    match kind {
+        1 => {
+            let from = groups.point(10).ok_or_else(|| missing("the start of a line"))?;
+            let to = groups.point(11).ok_or_else(|| missing("the end of a line"))?;
+            Ok(vec![SpaceSegment::Line { from: lift(from), to: lift(to) }])
+        }
+        2 | 3 => {
+            let center = groups.point(10).ok_or_else(|| missing("the centre of an arc"))?;
+            let major = if kind == 3 { groups.point(11) } else { None };
+            let size = groups.take(40).ok_or_else(|| missing("the radius of an arc"))?;
+            let start = groups.take(50).unwrap_or(0.0).to_radians();
+            let end = groups.take(51).unwrap_or(360.0).to_radians();
+            let counter_clockwise = groups.take(73).unwrap_or(1.0) != 0.0;
+            let (u, v) = match (kind, major) {
+                (3, None) => return Err(missing("the axis of an ellipse")),
+                (_, Some([x, y])) => (Vector3::new(x, y, 0.0), Vector3::new(-y, x, 0.0) * size),
+                _ => (Vector3::x() * size, Vector3::y() * size),
+            };
+            // Angles of clockwise edges are measured clockwise; those of ellipses are angles, not parameters.
+            let sign = if counter_clockwise { 1.0 } else { -1.0 };
+            let is_full = is_full_turn(sweep_between(start, end));
+            let parameter = |angle: f64| match kind {
+                3 if !is_full => (angle.sin() / size).atan2(angle.cos()),
+                _ => angle,
+            };
+            let sweep = sweep_between(parameter(start), parameter(end)) * sign;
+            let start = parameter(start) * sign;
+            Ok(vec![SpaceSegment::Arc { center: lift(center), u, v, start, sweep }])
+        }
+        4 => spline_edge(groups, height, tolerance),
+        other => Err(format!("an edge of kind {other}")),
+    }
+}
+
+fn spline_edge(groups: &mut Groups<'_>, height: f64, tolerance: f64) -> Result<Vec<SpaceSegment>, String> {
+    let degree = groups.take(94).unwrap_or(3.0);
+    let _is_rational = groups.take(73);
+    let closed = groups.take(74).unwrap_or(0.0) != 0.0;
+    let _knot_count = groups.take(95);
+    let _point_count = groups.take(96);
+    let mut knots = Vec::new();
+    while let Some(knot) = groups.take(40) {
+        knots.push(knot);
+    }
+    let (mut points, mut weights) = (Vec::new(), Vec::new());
+    while let Some([x, y]) = groups.point(10) {
+        points.push(Vector3::new(x, y, height));
+        weights.push(groups.take(42).unwrap_or(1.0));
+    }
+    let fit_count = groups.take(97).unwrap_or(0.0);
+    let mut fit_points = Vec::new();
+    while let Some([x, y]) = groups.point(11).filter(|_| fit_count > 0.0) {
+        fit_points.push(Vector3::new(x, y, height));
+    }
+    let mut tangent = |code| groups.point(code).map(|[x, y]| Vector3::new(x, y, 0.0));
+    let tangents = [tangent(12), tangent(13)];
+    let curve = if points.is_empty() {
+        through_fit_points(&fit_points, closed, tangents)?
+    } else {
+        let degree = if (0.0..100.0).contains(&degree) { degree as usize } else { 0 };
+        let spline = ControlSpline { degree, knots: &knots, points: &points, weights: &weights, closed };
+        by_control_points(&spline, tolerance)?
+    };
+    Ok(curve.segments)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_against_the_direction_and_clockwise_arcs_make_one_contour() {
+        // A half disc: the line is written backwards, the arc clockwise from (5, 0) over (0, -5) to (-5, 0).
+        let numbers = [
+            (92, 1.0),
+            (93, 2.0),
+            (72, 2.0),
+            (10, 0.0),
+            (20, 0.0),
+            (40, 5.0),
+            (50, 0.0),
+            (51, 180.0),
+            (73, 0.0),
+            (72, 1.0),
+            (10, 5.0),
+            (20, 0.0),
+            (11, -5.0),
+            (21, 0.0),
+            (97, 0.0),
+            (75, 0.0),
+        ];
+        let Item::Fill(contours, None) = fill(&numbers, 1e-4) else { panic!() };
+        let [SpaceSegment::Arc { sweep, .. }, line] = contours[0].segments.as_slice() else { panic!() };
+        assert!((sweep + std::f64::consts::PI).abs() < 1e-12);
+        assert!((line.start() - Vector3::new(-5.0, 0.0, 0.0)).norm() < 1e-12);
+        assert!((line.end() - Vector3::new(5.0, 0.0, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_hatch_without_boundary_is_named() {
+        assert!(matches!(fill(&[(70, 1.0), (91, 0.0)], 1e-4), Item::NotTaken(_)));
+    }
+}

@@ -1,0 +1,354 @@
+//! The file as group codes and values, text or binary, before any meaning.
+//!
+//! The scan copies nothing: a value is a range of the file's bytes, read as text or number when asked for.
+
+use encoding_rs::Encoding;
+
+use super::super::error::{PatternReadError, Spot};
+
+/// Largest file that is read, bytes.
+pub(crate) const MAX_BYTES: usize = 200 << 20;
+/// Largest number of group codes that is read; a dense file of [`MAX_BYTES`] has about 20 million.
+const MAX_PAIRS: usize = 24_000_000;
+
+const BINARY_MARK: &[u8] = b"AutoCAD Binary DXF\r\n\x1a\0";
+
+/// A group code and where its value stands.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    pub(super) code: i32,
+    start: u32,
+    end: u32,
+    /// Line of the value, from 1, or offset of the group code in a binary file.
+    spot: u32,
+}
+
+/// All group codes of a file up to its `EOF`.
+pub(super) struct Scan<'a> {
+    bytes: &'a [u8],
+    binary: bool,
+    pub(super) pairs: Vec<Pair>,
+    /// Encoding of names; without one, UTF-8 is taken where it fits, else Windows-1252.
+    pub(super) encoding: Option<&'static Encoding>,
+}
+
+/// Whether the bytes end in an `EOF` mark, that is, whether a writer has finished. Blanks, line ends, NUL and Ctrl-Z may
+/// follow it.
+pub fn is_complete(bytes: &[u8]) -> bool {
+    if let Some(body) = bytes.strip_prefix(BINARY_MARK) {
+        return body.ends_with(b"\0EOF\0");
+    }
+    let tail = &bytes[bytes.len().saturating_sub(4096)..];
+    let is_blank = |byte: &u8| byte.is_ascii_whitespace() || matches!(byte, 0 | 0x1a);
+    let last = tail.iter().rposition(|byte| !is_blank(byte)).map_or(0, |last| last + 1);
+    let Some(before) = tail[..last].strip_suffix(b"EOF") else { return false };
+    let mut lines = before.rsplit(|byte| matches!(byte, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
+    // "EOF" is alone on its line, and the line before it is the group code 0.
+    lines.next().is_some_and(<[u8]>::is_empty) && lines.find(|line| !line.is_empty()) == Some(b"0")
+}
+
+/// Reads all group codes.
+///
+/// # Errors
+/// The bytes are no DXF file, too large, cut off, or a group code cannot be read.
+pub(super) fn scan(bytes: &[u8]) -> Result<Scan<'_>, PatternReadError> {
+    if bytes.len() > MAX_BYTES {
+        return Err(PatternReadError::FileTooLarge { bytes: bytes.len(), limit: MAX_BYTES });
+    }
+    let mut scan = Scan { bytes, binary: bytes.starts_with(BINARY_MARK), pairs: Vec::new(), encoding: None };
+    if scan.binary {
+        scan.read_binary()?;
+    } else {
+        scan.read_text()?;
+    }
+    if !scan.pairs.iter().any(|pair| scan.is(pair, 0, b"SECTION")) {
+        return Err(PatternReadError::NotDxf { seems: "text without a DXF section".into() });
+    }
+    Ok(scan)
+}
+
+impl Scan<'_> {
+    /// The bytes of the value, without blanks round them in a text file.
+    pub(super) fn raw(&self, pair: &Pair) -> &[u8] {
+        let raw = &self.bytes[pair.start as usize..pair.end as usize];
+        if self.binary { raw } else { raw.trim_ascii() }
+    }
+
+    /// Whether the pair has this group code and value.
+    pub(super) fn is(&self, pair: &Pair, code: i32, value: &[u8]) -> bool {
+        pair.code == code && self.raw(pair) == value
+    }
+
+    /// Where the value stands in the file.
+    pub(super) fn spot(&self, pair: &Pair) -> Spot {
+        if self.binary { Spot::Byte(pair.spot.into()) } else { Spot::Line(pair.spot.into()) }
+    }
+
+    /// The value as text, with `\U+XXXX` decoded.
+    pub(super) fn text(&self, pair: &Pair) -> String {
+        let raw = self.raw(pair);
+        let decoded = match (self.encoding, std::str::from_utf8(raw)) {
+            (Some(encoding), _) => encoding.decode_without_bom_handling(raw).0,
+            (None, Ok(text)) => text.into(),
+            (None, Err(_)) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(raw).0,
+        };
+        unescaped(&decoded)
+    }
+
+    /// The value as a finite number.
+    pub(super) fn number(&self, pair: &Pair) -> Option<f64> {
+        let raw = self.raw(pair);
+        if !self.binary {
+            return std::str::from_utf8(raw).ok()?.parse().ok().filter(|number: &f64| number.is_finite());
+        }
+        match (kind_of(pair.code)?, raw) {
+            (Kind::Double, raw) => Some(f64::from_le_bytes(raw.try_into().ok()?)).filter(|n| n.is_finite()),
+            (Kind::Text | Kind::Chunk, _) => None,
+            (_, [byte]) => Some(f64::from(*byte)),
+            (_, [a, b]) => Some(f64::from(i16::from_le_bytes([*a, *b]))),
+            (_, [a, b, c, d]) => Some(f64::from(i32::from_le_bytes([*a, *b, *c, *d]))),
+            (_, raw) => Some(i64::from_le_bytes(raw.try_into().ok()?) as f64),
+        }
+    }
+
+    /// What stands there, short enough for a message.
+    pub(super) fn shown(&self, pair: &Pair) -> String {
+        if self.binary {
+            return format!("{:02X?}", self.raw(pair));
+        }
+        String::from_utf8_lossy(self.raw(pair)).chars().take(40).collect()
+    }
+
+    fn push(&mut self, pair: Pair) -> Result<(), PatternReadError> {
+        if self.pairs.len() == MAX_PAIRS {
+            return Err(PatternReadError::TooMany { what: "group codes", limit: MAX_PAIRS, entity: None });
+        }
+        self.pairs.push(pair);
+        Ok(())
+    }
+
+    fn read_text(&mut self) -> Result<(), PatternReadError> {
+        let bytes = self.bytes;
+        // Old Macintosh programs end lines with CR alone.
+        let line_end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+        let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        let mut line = 0;
+        let next_line = |at: &mut usize| -> Option<(usize, usize)> {
+            if *at >= bytes.len() {
+                return None;
+            }
+            let start = *at;
+            let length = bytes[start..].iter().position(|byte| *byte == line_end);
+            let end = length.map_or(bytes.len(), |length| start + length);
+            *at = end + 1;
+            Some((start, end))
+        };
+        while let Some((start, end)) = next_line(&mut at) {
+            line += 1;
+            let text = bytes[start..end].trim_ascii();
+            let code = std::str::from_utf8(text).ok().and_then(|text| text.parse::<i32>().ok());
+            let Some(code) = code else {
+                let is_last = at >= bytes.len() || bytes[at..].trim_ascii().is_empty();
+                if self.pairs.is_empty() {
+                    return Err(PatternReadError::NotDxf { seems: appearance(bytes) });
+                } else if is_last {
+                    break;
+                }
+                let text = String::from_utf8_lossy(text).chars().take(40).collect();
+                return Err(PatternReadError::UnreadableGroupCode { spot: Spot::Line(line), text });
+            };
+            line += 1;
+            let Some((start, end)) = next_line(&mut at) else { break };
+            let pair = Pair { code, start: start as u32, end: end as u32, spot: line as u32 };
+            self.push(pair)?;
+            if self.is(&pair, 0, b"EOF") {
+                return Ok(());
+            }
+        }
+        if self.pairs.is_empty() {
+            return Err(PatternReadError::NotDxf { seems: appearance(bytes) });
+        }
+        Err(PatternReadError::Truncated { spot: Spot::Line(line) })
+    }
+
+    fn read_binary(&mut self) -> Result<(), PatternReadError> {
+        let bytes = self.bytes;
+        let mut at = BINARY_MARK.len();
+        // From R13 on group codes take two bytes, before one; the first is always 0 with the text SECTION.
+        let two_bytes = bytes.get(at + 1) == Some(&0);
+        let cut = PatternReadError::Truncated { spot: Spot::Byte(bytes.len() as u64) };
+        loop {
+            let spot = at;
+            let byte = |at: usize| bytes.get(at).copied().map(i32::from).ok_or(cut.clone());
+            let code = if two_bytes {
+                at += 2;
+                byte(at - 2)? | byte(at - 1)? << 8
+            } else if byte(at)? == 255 {
+                at += 3;
+                byte(at - 2)? | byte(at - 1)? << 8
+            } else {
+                at += 1;
+                byte(at - 1)?
+            };
+            let Some(kind) = kind_of(code) else {
+                let spot = Spot::Byte(spot as u64);
+                return Err(PatternReadError::UnreadableGroupCode { spot, text: code.to_string() });
+            };
+            let rest = bytes.get(at..).unwrap_or_default();
+            let (length, skip) = match kind {
+                Kind::Double | Kind::Long => (8, 0),
+                Kind::Integer => (4, 0),
+                Kind::Short => (2, 0),
+                Kind::Flag => (if two_bytes { 1 } else { 2 }, 0),
+                Kind::Text => (rest.iter().position(|byte| *byte == 0).ok_or(cut.clone())?, 1),
+                Kind::Chunk => {
+                    at += 1;
+                    (rest.first().copied().ok_or(cut.clone())?.into(), 0)
+                }
+            };
+            if at + length > bytes.len() {
+                return Err(cut);
+            }
+            let pair = Pair { code, start: at as u32, end: (at + length) as u32, spot: spot as u32 };
+            at += length + skip;
+            self.push(pair)?;
+            if self.is(&pair, 0, b"EOF") {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// What a group code's value is (DXF Reference, "Group Code Value Types").
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Text,
+    Double,
+    Short,
+    Integer,
+    Long,
+    Flag,
+    Chunk,
+}
+
+/// The kind of value that belongs to a group code; none if there is no such code.
+pub(super) fn kind_of(code: i32) -> Option<Kind> {
+    Some(match code {
+        0..=9 | 100..=105 | 300..=309 | 320..=369 | 390..=399 | 410..=419 | 430..=439 | 470..=481 | 999 => {
+            Kind::Text
+        }
+        10..=59 | 110..=149 | 210..=239 | 460..=469 | 1010..=1059 => Kind::Double,
+        60..=79 | 170..=179 | 270..=289 | 370..=389 | 400..=409 | 1060..=1070 => Kind::Short,
+        90..=99 | 420..=429 | 440..=459 | 1071 => Kind::Integer,
+        160..=169 => Kind::Long,
+        290..=299 => Kind::Flag,
+        310..=319 | 1004 => Kind::Chunk,
+        1000..=1009 => Kind::Text,
+        _ => return None,
+    })
+}
+
+/// Text with `\U+XXXX` decoded.
+fn unescaped(text: &str) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find("\\U+") {
+        let digits = rest.get(at + 3..at + 7);
+        let letter = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok()).and_then(char::from_u32);
+        out += &rest[..at];
+        match letter {
+            Some(letter) => {
+                out.push(letter);
+                rest = &rest[at + 7..];
+            }
+            None => {
+                out += &rest[at..at + 3];
+                rest = &rest[at + 3..];
+            }
+        }
+    }
+    out + rest
+}
+
+/// What bytes that are no DXF look like.
+fn appearance(bytes: &[u8]) -> String {
+    let text = bytes.trim_ascii_start();
+    let seems = match bytes {
+        _ if text.is_empty() => "an empty file",
+        _ if bytes.starts_with(b"AC10") => {
+            let version = String::from_utf8_lossy(&bytes[..6.min(bytes.len())]);
+            return format!("a DWG file ({version}); DXF is needed");
+        }
+        _ if bytes.starts_with(b"AutoCAD DXB") => "a DXB file",
+        _ if text.starts_with(b"%PDF") => "a PDF file",
+        _ if text.starts_with(b"%!PS") => "a PostScript file",
+        _ if bytes.starts_with(b"PK\x03\x04") => "a zip archive",
+        _ if bytes.starts_with(b"\x89PNG") => "a PNG picture",
+        _ if bytes.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
+        _ if bytes.starts_with(b"glTF") => "a GLB part",
+        _ if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") => "UTF-16 text",
+        _ if text.starts_with(b"<") && contains(bytes, b"<svg") => "an SVG drawing",
+        _ if text.starts_with(b"<") => "an XML or HTML file",
+        _ if text.starts_with(b"IN;") => "an HPGL plot file",
+        _ if text.starts_with(b"ISO-10303-21") => "a STEP file",
+        _ if bytes.contains(&0) => "some binary file",
+        _ => "some other text file",
+    };
+    seems.into()
+}
+
+fn contains(bytes: &[u8], needle: &[u8]) -> bool {
+    bytes[..bytes.len().min(4096)].windows(needle.len()).any(|window| window == needle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn completeness_is_seen_from_the_end_alone() {
+        for complete in [&b"0\nSECTION\n0\nEOF"[..], b"  0\r\nEOF\r\n", b"0\rEOF\r", b"0\nEOF\n\n\x1a\0"] {
+            assert!(is_complete(complete), "{complete:?}");
+        }
+        for cut in [&b""[..], b"EOF", b"8\nEOF\n", b"0\nXEOF\n", b"0\nEO", b"0\nSECTION\n0\nENDSEC\n0\n"] {
+            assert!(!is_complete(cut), "{cut:?}");
+        }
+        let binary = [BINARY_MARK, b"\0\0EOF\0"].concat();
+        assert!(is_complete(&binary) && !is_complete(&binary[..binary.len() - 1]));
+    }
+
+    #[test]
+    fn strangers_are_called_by_their_name() {
+        for (bytes, name) in [
+            (&b"%PDF-1.7\n"[..], "PDF"),
+            (b"AC1032\0\0", "DWG file (AC1032)"),
+            (b"<?xml version=\"1.0\"?>\n<svg>", "SVG"),
+            (b"PK\x03\x04abc", "zip"),
+            (b"", "empty"),
+            (b" \n\n", "empty"),
+            (b"hello\nworld\n", "text"),
+        ] {
+            let Err(PatternReadError::NotDxf { seems }) = scan(bytes) else { panic!("{name} was read") };
+            assert!(seems.contains(name), "{seems}");
+        }
+    }
+
+    #[test]
+    fn line_ends_and_byte_order_marks_do_not_matter() {
+        for end in ["\n", "\r\n", "\r"] {
+            for mark in ["", "\u{feff}"] {
+                let file =
+                    format!("{mark}0\nSECTION\n 2 \n ENTITIES\n0\nENDSEC\n0\nEOF\n").replace('\n', end);
+                let scan = scan(file.as_bytes()).unwrap();
+                assert_eq!(scan.pairs.len(), 4);
+                assert_eq!(scan.text(&scan.pairs[1]), "ENTITIES");
+                assert_eq!(scan.spot(&scan.pairs[1]), Spot::Line(4));
+            }
+        }
+    }
+
+    #[test]
+    fn escapes_are_decoded_where_they_are_whole() {
+        assert_eq!(unescaped("a\\U+00F6b\\U+12"), "aöb\\U+12");
+    }
+}

@@ -1,0 +1,358 @@
+//! What is in the file and where: header, layers, blocks and entities, each entity with its place, layer and colour.
+//!
+//! This is the file's inventory. Whatever is listed here must come out as a path or be named as not taken.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::colour::nearest_index;
+use super::scan::{Pair, Scan};
+use crate::formats::pattern::error::EntityName;
+use crate::geometry::pattern::Color;
+
+/// The inventory of a drawing.
+#[derive(Default)]
+pub(super) struct Structure {
+    pub(super) header: Header,
+    /// Layers by their name in upper case, as names are compared without regard to case.
+    pub(super) layers: BTreeMap<String, LayerRecord>,
+    /// Number of entries of the layer table, to keep its order.
+    pub(super) layer_count: usize,
+    /// Blocks by their name in upper case.
+    pub(super) blocks: BTreeMap<String, Block>,
+    /// All entities, those of blocks too, in file order.
+    pub(super) entities: Vec<Record>,
+    /// Which of `entities` are drawn themselves, not by a block.
+    pub(super) drawn: Vec<Range<usize>>,
+    /// Comments at the head of the file.
+    pub(super) comments: Vec<String>,
+    /// Whether a table entry bears ezdxf's name.
+    pub(super) has_ezdxf_entry: bool,
+    kinds: Names,
+    layer_names: Names,
+}
+
+/// What the header says, as far as it matters here.
+#[derive(Default)]
+pub(super) struct Header {
+    pub(super) version: String,
+    pub(super) unit_code: Option<i64>,
+    pub(super) measurement: Option<i64>,
+    pub(super) code_page: Option<String>,
+    pub(super) saved_by: Option<String>,
+    pub(super) handle_seed: Option<String>,
+    /// Number of header variables.
+    pub(super) variables: usize,
+}
+
+/// An entry of the layer table.
+#[derive(Debug, Clone)]
+pub(super) struct LayerRecord {
+    pub(super) name: String,
+    pub(super) color: Color,
+    pub(super) order: usize,
+    pub(super) frozen: bool,
+    pub(super) off: bool,
+    pub(super) plotted: bool,
+}
+
+/// A block definition.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Block {
+    pub(super) name: String,
+    pub(super) base: [f64; 3],
+    /// Whether it stands for another file.
+    pub(super) external: bool,
+    /// Which of [`Structure::entities`] it holds.
+    pub(super) entities: Range<usize>,
+}
+
+/// One entity of the file.
+#[derive(Debug, Clone)]
+pub(super) struct Record {
+    kind: u32,
+    layer: u32,
+    /// Its pairs, with those of its vertices or attributes.
+    first: u32,
+    last: u32,
+    handle: Option<u32>,
+    pub(super) color: RecordColor,
+    pub(super) in_paper_space: bool,
+    pub(super) hidden: bool,
+}
+
+/// A colour as the entity gives it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum RecordColor {
+    ByBlock,
+    Own(Color),
+}
+
+/// Names by number, each stored once.
+#[derive(Default)]
+struct Names {
+    names: Vec<String>,
+    numbers: BTreeMap<String, u32>,
+}
+
+impl Names {
+    fn number(&mut self, name: String) -> u32 {
+        let next = self.names.len() as u32;
+        *self.numbers.entry(name).or_insert_with_key(|name| {
+            self.names.push(name.clone());
+            next
+        })
+    }
+
+    fn name(&self, number: u32) -> &str {
+        self.names.get(number as usize).map_or("", String::as_str)
+    }
+}
+
+impl Structure {
+    pub(super) fn kind(&self, record: &Record) -> &str {
+        self.kinds.name(record.kind)
+    }
+
+    pub(super) fn layer(&self, record: &Record) -> &str {
+        self.layer_names.name(record.layer)
+    }
+
+    pub(super) fn name(&self, scan: &Scan<'_>, record: &Record) -> EntityName {
+        let handle = record.handle.and_then(|pair| scan.pairs.get(pair as usize)).map(|pair| scan.text(pair));
+        EntityName { kind: self.kind(record).into(), handle, layer: self.layer(record).into() }
+    }
+}
+
+impl Record {
+    /// The pairs of the entity, the first of which names its kind.
+    pub(super) fn pairs<'s>(&self, scan: &'s Scan<'_>) -> &'s [Pair] {
+        scan.pairs.get(self.first as usize..self.last as usize).unwrap_or_default()
+    }
+}
+
+/// Takes the inventory. Sets the encoding of the scan on the way, before any name is read.
+pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
+    let mut found = Structure { header: header(scan), ..Structure::default() };
+    scan.encoding = encoding(&found.header);
+    let items = items(scan);
+    let mut section = Vec::new();
+    let mut block: Option<Block> = None;
+    // The kind of entity whose parts follow as entities of their own.
+    let mut parent: Option<Vec<u8>> = None;
+    for (index, item) in items.iter().enumerate() {
+        let pairs = &scan.pairs[item.clone()];
+        let keyword = scan.raw(&pairs[0]);
+        match (section.as_slice(), keyword) {
+            (_, b"SECTION") => {
+                section = pairs.get(1).map(|pair| scan.raw(pair).to_vec()).unwrap_or_default();
+                finish_block(&mut found, block.take());
+                parent = None;
+            }
+            (_, b"ENDSEC") => {
+                section.clear();
+                finish_block(&mut found, block.take());
+            }
+            (b"TABLES", b"LAYER") => layer(scan, pairs, &mut found),
+            (b"TABLES", b"STYLE" | b"DIMSTYLE" | b"APPID" | b"BLOCK_RECORD") => {
+                found.has_ezdxf_entry |= pairs.iter().any(|pair| scan.is(pair, 2, b"EZDXF"));
+            }
+            (b"BLOCKS", b"BLOCK") => {
+                finish_block(&mut found, block.take());
+                block = Some(block_head(scan, pairs, found.entities.len()));
+                parent = None;
+            }
+            (b"BLOCKS", b"ENDBLK") => finish_block(&mut found, block.take()),
+            (b"BLOCKS", _) if block.is_none() => {}
+            (b"BLOCKS" | b"ENTITIES", kind) => {
+                let is_part = matches!(
+                    (parent.as_deref(), kind),
+                    (Some(b"POLYLINE"), b"VERTEX" | b"SEQEND") | (Some(b"INSERT"), b"ATTRIB" | b"SEQEND")
+                );
+                if is_part {
+                    if let Some(record) = found.entities.last_mut() {
+                        record.last = item.end as u32;
+                    }
+                    if kind == b"SEQEND" {
+                        parent = None;
+                    }
+                    continue;
+                }
+                parent = Some(kind.to_vec());
+                let record = record(scan, item.clone(), &mut found);
+                found.entities.push(record);
+                if section == b"ENTITIES" {
+                    let last = found.entities.len();
+                    match found.drawn.last_mut() {
+                        Some(range) if range.end == last - 1 => range.end = last,
+                        _ => found.drawn.push(last - 1..last),
+                    }
+                }
+            }
+            _ => {}
+        }
+        if index == 0 {
+            let comments = scan.pairs[..item.start].iter().filter(|pair| pair.code == 999);
+            found.comments = comments.take(20).map(|pair| scan.text(pair)).collect();
+        }
+    }
+    finish_block(&mut found, block.take());
+    found
+}
+
+/// The runs of pairs that begin with group code 0.
+fn items(scan: &Scan<'_>) -> Vec<Range<usize>> {
+    let starts: Vec<usize> = (0..scan.pairs.len()).filter(|index| scan.pairs[*index].code == 0).collect();
+    let ends = starts.iter().skip(1).copied().chain([scan.pairs.len()]);
+    starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
+}
+
+fn header(scan: &Scan<'_>) -> Header {
+    let mut header = Header::default();
+    let start = scan.pairs.iter().position(|pair| scan.is(pair, 2, b"HEADER"));
+    let Some(start) = start else { return header };
+    let mut variable: &[u8] = b"";
+    for pair in scan.pairs[start + 1..].iter().take_while(|pair| pair.code != 0) {
+        let integer = || scan.number(pair).map(|number| number as i64);
+        match (pair.code, variable) {
+            (9, _) => {
+                variable = scan.raw(pair);
+                header.variables += 1;
+            }
+            (1, b"$ACADVER") => header.version = scan.text(pair),
+            (70, b"$INSUNITS") => header.unit_code = integer(),
+            (70, b"$MEASUREMENT") => header.measurement = integer(),
+            (3, b"$DWGCODEPAGE") => header.code_page = Some(scan.text(pair)),
+            (1, b"$LASTSAVEDBY") => header.saved_by = Some(scan.text(pair)).filter(|name| !name.is_empty()),
+            (5, b"$HANDSEED") => header.handle_seed = Some(scan.text(pair)),
+            _ => {}
+        }
+    }
+    header
+}
+
+/// The encoding of names: UTF-8 from R2007 on, before that the code page of the header.
+fn encoding(header: &Header) -> Option<&'static encoding_rs::Encoding> {
+    if header.version.as_str() >= "AC1021" {
+        return Some(encoding_rs::UTF_8);
+    }
+    let page = header.code_page.as_ref()?.to_ascii_lowercase();
+    match page.trim_start_matches("ansi_").trim_start_matches("dos") {
+        "932" => Some(encoding_rs::SHIFT_JIS),
+        "936" | "gb2312" => Some(encoding_rs::GBK),
+        "949" => Some(encoding_rs::EUC_KR),
+        "950" | "big5" => Some(encoding_rs::BIG5),
+        "866" => Some(encoding_rs::IBM866),
+        number => encoding_rs::Encoding::for_label(format!("windows-{number}").as_bytes()),
+    }
+}
+
+fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
+    let mut layer = LayerRecord {
+        name: String::new(),
+        color: Color::Aci(7),
+        order: found.layer_count,
+        frozen: false,
+        off: false,
+        plotted: true,
+    };
+    let (mut aci, mut rgb) = (None, None);
+    for pair in pairs.iter().take_while(|pair| pair.code < 1000) {
+        let integer = || scan.number(pair).unwrap_or(0.0) as i64;
+        match pair.code {
+            2 => layer.name = scan.text(pair),
+            62 => {
+                layer.off = integer() < 0;
+                aci = Some(integer().unsigned_abs());
+            }
+            70 => layer.frozen = integer() & 1 == 1,
+            290 => layer.plotted = integer() != 0,
+            420 => rgb = Some(rgb_of(integer())),
+            _ => {}
+        }
+    }
+    // AutoCAD never plots this layer, whatever its entry says.
+    layer.plotted &= !layer.name.eq_ignore_ascii_case("DEFPOINTS");
+    if let Color::Aci(_) | Color::Rgb { .. } = own_color(aci, rgb) {
+        layer.color = own_color(aci, rgb);
+    }
+    found.layer_count += 1;
+    found.layers.entry(layer.name.to_uppercase()).or_insert(layer);
+}
+
+fn rgb_of(value: i64) -> [u8; 3] {
+    let [_, _, _, _, _, red, green, blue] = value.to_be_bytes();
+    [red, green, blue]
+}
+
+fn own_color(aci: Option<u64>, rgb: Option<[u8; 3]>) -> Color {
+    let index = aci.and_then(|aci| u8::try_from(aci).ok()).filter(|aci| *aci > 0);
+    match (index, rgb) {
+        (index, Some(rgb)) => Color::Rgb { aci: index.unwrap_or_else(|| nearest_index(rgb)), rgb },
+        (Some(aci), None) => Color::Aci(aci),
+        (None, None) => Color::ByLayer,
+    }
+}
+
+fn block_head(scan: &Scan<'_>, pairs: &[Pair], first: usize) -> Block {
+    let mut block = Block { entities: first..first, ..Block::default() };
+    for pair in pairs.iter().take_while(|pair| pair.code < 1000) {
+        match pair.code {
+            2 => block.name = scan.text(pair),
+            10 | 20 | 30 => block.base[pair.code as usize / 10 - 1] = scan.number(pair).unwrap_or(0.0),
+            70 => block.external = scan.number(pair).unwrap_or(0.0) as i64 & (4 | 8) != 0,
+            _ => {}
+        }
+    }
+    block
+}
+
+fn finish_block(found: &mut Structure, block: Option<Block>) {
+    if let Some(mut block) = block {
+        block.entities.end = found.entities.len();
+        found.blocks.entry(block.name.to_uppercase()).or_insert(block);
+    }
+}
+
+fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record {
+    let mut layer = None;
+    let (mut aci, mut rgb, mut by_block) = (None, None, false);
+    let mut record = Record {
+        kind: 0,
+        layer: 0,
+        first: item.start as u32,
+        last: item.end as u32,
+        handle: None,
+        color: RecordColor::Own(Color::ByLayer),
+        in_paper_space: false,
+        hidden: false,
+    };
+    // Groups in braces belong to other programs, and so does everything after the first application name (1001).
+    let mut in_braces = false;
+    for (index, pair) in item.clone().zip(&scan.pairs[item.clone()]) {
+        let flag = || scan.number(pair).is_some_and(|number| number != 0.0);
+        match pair.code {
+            1000.. => break,
+            102 => in_braces = scan.raw(pair).starts_with(b"{"),
+            _ if in_braces => {}
+            5 if record.handle.is_none() => record.handle = Some(index as u32),
+            8 => layer = Some(scan.text(pair)),
+            60 => record.hidden = flag(),
+            62 => {
+                let index = scan.number(pair).unwrap_or(256.0) as i64;
+                by_block = index == 0;
+                aci = Some(index.unsigned_abs());
+            }
+            67 => record.in_paper_space = flag(),
+            420 => rgb = Some(rgb_of(scan.number(pair).unwrap_or(0.0) as i64)),
+            _ => {}
+        }
+    }
+    record.kind = found.kinds.number(scan.text(&scan.pairs[item.start]));
+    record.layer = found.layer_names.number(layer.unwrap_or_else(|| "0".into()));
+    record.color = match own_color(aci, rgb) {
+        Color::ByLayer if by_block => RecordColor::ByBlock,
+        color => RecordColor::Own(color),
+    };
+    record
+}

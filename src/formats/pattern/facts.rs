@@ -1,0 +1,59 @@
+//! What was found in a drawing besides its paths.
+
+use std::collections::BTreeMap;
+
+use super::units::DrawingUnit;
+use crate::geometry::pattern::Color;
+use crate::geometry::space::Extents;
+use crate::reason::Notice;
+
+/// What the file says of itself, and what was assumed, repaired and left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PatternFacts {
+    /// The program that wrote the file, as far as it can be told.
+    pub producer: Option<String>,
+    /// The dialect, such as `R2000 (AC1015)`.
+    pub version: String,
+    /// The unit of the file's numbers.
+    pub unit: DrawingUnit,
+    /// What decided the unit.
+    pub unit_why: String,
+    /// Width and height of what is drawn, mm.
+    pub size: [f64; 2],
+    /// The rectangle round what is drawn, mm.
+    pub extents: Extents,
+    /// Number of entities of the drawing (those inside blocks not counted) by type and layer.
+    pub entities: BTreeMap<String, BTreeMap<String, usize>>,
+    /// The layers of the file, those without paths too.
+    pub layers: BTreeMap<String, LayerFacts>,
+    /// Everything that draws something in the file and not in the pattern; what a block holds is named once.
+    pub not_taken: Vec<NotTaken>,
+    /// What was mended, such as loose pieces joined to contours.
+    pub repairs: Vec<Notice>,
+    /// What was assumed or looks unusual.
+    pub notices: Vec<Notice>,
+}
+
+/// A layer of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerFacts {
+    /// Its colour.
+    pub color: Color,
+    /// Number of paths on it in the pattern.
+    pub paths: usize,
+    /// Why nothing on it is marked: `off`, `frozen` or `not plotted`.
+    pub hidden: Option<&'static str>,
+}
+
+/// An entity that is not in the pattern.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NotTaken {
+    /// Its type, such as `MTEXT`.
+    pub entity: String,
+    /// Its handle in hexadecimal, if the file has one.
+    pub handle: Option<String>,
+    /// The layer it names.
+    pub layer: String,
+    /// Why it was left out, and what can be done about it.
+    pub why: String,
+}

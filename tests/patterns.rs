@@ -1,0 +1,350 @@
+//! Real drawings of real programs, read at their true size.
+//!
+//! Widths, heights and lengths of [`DRAWINGS`] were measured with ezdxf 1.4.5 on the flattened, decomposed and visible
+//! entities of each file (chords within 1e-8), not with isomark; those of `fc020-draft-legacy-lw`, which ezdxf refuses,
+//! are worked out by hand from its eight shapes.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
+
+use isomark::formats::pattern::{
+    DrawingUnit, PatternOptions, PatternReadError, PatternReading, Spot, is_complete, read,
+};
+use isomark::geometry::pattern::{Color, Path, Shape};
+use isomark::geometry::space::FlatPoint;
+use isomark::reason::Severity;
+
+/// Name, width, height and total length in mm, paths, contours, entities not taken.
+const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 31] = [
+    ("abc", 39.0, 13.0, 181.963, 6, 6, 0),
+    ("circle", 30.0, 30.0, 94.247, 1, 1, 0),
+    // 443.630 by ezdxf, which swaps the axes of an insert turned by 90 degrees inside one scaled by (-1, 2): by hand its
+    // outline measures 16.472 mm, not 13.472.
+    ("ez-blocks-nested", 74.0, 36.0, 446.630, 38, 19, 0),
+    ("ez-defects", 100_000.0, 20.0, 100_137.6, 10, 4, 2),
+    ("ez-guilloche", 31.3106, 31.2088, 3537.438, 24, 24, 0),
+    ("ez-hatch-islands", 28.0, 25.0, 157.038, 4, 4, 0),
+    ("ez-layers-colors", 34.0, 20.0, 146.417, 4, 3, 5),
+    ("ez-layers-colors-binary", 34.0, 20.0, 146.417, 4, 3, 5),
+    ("ez-logo-inch", 28.0, 28.0, 209.216, 4, 2, 0),
+    ("ez-logo-mm", 28.0, 28.0, 209.216, 4, 2, 0),
+    ("ez-logo-unitless", 28.0, 28.0, 209.216, 4, 2, 0),
+    // The sample's 14.5 mm of height are those of its text.
+    ("ez-ocs-mirrored", 29.9244, 10.0, 100.084, 5, 2, 1),
+    ("ez-qr-hatch", 14.5, 14.5, 647.000, 223, 223, 0),
+    ("ez-r12-mixed", 35.0, 22.0, 169.570, 6, 3, 1),
+    ("ez-r2000-bulges", 41.25, 40.0, 277.951, 5, 3, 0),
+    // The closed spline evaluated from knot 3 to knot 7 only, where it exists.
+    ("ez-r2010-splines-ellipses", 60.0, 50.1962, 189.778, 7, 3, 0),
+    ("fc020-draft-cpp-r14", 62.0, 23.7089, 261.216, 9, 6, 0),
+    ("fc020-draft-cpp-r14-poly", 62.0, 23.7070, 257.388, 9, 6, 0),
+    ("fc020-draft-legacy-lw", 78.0, 19.9152, f64::NAN, 8, 4, 3),
+    ("fc020-sketch-cpp-r14", 46.0, 16.0, 177.300, 4, 3, 0),
+    ("fc020-sketch-cpp-r14-poly", 46.0, 16.0, 173.968, 4, 3, 0),
+    ("fc020-sketch-legacy", 46.0, 16.0, 174.397, 4, 3, 0),
+    ("fc020-text-cpp-r12", 57.7701, 3.9731, 294.535, 25, 25, 0),
+    ("fc020-text-cpp-r14", 57.7701, 3.9731, 297.543, 25, 25, 0),
+    ("fc020-text-legacy", 57.7701, 3.9732, 294.535, 25, 25, 0),
+    ("fc020-text-legacy-lw", 57.7701, 3.9732, 294.535, 25, 25, 0),
+    ("fc020-tilted-cpp-r14", 20.0, 10.0, 51.416, 1, 1, 0),
+    ("grid", 39.0, 13.0, 832.000, 39, 1, 0),
+    ("ink12-logo-r14", 58.0, 28.0, 399.628, 7, 6, 3),
+    ("ink12-logo_px-r14", 219.2124, 105.8267, 1510.403, 7, 6, 3),
+    ("square", 30.0, 30.0, 120.000, 1, 1, 0),
+];
+
+fn bytes(name: &str) -> Vec<u8> {
+    std::fs::read(format!("{}/tests/data/patterns/{name}.dxf", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn reading(name: &str) -> PatternReading {
+    read(&bytes(name), &PatternOptions::default()).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+fn refusal(dxf: &[u8]) -> PatternReadError {
+    let error = read(dxf, &PatternOptions::default()).unwrap_err();
+    let reason = error.reason();
+    assert!(reason.code.starts_with("pattern-") && !reason.remedy.is_empty(), "{reason}");
+    error
+}
+
+fn length(path: &Path) -> f64 {
+    let points = path.shape.flattened(1e-5);
+    let back = points.first().filter(|_| path.shape.is_closed());
+    points.iter().zip(points.iter().skip(1).chain(back)).map(|(a, b)| a.distance(*b)).sum()
+}
+
+fn area(points: &[FlatPoint]) -> f64 {
+    let ends = points.iter().zip(points.iter().cycle().skip(1));
+    ends.map(|(a, b)| a.x * b.y - b.x * a.y).sum::<f64>() / 2.0
+}
+
+fn has_notice(reading: &PatternReading, code: &str, severity: Severity) -> bool {
+    reading.facts.notices.iter().any(|notice| notice.code == code && notice.severity == severity)
+}
+
+#[test]
+fn every_sample_is_read_at_its_true_size() {
+    for (name, width, height, total, paths, contours, not_taken) in DRAWINGS {
+        let read = reading(name);
+        let [found_width, found_height] = read.facts.size;
+        assert!((found_width - width).abs() < 2e-4, "{name}: width {found_width}");
+        assert!((found_height - height).abs() < 2e-4, "{name}: height {found_height}");
+        let found: f64 = read.pattern.paths.iter().map(length).sum();
+        assert!(total.is_nan() || (found - total).abs() < 2e-3, "{name}: length {found} is not {total}");
+        assert_eq!(read.pattern.paths.len(), paths, "{name}: paths");
+        let closed = read.pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
+        assert_eq!(closed, contours, "{name}: contours");
+        assert_eq!(read.facts.not_taken.len(), not_taken, "{name}: not taken {:?}", read.facts.not_taken);
+    }
+}
+
+#[test]
+fn every_path_is_connected_and_contours_come_back() {
+    for (name, ..) in DRAWINGS {
+        for path in &reading(name).pattern.paths {
+            let segments = path.shape.segments();
+            let pairs = segments.windows(2).map(|pair| (&pair[0], &pair[1]));
+            let back = segments.last().zip(segments.first()).filter(|_| path.shape.is_closed());
+            for (before, after) in pairs.chain(back) {
+                let gap = before.end().distance(after.start());
+                assert!(gap < 1e-6, "{name}: {:?} has a gap of {gap} mm", path.source);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_sample_is_complete_and_no_part_of_it_is() {
+    for (name, ..) in DRAWINGS {
+        let whole = bytes(name);
+        assert!(is_complete(&whole), "{name}");
+        for cut in [1, 2, 3, 5, whole.len() / 2, whole.len() - 1] {
+            let part = &whole[..whole.len() - cut];
+            // Only a last line end may be missing.
+            let only_line_end = whole.ends_with(b"\n") && cut == 1;
+            assert_eq!(is_complete(part), only_line_end, "{name} without {cut} bytes");
+            assert_eq!(
+                read(part, &PatternOptions::default()).is_ok(),
+                only_line_end,
+                "{name} without {cut} bytes"
+            );
+        }
+    }
+}
+
+#[test]
+fn letters_have_the_area_of_their_ink() {
+    // From the vertices that ezdxf lists: three outlines less the holes of A and B. (Counting pixels gives 126.64.)
+    let read = reading("abc");
+    let mut areas: Vec<f64> =
+        read.pattern.paths.iter().map(|path| area(&path.shape.flattened(1e-4)).abs()).collect();
+    areas.sort_by(f64::total_cmp);
+    let (holes, outlines) = areas.split_at(3);
+    let ink = outlines.iter().sum::<f64>() - holes.iter().sum::<f64>();
+    assert!((ink - 127.3351).abs() < 1e-3, "{ink}");
+}
+
+#[test]
+fn units_come_from_the_header_then_from_the_settings() {
+    let inch = reading("ez-logo-inch").facts;
+    assert_eq!((inch.unit, inch.unit_why.as_str()), (DrawingUnit::Inch, "$INSUNITS 1"));
+    let unitless = reading("ez-logo-unitless");
+    assert_eq!(unitless.facts.unit, DrawingUnit::Millimetre);
+    assert!(has_notice(&unitless, "unit-assumed", Severity::Note));
+    assert!(!has_notice(&unitless, "unit-pixels", Severity::Warning));
+
+    let guessed = reading("ink12-logo_px-r14");
+    let notice = guessed.facts.notices.iter().find(|notice| notice.code == "unit-pixels").unwrap();
+    assert!(notice.message.contains("58.000 x 28.000") && notice.message.contains("25.4/96"));
+    let options = PatternOptions { unit_if_unitless: "px".parse().ok(), ..PatternOptions::default() };
+    let told = read(&bytes("ink12-logo_px-r14"), &options).unwrap();
+    assert!((told.facts.size[0] - 58.0).abs() < 0.001 && (told.facts.size[1] - 28.0).abs() < 0.001);
+    assert!(!has_notice(&told, "unit-pixels", Severity::Warning));
+    // The setting is for drawings without a unit only.
+    assert_eq!(read(&bytes("ez-logo-inch"), &options).unwrap().facts.unit, DrawingUnit::Inch);
+}
+
+#[test]
+fn producers_and_versions_are_told() {
+    for (name, version, producer) in [
+        ("fc020-text-cpp-r14", "R14 (AC1014)", Some("FreeCAD v0.20")),
+        ("ink12-logo-r14", "R14 (AC1014)", Some("Inkscape (told by its header)")),
+        ("ez-r12-mixed", "R12 (AC1009)", Some("ezdxf")),
+        ("ez-layers-colors-binary", "R2018 (AC1032)", Some("ezdxf")),
+        ("fc020-sketch-legacy", "R12 (AC1009)", None),
+    ] {
+        let facts = reading(name).facts;
+        assert_eq!((facts.version.as_str(), facts.producer.as_deref()), (version, producer), "{name}");
+    }
+}
+
+#[test]
+fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
+    let text = reading("ez-layers-colors");
+    let binary = reading("ez-layers-colors-binary");
+    assert_eq!(text.pattern, binary.pattern);
+    assert_eq!(text.facts.entities, binary.facts.entities);
+    let layers: Vec<_> = text.pattern.layers.iter().map(|layer| (layer.name.as_str(), layer.color)).collect();
+    assert_eq!(layers, [("MARK", Color::Aci(1)), ("CUT", Color::Aci(5))]);
+    let colors: Vec<_> = text.pattern.paths.iter().map(|path| path.color).collect();
+    assert!(colors.iter().any(|color| matches!(color, Color::Rgb { .. })), "{colors:?}");
+    let why: Vec<_> =
+        text.facts.not_taken.iter().map(|left| (left.layer.as_str(), left.why.as_str())).collect();
+    let expected = [
+        ("CONSTRUCTION", "its layer is not plotted"),
+        ("OFF", "its layer is off"),
+        ("FROZEN", "its layer is frozen"),
+        ("MARK", "it is invisible"),
+        ("0", "it lies in paper space, beside the model"),
+    ];
+    assert_eq!(why, expected);
+    assert_eq!(text.facts.layers["FROZEN"].hidden, Some("frozen"));
+    assert_eq!(text.facts.layers["MARK"].paths, 3);
+    assert!(matches!(text.pattern.paths.last().unwrap().shape, Shape::Dot(_)));
+}
+
+#[test]
+fn loose_pieces_become_contours_in_drawing_order() {
+    let read = reading("fc020-text-cpp-r14");
+    assert_eq!(read.facts.entities["LINE"]["ShapeString"], 113);
+    assert_eq!(read.facts.entities["SPLINE"]["ShapeString"], 172);
+    assert!(read.facts.repairs[0].message.starts_with("285 loose pieces were joined to 25 contours"));
+    let apart = PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() };
+    assert_eq!(reading_with("fc020-text-cpp-r14", &apart).pattern.paths.len(), 285);
+}
+
+fn reading_with(name: &str, options: &PatternOptions) -> PatternReading {
+    read(&bytes(name), options).unwrap()
+}
+
+#[test]
+fn defects_are_read_with_warnings() {
+    let read = reading("ez-defects");
+    for code in ["size-unusual", "not-taken", "drawn-twice", "nearly-closed"] {
+        assert!(has_notice(&read, code, Severity::Warning), "{code}");
+    }
+    let left: Vec<_> = read.facts.not_taken.iter().map(|left| left.entity.as_str()).collect();
+    assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
+}
+
+#[test]
+fn fills_bound_one_region_each() {
+    let read = reading("ez-hatch-islands");
+    let regions: Vec<_> = read.pattern.paths.iter().map(|path| path.region).collect();
+    assert_eq!(regions, [Some(1), Some(1), Some(1), Some(2)]);
+    assert!(has_notice(&read, "hatch-pattern", Severity::Warning));
+    let qr = reading("ez-qr-hatch").pattern;
+    assert!(qr.paths.iter().enumerate().all(|(index, path)| path.region == Some(index as u32 + 1)));
+    let solid = reading("ez-r12-mixed").pattern;
+    assert_eq!(solid.paths.iter().filter(|path| path.region.is_some()).count(), 1);
+}
+
+#[test]
+fn drawings_without_anything_to_mark_are_refused_with_the_likely_cause() {
+    let PatternReadError::NothingToMark { found, remedy } = refusal(&bytes("ink12-text-r14")) else {
+        panic!()
+    };
+    assert!(found.contains("no entity") && remedy.contains("Object to Path"), "{found} {remedy}");
+    let PatternReadError::NothingToMark { found, remedy } = refusal(&bytes("ez-r2018-text")) else {
+        panic!()
+    };
+    assert!(found.contains("1 MTEXT, 4 TEXT") && remedy.contains("outlines"), "{found} {remedy}");
+}
+
+/// A drawing of R2000 with the given entities, blocks and header variables.
+fn drawing(entities: &str, blocks: &str) -> String {
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n\
+         0\nSECTION\n2\nBLOCKS\n{blocks}0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{entities}0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+fn line(coordinates: [&str; 4]) -> String {
+    let [x0, y0, x1, y1] = coordinates;
+    format!("0\nLINE\n5\n2F\n8\nMARK\n10\n{x0}\n20\n{y0}\n30\n0\n11\n{x1}\n21\n{y1}\n31\n0\n")
+}
+
+fn insert(block: &str, groups: &str) -> String {
+    format!("0\nINSERT\n8\n0\n2\n{block}\n10\n0\n20\n0\n{groups}")
+}
+
+fn block(name: &str, entities: &str) -> String {
+    format!("0\nBLOCK\n8\n0\n2\n{name}\n70\n0\n10\n0\n20\n0\n{entities}0\nENDBLK\n")
+}
+
+#[test]
+fn unreadable_numbers_are_refused_with_their_line() {
+    for number in ["abc", "1,5", "NaN", "1e999", "inf", ""] {
+        let file = drawing(&line(["1", number, "2", "3"]), "");
+        let PatternReadError::UnreadableNumber { spot, group, text, entity } = refusal(file.as_bytes())
+        else {
+            panic!("{number}")
+        };
+        let Spot::Line(at) = spot else { panic!() };
+        assert_eq!((file.lines().nth(at as usize - 1), group, text.as_str()), (Some(number), 20, number));
+        assert_eq!((entity.to_string().as_str(), entity.layer.as_str()), ("LINE 2F", "MARK"));
+    }
+    // A number that is not needed may be anything.
+    let sound = line(["0", "0", "1", "1"]) + "48\nabc\n";
+    assert!(read(drawing(&sound, "").as_bytes(), &PatternOptions::default()).is_ok());
+}
+
+#[test]
+fn drawings_that_unfold_without_end_are_refused() {
+    let unit = line(["0", "0", "1", "1"]);
+    let itself = drawing(&insert("A", ""), &(block("A", &insert("B", "")) + &block("B", &insert("a", ""))));
+    assert!(
+        matches!(refusal(itself.as_bytes()), PatternReadError::RecursiveBlock { block, .. } if block == "A")
+    );
+
+    let array = drawing(&insert("A", "70\n32000\n71\n32000\n44\n2\n45\n2\n"), &block("A", &unit));
+    assert!(matches!(refusal(array.as_bytes()), PatternReadError::TooMany { what: "copies of a block", .. }));
+
+    // Each block holds the next one ten times: 10^12 lines.
+    let tenfold =
+        |index: u32| block(&format!("B{index}"), &insert(&format!("B{}", index + 1), "").repeat(10));
+    let blocks: String = (0..12).map(tenfold).chain([block("B12", &unit)]).collect();
+    let laughs = drawing(&insert("B0", ""), &blocks);
+    assert!(matches!(refusal(laughs.as_bytes()), PatternReadError::TooMany { what: "entities", .. }));
+
+    let deep: String =
+        (0..100).map(|i| block(&format!("D{i}"), &insert(&format!("D{}", i + 1), ""))).collect();
+    let error = refusal(drawing(&insert("D0", ""), &deep).as_bytes());
+    assert!(matches!(error, PatternReadError::TooMany { what: "blocks inside each other", .. }), "{error}");
+
+    let far = drawing(&line(["0", "0", "1e20", "0"]), "");
+    assert!(matches!(refusal(far.as_bytes()), PatternReadError::OutOfRange { .. }));
+}
+
+#[test]
+fn quirks_elsewhere_in_a_file_do_not_matter() {
+    // The reader crate refuses a whole file for each of these.
+    let groups = line(["0", "0", "1", "1"]) + "5000\nx\n-7\ny\n62\n300\n";
+    assert!(read(drawing(&groups, "").as_bytes(), &PatternOptions::default()).is_ok());
+    let tables = "0\nSECTION\n2\nTABLES\n0\nTABLE\n2\nDIMSTYLE\n70\n1\n0\nDIMSTYLE\n2\nSTANDARD\n5\n_Dot\n70\n0\n\
+                  0\nENDTAB\n0\nENDSEC\n";
+    let file = tables.to_owned() + &drawing(&line(["0", "0", "1", "1"]), "");
+    let read = read(file.as_bytes(), &PatternOptions::default()).unwrap();
+    assert_eq!(read.pattern.paths[0].source.handle.as_deref(), Some("2F"));
+}
+
+#[test]
+fn names_are_read_in_the_encoding_of_the_file() {
+    let entity = |layer: &[u8]| {
+        let file = drawing(&line(["0", "0", "1", "1"]), "").replace("AC1015", "VERSION").into_bytes();
+        let at = file.windows(4).position(|window| window == b"MARK").unwrap();
+        [&file[..at], layer, &file[at + 4..]].concat()
+    };
+    let with = |version: &str, page: &str, layer: &[u8]| {
+        let page = format!("{version}\n9\n$DWGCODEPAGE\n3\n{page}");
+        let file = entity(layer);
+        let at = file.windows(7).position(|window| window == b"VERSION").unwrap();
+        let file = [&file[..at], page.as_bytes(), &file[at + 7..]].concat();
+        read(&file, &PatternOptions::default()).unwrap().pattern.layers[0].name.clone()
+    };
+    assert_eq!(with("AC1015", "ANSI_1252", b"Gr\xf6\xdfe"), "Größe");
+    assert_eq!(with("AC1015", "ANSI_1251", b"\xd1\xeb\xee\xe9"), "Слой");
+    assert_eq!(with("AC1015", "ANSI_932", b"\x83\x8c\x83C\x83\x84\x81[".as_slice()), "レイヤー");
+    assert_eq!(with("AC1032", "ANSI_1252", "Größe".as_bytes()), "Größe");
+    assert_eq!(with("AC1009", "ANSI_1252", b"Gr\\U+00F6\\U+00DFe"), "Größe");
+}
