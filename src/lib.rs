@@ -4,3 +4,4 @@ pub mod geometry;
 pub mod reason;
 pub mod formats;
 pub mod config;
+pub mod hotfolder;
