@@ -412,15 +412,31 @@ fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
 fn a_missing_import_folder_is_waited_for() {
     let line = Line::running();
     fs::remove_dir(line.path("import")).unwrap();
-    line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
-    line.waits_for("the part to be learned", |line| line.path("archive/can/can.glb").exists());
-    line.waits_for("a try", |line| line.path("reports/can/can.dxf.report.json").exists());
+    line.drop("can.glb", "part");
+    line.drop("can@bad.dxf", "reject");
+    // Its turn comes after the one that cannot be delivered.
+    line.waits_for("the others", |line| line.path("rejected/can@bad.dxf").exists());
     assert!(line.path("hot/can.dxf").exists());
     fs::create_dir(line.path("import")).unwrap();
     line.waits_for_text("import/can.dxf", "pattern on part at 0");
     line.waits_for_empty_hot();
-    assert!(files(&line.path("rejected")).is_empty());
+}
+
+#[test]
+fn a_folder_that_fails_after_the_delivery_delays_only_the_filing() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    fs::remove_dir_all(line.path("reports")).unwrap();
+    fs::write(line.path("reports"), "a file in the way").unwrap();
+    line.drop("can.dxf", "pattern");
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+    assert!(line.path("hot/can.dxf").exists());
+    fs::remove_file(line.path("reports")).unwrap();
+    line.waits_for_empty_hot();
+    assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
+    assert_eq!(line.stop().delivered, 1);
 }
 
 #[test]

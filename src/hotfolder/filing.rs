@@ -19,8 +19,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use serde::Serialize;
 
-use super::folders::{Found, free_place, look, move_new, read_if_there, write_new, write_whole};
-use super::job::Delivery;
+use super::folders::{Found, free_place, look, move_new, read_if_there, write_new, write_quick, write_whole};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku};
 use crate::reason::Reason;
@@ -68,27 +67,22 @@ pub(super) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
     read_if_there(&folders.import.join(name))
 }
 
-/// Puts the report beside its kind, then the drawing into the import folder: what is there can always be looked up.
-/// Returns whether the drawing is new; the same bytes are not written twice, because importers would take them twice.
+/// Puts the drawing into the import folder and returns whether it is new: the same bytes are not written twice,
+/// because importers would take them twice.
 pub(super) fn deliver(
     folders: &FolderPaths,
-    sku: &Sku,
     name: &str,
-    delivery: &Delivery,
+    drawing: &[u8],
     previous: Option<&[u8]>,
 ) -> io::Result<bool> {
-    write_report(folders, sku, name, "report.json", &delivery.report)?;
-    if let Some(preview) = &delivery.preview {
-        write_report(folders, sku, name, "preview.svg", preview)?;
-    }
-    if previous == Some(&delivery.drawing) {
+    if previous == Some(drawing) {
         return Ok(false);
     }
-    write_whole(&folders.import, name, &delivery.drawing)?;
+    write_whole(&folders.import, name, drawing)?;
     Ok(true)
 }
 
-/// Puts a file named after a drop into the SKU's reports folder.
+/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it.
 pub(super) fn write_report(
     folders: &FolderPaths,
     sku: &Sku,
@@ -98,7 +92,7 @@ pub(super) fn write_report(
 ) -> io::Result<()> {
     let folder = folders.reports.join(sku.key());
     fs::create_dir_all(&folder)?;
-    write_whole(&folder, &format!("{name}.{ending}"), bytes)
+    write_quick(&folder, &format!("{name}.{ending}"), bytes)
 }
 
 /// Moves an original that is done into the SKU's archive folder and returns where it went.

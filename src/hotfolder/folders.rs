@@ -144,6 +144,15 @@ pub(super) fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result
     sync_folder(folder)
 }
 
+/// The same without the survival of a power cut, for what can be made again and shall not cost the time.
+pub(super) fn write_quick(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.persist(folder.join(name))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    Ok(())
+}
+
 /// A file whose name importers and this program itself ignore, readable for everybody.
 fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();

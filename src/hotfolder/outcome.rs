@@ -8,7 +8,7 @@ use super::drops::Block;
 use super::filing::{self, Original, with_slashes};
 use super::folders;
 use super::intake::Read;
-use super::job::{Corrector, DroppedFile, JobError, Mode, StationError};
+use super::job::{Corrector, Delivery, DroppedFile, JobError, Mode, StationError};
 use super::names::Meaning;
 use super::settle::Moment;
 use super::worker::Worker;
@@ -119,20 +119,37 @@ impl<C: Corrector> Worker<'_, C> {
         started: Instant,
     ) -> Result<(), JobError> {
         let name = &read.file.name;
-        if self.delivered.get(path) != Some(&read.stamp) {
-            let previous = filing::delivered_before(self.folders(), name).map_err(folder_trouble)?;
-            let delivery =
-                guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), settings))?;
-            let is_new = filing::deliver(self.folders(), sku, name, &delivery, previous.as_deref())
-                .map_err(folder_trouble)?;
-            self.delivered.insert(path.into(), read.stamp);
-            self.tally.delivered += 1;
-            let took = started.elapsed().as_millis();
-            let how = if is_new { "delivered to import" } else { "lies in import already, unchanged," };
-            tracing::info!("{name} {how} in {took} ms: {}", delivery.summary);
+        let delivery = match self.delivered.remove(path) {
+            Some((stamp, delivery)) if stamp == read.stamp => delivery,
+            _ => {
+                let previous = filing::delivered_before(self.folders(), name).map_err(folder_trouble)?;
+                let previous = previous.as_deref();
+                let mut delivery = guarded(|| self.corrector.correct(sku, &read.file, previous, settings))?;
+                let is_new = filing::deliver(self.folders(), name, &delivery.drawing, previous)
+                    .map_err(folder_trouble)?;
+                let took = started.elapsed().as_millis();
+                let how = if is_new { "delivered to import" } else { "lies in import already, unchanged," };
+                tracing::info!("{name} {how} in {took} ms: {}", delivery.summary);
+                self.tally.delivered += 1;
+                delivery.drawing = Vec::new();
+                delivery
+            }
+        };
+        let filed = self.file_away(path, sku, read, &delivery);
+        if filed.is_err() {
+            self.delivered.insert(path.into(), (read.stamp, delivery));
         }
-        filing::archive(self.folders(), sku, name, &read.original(path)).map_err(folder_trouble)?;
-        self.delivered.remove(path);
+        filed
+    }
+
+    /// What follows a delivery: the report, the preview, and the original out of the hot folder.
+    fn file_away(&self, path: &Path, sku: &Sku, read: &Read, delivery: &Delivery) -> Result<(), JobError> {
+        let (folders, name) = (self.folders(), &read.file.name);
+        filing::write_report(folders, sku, name, "report.json", &delivery.report).map_err(folder_trouble)?;
+        if let Some(preview) = &delivery.preview {
+            filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
+        }
+        filing::archive(folders, sku, name, &read.original(path)).map_err(folder_trouble)?;
         Ok(())
     }
 

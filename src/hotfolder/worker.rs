@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use super::drops::Drops;
 use super::filing;
 use super::folders::{self, Found};
-use super::job::{Corrector, Mode, StationError, Tally};
+use super::job::{Corrector, Delivery, Mode, StationError, Tally};
 use super::names::is_ignored;
 use super::settle::{Moment, SettleTimes, Stamp};
 use super::watcher::{Signal, StopSignal, Watcher};
@@ -74,8 +74,8 @@ pub(super) struct Worker<'a, C> {
     hot_is_missing: bool,
     /// Complaints about the hot folder itself that were told already.
     told: BTreeSet<String>,
-    /// Patterns whose result is delivered while the original could not be archived yet.
-    pub(super) delivered: BTreeMap<PathBuf, Stamp>,
+    /// Patterns whose result is delivered while report or original could not be filed yet.
+    pub(super) delivered: BTreeMap<PathBuf, (Stamp, Delivery)>,
     /// Companions that were not there when their part was done, and where the part went.
     pub(super) late_companions: BTreeMap<PathBuf, PathBuf>,
     /// Archived parts that cannot be fitted with these settings.
