@@ -282,6 +282,22 @@ mod tests {
         assert_eq!(fs::read(folder.path().join("d")).unwrap(), b"b");
     }
 
+    /// Linux has a second file system in memory; where there is none, [`copy_new`] alone is tested.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn files_move_across_file_systems() {
+        let (Ok(here), Ok(there)) = (tempfile::tempdir(), tempfile::tempdir_in("/dev/shm")) else { return };
+        let (from, to) = (here.path().join("a"), there.path().join("a"));
+        fs::write(&from, "a").unwrap();
+        let modified = fs::metadata(&from).unwrap().modified().unwrap();
+        move_new(&from, &to).unwrap();
+        assert!(!from.exists());
+        assert_eq!(fs::metadata(&to).unwrap().modified().unwrap(), modified);
+        fs::write(&from, "b").unwrap();
+        assert_eq!(move_new(&from, &to).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!((fs::read(&from).unwrap(), fs::read(&to).unwrap()), (b"b".to_vec(), b"a".to_vec()));
+    }
+
     #[test]
     fn a_file_is_written_over_the_old_one_and_readable_for_others() {
         let folder = tempfile::tempdir().unwrap();
