@@ -4,7 +4,4 @@ pub mod geometry;
 pub mod reason;
 pub mod formats;
 pub mod config;
-pub mod files;
-pub mod cache;
-pub mod preview;
-pub mod diff;
+pub mod hotfolder;

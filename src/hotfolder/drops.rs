@@ -1,0 +1,208 @@
+//! The drops that lie in the hot folder, and what is known of each.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::filing::with_slashes;
+use super::folders::Found;
+use super::job::Waiting;
+use super::names::{Meaning, meaning};
+use super::settle::{Moment, Settle, SettleTimes};
+use crate::config::Sku;
+use crate::reason::Reason;
+
+/// One drop.
+pub(super) struct Drop {
+    /// Its path in the hot folder.
+    pub(super) relative: PathBuf,
+    /// What it is, or why it is nothing.
+    pub(super) meaning: Result<Meaning, Reason>,
+    pub(super) settle: Settle,
+    pub(super) block: Block,
+    /// What it waits for or lacks, as it was last told.
+    pub(super) reason: Option<Reason>,
+}
+
+/// What keeps a settled drop from being done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Block {
+    /// Nothing.
+    Free,
+    /// Something around the job failed: not before this moment, and after the next failure not for twice the pause.
+    Until { moment: Moment, pause: Duration },
+    /// A pattern whose SKU has no surface.
+    UnknownSku,
+    /// A pattern whose SKU is about to get another surface.
+    PartUnderWay,
+    /// A companion that no part has asked for yet.
+    Unclaimed,
+}
+
+/// All drops, by path.
+#[derive(Default)]
+pub(super) struct Drops {
+    all: BTreeMap<PathBuf, Drop>,
+    /// Number of parts per SKU.
+    parts: BTreeMap<Sku, usize>,
+}
+
+impl Drops {
+    pub(super) fn get(&self, path: &Path) -> Option<&Drop> {
+        self.all.get(path)
+    }
+
+    pub(super) fn get_mut(&mut self, path: &Path) -> Option<&mut Drop> {
+        self.all.get_mut(path)
+    }
+
+    /// Something lies at `hot/relative`; returns whether it is a part.
+    pub(super) fn see(
+        &mut self,
+        hot: &Path,
+        relative: &Path,
+        found: Found,
+        closed: bool,
+        now: Moment,
+        still_for: Duration,
+    ) -> bool {
+        let path = hot.join(relative);
+        let (stamp, is_file) = match found {
+            Found::File(stamp) => (stamp, true),
+            Found::Other(stamp) => (stamp, false),
+            Found::Folder => return false,
+        };
+        if let Some(drop) = self.all.get_mut(&path) {
+            let changed = drop.settle.stamp() != stamp;
+            drop.settle.see(stamp, closed, now);
+            // Another file may do where the last one failed.
+            if changed && drop.block != Block::UnknownSku {
+                drop.block = Block::Free;
+            }
+            return matches!(drop.meaning, Ok(Meaning::Part(_)));
+        }
+        let meaning = if is_file { meaning(relative) } else { Err(not_a_file()) };
+        let part = if let Ok(Meaning::Part(sku)) = &meaning { Some(sku.clone()) } else { None };
+        let is_part = part.is_some();
+        if let Some(sku) = part {
+            *self.parts.entry(sku).or_default() += 1;
+        }
+        let settle = Settle::new(stamp, closed, now, still_for);
+        let drop = Drop { relative: relative.into(), meaning, settle, block: Block::Free, reason: None };
+        self.all.insert(path, drop);
+        is_part
+    }
+
+    /// The drop is gone from the hot folder.
+    pub(super) fn forget(&mut self, path: &Path) {
+        let Some(drop) = self.all.remove(path) else { return };
+        if let Ok(Meaning::Part(sku)) = drop.meaning {
+            let left = self.parts.get(&sku).map_or(0, |count| count - 1);
+            if left == 0 {
+                self.parts.remove(&sku);
+            } else {
+                self.parts.insert(sku, left);
+            }
+        }
+    }
+
+    /// Forgets every drop that a listing did not find.
+    pub(super) fn keep_only(&mut self, found: &BTreeSet<PathBuf>) {
+        let gone: Vec<_> = self.all.keys().filter(|path| !found.contains(*path)).cloned().collect();
+        gone.iter().for_each(|path| self.forget(path));
+    }
+
+    /// Whether a part for the SKU lies in the hot folder.
+    pub(super) fn has_part(&self, sku: &Sku) -> bool {
+        self.parts.contains_key(sku)
+    }
+
+    /// What can be done now: parts first, because patterns need them.
+    pub(super) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<PathBuf> {
+        let mut ready: Vec<_> = self
+            .all
+            .iter()
+            .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now))
+            .map(|(path, drop)| (rank(drop), path))
+            .collect();
+        ready.sort();
+        ready.into_iter().map(|(_, path)| path.clone()).collect()
+    }
+
+    /// When the next drop can be done, if nothing else happens.
+    pub(super) fn next_due(&self, times: &SettleTimes) -> Option<Moment> {
+        self.all.values().filter_map(|drop| self.due(drop, times)).min()
+    }
+
+    /// When the drop can be done; `None` as long as something else must happen first.
+    fn due(&self, drop: &Drop, times: &SettleTimes) -> Option<Moment> {
+        let free = match &drop.block {
+            Block::Free => Moment::ZERO,
+            Block::Until { moment, .. } => *moment,
+            Block::UnknownSku | Block::Unclaimed => return None,
+            Block::PartUnderWay => match &drop.meaning {
+                Ok(Meaning::Pattern { sku, .. }) if self.has_part(sku) => return None,
+                _ => Moment::ZERO,
+            },
+        };
+        Some(free.max(drop.settle.due(times)))
+    }
+
+    /// The SKUs that patterns wait for.
+    pub(super) fn awaited(&self) -> BTreeSet<Sku> {
+        let waiting = self.all.values().filter(|drop| drop.block == Block::UnknownSku);
+        let skus = waiting.filter_map(|drop| match &drop.meaning {
+            Ok(Meaning::Pattern { sku, .. }) => Some(sku.clone()),
+            _ => None,
+        });
+        skus.collect()
+    }
+
+    /// The SKU has a surface now: its patterns need not wait any longer.
+    pub(super) fn release(&mut self, known: &Sku) {
+        for drop in self.all.values_mut().filter(|drop| drop.block == Block::UnknownSku) {
+            if matches!(&drop.meaning, Ok(Meaning::Pattern { sku, .. }) if sku == known) {
+                drop.block = Block::Free;
+            }
+        }
+    }
+
+    /// A companion came into the folder: parts there that lack one are looked at again.
+    pub(super) fn companion_came(&mut self, companion: &Path) {
+        let folder = companion.parent();
+        for (path, drop) in &mut self.all {
+            if path.parent() == folder && matches!(drop.meaning, Ok(Meaning::Part(_))) {
+                drop.settle.companion_came();
+            }
+        }
+    }
+
+    /// What still lies there: drops that wait for something else, and drops that are not whole.
+    pub(super) fn left(&self) -> (Vec<Waiting>, Vec<Waiting>) {
+        let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
+        for drop in self.all.values() {
+            let reason = drop.reason.clone().unwrap_or_else(still_settling);
+            let kind = if drop.block == Block::Free { &mut incomplete } else { &mut waiting };
+            kind.push(Waiting { drop: with_slashes(&drop.relative), reason });
+        }
+        (waiting, incomplete)
+    }
+}
+
+/// The order in which drops of one moment are done.
+fn rank(drop: &Drop) -> u8 {
+    match drop.meaning {
+        Ok(Meaning::Companion) => 0,
+        Ok(Meaning::Part(_)) => 1,
+        Ok(Meaning::Pattern { .. }) => 2,
+        Err(_) => 3,
+    }
+}
+
+fn not_a_file() -> Reason {
+    Reason::new("not-a-file", "This is a link or a device, not a file.", "Drop the file itself.")
+}
+
+fn still_settling() -> Reason {
+    Reason::new("still-settling", "The file may still be written.", "Nothing: it is looked at again.")
+}

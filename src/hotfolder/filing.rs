@@ -1,0 +1,191 @@
+//! What lies where when a job is over.
+//!
+//! ```text
+//! import/<name>.dxf                       the corrected drawing, nothing else ever
+//! reports/<sku>/<name>.report.json        of the latest drawing or part of that name
+//! reports/<sku>/<name>.preview.svg
+//! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
+//! archive/<sku>/current-part.txt          which archived part the surface comes from
+//! rejected/[<folder>/]<name>              as it lay in the hot folder; when taken: rejected/(2)/<name> and so on
+//! rejected/[<folder>/]<name>.reason.json  and .reason.txt
+//! ```
+//!
+//! SKU folders bear the SKU's name in lower case. Companions lie beside their part. A rejected drop is tried again by
+//! moving it back into the hot folder as it is.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+use serde::Serialize;
+
+use super::folders::{Found, free_place, look, move_new, read_if_there, write_new, write_quick, write_whole};
+use super::settle::Stamp;
+use crate::config::{FolderPaths, Sku};
+use crate::reason::Reason;
+
+/// Name and version of the format of `.reason.json` files.
+pub const REASON_SCHEMA: &str = "isomark.reason/1";
+
+/// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
+pub const CURRENT_PART: &str = "current-part.txt";
+
+/// An original that leaves the hot folder.
+pub(super) struct Original<'a> {
+    /// Where it lies.
+    pub(super) path: &'a Path,
+    /// What was read of it, if it was: should somebody replace it meanwhile, these bytes are what is put away.
+    pub(super) content: Option<(&'a [u8], Stamp)>,
+    /// Files beside it that go along.
+    pub(super) companions: &'a [PathBuf],
+}
+
+/// The `.reason.json` beside a rejected original.
+#[derive(Serialize)]
+struct ReasonFile<'a> {
+    schema: &'static str,
+    /// Where the drop lay in the hot folder, with `/`.
+    drop: &'a str,
+    #[serde(flatten)]
+    reason: &'a Reason,
+}
+
+/// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
+/// where a share is not mounted, it would swallow drawings.
+pub(super) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBuf, io::Error)> {
+    let FolderPaths { hot, archive, rejected, cache, reports, import: _, skus: _ } = folders;
+    let ours =
+        [("hot", hot), ("archive", archive), ("rejected", rejected), ("cache", cache), ("reports", reports)];
+    for (purpose, path) in ours {
+        fs::create_dir_all(path).map_err(|error| (purpose, path.clone(), error))?;
+    }
+    Ok(())
+}
+
+/// The drawing of that name in the import folder.
+pub(super) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<Option<Vec<u8>>> {
+    read_if_there(&folders.import.join(name))
+}
+
+/// Puts the drawing into the import folder and returns whether it is new: the same bytes are not written twice,
+/// because importers would take them twice.
+pub(super) fn deliver(
+    folders: &FolderPaths,
+    name: &str,
+    drawing: &[u8],
+    previous: Option<&[u8]>,
+) -> io::Result<bool> {
+    if previous == Some(drawing) {
+        return Ok(false);
+    }
+    write_whole(&folders.import, name, drawing)?;
+    Ok(true)
+}
+
+/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it.
+pub(super) fn write_report(
+    folders: &FolderPaths,
+    sku: &Sku,
+    name: &str,
+    ending: &str,
+    bytes: &[u8],
+) -> io::Result<()> {
+    let folder = folders.reports.join(sku.key());
+    fs::create_dir_all(&folder)?;
+    write_quick(&folder, &format!("{name}.{ending}"), bytes)
+}
+
+/// Moves an original that is done into the SKU's archive folder and returns where it went.
+pub(super) fn archive(
+    folders: &FolderPaths,
+    sku: &Sku,
+    name: &str,
+    original: &Original,
+) -> io::Result<PathBuf> {
+    let place = free_place(&folders.archive.join(sku.key()), &all_names(name, original))?;
+    put_away(original, &place.join(name))?;
+    Ok(place.join(name))
+}
+
+/// Notes that the SKU's surface comes from this archived part.
+pub(super) fn set_current_part(folders: &FolderPaths, sku: &Sku, archived: &Path) -> io::Result<()> {
+    let folder = folders.archive.join(sku.key());
+    let relative = archived.strip_prefix(&folder).unwrap_or(archived);
+    write_whole(&folder, CURRENT_PART, format!("{}\n", with_slashes(relative)).as_bytes())
+}
+
+/// The archived part that the SKU's surface comes from, if there is one.
+pub(super) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> {
+    let folder = folders.archive.join(sku.key());
+    let relative = fs::read_to_string(folder.join(CURRENT_PART)).ok()?;
+    let part = folder.join(relative.trim_end());
+    matches!(look(&part), Ok(Some(Found::File(_)))).then_some(part)
+}
+
+/// Moves an original that cannot be done into the rejected folder, with the reason beside it. The reason is written
+/// first, so that no rejected file is ever without one.
+pub(super) fn reject(
+    folders: &FolderPaths,
+    relative: &Path,
+    original: &Original,
+    reason: &Reason,
+) -> io::Result<PathBuf> {
+    let folder = folders.rejected.join(relative.parent().unwrap_or(Path::new("")));
+    let file_name = relative.file_name().unwrap_or_default();
+    let name = file_name.to_string_lossy();
+    let place = free_place(&folder, &all_names(&name, original))?;
+    let drop = with_slashes(relative);
+    let json = ReasonFile { schema: REASON_SCHEMA, drop: &drop, reason };
+    let json = serde_json::to_string_pretty(&json).map_err(io::Error::other)? + "\n";
+    let text = format!(
+        "{drop} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n"
+    );
+    let stem = shortened(&name);
+    write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
+    write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
+    put_away(original, &place.join(file_name))?;
+    Ok(place.join(file_name))
+}
+
+/// Moves one companion into the folder where its part went before.
+pub(super) fn follow(companion: &Path, place: &Path) -> io::Result<()> {
+    move_new(companion, &place.join(companion.file_name().unwrap_or_default()))
+}
+
+/// Moves the original to `target` and its companions beside it, the original first: what may be left behind by an
+/// interruption is a companion without a part, which does no harm.
+fn put_away(original: &Original, target: &Path) -> io::Result<()> {
+    match original.content {
+        Some((bytes, stamp)) if look(original.path)? != Some(Found::File(stamp)) => write_new(target, bytes)?,
+        Some(_) => move_new(original.path, target)?,
+        None if look(original.path)?.is_some() => move_new(original.path, target)?,
+        None => {}
+    }
+    let place = target.parent().unwrap_or(Path::new(""));
+    for companion in original.companions {
+        match follow(companion, place) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                tracing::warn!("{} stays in the hot folder: {error}", companion.display());
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn all_names<'a>(name: &'a str, original: &'a Original) -> Vec<&'a str> {
+    let companions = original.companions.iter().filter_map(|path| path.file_name()?.to_str());
+    std::iter::once(name).chain(companions).collect()
+}
+
+/// A name that leaves room for an ending: file systems take 255 bytes.
+fn shortened(name: &str) -> &str {
+    let end = (0..=name.len().min(230)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+    &name[..end]
+}
+
+/// A relative path as people and machines are told it.
+pub(super) fn with_slashes(relative: &Path) -> String {
+    let parts: Vec<_> = relative.components().map(|part| part.as_os_str().to_string_lossy()).collect();
+    parts.join("/")
+}

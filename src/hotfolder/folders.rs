@@ -1,0 +1,328 @@
+//! The few things that are done to folders: list, read, write whole, move without overwriting.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+
+use super::names::is_ignored;
+use super::settle::Stamp;
+
+/// What lies at a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// A file.
+    File(Stamp),
+    /// A folder.
+    Folder,
+    /// A link, a device or a pipe: never a drop.
+    Other(Stamp),
+}
+
+/// Which folder bears a path: a folder that was removed and made again is another one.
+pub(super) type Identity = u64;
+
+/// What lies at the path; `None` when nothing does.
+pub(super) fn look(path: &Path) -> io::Result<Option<Found>> {
+    match fs::symlink_metadata(path) {
+        Ok(metadata) if metadata.is_file() => Ok(Some(Found::File(stamp(&metadata)))),
+        Ok(metadata) if metadata.is_dir() => Ok(Some(Found::Folder)),
+        Ok(metadata) => Ok(Some(Found::Other(stamp(&metadata)))),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// The identity of the folder at the path, if there is one.
+pub(super) fn identity(folder: &Path) -> Option<Identity> {
+    let metadata = fs::metadata(folder).ok()?;
+    metadata.is_dir().then(|| file_identity(&metadata))
+}
+
+fn stamp(metadata: &std::fs::Metadata) -> Stamp {
+    Stamp { size: metadata.len(), modified: metadata.modified().ok(), identity: file_identity(metadata) }
+}
+
+#[cfg(unix)]
+fn file_identity(metadata: &std::fs::Metadata) -> Identity {
+    std::os::unix::fs::MetadataExt::ino(metadata)
+}
+
+#[cfg(not(unix))]
+fn file_identity(metadata: &std::fs::Metadata) -> Identity {
+    let created = metadata.created().ok();
+    let age = created.and_then(|created| created.duration_since(std::time::UNIX_EPOCH).ok());
+    age.map_or(0, |age| age.as_nanos() as u64)
+}
+
+/// A listing of the hot folder: files and other things in it and in its SKU folders, without ignored names.
+#[derive(Debug, Default)]
+pub(super) struct Listing {
+    /// Paths and what lies there, in the order of the paths.
+    pub(super) drops: Vec<(PathBuf, Found)>,
+    /// Folders inside SKU folders, which nobody looks into.
+    pub(super) too_deep: Vec<PathBuf>,
+}
+
+/// Lists the hot folder and the SKU folders in it.
+pub(super) fn list(hot: &Path) -> io::Result<Listing> {
+    let mut listing = Listing::default();
+    for (path, found) in entries(hot)? {
+        if found == Found::Folder {
+            list_sku_folder(&path, &mut listing)?;
+        } else {
+            listing.drops.push((path, found));
+        }
+    }
+    listing.drops.sort_by(|(a, _), (b, _)| a.cmp(b));
+    Ok(listing)
+}
+
+fn list_sku_folder(folder: &Path, listing: &mut Listing) -> io::Result<()> {
+    let entries = match entries(folder) {
+        Ok(entries) => entries,
+        // Removed since its parent was listed.
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    for (path, found) in entries {
+        if found == Found::Folder {
+            listing.too_deep.push(path);
+        } else {
+            listing.drops.push((path, found));
+        }
+    }
+    Ok(())
+}
+
+/// What lies in one folder, without ignored names.
+pub(super) fn entries(folder: &Path) -> io::Result<Vec<(PathBuf, Found)>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if is_ignored(&entry.file_name().to_string_lossy()) {
+            continue;
+        }
+        if let Some(what) = look(&entry.path())? {
+            found.push((entry.path(), what));
+        }
+    }
+    Ok(found)
+}
+
+/// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read.
+pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
+    let mut file = match fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let before = stamp(&file.metadata()?);
+    let mut bytes = Vec::with_capacity(usize::try_from(before.size).unwrap_or(0));
+    file.read_to_end(&mut bytes)?;
+    let same = stamp(&file.metadata()?) == before && look(path)? == Some(Found::File(before));
+    Ok((same && bytes.len() as u64 == before.size).then_some((bytes, before)))
+}
+
+/// The content of a file; `None` when there is none.
+pub(super) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
+    match fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. When it returns, the
+/// file survives a power cut.
+pub(super) fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(folder.join(name))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    sync_folder(folder)
+}
+
+/// The same without the survival of a power cut, for what can be made again and shall not cost the time.
+pub(super) fn write_quick(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.persist(folder.join(name))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    Ok(())
+}
+
+/// A file whose name importers and this program itself ignore, readable for everybody.
+fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".isomark-").suffix(".part");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    builder.tempfile_in(folder).map_err(|error| named(error, "cannot write into", folder))
+}
+
+/// Makes a rename in the folder survive a power cut, where the file system can.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    use ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
+    match fs::File::open(folder).and_then(|folder| folder.sync_all()) {
+        Err(error) if !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Windows writes the folder's entry through by itself.
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Writes a new file and never over an older one.
+///
+/// # Errors
+/// `AlreadyExists` when the name is taken.
+pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist_noclobber(path).map_err(|error| named(error.error, "cannot write", path))?;
+    sync_folder(folder)
+}
+
+/// Moves a file, across file systems too, and never over another one.
+///
+/// # Errors
+/// `AlreadyExists` when the name is taken.
+pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
+    let mut moving = tempfile::TempPath::try_from_path(from)?;
+    // It is a designer's file, not a temporary one: a failed move must leave it where it is.
+    moving.disable_cleanup(true);
+    let Err(failed) = moving.persist_noclobber(to) else { return Ok(()) };
+    match failed.error.kind() {
+        ErrorKind::AlreadyExists | ErrorKind::NotFound => Err(named(failed.error, "cannot move to", to)),
+        ErrorKind::CrossesDevices => copy_new(from, to),
+        // Some network and memory-card file systems know no rename that spares the target.
+        _ if look(to)?.is_none() => match fs::rename(from, to) {
+            Err(error) if error.kind() == ErrorKind::CrossesDevices => copy_new(from, to),
+            renamed => renamed,
+        },
+        _ => Err(named(ErrorKind::AlreadyExists.into(), "cannot move to", to)),
+    }
+}
+
+/// The other half of [`move_new`]: the original goes when its copy is safe.
+fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
+    let mut original = fs::File::open(from)?;
+    let folder = to.parent().unwrap_or(Path::new(""));
+    let mut copy = temporary(folder)?;
+    io::copy(&mut original, &mut copy)?;
+    if let Ok(modified) = original.metadata()?.modified() {
+        // The time is for people; a file system that cannot set it is no obstacle.
+        let _ = copy.as_file().set_modified(modified);
+    }
+    copy.as_file().sync_all()?;
+    copy.persist_noclobber(to).map_err(|error| named(error.error, "cannot write", to))?;
+    sync_folder(folder)?;
+    drop(original);
+    fs::remove_file(from)
+}
+
+/// The first of `folder`, `folder/(2)`, `folder/(3)` … in which no file bears one of the names; it is made if needed.
+///
+/// Numbers are on folders, not on files, because names say which SKU a file is for and which buffers belong to it: the
+/// content of a numbered folder can be moved back as it is.
+pub(super) fn free_place(folder: &Path, names: &[&str]) -> io::Result<PathBuf> {
+    let place = |number: u64| if number == 1 { folder.into() } else { folder.join(format!("({number})")) };
+    let taken = |number: u64| -> io::Result<bool> {
+        let place: PathBuf = place(number);
+        names.iter().try_fold(false, |taken, name| Ok(taken || look(&place.join(name))?.is_some()))
+    };
+    // Numbers are taken from 1 on: double until one is free, then halve the gap.
+    let mut free = 1;
+    while taken(free)? {
+        free *= 2;
+    }
+    let mut last_taken = free / 2;
+    while last_taken + 1 < free {
+        let middle = (last_taken + free) / 2;
+        if taken(middle)? {
+            last_taken = middle;
+        } else {
+            free = middle;
+        }
+    }
+    fs::create_dir_all(place(free))?;
+    Ok(place(free))
+}
+
+fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
+    io::Error::new(error.kind(), format!("{verb} {}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_moved_over_anything() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+        fs::write(&a, "a").unwrap();
+        fs::write(&b, "b").unwrap();
+        assert_eq!(move_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!(copy_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!(write_new(&b, b"c").unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!((fs::read(&a).unwrap(), fs::read(&b).unwrap()), (b"a".to_vec(), b"b".to_vec()));
+        move_new(&a, &folder.path().join("c")).unwrap();
+        copy_new(&b, &folder.path().join("d")).unwrap();
+        let names: Vec<_> = entries(folder.path()).unwrap().into_iter().map(|(path, _)| path).collect();
+        assert_eq!(names.len(), 2, "{names:?}");
+        assert_eq!(fs::read(folder.path().join("d")).unwrap(), b"b");
+    }
+
+    /// Linux has a second file system in memory; where there is none, [`copy_new`] alone is tested.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn files_move_across_file_systems() {
+        let (Ok(here), Ok(there)) = (tempfile::tempdir(), tempfile::tempdir_in("/dev/shm")) else { return };
+        let (from, to) = (here.path().join("a"), there.path().join("a"));
+        fs::write(&from, "a").unwrap();
+        let modified = fs::metadata(&from).unwrap().modified().unwrap();
+        move_new(&from, &to).unwrap();
+        assert!(!from.exists());
+        assert_eq!(fs::metadata(&to).unwrap().modified().unwrap(), modified);
+        fs::write(&from, "b").unwrap();
+        assert_eq!(move_new(&from, &to).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!((fs::read(&from).unwrap(), fs::read(&to).unwrap()), (b"b".to_vec(), b"a".to_vec()));
+    }
+
+    #[test]
+    fn a_file_is_written_over_the_old_one_and_readable_for_others() {
+        let folder = tempfile::tempdir().unwrap();
+        for content in ["first", "second"] {
+            write_whole(folder.path(), "x.dxf", content.as_bytes()).unwrap();
+            assert_eq!(fs::read(folder.path().join("x.dxf")).unwrap(), content.as_bytes());
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
+            assert_eq!(mode & 0o444, 0o444);
+        }
+    }
+
+    #[test]
+    fn places_are_numbered_without_a_gap() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in 1..=9 {
+            let place = free_place(folder.path(), &["x", "y"]).unwrap();
+            let expected = if number == 1 { String::new() } else { format!("({number})") };
+            assert_eq!(place, folder.path().join(expected));
+            fs::write(place.join(if number % 2 == 0 { "x" } else { "y" }), "").unwrap();
+        }
+        assert_eq!(free_place(folder.path(), &["z"]).unwrap(), folder.path());
+    }
+}

@@ -1,0 +1,188 @@
+//! What a job needs from the rest of the program, and what becomes of it.
+
+use std::path::PathBuf;
+
+use super::names::is_plain;
+use crate::config::{JobSettings, Sku};
+use crate::reason::Reason;
+
+/// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
+///
+/// The hot folder calls it for one job at a time. A panic inside rejects the job and the next call follows on the
+/// same value, so an implementation keeps no half-changed state between calls.
+pub trait Corrector {
+    /// Whether the bytes of a part or pattern are whole, and which files it names.
+    fn completeness(&self, name: &str, bytes: &[u8]) -> Completeness;
+
+    /// Whether a surface for the SKU is at hand that fits the settings.
+    fn knows(&mut self, sku: &Sku, settings: &JobSettings) -> bool;
+
+    /// Fits a part that was dropped, or one from the archive whose surface got lost, and keeps the surface.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn learn_part(
+        &mut self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+    ) -> Result<PartLearned, JobError>;
+
+    /// Corrects a pattern for a known SKU. `previous` is the drawing of the same name that lies in the import folder.
+    /// The same inputs give the same drawing, byte for byte.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn correct(
+        &mut self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        previous: Option<&[u8]>,
+        settings: &JobSettings,
+    ) -> Result<Delivery, JobError>;
+}
+
+/// A part or pattern as it was read.
+#[derive(Debug, Clone)]
+pub struct DroppedFile {
+    /// Its name, with extension; a pattern bears the name of its result.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+impl DroppedFile {
+    /// The content of a file in the same folder, such as a buffer of a `.gltf`.
+    ///
+    /// # Errors
+    /// When `name` is not a plain file name, or the file cannot be read.
+    pub fn sibling(&self, name: &str) -> std::io::Result<Vec<u8>> {
+        if !is_plain(name) {
+            let words = format!("`{name}` does not name a file in the same folder");
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
+        }
+        fs_err::read(self.path.with_file_name(name))
+    }
+}
+
+/// Whether a file's bytes are whole.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Completeness {
+    /// The bytes reach to the format's end mark, or are wrong in a way that no further byte will mend.
+    Whole {
+        /// The files it names.
+        companions: Vec<Companion>,
+    },
+    /// The bytes end too early; the reason is given when nothing more comes.
+    CutShort(Reason),
+}
+
+/// A file that a part names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Companion {
+    /// Its name; anything but a plain name in the same folder is left alone.
+    pub name: String,
+    /// Whether the part cannot be read without it.
+    pub needed: bool,
+    /// The size it must have reached at least, bytes.
+    pub bytes: u64,
+}
+
+/// What came of a part.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PartLearned {
+    /// One line for the log.
+    pub summary: String,
+    /// A report in JSON, for the reports folder.
+    pub report: Option<Vec<u8>>,
+}
+
+/// What came of a pattern.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Delivery {
+    /// The corrected drawing, for the import folder.
+    pub drawing: Vec<u8>,
+    /// The report in JSON, for the reports folder.
+    pub report: Vec<u8>,
+    /// The preview as SVG, for the reports folder.
+    pub preview: Option<Vec<u8>>,
+    /// One line for the log.
+    pub summary: String,
+}
+
+/// Why a job was not done.
+#[derive(Debug, Clone, PartialEq)]
+pub enum JobError {
+    /// This drop cannot be done; it goes to the rejected folder with the reason.
+    Rejected(Reason),
+    /// Something around the job fails (a folder, a disk); the drop stays, is tried again, and the others go on.
+    Retry(Reason),
+    /// Nothing can be done any more; the station stops and the drop stays.
+    Stop(Reason),
+}
+
+/// How long [`run`](super::run) works.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// Does what lies in the hot folder and returns. Incomplete files are left there.
+    Once,
+    /// Until the [`StopSignal`](super::StopSignal) is raised; the job under way is finished.
+    UntilStopped,
+}
+
+/// What was done, and what still lies in the hot folder.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Tally {
+    /// Number of corrected drawings put into the import folder.
+    pub delivered: u64,
+    /// Number of parts fitted.
+    pub learned: u64,
+    /// Number of drops moved to the rejected folder.
+    pub rejected: u64,
+    /// Drops that wait for something else: their part, a folder, a setting.
+    pub waiting: Vec<Waiting>,
+    /// Drops that end too early or are still being written.
+    pub incomplete: Vec<Waiting>,
+}
+
+/// A drop that still lies in the hot folder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waiting {
+    /// Its path in the hot folder, with `/`.
+    pub drop: String,
+    /// What it waits for.
+    pub reason: Reason,
+}
+
+/// Why a station cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum StationError {
+    /// A folder of the station cannot be made.
+    #[error("the {purpose} folder cannot be made: {source}")]
+    Folder {
+        /// Which folder, as its key in the settings.
+        purpose: &'static str,
+        /// Where it should be.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A job said that nothing can be done any more.
+    #[error("{}", .0.what)]
+    Stopped(Reason),
+}
+
+impl StationError {
+    /// The reason that people are shown.
+    pub fn reason(&self) -> Reason {
+        match self {
+            Self::Folder { purpose, path, .. } => {
+                let remedy = format!("Make the folder, or change `folders.{purpose}` in the station file.");
+                Reason::new("folder-missing", format!("{self}."), remedy).in_file(path.display().to_string())
+            }
+            Self::Stopped(reason) => reason.clone(),
+        }
+    }
+}

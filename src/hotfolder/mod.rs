@@ -1,0 +1,32 @@
+//! The hot folder: drops in, corrected drawings out, and a reason for everything that cannot be done.
+//!
+//! ```text
+//! hot/ ──listing + events──▶ settle ──whole files──▶ job ──┬▶ import/<pattern's name>, original to archive/<sku>/
+//!                                                          ├▶ rejected/, with <name>.reason.json and .reason.txt
+//!                                                          └▶ stays in hot/: waits for its part, or for a folder
+//! ```
+//!
+//! The listing of the folder is the truth, events only make it quick. A drop stays in the hot folder until its result
+//! lies in the import folder, so that after any interruption the job is simply done again, with the same bytes.
+//!
+//! What a file name means is said in [`names`], when a file is whole in [`settle`], what a job needs from the rest of
+//! the program in [`Corrector`], and what lies where afterwards in `filing`.
+
+pub mod names;
+pub mod settle;
+mod job;
+mod watcher;
+mod folders;
+mod filing;
+mod drops;
+mod intake;
+mod outcome;
+mod worker;
+
+pub use filing::{CURRENT_PART, REASON_SCHEMA};
+pub use job::{
+    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, StationError,
+    Tally, Waiting,
+};
+pub use watcher::StopSignal;
+pub use worker::run;

@@ -1,0 +1,246 @@
+//! When a file is whole: a pure state machine per file. Time is an argument, nothing is opened here.
+//!
+//! A file is read when its writer was seen to close it or to rename it into place, or when its size and time stood
+//! still for the settle time. If its content then turns out to end too early, it is read again after its next change;
+//! if there is none within a limit, the job goes on and the file is rejected.
+
+use std::time::{Duration, SystemTime};
+
+/// Time since the station started.
+pub type Moment = Duration;
+
+/// What the file system says about a file's content without opening it; equal stamps are taken for equal content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stamp {
+    /// Size in bytes.
+    pub size: u64,
+    /// Time of the last write, where the system knows it.
+    pub modified: Option<SystemTime>,
+    /// Which file it is: the inode on Unix, the creation time elsewhere.
+    pub identity: u64,
+}
+
+/// How long to wait for what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SettleTimes {
+    /// How long a file must stand still before it is read, if no writer was seen to close it.
+    pub still: Duration,
+    /// How long an incomplete file must stand still before it is given up.
+    pub incomplete: Duration,
+    /// The same after its writer closed it: only a writer that opens it again can still complete it.
+    pub incomplete_after_close: Duration,
+}
+
+/// What is to be done about a file now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing before this moment, unless something is seen or heard.
+    Wait(Moment),
+    /// Read it; then do the job, or tell with [`Settle::found_incomplete`] that it cannot be done yet.
+    Read,
+    /// It still lacks this and nothing more is to be expected: reject it.
+    GiveUp(Gap),
+}
+
+/// What an incomplete file lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gap {
+    /// Its own end.
+    Content,
+    /// A file that it names and that is still to come.
+    Companion,
+}
+
+/// What is known of one file.
+#[derive(Debug, Clone)]
+pub struct Settle {
+    stamp: Stamp,
+    /// When the stamp was first seen.
+    since: Moment,
+    /// How long the file had been standing still when it was first seen.
+    head_start: Duration,
+    /// Its writer closed it, and it did not change since.
+    closed: bool,
+    gap: Option<Gap>,
+}
+
+impl Settle {
+    /// A file seen for the first time; `still_for` is how long it is known to have stood still already.
+    pub fn new(stamp: Stamp, closed: bool, now: Moment, still_for: Duration) -> Self {
+        Self { stamp, since: now, head_start: still_for, closed, gap: None }
+    }
+
+    /// The stamp last seen.
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    /// The file was seen again; `closed` says that its writer closed it or renamed it into place before that.
+    pub fn see(&mut self, stamp: Stamp, closed: bool, now: Moment) {
+        if stamp != self.stamp {
+            *self = Self::new(stamp, closed, now, Duration::ZERO);
+        } else if closed {
+            // Two writes within one tick of the file system's clock can leave the same stamp.
+            self.closed = true;
+            self.gap = None;
+        }
+    }
+
+    /// Its content was read and is incomplete.
+    pub fn found_incomplete(&mut self, gap: Gap) {
+        self.gap = Some(gap);
+    }
+
+    /// A file that it may lack has come: read it again.
+    pub fn companion_came(&mut self) {
+        if self.gap == Some(Gap::Companion) {
+            self.gap = None;
+        }
+    }
+
+    /// What it lacks is on its way: the limit counts from now.
+    pub fn wait_anew(&mut self, now: Moment) {
+        self.since = now;
+        self.head_start = Duration::ZERO;
+    }
+
+    /// When something is to be done about the file, if it is not seen again before.
+    pub fn due(&self, times: &SettleTimes) -> Moment {
+        let needed = match self.gap {
+            None if self.closed => Duration::ZERO,
+            None => times.still,
+            Some(Gap::Content) if self.closed => times.incomplete_after_close.min(times.incomplete),
+            Some(_) => times.incomplete,
+        };
+        self.since + needed.saturating_sub(self.head_start)
+    }
+
+    /// What is to be done now.
+    pub fn verdict(&self, now: Moment, times: &SettleTimes) -> Verdict {
+        let due = self.due(times);
+        match self.gap {
+            _ if now < due => Verdict::Wait(due),
+            None => Verdict::Read,
+            Some(gap) => Verdict::GiveUp(gap),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMES: SettleTimes = SettleTimes {
+        still: Duration::from_millis(500),
+        incomplete: Duration::from_millis(60_000),
+        incomplete_after_close: Duration::from_millis(3_000),
+    };
+
+    #[derive(Clone, Copy)]
+    enum Event {
+        Seen(u64),
+        Closed(u64),
+        Incomplete(Gap),
+        CompanionCame,
+    }
+
+    use Event::{Closed, CompanionCame, Incomplete, Seen};
+    use Verdict::Read;
+
+    const CUT: Verdict = Verdict::GiveUp(Gap::Content);
+    const ALONE: Verdict = Verdict::GiveUp(Gap::Companion);
+
+    fn wait(milliseconds: u64) -> Verdict {
+        Verdict::Wait(Duration::from_millis(milliseconds))
+    }
+
+    /// What happened when (ms), and the verdict at the moments after it.
+    type Case = (&'static str, &'static [(u64, Event)], Vec<(u64, Verdict)>);
+
+    #[test]
+    fn files_settle() {
+        let cases: Vec<Case> = vec![
+            ("found by a listing", &[(0, Seen(9))], vec![(0, wait(500)), (499, wait(500)), (500, Read)]),
+            ("renamed into place", &[(10, Closed(9))], vec![(10, Read)]),
+            (
+                "still growing",
+                &[(0, Seen(1)), (400, Seen(2)), (800, Seen(3))],
+                vec![(800, wait(1300)), (1300, Read)],
+            ),
+            ("grown, then closed", &[(0, Seen(1)), (100, Seen(2)), (900, Closed(3))], vec![(900, Read)]),
+            (
+                "closed, then written again",
+                &[(0, Closed(1)), (5, Seen(2))],
+                vec![(5, wait(505)), (505, Read)],
+            ),
+            ("seen again unchanged", &[(0, Closed(1)), (5, Seen(1))], vec![(5, Read)]),
+            (
+                "a copy that stalls",
+                &[(0, Seen(1)), (500, Incomplete(Gap::Content))],
+                vec![(500, wait(60_000)), (59_999, wait(60_000)), (60_000, CUT)],
+            ),
+            (
+                "a copy that stalls and goes on",
+                &[(0, Seen(1)), (500, Incomplete(Gap::Content)), (50_000, Seen(2))],
+                vec![(50_000, wait(50_500)), (50_500, Read), (60_000, Read)],
+            ),
+            (
+                "closed too early",
+                &[(0, Closed(1)), (1, Incomplete(Gap::Content))],
+                vec![(1, wait(3000)), (3000, CUT)],
+            ),
+            (
+                "closed too early, completed by another writer",
+                &[(0, Closed(1)), (1, Incomplete(Gap::Content)), (200, Closed(2))],
+                vec![(200, Read)],
+            ),
+            (
+                "waits for its buffer",
+                &[(0, Closed(1)), (1, Incomplete(Gap::Companion))],
+                vec![(3000, wait(60_000)), (60_000, ALONE)],
+            ),
+            (
+                "the buffer came",
+                &[(0, Closed(1)), (1, Incomplete(Gap::Companion)), (7000, CompanionCame)],
+                vec![(7000, Read)],
+            ),
+            (
+                "rewritten within a clock tick",
+                &[(0, Closed(1)), (1, Incomplete(Gap::Content)), (2, Closed(1))],
+                vec![(2, Read)],
+            ),
+        ];
+        for (name, events, verdicts) in cases {
+            let mut settle: Option<Settle> = None;
+            for (at, event) in events {
+                let now = Duration::from_millis(*at);
+                let mut see = |size, closed| {
+                    let stamp = Stamp { size, modified: None, identity: 1 };
+                    match settle.as_mut() {
+                        Some(settle) => settle.see(stamp, closed, now),
+                        None => settle = Some(Settle::new(stamp, closed, now, Duration::ZERO)),
+                    }
+                };
+                match event {
+                    Seen(size) => see(*size, false),
+                    Closed(size) => see(*size, true),
+                    Incomplete(gap) => settle.as_mut().unwrap().found_incomplete(*gap),
+                    CompanionCame => settle.as_mut().unwrap().companion_came(),
+                }
+            }
+            for (at, expected) in verdicts {
+                let verdict = settle.as_ref().unwrap().verdict(Duration::from_millis(at), &TIMES);
+                assert_eq!(verdict, expected, "{name}, at {at} ms");
+            }
+        }
+    }
+
+    #[test]
+    fn stillness_before_the_first_look_counts() {
+        let stamp = Stamp { size: 1, modified: None, identity: 1 };
+        let mut settle = Settle::new(stamp, false, Duration::ZERO, Duration::from_secs(3600));
+        assert_eq!(settle.verdict(Duration::ZERO, &TIMES), Read);
+        settle.found_incomplete(Gap::Content);
+        assert_eq!(settle.verdict(Duration::ZERO, &TIMES), CUT);
+    }
+}

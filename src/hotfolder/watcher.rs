@@ -1,0 +1,172 @@
+//! Events from the hot folder and the wish to stop, on one channel. Events are hints: losing one costs only time.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use notify::event::{AccessKind, AccessMode, EventKind, ModifyKind, RenameMode};
+use notify::{RecommendedWatcher, RecursiveMode, Watcher as _};
+
+use super::folders::{Identity, identity};
+use crate::config::Backend;
+
+/// What wakes the station.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Signal {
+    /// Something happened to this path.
+    Touched(PathBuf),
+    /// A writer closed this file, or it was renamed to this path.
+    Closed(PathBuf),
+    /// Events were lost: only a listing tells.
+    Overflow,
+    /// Somebody wants the station to stop.
+    Stop,
+}
+
+/// Stops a running station: clone it, hand one to [`run`](super::run), and raise the other from anywhere.
+#[derive(Debug, Clone, Default)]
+pub struct StopSignal {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    raised: AtomicBool,
+    station: Mutex<Option<Sender<Signal>>>,
+}
+
+impl StopSignal {
+    /// Asks the station to stop after the job under way.
+    pub fn raise(&self) {
+        self.shared.raised.store(true, Ordering::SeqCst);
+        let station = self.shared.station.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(station) = station.as_ref() {
+            // A station that is gone needs no stopping.
+            let _ = station.send(Signal::Stop);
+        }
+    }
+
+    /// Whether the station was asked to stop.
+    pub fn is_raised(&self) -> bool {
+        self.shared.raised.load(Ordering::SeqCst)
+    }
+
+    /// Lets the signal wake the station that listens on the other end of the channel.
+    pub(super) fn connect(&self, station: Sender<Signal>) {
+        *self.shared.station.lock().unwrap_or_else(PoisonError::into_inner) = Some(station);
+    }
+}
+
+/// Watches one folder for as long as that very folder exists.
+pub(super) struct Watcher {
+    sender: Sender<Signal>,
+    watched: Option<Watched>,
+    /// What was last said about a watch that could not be set up.
+    complaint: Option<String>,
+}
+
+struct Watched {
+    folder: PathBuf,
+    identity: Identity,
+    /// Dropping it ends the watch.
+    _events: RecommendedWatcher,
+}
+
+impl Watcher {
+    pub(super) fn new(sender: Sender<Signal>) -> Self {
+        Self { sender, watched: None, complaint: None }
+    }
+
+    /// Sees to it that the folder that now bears this path is watched: a watch on a folder that was removed or
+    /// replaced is silent for ever. Returns whether the folder exists.
+    pub(super) fn follow(&mut self, folder: &Path, backend: Backend) -> bool {
+        let Some(now) = identity(folder) else {
+            self.watched = None;
+            return false;
+        };
+        let good = |watched: &Watched| watched.folder == folder && watched.identity == now;
+        if backend == Backend::Poll {
+            self.watched = None;
+        } else if !self.watched.as_ref().is_some_and(good) {
+            self.watched = None;
+            match watch(folder, self.sender.clone()) {
+                Ok(events) => {
+                    self.watched = Some(Watched { folder: folder.into(), identity: now, _events: events });
+                    self.complaint = None;
+                }
+                Err(error) => self.complain(&error.to_string()),
+            }
+        }
+        true
+    }
+
+    fn complain(&mut self, error: &str) {
+        if self.complaint.as_deref() != Some(error) {
+            tracing::warn!("the system reports no events for the hot folder ({error}); it is listed instead");
+            self.complaint = Some(error.into());
+        }
+    }
+}
+
+fn watch(folder: &Path, sender: Sender<Signal>) -> notify::Result<RecommendedWatcher> {
+    // The handler does nothing but send: a slow one lets the system's queue overflow.
+    let handler = move |event| signals(event, |signal| drop(sender.send(signal)));
+    let config = notify::Config::default().with_follow_symlinks(false);
+    let mut watcher = RecommendedWatcher::new(handler, config)?;
+    watcher.watch(folder, RecursiveMode::Recursive)?;
+    Ok(watcher)
+}
+
+/// What an event of the system tells.
+fn signals(event: notify::Result<notify::Event>, mut send: impl FnMut(Signal)) {
+    let Ok(event) = event else { return send(Signal::Overflow) };
+    if event.need_rescan() {
+        return send(Signal::Overflow);
+    }
+    let mut paths = event.paths.into_iter();
+    match event.kind {
+        EventKind::Access(AccessKind::Close(AccessMode::Write))
+        | EventKind::Modify(ModifyKind::Name(RenameMode::To)) => {
+            paths.for_each(|path| send(Signal::Closed(path)));
+        }
+        EventKind::Modify(ModifyKind::Name(RenameMode::Both)) => {
+            paths.next().into_iter().for_each(|from| send(Signal::Touched(from)));
+            paths.for_each(|to| send(Signal::Closed(to)));
+        }
+        EventKind::Access(_) => {}
+        _ => paths.for_each(|path| send(Signal::Touched(path))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use notify::event::{CreateKind, Flag};
+
+    fn told(event: notify::Event) -> Vec<Signal> {
+        let mut all = Vec::new();
+        signals(Ok(event), |signal| all.push(signal));
+        all
+    }
+
+    #[test]
+    fn events_become_hints() {
+        let event = |kind: EventKind| notify::Event::new(kind).add_path("a".into());
+        let close = EventKind::Access(AccessKind::Close(AccessMode::Write));
+        let renamed = |mode| EventKind::Modify(ModifyKind::Name(mode));
+        let (touched, closed) = (|p: &str| Signal::Touched(p.into()), |p: &str| Signal::Closed(p.into()));
+
+        assert_eq!(told(event(close)), [closed("a")]);
+        assert_eq!(told(event(renamed(RenameMode::To))), [closed("a")]);
+        assert_eq!(told(event(renamed(RenameMode::From))), [touched("a")]);
+        let both = event(renamed(RenameMode::Both)).add_path("b".into());
+        assert_eq!(told(both), [touched("a"), closed("b")]);
+        assert_eq!(told(event(EventKind::Create(CreateKind::File))), [touched("a")]);
+        assert_eq!(told(event(EventKind::Access(AccessKind::Open(AccessMode::Any)))), []);
+        assert_eq!(told(notify::Event::new(EventKind::Other).set_flag(Flag::Rescan)), [Signal::Overflow]);
+        let mut all = Vec::new();
+        signals(Err(notify::Error::generic("lost")), |signal| all.push(signal));
+        assert_eq!(all, [Signal::Overflow]);
+    }
+}

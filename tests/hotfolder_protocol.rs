@@ -1,0 +1,555 @@
+//! Drops into a running station, with a stand-in for the pipeline: what lies where afterwards, whatever the order.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+use isomark::config::{JobSettings, LiveSettings, Sku};
+use isomark::hotfolder::{
+    self, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
+    StationError, StopSignal, Tally,
+};
+use isomark::reason::Reason;
+
+/// Parts and patterns are lines of text that end in `EOF`; the words before it say what shall happen.
+#[derive(Default)]
+struct Pretender {
+    surfaces: BTreeMap<Sku, String>,
+}
+
+fn obey(bytes: &[u8]) -> Result<String, JobError> {
+    let text = String::from_utf8(bytes.to_vec()).unwrap();
+    let reason = |code| Reason::new(code, "As asked.", "Ask for something else.");
+    match text.split_whitespace().next() {
+        Some("reject") => Err(JobError::Rejected(reason("asked"))),
+        Some("stop") => Err(JobError::Stop(reason("asked"))),
+        Some("panic") => panic!("as asked"),
+        _ => Ok(text.trim_end().trim_end_matches("EOF").trim().to_owned()),
+    }
+}
+
+impl Corrector for Pretender {
+    fn completeness(&self, _: &str, bytes: &[u8]) -> Completeness {
+        let text = String::from_utf8_lossy(bytes);
+        if !text.ends_with("EOF\n") {
+            return Completeness::CutShort(Reason::new("cut-short", "There is no EOF.", "Copy it again."));
+        }
+        let named = |needed, word: &str| {
+            let names = text.lines().filter_map(move |line| line.strip_prefix(word).map(str::to_owned));
+            names.map(move |name| Companion { name, needed, bytes: 3 }).collect::<Vec<_>>()
+        };
+        Completeness::Whole { companions: [named(true, "needs "), named(false, "likes ")].concat() }
+    }
+
+    fn knows(&mut self, sku: &Sku, _: &JobSettings) -> bool {
+        self.surfaces.contains_key(sku)
+    }
+
+    fn learn_part(
+        &mut self,
+        sku: &Sku,
+        part: &DroppedFile,
+        _: &JobSettings,
+    ) -> Result<PartLearned, JobError> {
+        self.surfaces.insert(sku.clone(), obey(&part.bytes)?);
+        Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
+    }
+
+    fn correct(
+        &mut self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        previous: Option<&[u8]>,
+        settings: &JobSettings,
+    ) -> Result<Delivery, JobError> {
+        let turn = settings.placement.rotate.to_degrees();
+        let drawing = format!("{} on {} at {turn:.0}", obey(&pattern.bytes)?, self.surfaces[sku]);
+        let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
+        Ok(Delivery {
+            drawing: drawing.into(),
+            report: report.into(),
+            preview: Some(b"<svg/>".to_vec()),
+            summary: "good".into(),
+        })
+    }
+}
+
+struct Line {
+    folder: tempfile::TempDir,
+    stop: StopSignal,
+    running: Option<JoinHandle<Result<Tally, StationError>>>,
+}
+
+const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
+                        width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 30\nrescan_s = 0.2\n";
+
+impl Line {
+    /// A station that is set up but does not run yet.
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["hot", "import", "elsewhere"] {
+            fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        fs::write(folder.path().join("station.toml"), SETTINGS).unwrap();
+        Self { folder, stop: StopSignal::default(), running: None }
+    }
+
+    fn running() -> Self {
+        let mut line = Self::new();
+        line.start(Mode::UntilStopped);
+        line
+    }
+
+    fn start(&mut self, mode: Mode) {
+        let settings = LiveSettings::open(&self.path("station.toml")).unwrap();
+        self.stop = StopSignal::default();
+        let stop = self.stop.clone();
+        let work = move || hotfolder::run(settings, &mut Pretender::default(), &stop, mode);
+        self.running = Some(std::thread::spawn(work));
+    }
+
+    fn finish(&mut self) -> Result<Tally, StationError> {
+        self.running.take().unwrap().join().unwrap()
+    }
+
+    fn stop(&mut self) -> Tally {
+        self.stop.raise();
+        self.finish().unwrap()
+    }
+
+    fn once(&mut self) -> Tally {
+        self.start(Mode::Once);
+        self.finish().unwrap()
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.folder.path().join(relative)
+    }
+
+    fn drop(&self, relative: &str, text: &str) {
+        let path = self.path("hot").join(relative);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, format!("{text}\nEOF\n")).unwrap();
+    }
+
+    fn rename_into(&self, relative: &str, text: &str) {
+        let elsewhere = self.path("elsewhere/file");
+        fs::write(&elsewhere, format!("{text}\nEOF\n")).unwrap();
+        fs::rename(elsewhere, self.path("hot").join(relative)).unwrap();
+    }
+
+    fn text(&self, relative: &str) -> Option<String> {
+        fs::read_to_string(self.path(relative)).ok()
+    }
+
+    fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
+        let started = Instant::now();
+        while !condition(self) {
+            assert!(started.elapsed() < Duration::from_secs(20), "{what}; there is {:#?}", self.tree());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn waits_for_text(&self, relative: &str, text: &str) {
+        self.waits_for(relative, |line| line.text(relative).as_deref() == Some(text));
+    }
+
+    fn waits_for_empty_hot(&self) {
+        self.waits_for("an empty hot folder", |line| files(&line.path("hot")).is_empty());
+    }
+
+    fn tree(&self) -> Vec<String> {
+        files(self.folder.path())
+    }
+
+    fn import(&self) -> Vec<String> {
+        files(&self.path("import"))
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.stop.raise();
+        if let Some(running) = self.running.take() {
+            let _ = running.join();
+        }
+    }
+}
+
+/// All files below the folder, with `/`, sorted.
+fn files(folder: &Path) -> Vec<String> {
+    let mut all = Vec::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(next) = open.pop() {
+        for entry in fs::read_dir(&next).into_iter().flatten() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let relative = path.strip_prefix(folder).unwrap().to_str().unwrap();
+                all.push(relative.replace('\\', "/"));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn a_part_and_its_patterns_in_any_order() {
+    let names = ["can.glb", "can.dxf", "can@date.dxf"];
+    for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [1, 2, 0]] {
+        let line = Line::running();
+        for index in order {
+            line.drop(names[index], names[index]);
+        }
+        line.waits_for_empty_hot();
+        assert_eq!(line.import(), ["can.dxf", "can@date.dxf"]);
+        assert_eq!(line.text("import/can@date.dxf").unwrap(), "can@date.dxf on can.glb at 0");
+        assert_eq!(
+            files(&line.path("archive")),
+            ["can/can.dxf", "can/can.glb", "can/can@date.dxf", "can/current-part.txt"]
+        );
+        assert_eq!(
+            files(&line.path("reports")),
+            [
+                "can/can.dxf.preview.svg",
+                "can/can.dxf.report.json",
+                "can/can.glb.report.json",
+                "can/can@date.dxf.preview.svg",
+                "can/can@date.dxf.report.json"
+            ]
+        );
+        assert!(files(&line.path("rejected")).is_empty());
+    }
+}
+
+#[test]
+fn what_lies_there_at_the_start_is_done_and_counted() {
+    let mut line = Line::new();
+    line.drop("a.dxf", "pattern");
+    line.drop("a.glb", "part");
+    line.drop("b.dxf", "pattern");
+    line.drop("c.stl", "unknown");
+    line.drop("d.bin", "lonely");
+    line.drop(".hidden.dxf", "not ours");
+    fs::write(line.path("hot/e.glb"), "half a pa").unwrap();
+    let tally = line.once();
+    assert_eq!((tally.delivered, tally.learned, tally.rejected), (1, 1, 1));
+    let names = |list: &[hotfolder::Waiting]| list.iter().map(|w| w.drop.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&tally.waiting), ["b.dxf", "d.bin"]);
+    assert_eq!(tally.waiting[0].reason.code, "waits-for-part");
+    assert_eq!(names(&tally.incomplete), ["e.glb"]);
+    assert_eq!(tally.incomplete[0].reason.code, "cut-short");
+    assert_eq!(files(&line.path("hot")), [".hidden.dxf", "b.dxf", "d.bin", "e.glb"]);
+}
+
+#[test]
+fn a_folder_per_sku() {
+    let line = Line::running();
+    line.drop("Can/body.glb", "body");
+    line.drop("Can/date.dxf", "date");
+    line.drop("mug/cup.obj", "cup");
+    line.drop("mug/date.dxf", "mugdate");
+    line.waits_for_empty_hot();
+    assert_eq!(line.import(), ["Can@date.dxf", "mug@date.dxf"]);
+    assert_eq!(line.text("import/Can@date.dxf").unwrap(), "date on body at 0");
+    assert!(line.path("archive/can/Can@date.dxf").exists());
+
+    // The name's case makes no other SKU of it, and a whole folder may be renamed into place.
+    fs::create_dir(line.path("elsewhere/CAN")).unwrap();
+    fs::write(line.path("elsewhere/CAN/logo.dxf"), "logo\nEOF\n").unwrap();
+    fs::remove_dir(line.path("hot/Can")).unwrap();
+    fs::rename(line.path("elsewhere/CAN"), line.path("hot/CAN")).unwrap();
+    line.waits_for_text("import/CAN@logo.dxf", "logo on body at 0");
+}
+
+#[test]
+fn a_rename_into_place_is_answered_at_once() {
+    let line = Line::running();
+    line.rename_into("can.glb", "part");
+    line.waits_for_empty_hot();
+    let mut quickest = Duration::MAX;
+    for round in 0..10 {
+        let started = Instant::now();
+        line.rename_into(&format!("can@{round}.dxf"), "pattern");
+        line.waits_for("a result", |line| line.path(&format!("import/can@{round}.dxf")).exists());
+        quickest = quickest.min(started.elapsed());
+    }
+    // Only Linux tells that a file is whole; elsewhere the settle time is waited for.
+    assert!(!cfg!(target_os = "linux") || quickest < Duration::from_millis(30), "{quickest:?}");
+}
+
+#[test]
+fn a_slow_writer_is_waited_for() {
+    use std::io::Write;
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    let mut file = fs::File::create(line.path("hot/can.dxf")).unwrap();
+    for word in ["long ", "slow ", "pattern\n"] {
+        file.write_all(word.as_bytes()).unwrap();
+        file.sync_all().unwrap();
+        // Longer than the settle time: the writer stalls.
+        let stalled = Instant::now();
+        line.waits_for("time to pass", |_| stalled.elapsed() > Duration::from_millis(60));
+        assert!(line.import().is_empty());
+    }
+    file.write_all(b"EOF\n").unwrap();
+    drop(file);
+    line.waits_for_text("import/can.dxf", "long slow pattern on part at 0");
+}
+
+#[test]
+fn what_ends_too_early_is_rejected_in_the_end() {
+    let mut line = Line::new();
+    fs::write(line.path("station.toml"), format!("{SETTINGS}incomplete_s = 0.2\n")).unwrap();
+    fs::write(line.path("hot/can.glb"), "half").unwrap();
+    line.drop("mug.gltf", "needs mug.bin");
+    line.start(Mode::UntilStopped);
+    line.waits_for_empty_hot();
+    let rejected = files(&line.path("rejected"));
+    assert_eq!(
+        rejected,
+        [
+            "can.glb",
+            "can.glb.reason.json",
+            "can.glb.reason.txt",
+            "mug.gltf",
+            "mug.gltf.reason.json",
+            "mug.gltf.reason.txt"
+        ]
+    );
+    assert!(line.text("rejected/mug.gltf.reason.txt").unwrap().contains("mug.bin"));
+}
+
+#[test]
+fn a_bad_drop_is_rejected_with_its_reason_and_the_station_goes_on() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    for name in ["can@1.dxf", "can@2.dxf"] {
+        line.drop(name, if name == "can@1.dxf" { "reject" } else { "panic" });
+    }
+    line.drop("can/../Kännchen.pdf", "?");
+    line.drop("can@3.dxf", "good");
+    line.waits_for_empty_hot();
+    assert_eq!(line.import(), ["can@3.dxf"]);
+    let json: serde_json::Value =
+        serde_json::from_str(&line.text("rejected/can@1.dxf.reason.json").unwrap()).unwrap();
+    assert_eq!(json["schema"], "isomark.reason/1");
+    assert_eq!(json["drop"], "can@1.dxf");
+    assert_eq!(json["code"], "asked");
+    assert_eq!(json["place"]["file"], "can@1.dxf");
+    let text = line.text("rejected/can@2.dxf.reason.txt").unwrap();
+    assert!(text.contains("internal error") && text.contains("as asked"), "{text}");
+    assert!(line.text("rejected/Kännchen.pdf.reason.txt").unwrap().contains(".dxf"));
+    assert_eq!(line.stop().rejected, 3);
+}
+
+#[test]
+fn nothing_in_archive_or_rejected_is_ever_overwritten() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    for round in 0..3 {
+        line.rename_into("can.dxf", &format!("pattern {round}"));
+        line.waits_for_text("import/can.dxf", &format!("pattern {round} on part at 0"));
+        line.rename_into("can@bad.dxf", &format!("reject {round}"));
+        line.waits_for_empty_hot();
+    }
+    assert_eq!(line.text("archive/can/can.dxf").unwrap(), "pattern 0\nEOF\n");
+    assert_eq!(line.text("archive/can/(2)/can.dxf").unwrap(), "pattern 1\nEOF\n");
+    assert_eq!(line.text("archive/can/(3)/can.dxf").unwrap(), "pattern 2\nEOF\n");
+    assert_eq!(line.text("rejected/can@bad.dxf").unwrap(), "reject 0\nEOF\n");
+    assert_eq!(line.text("rejected/(3)/can@bad.dxf").unwrap(), "reject 2\nEOF\n");
+    assert!(line.path("rejected/(3)/can@bad.dxf.reason.json").exists());
+    assert_eq!(
+        line.text("reports/can/can.dxf.report.json").unwrap(),
+        "before: pattern 1 on part at 0",
+        "the report knows what it replaces"
+    );
+}
+
+#[test]
+fn companions_travel_with_their_part() {
+    let line = Line::running();
+    line.drop("can.gltf", "needs can.bin\nlikes can.png");
+    line.drop("can.dxf", "pattern");
+    line.drop("can.png", "picture");
+    line.drop("can.bin", "buffer");
+    line.waits_for_empty_hot();
+    let archived = files(&line.path("archive/can"));
+    assert_eq!(archived, ["can.bin", "can.dxf", "can.gltf", "can.png", "current-part.txt"]);
+    assert!(line.path("import/can.dxf").exists());
+
+    // One that comes late follows its part, and a second set keeps together.
+    line.drop("can.gltf", "needs can.bin\nlikes can.png");
+    line.drop("can.bin", "buffer");
+    line.waits_for_empty_hot();
+    line.drop("can.png", "picture");
+    line.waits_for_empty_hot();
+    assert_eq!(files(&line.path("archive/can/(2)")), ["can.bin", "can.gltf", "can.png"]);
+    assert_eq!(line.text("archive/can/current-part.txt").unwrap(), "(2)/can.gltf\n");
+}
+
+#[test]
+fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
+    let mut line = Line::new();
+    line.drop("can.glb", "first");
+    assert_eq!(line.once().learned, 1);
+    line.drop("can.glb", "second");
+    assert_eq!(line.once().learned, 1);
+    line.drop("can.dxf", "pattern");
+    // The stand-in starts without any surface each time.
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on second at 0");
+}
+
+#[test]
+fn a_missing_import_folder_is_waited_for() {
+    let line = Line::running();
+    fs::remove_dir(line.path("import")).unwrap();
+    line.drop("can.dxf", "pattern");
+    line.drop("can.glb", "part");
+    line.drop("can@bad.dxf", "reject");
+    // Its turn comes after the one that cannot be delivered.
+    line.waits_for("the others", |line| line.path("rejected/can@bad.dxf").exists());
+    assert!(line.path("hot/can.dxf").exists());
+    fs::create_dir(line.path("import")).unwrap();
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+    line.waits_for_empty_hot();
+}
+
+#[test]
+fn a_folder_that_fails_after_the_delivery_delays_only_the_filing() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    fs::remove_dir_all(line.path("reports")).unwrap();
+    fs::write(line.path("reports"), "a file in the way").unwrap();
+    line.drop("can.dxf", "pattern");
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+    assert!(line.path("hot/can.dxf").exists());
+    fs::remove_file(line.path("reports")).unwrap();
+    line.waits_for_empty_hot();
+    assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
+    assert_eq!(line.stop().delivered, 1);
+}
+
+#[test]
+fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    fs::remove_dir(line.path("hot")).unwrap();
+    fs::create_dir(line.path("hot")).unwrap();
+    line.drop("can@1.dxf", "one");
+    line.waits_for_empty_hot();
+    fs::rename(line.path("hot"), line.path("elsewhere/old")).unwrap();
+    fs::create_dir(line.path("hot")).unwrap();
+    line.drop("can@2.dxf", "two");
+    line.waits_for_empty_hot();
+    assert_eq!(line.import(), ["can@1.dxf", "can@2.dxf"]);
+}
+
+#[test]
+fn a_station_without_events_lists() {
+    let mut line = Line::new();
+    fs::write(line.path("station.toml"), SETTINGS.replace("[watch]", "[watch]\nbackend = \"poll\"")).unwrap();
+    line.start(Mode::UntilStopped);
+    line.drop("can.dxf", "pattern");
+    line.drop("can.glb", "part");
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+}
+
+#[test]
+fn settings_follow_their_files() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can@1.dxf", "1");
+    line.waits_for_text("import/can@1.dxf", "1 on part at 0");
+    fs::create_dir(line.path("skus")).unwrap();
+    let sku = line.path("skus/CAN.toml");
+    fs::write(&sku, "[placement]\nrotate_deg = 90").unwrap();
+    line.drop("can@2.dxf", "2");
+    line.waits_for_text("import/can@2.dxf", "2 on part at 90");
+    fs::write(&sku, "[placement]\nrotate_dg = 45").unwrap();
+    line.drop("can@3.dxf", "3");
+    line.waits_for_text("import/can@3.dxf", "3 on part at 90");
+    fs::write(&sku, "[placement]\nrotate_deg = 45").unwrap();
+    line.drop("can@4.dxf", "4");
+    line.waits_for_text("import/can@4.dxf", "4 on part at 45");
+}
+
+#[test]
+fn a_pattern_does_not_overtake_a_part_on_its_way() {
+    let line = Line::running();
+    line.drop("can.glb", "old");
+    line.waits_for_empty_hot();
+    fs::write(line.path("hot/can.obj"), "ne").unwrap();
+    line.drop("can.dxf", "pattern");
+    line.drop("can@2.dxf", "pattern");
+    fs::write(line.path("hot/can.obj"), "new\nEOF\n").unwrap();
+    line.waits_for_empty_hot();
+    for name in line.import() {
+        assert_eq!(line.text(&format!("import/{name}")).unwrap(), "pattern on new at 0", "{name}");
+    }
+}
+
+#[test]
+fn the_same_drop_again_leaves_the_same_file() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    let written = fs::metadata(line.path("import/can.dxf")).unwrap().modified().unwrap();
+    line.drop("can.dxf", "pattern");
+    line.waits_for("the archive", |line| line.path("archive/can/(2)/can.dxf").exists());
+    assert_eq!(fs::metadata(line.path("import/can.dxf")).unwrap().modified().unwrap(), written);
+}
+
+#[test]
+fn the_stop_signal_ends_the_work_soon() {
+    let mut line = Line::running();
+    line.drop("can.dxf", "pattern");
+    line.waits_for("a station at work", |line| line.path("archive").exists());
+    let started = Instant::now();
+    line.stop();
+    assert!(started.elapsed() < Duration::from_millis(500), "{:?}", started.elapsed());
+    assert!(line.path("hot/can.dxf").exists());
+}
+
+#[test]
+fn a_job_can_stop_the_station_and_its_drop_stays() {
+    let mut line = Line::running();
+    line.drop("can.glb", "stop");
+    assert!(matches!(line.finish(), Err(StationError::Stopped(reason)) if reason.code == "asked"));
+    assert!(line.path("hot/can.glb").exists());
+}
+
+#[test]
+fn a_thousand_drops_at_once() {
+    let line = Line::running();
+    for number in 0..1000 {
+        line.drop(&format!("can@{number}.dxf"), "pattern");
+    }
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    assert_eq!(line.import().len(), 1000);
+    assert_eq!(files(&line.path("archive")).len(), 1002);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_not_followed() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    fs::write(line.path("elsewhere/secret"), "secret\nEOF\n").unwrap();
+    std::os::unix::fs::symlink(line.path("elsewhere/secret"), line.path("hot/can.dxf")).unwrap();
+    line.waits_for("the link to be rejected", |line| line.path("rejected/can.dxf.reason.json").exists());
+    line.waits_for_empty_hot();
+    assert!(line.import().is_empty());
+}
