@@ -44,7 +44,7 @@ pub struct Report {
     pub output: OutputStory,
     /// What differs from the drawing that the new one replaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub changes: Option<DrawingDiff>,
+    pub changes: Option<ChangesStory>,
     /// Everything a person should know, the gravest first.
     pub notices: Vec<Notice>,
     /// How long each stage took, in the order of the journey.
@@ -215,6 +215,19 @@ pub struct OutputStory {
     pub extents_mm: [f64; 4],
 }
 
+/// What differs between the drawing and the one it replaces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChangesStory {
+    /// Number of paths in the older drawing.
+    pub old_paths: usize,
+    /// Number of paths in the new one.
+    pub new_paths: usize,
+    /// Number of paths that are the same.
+    pub unchanged: usize,
+    /// The changes in words.
+    pub lines: Vec<String>,
+}
+
 /// How long a stage took.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
@@ -302,6 +315,17 @@ impl From<&Distortion> for DistortionStory {
             rms_stretch: distortion.rms_stretch,
             largest_area_stretch: distortion.largest_area_stretch,
             largest_angle_error_deg: distortion.largest_angle_error.to_degrees(),
+        }
+    }
+}
+
+impl From<&DrawingDiff> for ChangesStory {
+    fn from(diff: &DrawingDiff) -> Self {
+        Self {
+            old_paths: diff.old_paths,
+            new_paths: diff.new_paths,
+            unchanged: diff.unchanged,
+            lines: diff.lines(),
         }
     }
 }

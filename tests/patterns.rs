@@ -198,7 +198,7 @@ fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
         ("0", "it lies in paper space, beside the model"),
     ];
     assert_eq!(why, expected);
-    assert_eq!(text.facts.layers["FROZEN"].hidden, Some("frozen"));
+    assert_eq!(text.facts.layers["FROZEN"].hidden.as_deref(), Some("frozen"));
     assert_eq!(text.facts.layers["MARK"].paths, 3);
     assert!(matches!(text.pattern.paths.last().unwrap().shape, Shape::Dot(_)));
 }

@@ -9,6 +9,7 @@ use super::error::ConfigError;
 use super::settings::{Anchor, Field, IncidenceLimits, JobSettings};
 use super::text::SettingsText;
 use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::pattern::DrawingUnit;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 
@@ -37,7 +38,7 @@ pub(super) struct PartKeys {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PatternKeys {
-    unit_if_unitless: Option<LengthUnit>,
+    unit_if_unitless: Option<DrawingUnit>,
     ink_layers: Option<Spanned<Vec<String>>>,
 }
 
@@ -113,7 +114,7 @@ impl PartKeys {
 
 impl PatternKeys {
     fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
-        to.pattern.unit_if_unitless = self.unit_if_unitless.unwrap_or(to.pattern.unit_if_unitless);
+        to.pattern.unit_if_unitless = self.unit_if_unitless.or(to.pattern.unit_if_unitless);
         if let Some(layers) = self.ink_layers {
             if layers.get_ref().is_empty() {
                 return Err(ConfigError::Contradiction {

@@ -2,6 +2,7 @@
 
 use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting};
 use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::pattern::DrawingUnit;
 use crate::geometry::optics::{Fixture, Lens};
 use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
 use nalgebra::Vector2;
@@ -49,11 +50,19 @@ impl Default for PartSettings {
 /// How the pattern's file is read.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PatternSettings {
-    /// Unit of a drawing that names none.
-    pub unit_if_unitless: LengthUnit,
+    /// Unit of a drawing that names none; `None` takes mm, or inches where the file hints at them.
+    pub unit_if_unitless: Option<DrawingUnit>,
     /// The layers that are marked, compared without regard to case; `None` for all. Other layers are carried along
     /// without counting as ink.
     pub ink_layers: Option<Vec<String>>,
+}
+
+impl PatternSettings {
+    /// Whether what lies on the layer counts as ink.
+    pub fn counts_as_ink(&self, layer: &str) -> bool {
+        let same = |name: &String| name.to_lowercase() == layer.to_lowercase();
+        self.ink_layers.as_ref().is_none_or(|layers| layers.iter().any(same))
+    }
 }
 
 /// Where the pattern lands on the part.

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::units::DrawingUnit;
 use crate::geometry::pattern::Color;
-use crate::geometry::space::Extents;
 use crate::reason::Notice;
 
 /// What the file says of itself, and what was assumed, repaired and left out.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PatternFacts {
     /// The program that wrote the file, as far as it can be told.
     pub producer: Option<String>,
@@ -19,9 +20,11 @@ pub struct PatternFacts {
     /// What decided the unit.
     pub unit_why: String,
     /// Width and height of what is drawn, mm.
+    #[serde(rename = "size_mm")]
     pub size: [f64; 2],
-    /// The rectangle round what is drawn, mm.
-    pub extents: Extents,
+    /// The rectangle round what is drawn: left, bottom, right, top, mm.
+    #[serde(rename = "extents_mm")]
+    pub extents: [f64; 4],
     /// Number of entities of the drawing (those inside blocks not counted) by type and layer.
     pub entities: BTreeMap<String, BTreeMap<String, usize>>,
     /// The layers of the file, those without paths too.
@@ -35,18 +38,18 @@ pub struct PatternFacts {
 }
 
 /// A layer of the file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LayerFacts {
     /// Its colour.
     pub color: Color,
     /// Number of paths on it in the pattern.
     pub paths: usize,
     /// Why nothing on it is marked: `off`, `frozen` or `not plotted`.
-    pub hidden: Option<&'static str>,
+    pub hidden: Option<String>,
 }
 
 /// An entity that is not in the pattern.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotTaken {
     /// Its type, such as `MTEXT`.
     pub entity: String,

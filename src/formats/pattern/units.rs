@@ -3,10 +3,13 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::reason::Notice;
 
 /// The length of one unit of a drawing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "&'static str")]
 pub enum DrawingUnit {
     /// 1e-6 mm.
     Nanometre,
@@ -99,6 +102,20 @@ impl DrawingUnit {
 impl fmt::Display for DrawingUnit {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(self.sign())
+    }
+}
+
+impl From<DrawingUnit> for &'static str {
+    fn from(unit: DrawingUnit) -> Self {
+        unit.sign()
+    }
+}
+
+impl TryFrom<String> for DrawingUnit {
+    type Error = UnknownUnit;
+
+    fn try_from(word: String) -> Result<Self, UnknownUnit> {
+        word.parse()
     }
 }
 

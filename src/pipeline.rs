@@ -1,0 +1,427 @@
+//! The journey on one screen: read → sample → fit → map → bend → check → write.
+//!
+//! ```text
+//! part bytes ──read──▶ TriMesh ──sample, fit──▶ FittedSurface ─┐   kept per SKU in the cache
+//! pattern bytes ──read──▶ Pattern ──place──────────────────────┴▶ LengthTrueMap ▶ MarkingDrawing ▶ DXF + Report
+//! ```
+//!
+//! [`Pipeline::learn`] goes the upper way, [`Pipeline::correct`] the lower one. Bytes come in and go out; the only files
+//! touched are the cache's.
+
+use std::io;
+use std::time::Instant;
+
+use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
+use crate::config::{Anchor, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting};
+use crate::diff;
+use crate::formats::mesh::{self, MeshFormat, MeshOptions};
+use crate::formats::pattern::{self, DxfProfile, PatternOptions, PatternReading};
+use crate::geometry::correction::{Exposure, Projection, Subdivision};
+use crate::geometry::height_field::FacingPart;
+use crate::geometry::ink::Ink;
+use crate::geometry::mapping::isometric::IsometricOptions;
+use crate::geometry::mapping::quality::{self, Distortion};
+use crate::geometry::mapping::{LengthTrueMap, Method};
+use crate::geometry::marking::MarkingDrawing;
+use crate::geometry::pattern::{Affine, Pattern};
+use crate::geometry::space::{FlatPoint, View, ViewPoint};
+use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+use crate::reason::{Notice, Reason};
+use crate::report::{self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory};
+use crate::report::{PlacementStory, Quality, Report, Timing};
+
+mod checks;
+mod picture;
+
+/// A part file in memory, with a way to the files beside it.
+pub struct PartInput<'a> {
+    /// The file's name.
+    pub name: &'a str,
+    /// Its content.
+    pub bytes: &'a [u8],
+    /// Gives the content of a file beside it, such as a buffer of a `.gltf`.
+    pub sibling: &'a mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+}
+
+/// A pattern file in memory.
+#[derive(Debug, Clone, Copy)]
+pub struct PatternInput<'a> {
+    /// The file's name.
+    pub name: &'a str,
+    /// Its content.
+    pub bytes: &'a [u8],
+    /// The corrected drawing that the new one replaces, if there is one.
+    pub previous: Option<&'a [u8]>,
+}
+
+/// A surface ready for patterns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LearnedPart {
+    /// The surface with its origin.
+    pub kept: CachedSurface,
+    /// Its name in the cache.
+    pub key: CacheKey,
+    /// Whether it came from the cache.
+    pub from_cache: bool,
+    /// What was noticed besides what the file's facts say.
+    pub notices: Vec<Notice>,
+    /// How long the stages took.
+    pub timings: Vec<Timing>,
+}
+
+/// A corrected drawing with its story.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrected {
+    /// The DXF file.
+    pub dxf: Vec<u8>,
+    /// The report.
+    pub report: Report,
+    /// The picture as SVG, if it was asked for.
+    pub preview: Option<String>,
+}
+
+/// Why a job was not done.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// The input cannot be done; trying again changes nothing.
+    #[error("{0}")]
+    Rejected(Reason),
+    /// The cache's folder fails; the input may be all right.
+    #[error("the cache cannot be used: {0}")]
+    Environment(#[from] io::Error),
+}
+
+impl From<Reason> for PipelineError {
+    fn from(reason: Reason) -> Self {
+        Self::Rejected(reason)
+    }
+}
+
+/// The journey with its cache.
+#[derive(Debug, Clone)]
+pub struct Pipeline {
+    cache: Option<Cache>,
+    fit: FitOptions,
+}
+
+impl Pipeline {
+    /// A pipeline that keeps surfaces in `cache`, or none.
+    pub fn new(cache: Option<Cache>) -> Self {
+        Self { cache, fit: FitOptions::default() }
+    }
+
+    /// Reads, samples and fits a part, or takes its surface from the cache, and makes it the SKU's part.
+    ///
+    /// # Errors
+    /// When the part cannot be read or has no surface to mark, or the cache's folder fails.
+    pub fn learn(&self, sku: &Sku, part: PartInput<'_>, settings: &PartSettings) -> Result<LearnedPart, PipelineError> {
+        let mut clock = Clock::start();
+        let origin = origin_of(part.name, part.bytes, part.sibling)?;
+        clock.lap("hash part");
+        let key = self.key(&origin, settings);
+        let mut notices = Vec::new();
+        if let Some(kept) = self.look_up(sku, &key, &mut notices)? {
+            clock.lap("load surface");
+            if let Some(cache) = &self.cache {
+                cache.make_current(sku, &origin)?;
+            }
+            let kept = CachedSurface { origin, ..kept };
+            return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
+        }
+        let format = MeshFormat::from_name(part.name).ok_or_else(|| unknown_part_format(part.name))?;
+        let options = MeshOptions { unit: settings.unit, up: settings.up };
+        let reading = mesh::read(part.bytes, format, &options, part.sibling)
+            .map_err(|error| error.reason().in_file(part.name))?;
+        clock.lap("read part");
+        let facing = FacingPart::new(&reading.mesh, &View::new(settings.facing, settings.roll));
+        let surface = FittedSurface::of_part(&facing, &self.fit)
+            .map_err(|error| checks::fit_reason(&error, settings).in_file(part.name))?;
+        clock.lap("sample and fit");
+        let kept = CachedSurface { origin, facts: reading.facts, surface };
+        if let Some(cache) = &self.cache {
+            cache.put(sku, &key, &kept)?;
+            clock.lap("keep surface");
+        }
+        Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
+    }
+
+    /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again).
+    ///
+    /// # Errors
+    /// When the cache's folder fails.
+    pub fn recall(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<LearnedPart>, PipelineError> {
+        let mut clock = Clock::start();
+        let Some(origin) = self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten() else {
+            return Ok(None);
+        };
+        let key = self.key(&origin, settings);
+        let mut notices = Vec::new();
+        let kept = self.look_up(sku, &key, &mut notices)?;
+        clock.lap("load surface");
+        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps }))
+    }
+
+    fn look_up(&self, sku: &Sku, key: &CacheKey, notices: &mut Vec<Notice>) -> io::Result<Option<CachedSurface>> {
+        let Some(cache) = &self.cache else { return Ok(None) };
+        match cache.get(sku, key)? {
+            Lookup::Hit(kept) => Ok(Some(*kept)),
+            Lookup::Miss => Ok(None),
+            Lookup::Damaged(what) => {
+                let text = format!("the cached surface {} of {sku} cannot be used: {what}; it is fitted anew", key.as_str());
+                tracing::warn!("{text}");
+                notices.push(Notice::warning("cache-damaged", text));
+                Ok(None)
+            }
+        }
+    }
+
+    fn key(&self, origin: &PartOrigin, settings: &PartSettings) -> CacheKey {
+        CacheKey::new(&origin.blake3, &format!("{settings:?} {:?}", self.fit))
+    }
+
+    /// Corrects a pattern for a surface.
+    ///
+    /// # Errors
+    /// When the pattern cannot be read, does not lie on the part, or cannot be marked there.
+    pub fn correct(
+        &self,
+        sku: &Sku,
+        learned: &LearnedPart,
+        input: PatternInput<'_>,
+        settings: &JobSettings,
+        with_preview: bool,
+    ) -> Result<Corrected, PipelineError> {
+        let mut clock = Clock::start();
+        let surface = &learned.kept.surface;
+        let PatternReading { pattern, facts } = pattern::read(input.bytes, &pattern_options(settings))
+            .map_err(|error| error.reason().in_file(input.name))?;
+        clock.lap("read pattern");
+
+        let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let placing = Placing::new(&pattern, settings);
+        let placed = pattern.transformed(&placing.motion);
+        let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
+        checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
+        clock.lap("place");
+
+        let method = method(settings);
+        let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
+            .map_err(|error| checks::map_reason(&error, &placing).in_file(input.name))?;
+        clock.lap("map");
+
+        let projection =
+            Projection { map: &map, surface, fixture: settings.fixture, lens: settings.optics.lens };
+        let exposure = projection.expose(&ink);
+        let mut notices = learned.notices.clone();
+        checks::exposure(&exposure, surface, settings, &mut notices).map_err(|reason| reason.in_file(input.name))?;
+        clock.lap("check");
+
+        let subdivision = match settings.correction.vertices {
+            Vertices::Adaptive => Subdivision::Adaptive,
+            Vertices::Keep => Subdivision::Keep,
+        };
+        let mut drawing = projection
+            .bend(&placed, settings.correction.tolerance, subdivision)
+            .map_err(|error| checks::above_lens(&error).in_file(input.name))?;
+        clock.lap("bend");
+
+        let height = |at: ViewPoint| surface.sampled_height(at);
+        let after = quality::measure(&ink, |at| map.point(at), height)
+            .map_err(|at| checks::off_surface(at, surface).in_file(input.name))?;
+        let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
+        clock.lap("measure");
+
+        checks::quality(&after, &mut notices);
+        drawing.comments = comments(sku, learned, input, settings);
+        let dxf = pattern::write(&drawing, profile(settings));
+        clock.lap("write");
+
+        let changes = input.previous.and_then(|previous| changes(previous, &dxf));
+        let preview = with_preview.then(|| {
+            let title = format!("{sku} · {} · {}", input.name, MapStory::new(&map, "").method());
+            picture::draw(title, &placed, &map, surface, settings, before.as_ref(), &after)
+        });
+        if with_preview {
+            clock.lap("draw preview");
+        }
+        notices.extend(learned.kept.facts.notices.iter().cloned());
+        notices.extend(facts.repairs.iter().chain(&facts.notices).cloned());
+        notices.sort_by_key(|notice| std::cmp::Reverse(notice.severity));
+
+        let mut timings = learned.timings.clone();
+        timings.append(&mut clock.laps);
+        let report = Report {
+            schema: report::SCHEMA.into(),
+            program: program(),
+            sku: sku.to_string(),
+            part: PartStory::new(
+                learned.kept.origin.clone(),
+                learned.kept.facts.clone(),
+                surface,
+                learned.key.as_str(),
+                learned.from_cache,
+                exposure.largest_difference,
+            ),
+            pattern: PatternStory {
+                file: input.name.into(),
+                blake3: hash(input.bytes),
+                paths: pattern.paths.len(),
+                contours: pattern.paths.iter().filter(|path| path.shape.is_closed()).count(),
+                facts,
+                ink_layers: settings.pattern.ink_layers.clone(),
+            },
+            placement: placing.story(settings),
+            map: MapStory::new(&map, settings.correction.weighting.name()),
+            quality: Quality { before: before.as_ref().map(DistortionStory::from), after: (&after).into() },
+            exposure: (&exposure).into(),
+            output: output_story(&dxf, &drawing, settings),
+            changes,
+            notices,
+            timings,
+        };
+        Ok(Corrected { dxf, report, preview })
+    }
+}
+
+/// Where a drawing is put: its anchor, the anchor's place in the view, and the rigid motion between.
+struct Placing {
+    anchor: FlatPoint,
+    place: FlatPoint,
+    motion: Affine,
+}
+
+impl Placing {
+    fn new(pattern: &Pattern, settings: &JobSettings) -> Self {
+        let anchor = match settings.placement.anchor {
+            Anchor::Center => pattern.extents().center().into(),
+            Anchor::Origin => FlatPoint::new(0.0, 0.0),
+            Anchor::At(point) => point,
+        };
+        let place = settings.placement.place.map_or(anchor, |place| place.coords().into());
+        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place) }
+    }
+
+    fn story(&self, settings: &JobSettings) -> PlacementStory {
+        PlacementStory {
+            facing: settings.part.facing.direction().into(),
+            roll_deg: settings.part.roll.to_degrees(),
+            anchor_mm: self.anchor.coords().into(),
+            place_mm: self.place.coords().into(),
+            rotate_deg: settings.placement.rotate.to_degrees(),
+        }
+    }
+}
+
+/// Name and version of the program.
+pub fn program() -> String {
+    format!("isomark {}", env!("CARGO_PKG_VERSION"))
+}
+
+fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+fn origin_of(
+    name: &str,
+    bytes: &[u8],
+    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+) -> Result<PartOrigin, Reason> {
+    let format = MeshFormat::from_name(name).ok_or_else(|| unknown_part_format(name))?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(bytes);
+    for buffer in mesh::siblings(bytes, format).map_err(|error| error.reason().in_file(name))? {
+        // A buffer that is missing is named by the reader, with its remedy.
+        if let Ok(bytes) = sibling(&buffer) {
+            hasher.update(&bytes);
+        }
+    }
+    Ok(PartOrigin { file: name.into(), blake3: hasher.finalize().to_hex().to_string() })
+}
+
+fn unknown_part_format(name: &str) -> Reason {
+    Reason::new(
+        "part-format-unknown",
+        format!("\"{name}\" is no part that can be read."),
+        "Export the part as .glb, .gltf or .obj.",
+    )
+    .in_file(name)
+}
+
+fn pattern_options(settings: &JobSettings) -> PatternOptions {
+    PatternOptions { unit_if_unitless: settings.pattern.unit_if_unitless, ..PatternOptions::default() }
+}
+
+fn method(settings: &JobSettings) -> Method {
+    let options = match settings.correction.weighting {
+        Weighting::Ink => IsometricOptions::INK,
+        Weighting::Uniform => IsometricOptions::UNIFORM,
+    };
+    match settings.correction.method {
+        crate::config::Method::Auto => {
+            Method::Auto { cylinder_tolerance: Method::CYLINDER_TOLERANCE, otherwise: options }
+        }
+        crate::config::Method::Isometric => Method::Isometric(options),
+        crate::config::Method::Cylinder => Method::Cylinder,
+        crate::config::Method::None => Method::Plain,
+    }
+}
+
+fn profile(settings: &JobSettings) -> DxfProfile {
+    match settings.output.dxf {
+        DxfVersion::R2000 => DxfProfile::R2000,
+        DxfVersion::R12 => DxfProfile::R12,
+    }
+}
+
+fn comments(sku: &Sku, learned: &LearnedPart, input: PatternInput<'_>, settings: &JobSettings) -> Vec<String> {
+    if !settings.output.comments {
+        return Vec::new();
+    }
+    vec![
+        format!("{}, corrected for SKU {sku}", program()),
+        format!("pattern {} blake3 {}", input.name, &hash(input.bytes)[..16]),
+        format!("part {} blake3 {}", learned.kept.origin.file, &learned.kept.origin.blake3[..16]),
+    ]
+}
+
+fn output_story(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -> OutputStory {
+    OutputStory {
+        blake3: hash(dxf),
+        bytes: dxf.len(),
+        dxf: settings.output.dxf.name().into(),
+        paths: drawing.paths.len(),
+        vertices: drawing.paths.iter().map(|path| path.shape.points().len()).sum(),
+        extents_mm: report::corners(&drawing.extents()),
+    }
+}
+
+/// What differs between two corrected drawings; `None` if they are the same or the older one is not ours to read.
+fn changes(previous: &[u8], dxf: &[u8]) -> Option<ChangesStory> {
+    if previous == dxf {
+        return None;
+    }
+    let paths = |bytes: &[u8]| {
+        pattern::read(bytes, &PatternOptions::default()).ok().map(|reading| diff::paths_of(&reading.pattern))
+    };
+    let (old, new) = (paths(previous)?, paths(dxf)?);
+    Some((&diff::compare(&old, &new, diff::TOLERANCE)).into())
+}
+
+/// Times the stages.
+struct Clock {
+    last: Instant,
+    laps: Vec<Timing>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { last: Instant::now(), laps: Vec::new() }
+    }
+
+    fn lap(&mut self, stage: &str) {
+        let now = Instant::now();
+        let ms = (now - self.last).as_secs_f64() * 1e3;
+        self.laps.push(Timing { stage: stage.into(), ms: (ms * 1e3).round() / 1e3 });
+        self.last = now;
+    }
+}

@@ -1,0 +1,213 @@
+//! What stands between a drawing and the laser: every refusal and every warning of a job, with its number and remedy.
+
+use super::{Distortion, Exposure, FittedSurface, Ink, JobSettings, PartSettings, Pattern, Placing};
+use crate::geometry::correction::AboveLens;
+use crate::geometry::mapping::MapError;
+use crate::geometry::mapping::cylinder::CylinderError;
+use crate::geometry::space::{Extents, ViewPoint};
+use crate::geometry::surface::fit::FitError;
+use crate::reason::{Notice, Place, Reason};
+
+/// Remaining stretch above this is warned of.
+const NOTABLE_STRETCH: f64 = 0.02;
+
+pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
+    let facing = settings.facing.direction();
+    let side = format!("the side that faces the laser ({}, {}, {})", facing.x, facing.y, facing.z);
+    match error {
+        FitError::NoSurface { nodes, all, limit } => Reason::new(
+            "part-without-surface",
+            format!("Hardly any of {side} can be marked."),
+            "Check `facing`: it names the side of the part that the laser looks at.",
+        )
+        .with_number("samples on the surface", *nodes as f64, &format!("of {all} below {:.0} deg", limit.to_degrees()), None),
+        FitError::TooSmall { width, height } => Reason::new(
+            "part-too-thin",
+            format!("The part measures {width:.4} x {height:.4} mm as the laser sees it."),
+            "Check the part's unit and `facing`.",
+        )
+        .with_number("shorter side", width.min(*height), "mm", None),
+        FitError::Solve(error) => Reason::new(
+            "surface-fit-failed",
+            format!("No surface could be fitted to {side}: {error}."),
+            "Export the part with a finer mesh, or mark another side.",
+        ),
+    }
+}
+
+pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSettings) -> Result<(), Reason> {
+    if !ink.extents.is_empty() {
+        return Ok(());
+    }
+    let named = settings.pattern.ink_layers.clone().unwrap_or_default().join(", ");
+    let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
+    Err(Reason::new(
+        "no-ink",
+        format!("Nothing in the drawing lies on the ink layers {named}."),
+        format!("Name layers of the drawing in `ink_layers`: {}.", layers.join(", ")),
+    ))
+}
+
+pub(super) fn map_reason(error: &MapError, placing: &Placing) -> Reason {
+    let place = Place { coordinate: Some(placing.place.coords().iter().copied().collect()), ..Place::default() };
+    match error {
+        MapError::Isometric(error) => Reason::new(
+            "map-not-found",
+            format!("No length-true map was found for the drawing: {error}."),
+            "Place the drawing where the part is less steep, or make it smaller.",
+        )
+        .at(place),
+        MapError::Cylinder(error) => {
+            let remedy = match error {
+                CylinderError::TooFewPoints { .. } => "Place the drawing on the part with `place`.",
+                CylinderError::NoAxis { .. } => "Use the method `auto` or `isometric` for this part.",
+                CylinderError::AnchorBeside { .. } => "Place the anchor over the cylinder with `place` or `anchor`.",
+            };
+            Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy).at(place)
+        }
+    }
+}
+
+pub(super) fn above_lens(error: &AboveLens) -> Reason {
+    let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
+    Reason::new(
+        "part-above-lens",
+        format!("{error}."),
+        "Check the fixture's `z_mm` and the lens distances of the station.",
+    )
+    .at(place)
+}
+
+pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface) -> Reason {
+    let domain = surface.nurbs.domain();
+    let what = if domain.contains(at.coords()) {
+        "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
+    } else {
+        "The drawing reaches beyond the part."
+    };
+    Reason::new(
+        "off-surface",
+        format!("{what} As the laser sees it, the part spans x {} and y {} mm.", span(&domain, 0), span(&domain, 1)),
+        "Move the drawing with `place`, make it smaller, or check `facing`.",
+    )
+    .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
+}
+
+fn span(extents: &Extents, axis: usize) -> String {
+    format!("{:.1} to {:.1}", extents.min[axis], extents.max[axis])
+}
+
+/// Refuses what cannot be marked and notes what should be looked at.
+pub(super) fn exposure(
+    seen: &Exposure,
+    surface: &FittedSurface,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    if let Some((_, at)) = seen.first_off_surface {
+        let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
+        return Err(off_surface(at, surface).with_number("ink without surface", percent, "%", Some(0.0)));
+    }
+    incidence(seen, settings, notices)?;
+    focus(seen, settings, notices);
+    field(seen, settings)?;
+    residual(seen, surface, settings, notices)
+}
+
+fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
+    let limits = &settings.optics.incidence;
+    let degrees = seen.steepest.to_degrees();
+    let at = seen.steepest_at;
+    let text = format!("the beam meets the part at {degrees:.1} deg from its normal at ({:.2}, {:.2}) mm", at.x, at.y);
+    if seen.steepest > limits.refuse {
+        return Err(Reason::new(
+            "too-steep",
+            format!("The beam would meet the part at {degrees:.1} deg from its normal."),
+            "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
+        )
+        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+        .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
+    }
+    if seen.steepest > limits.warn {
+        notices.push(Notice::warning("steep", format!("{text}; marks get paler and wider there")));
+    } else if seen.steepest > limits.note {
+        notices.push(Notice::note("inclined", text));
+    }
+    Ok(())
+}
+
+fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
+    let (range, best) = (seen.highest - seen.lowest, (seen.highest + seen.lowest) / 2.0);
+    if let Some(depth) = settings.optics.focus_depth.filter(|depth| range > *depth) {
+        notices.push(Notice::warning(
+            "out-of-focus",
+            format!(
+                "the ink spans {range:.2} mm of height, the focus only {depth:.2} mm; focus at z = {best:.2} mm to share the blur"
+            ),
+        ));
+    }
+}
+
+fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
+    let Some(field) = settings.field else { return Ok(()) };
+    let area = field.extents();
+    if area.contains(seen.field.min) && area.contains(seen.field.max) {
+        return Ok(());
+    }
+    let beyond = (area.min - seen.field.min).sup(&(seen.field.max - area.max)).max();
+    Err(Reason::new(
+        "outside-field",
+        format!(
+            "The corrected drawing spans x {} and y {} mm, the field only x {} and y {} mm.",
+            span(&seen.field, 0),
+            span(&seen.field, 1),
+            span(&area, 0),
+            span(&area, 1)
+        ),
+        "Move the drawing with `place` or the part with the station's `fixture`.",
+    )
+    .with_number("overhang", beyond, "mm", Some(0.0)))
+}
+
+fn residual(
+    seen: &Exposure,
+    surface: &FittedSurface,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    let (largest, limit) = (seen.largest_difference, settings.correction.max_residual);
+    if largest > limit {
+        return Err(Reason::new(
+            "surface-not-met",
+            "The fitted surface does not meet the part under the drawing: an edge, a groove or a coarse mesh lies there.",
+            "Place the drawing beside the edge, export a finer mesh, or raise `max_residual_mm`.",
+        )
+        .with_number("distance to the part", largest, "mm", Some(limit)));
+    }
+    if largest > limit / 5.0 {
+        notices.push(Notice::warning(
+            "surface-loose",
+            format!(
+                "the fitted surface leaves up to {largest:.4} mm under the ink (largest anywhere {:.4} mm)",
+                surface.residual.largest
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// Warns of what even the best map leaves.
+pub(super) fn quality(after: &Distortion, notices: &mut Vec<Notice>) {
+    if after.largest_stretch > NOTABLE_STRETCH {
+        let at = after.largest_stretch_at;
+        notices.push(Notice::warning(
+            "stretch-remains",
+            format!(
+                "a line near ({:.1}, {:.1}) mm of the placed drawing stays {:.1} % off its length: the part is curved both ways there, and no map can keep all lengths",
+                at.x,
+                at.y,
+                after.largest_stretch * 100.0
+            ),
+        ));
+    }
+}

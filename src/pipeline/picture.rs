@@ -1,0 +1,109 @@
+//! The preview of a job: the part, the drawing before and after, and the stretch of every line.
+
+use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
+use crate::geometry::height_field::Node;
+use crate::geometry::pattern::Shape;
+use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::preview::{HeightPicture, Preview, PreviewPath, svg};
+
+/// Lines are shown in pieces of this length, mm; more of them than this in all make longer ones.
+const PIECE: f64 = 0.5;
+const MOST_PIECES: f64 = 40_000.0;
+
+pub(super) fn draw(
+    title: String,
+    placed: &Pattern,
+    map: &LengthTrueMap,
+    surface: &FittedSurface,
+    settings: &JobSettings,
+    before: Option<&Distortion>,
+    after: &Distortion,
+) -> String {
+    let piece = PIECE.max(after.length / MOST_PIECES);
+    let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
+    // The field is given in the laser's frame; the picture shows the view. Only a shift lies between, unless turned.
+    let fixture = &settings.fixture;
+    let field = settings.field.filter(|_| fixture.rotation == 0.0).map(|field| {
+        let mut area = field.extents();
+        area.min -= nalgebra::Vector2::new(fixture.x, fixture.y);
+        area.max -= nalgebra::Vector2::new(fixture.x, fixture.y);
+        area
+    });
+    let row = |label: &str, value: &dyn Fn(&Distortion) -> String| {
+        let old = before.map_or("off the part".to_owned(), value);
+        (label.to_owned(), format!("{old} → {}", value(after)))
+    };
+    let mut summary = vec![row("length error", &|d| format!("{:.3} mm", d.length_error))];
+    if after.area > 0.0 {
+        summary.push(row("area error", &|d| format!("{:.3} mm²", d.area_error)));
+    }
+    summary.push(row("largest stretch", &|d| format!("{:.2} %", d.largest_stretch * 100.0)));
+    summary.push(row("largest angle error", &|d| format!("{:.2}°", d.largest_angle_error.to_degrees())));
+    svg(&Preview {
+        title,
+        part_outline: relief(surface),
+        before: lines(&|at| at.coords().into()),
+        after: lines(&|at| map.point(at)),
+        field,
+        summary,
+    })
+}
+
+fn relief(surface: &FittedSurface) -> HeightPicture {
+    let field = &surface.field;
+    let (columns, rows) = field.size();
+    let height = |node: &Node| match node {
+        Node::Empty => None,
+        Node::Wall(height) | Node::Surface(height) => Some(*height),
+    };
+    HeightPicture {
+        origin: field.origin().into(),
+        step: field.step(),
+        columns,
+        rows,
+        heights: field.nodes().iter().map(height).collect(),
+    }
+}
+
+fn paths(
+    placed: &Pattern,
+    piece: f64,
+    map: &dyn Fn(FlatPoint) -> ViewPoint,
+    surface: &FittedSurface,
+) -> Vec<PreviewPath> {
+    let lift = |flat: FlatPoint| {
+        let seen = map(flat);
+        let height = surface.sampled_height(seen).unwrap_or(f64::NAN);
+        nalgebra::Point3::new(seen.x, seen.y, height)
+    };
+    let path = |shape: &Shape| {
+        if let Shape::Dot(point) = shape {
+            return PreviewPath { points: vec![map(*point).coords().into()], ..PreviewPath::default() };
+        }
+        let (mut points, mut stretch) = (Vec::new(), Vec::new());
+        for segment in shape.segments() {
+            let rough: f64 = {
+                let ends: Vec<FlatPoint> = (0..=8).map(|step| segment.point(f64::from(step) / 8.0)).collect();
+                ends.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+            };
+            let count = (rough / piece).ceil().clamp(1.0, 1e5) as usize;
+            let mut last = (segment.point(0.0), lift(segment.point(0.0)));
+            if points.is_empty() {
+                points.push([last.1.x, last.1.y]);
+            }
+            for step in 1..=count {
+                let flat = segment.point(step as f64 / count as f64);
+                let next = (flat, lift(flat));
+                points.push([next.1.x, next.1.y]);
+                stretch.push((next.1 - last.1).norm() / next.0.distance(last.0) - 1.0);
+                last = next;
+            }
+        }
+        let closed = shape.is_closed();
+        if closed {
+            points.pop();
+        }
+        PreviewPath { points, closed, stretch }
+    };
+    placed.paths.iter().map(|placed| path(&placed.shape)).collect()
+}
