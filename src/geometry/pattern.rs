@@ -38,6 +38,17 @@ pub enum Color {
     },
 }
 
+impl std::fmt::Display for Color {
+    /// `by layer`, the index of the table, or `#rrggbb`.
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::ByLayer => out.write_str("by layer"),
+            Self::Aci(index) => write!(out, "{index}"),
+            Self::Rgb { rgb: [red, green, blue], .. } => write!(out, "#{red:02x}{green:02x}{blue:02x}"),
+        }
+    }
+}
+
 /// One connected thing to mark.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Path {

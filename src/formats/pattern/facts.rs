@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::units::DrawingUnit;
-use crate::geometry::pattern::Color;
 use crate::reason::Notice;
 
 /// What the file says of itself, and what was assumed, repaired and left out.
@@ -40,8 +39,8 @@ pub struct PatternFacts {
 /// A layer of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LayerFacts {
-    /// Its colour.
-    pub color: Color,
+    /// Its colour: an index of the AutoCAD colour table or `#rrggbb`.
+    pub color: String,
     /// Number of paths on it in the pattern.
     pub paths: usize,
     /// Why nothing on it is marked: `off`, `frozen` or `not plotted`.

@@ -83,13 +83,13 @@ pub(super) fn layers(structure: &Structure, used: &[Layer], paths: &[Path]) -> B
     let mut facts: BTreeMap<String, LayerFacts> = structure
         .layers
         .values()
-        .map(|entry| (entry.name.clone(), LayerFacts { color: entry.color, paths: 0, hidden: hidden(entry).map(str::to_owned) }))
+        .map(|entry| (entry.name.clone(), LayerFacts { color: entry.color.to_string(), paths: 0, hidden: hidden(entry).map(str::to_owned) }))
         .collect();
     let mut counts = vec![0; used.len()];
     paths.iter().for_each(|path| counts[path.layer] += 1);
     for (layer, count) in used.iter().zip(counts) {
         let known = facts.entry(layer.name.clone()).or_insert(LayerFacts {
-            color: layer.color,
+            color: layer.color.to_string(),
             paths: 0,
             hidden: None,
         });

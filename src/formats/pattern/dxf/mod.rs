@@ -46,20 +46,20 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         contour::Joining { paths, ..Default::default() }
     };
 
+    let extents = findings::extents(&joining.paths);
     let mut facts = PatternFacts {
         producer: findings::producer(&structure),
         version: findings::version(&structure.header.version),
         unit,
         unit_why,
-        size: [0.0; 2],
-        extents: findings::extents(&joining.paths),
+        size: extents.size().into(),
+        extents: [extents.min.x, extents.min.y, extents.max.x, extents.max.y],
         entities: findings::histogram(&structure),
         layers: findings::layers(&structure, &layers, &joining.paths),
         not_taken: unfolded.not_taken,
         repairs: findings::repairs(&joining, &remarks, options.joining_tolerance),
         notices: unit_notice.into_iter().collect(),
     };
-    facts.size = facts.extents.size().into();
     findings::size_notices(&structure, &mut facts, options);
     let wide = remarks.wide.intersection(&unfolded.drawn).count();
     findings::drawing_notices(&joining, wide, unfolded.heights, unfolded.patterned_fills, &mut facts);
