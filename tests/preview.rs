@@ -175,6 +175,7 @@ fn a_picture_without_part_or_lines_is_still_a_picture() {
     unmeasured.part_outline = HeightPicture::default();
     unmeasured.before[0].stretch = vec![f64::NAN; 400];
     unmeasured.before[1].points[0] = [f64::INFINITY, 0.0];
+    unmeasured.field = Some(Extents::EMPTY);
     let unmeasured = written("unmeasured", &unmeasured);
     assert!(unmeasured.contains("no surface measured there"));
     assert!(unmeasured.contains("&lt;&amp;&quot;&gt;&#39;"));

@@ -51,6 +51,8 @@ pub fn svg(preview: &Preview) -> String {
     let after = ink::lines(&preview.after);
     let colors = StretchScale::covering(ink::weighted(&before).chain(ink::weighted(&after)));
     let relief = relief::relief(&preview.part_outline);
+    let field =
+        preview.field.filter(|field| !field.is_empty() && field.size().iter().all(|side| side.is_finite()));
     let drawn = Extents::of(points(&before).chain(points(&after)));
     let part = relief.as_ref().map(|relief| relief.extents);
 
@@ -61,9 +63,10 @@ pub fn svg(preview: &Preview) -> String {
 
     let mut page = Page::default();
     page.add(format_args!("<defs>"));
-    for window in
-        [("panel-window", &left), ("inset-window", &inset_window(preview, &drawn, part.as_ref(), [0.0; 2]))]
-    {
+    for window in [
+        ("panel-window", &left),
+        ("inset-window", &inset_window(&drawn, part.as_ref(), field.as_ref(), [0.0; 2])),
+    ] {
         page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
     }
     page.add(format_args!("{}</defs>", relief.as_ref().map(Relief::definitions).unwrap_or_default()));
@@ -77,7 +80,7 @@ pub fn svg(preview: &Preview) -> String {
         page.text([window.at[0] + HEADING.width(name) + 1.5, 18.5], VALUE, how);
         page.text([window.at[0], 23.0], LABEL, &stretch_range(lines));
         page.add(format_args!("{}", window.opening("panel-window")));
-        background(&mut page, window, relief.is_some(), preview.field.as_ref());
+        background(&mut page, window, relief.is_some(), field.as_ref());
         if name == "After" {
             outline(&mut page, &before, thickness / window.scale);
         }
@@ -88,9 +91,9 @@ pub fn svg(preview: &Preview) -> String {
     }
 
     let foot = PANEL_TOP + panel_height + 11.0;
-    let inset = inset_window(preview, &drawn, part.as_ref(), [MARGIN, foot]);
+    let inset = inset_window(&drawn, part.as_ref(), field.as_ref(), [MARGIN, foot]);
     let pattern = Extents::of(points(&before));
-    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), preview.field.as_ref(), &pattern);
+    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), field.as_ref(), &pattern);
     let legend_at = [MARGIN + INSET[0] + MARGIN, foot];
     let is_unknown =
         ink::weighted(&before).chain(ink::weighted(&after)).any(|(_, stretch)| !stretch.is_finite());
@@ -149,7 +152,7 @@ fn panel_window(drawn: &Extents, part: Option<&Extents>) -> Window {
 }
 
 /// The window of the inset: the whole part, and the field unless the part would be lost in it.
-fn inset_window(preview: &Preview, drawn: &Extents, part: Option<&Extents>, at: [f64; 2]) -> Window {
+fn inset_window(drawn: &Extents, part: Option<&Extents>, field: Option<&Extents>, at: [f64; 2]) -> Window {
     let mut whole = *drawn;
     for corner in part.iter().flat_map(|part| [part.min, part.max]) {
         whole.include(corner);
@@ -158,7 +161,7 @@ fn inset_window(preview: &Preview, drawn: &Extents, part: Option<&Extents>, at: 
         whole = Extents::of([[-20.0, -20.0].into(), [20.0, 20.0].into()]);
     }
     let size = whole.size().max();
-    if let Some(field) = preview.field.filter(|field| field.size().max() <= 2.5 * size) {
+    if let Some(field) = field.filter(|field| field.size().max() <= 2.5 * size) {
         [field.min, field.max].into_iter().for_each(|corner| whole.include(corner));
     }
     let whole = whole.grown(0.04 * whole.size().max().max(1.0));
