@@ -1,5 +1,6 @@
 //! The drawn lines: cut into runs of one colour, and thinned when there are more of them than a picture can show.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::page::PathData;
@@ -38,7 +39,7 @@ pub(super) fn lines(paths: &[PreviewPath]) -> Vec<Line> {
         lines.push(line);
     }
     lines.retain(|line| !line.points.is_empty());
-    thinned(lines)
+    lines
 }
 
 /// Length in mm and stretch of every segment.
@@ -54,7 +55,7 @@ pub(super) fn weighted(lines: &[Line]) -> impl Iterator<Item = (f64, f64)> {
 /// One path of SVG data per colour: each holds the runs of consecutive segments that share it.
 pub(super) fn runs(lines: &[Line], scale: &StretchScale) -> BTreeMap<Shade, PathData> {
     let mut runs: BTreeMap<Shade, PathData> = BTreeMap::new();
-    for line in lines {
+    for line in thinned(lines).iter() {
         if line.stretch.is_empty() {
             runs.entry(Some(0)).or_default().polyline(&line.points);
         }
@@ -73,23 +74,23 @@ pub(super) fn runs(lines: &[Line], scale: &StretchScale) -> BTreeMap<Shade, Path
 /// All lines in one path of SVG data, without colour.
 pub(super) fn outline(lines: &[Line]) -> PathData {
     let mut outline = PathData::default();
-    lines.iter().for_each(|line| outline.polyline(&line.points));
+    thinned(lines).iter().for_each(|line| outline.polyline(&line.points));
     outline
 }
 
 /// The lines with neighbouring segments joined until at most [`MAX_SEGMENTS`] are left.
-fn thinned(lines: Vec<Line>) -> Vec<Line> {
+fn thinned(lines: &[Line]) -> Cow<'_, [Line]> {
     let segments = |lines: &[Line]| lines.iter().map(|line| line.stretch.len().max(1)).sum::<usize>();
-    if segments(&lines) <= MAX_SEGMENTS {
-        return lines;
+    if segments(lines) <= MAX_SEGMENTS {
+        return Cow::Borrowed(lines);
     }
-    let longest = weighted(&lines).map(|(length, _)| length).sum::<f64>();
+    let total_length = weighted(lines).map(|(length, _)| length).sum::<f64>();
     // The total length over the number of segments is where joining starts to matter; dots have none.
-    let mut chord = (longest / MAX_SEGMENTS as f64).max(1e-4);
+    let mut chord = (total_length / MAX_SEGMENTS as f64).max(1e-4);
     loop {
-        let joined = joined(&lines, chord);
+        let joined = joined(lines, chord);
         if segments(&joined) <= MAX_SEGMENTS {
-            return joined;
+            return Cow::Owned(joined);
         }
         chord *= 2.0;
     }
@@ -169,7 +170,8 @@ mod tests {
         let one = path((0..=500_000).map(spiral).collect(), false, vec![0.05; 500_000]);
         let dots = (0..300_000).map(|index| path(vec![spiral(index)], false, Vec::new()));
         for paths in [vec![one], dots.collect()] {
-            let lines = lines(&paths);
+            let all = lines(&paths);
+            let lines = thinned(&all);
             let segments: usize = lines.iter().map(|line| line.stretch.len().max(1)).sum();
             assert!(segments <= MAX_SEGMENTS && segments > MAX_SEGMENTS / 20, "{segments}");
             assert!(weighted(&lines).all(|(_, stretch)| (stretch - 0.05).abs() < 1e-9));

@@ -5,23 +5,17 @@ use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
 use super::relief::{self, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
+use super::window::{Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
 
 /// Blank border of the page and gap between its blocks, mm.
-const MARGIN: f64 = 8.0;
-/// Panels are at least this wide, mm, so that the foot has room for its text.
-const PANEL_WIDTH: f64 = 78.0;
-/// A panel is at least this share of its width high.
-const PANEL_ASPECT: f64 = 0.5;
-/// Panels of these sides, mm, are drawn in true size; together two of them fit on a landscape A4 page.
-const TRUE_SIZE: std::ops::RangeInclusive<f64> = 32.0..=130.0;
+pub(super) const MARGIN: f64 = 8.0;
 /// Upper edge of the panels, mm.
-const PANEL_TOP: f64 = 26.0;
+pub(super) const PANEL_TOP: f64 = 26.0;
 /// Largest width and height of the inset, mm.
-const INSET: [f64; 2] = [34.0, 40.0];
+pub(super) const INSET: [f64; 2] = [34.0, 40.0];
 /// Width of the colour scale, mm.
 const LEGEND_WIDTH: f64 = 52.0;
-
 /// Ink of the working area's border.
 const FIELD: &str = "#0f766e";
 
@@ -30,16 +24,6 @@ const HEADING: Type = Type::new(3.0, DARK).bold();
 const LABEL: Type = Type::new(2.3, QUIET);
 const VALUE: Type = Type::new(2.3, DARK);
 const TICK: Type = Type::new(1.9, QUIET);
-
-/// A window onto the view: the part of it that is shown, and where.
-struct Window {
-    /// What is shown, mm of the view.
-    shown: Extents,
-    /// Upper left corner on the page, mm.
-    at: [f64; 2],
-    /// Millimetres of paper for each millimetre of the view.
-    scale: f64,
-}
 
 /// Draws the preview: two panels, an inset of the whole part, a legend and the summary.
 ///
@@ -51,6 +35,8 @@ pub fn svg(preview: &Preview) -> String {
     let after = ink::lines(&preview.after);
     let colors = StretchScale::covering(ink::weighted(&before).chain(ink::weighted(&after)));
     let relief = relief::relief(&preview.part_outline);
+    let field =
+        preview.field.filter(|field| !field.is_empty() && field.size().iter().all(|side| side.is_finite()));
     let drawn = Extents::of(points(&before).chain(points(&after)));
     let part = relief.as_ref().map(|relief| relief.extents);
 
@@ -61,9 +47,10 @@ pub fn svg(preview: &Preview) -> String {
 
     let mut page = Page::default();
     page.add(format_args!("<defs>"));
-    for window in
-        [("panel-window", &left), ("inset-window", &inset_window(preview, &drawn, part.as_ref(), [0.0; 2]))]
-    {
+    for window in [
+        ("panel-window", &left),
+        ("inset-window", &inset_window(&drawn, part.as_ref(), field.as_ref(), [0.0; 2])),
+    ] {
         page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
     }
     page.add(format_args!("{}</defs>", relief.as_ref().map(Relief::definitions).unwrap_or_default()));
@@ -77,7 +64,7 @@ pub fn svg(preview: &Preview) -> String {
         page.text([window.at[0] + HEADING.width(name) + 1.5, 18.5], VALUE, how);
         page.text([window.at[0], 23.0], LABEL, &stretch_range(lines));
         page.add(format_args!("{}", window.opening("panel-window")));
-        background(&mut page, window, relief.is_some(), preview.field.as_ref());
+        background(&mut page, window, relief.is_some(), field.as_ref());
         if name == "After" {
             outline(&mut page, &before, thickness / window.scale);
         }
@@ -88,9 +75,9 @@ pub fn svg(preview: &Preview) -> String {
     }
 
     let foot = PANEL_TOP + panel_height + 11.0;
-    let inset = inset_window(preview, &drawn, part.as_ref(), [MARGIN, foot]);
+    let inset = inset_window(&drawn, part.as_ref(), field.as_ref(), [MARGIN, foot]);
     let pattern = Extents::of(points(&before));
-    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), preview.field.as_ref(), &pattern);
+    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), field.as_ref(), &pattern);
     let legend_at = [MARGIN + INSET[0] + MARGIN, foot];
     let is_unknown =
         ink::weighted(&before).chain(ink::weighted(&after)).any(|(_, stretch)| !stretch.is_finite());
@@ -99,81 +86,6 @@ pub fn svg(preview: &Preview) -> String {
     let summary_end = summary(&mut page, summary_at, width - MARGIN - summary_at[0], &preview.summary);
     let foot_height = (inset_end - foot).max(legend_end - foot).max(summary_end - foot);
     page.finished(&preview.title, [width, (foot + foot_height + MARGIN - 2.0).ceil()])
-}
-
-impl Window {
-    fn paper_size(&self) -> [f64; 2] {
-        let size = self.shown.size() * self.scale;
-        [size.x, size.y]
-    }
-
-    /// A point of the view on the page.
-    fn place(&self, x: f64, y: f64) -> [f64; 2] {
-        [self.at[0] + (x - self.shown.min.x) * self.scale, self.at[1] + (self.shown.max.y - y) * self.scale]
-    }
-
-    /// The window's rectangle in coordinates of the view, y negated.
-    fn rectangle(&self) -> String {
-        rectangle(&self.shown, "")
-    }
-
-    /// Opens a group in coordinates of the view (mm, y negated) that shows nothing outside the window.
-    fn opening(&self, clip: &str) -> String {
-        let [x, y] = self.place(0.0, 0.0).map(number);
-        format!(
-            "<g transform=\"translate({x} {y}) scale({})\" clip-path=\"url(#{clip})\">",
-            number(self.scale)
-        )
-    }
-
-    /// The page's name for the scale.
-    fn scale_name(&self) -> String {
-        let ratio = |a: f64, b: f64| format!("scale {} : {}", number(a), number(b));
-        if self.scale >= 1.0 { ratio(self.scale, 1.0) } else { ratio(1.0, 1.0 / self.scale) }
-    }
-}
-
-/// The window of a panel: the drawing and a margin, at a scale that people know.
-fn panel_window(drawn: &Extents, part: Option<&Extents>) -> Window {
-    let fallback = || part.copied().unwrap_or(Extents::of([[-20.0, -10.0].into(), [20.0, 10.0].into()]));
-    let crop = if drawn.is_empty() { fallback() } else { *drawn };
-    let longer = crop.size().max().max(0.5);
-    let crop = crop.grown(0.14 * longer);
-    let longer = crop.size().max();
-    let scale = if TRUE_SIZE.contains(&longer) { 1.0 } else { known_scale(*TRUE_SIZE.end() / longer) };
-    let width = (crop.size().x * scale).max(PANEL_WIDTH).ceil();
-    let height = (crop.size().y * scale).max(PANEL_ASPECT * width).ceil();
-    let half = nalgebra::Vector2::new(width, height) / (2.0 * scale);
-    let shown = Extents { min: crop.center() - half, max: crop.center() + half };
-    Window { shown, at: [MARGIN, PANEL_TOP], scale }
-}
-
-/// The window of the inset: the whole part, and the field unless the part would be lost in it.
-fn inset_window(preview: &Preview, drawn: &Extents, part: Option<&Extents>, at: [f64; 2]) -> Window {
-    let mut whole = *drawn;
-    for corner in part.iter().flat_map(|part| [part.min, part.max]) {
-        whole.include(corner);
-    }
-    if whole.is_empty() {
-        whole = Extents::of([[-20.0, -20.0].into(), [20.0, 20.0].into()]);
-    }
-    let size = whole.size().max();
-    if let Some(field) = preview.field.filter(|field| field.size().max() <= 2.5 * size) {
-        [field.min, field.max].into_iter().for_each(|corner| whole.include(corner));
-    }
-    let whole = whole.grown(0.04 * whole.size().max().max(1.0));
-    let scale = (INSET[0] / whole.size().x).min(INSET[1] / whole.size().y);
-    Window { shown: whole, at, scale }
-}
-
-/// The largest of 1, 2, 5 times a power of ten that is at most `scale`.
-fn known_scale(scale: f64) -> f64 {
-    let decade = 10f64.powf(scale.log10().floor());
-    [5.0, 2.0]
-        .map(|round| round * decade)
-        .into_iter()
-        .find(|known| *known <= scale * (1.0 + 1e-9))
-        .unwrap_or(decade)
 }
 
 /// Part, field and axes, in coordinates of the view.
@@ -417,16 +329,4 @@ fn line_width(lines: &[Line], drawn: &Extents, scale: f64) -> f64 {
 
 fn points(lines: &[Line]) -> impl Iterator<Item = nalgebra::Vector2<f64>> {
     lines.iter().flat_map(|line| line.points.iter().map(|point| (*point).into()))
-}
-
-/// A rectangle of the view in its coordinates, y negated.
-fn rectangle(extents: &Extents, paint: &str) -> String {
-    let size = extents.size();
-    format!(
-        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {paint}/>",
-        number(extents.min.x),
-        number(-extents.max.y),
-        number(size.x),
-        number(size.y)
-    )
 }

@@ -13,6 +13,7 @@
 //! ```
 
 mod layout;
+mod window;
 mod page;
 mod stretch_scale;
 mod ink;

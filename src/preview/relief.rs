@@ -112,7 +112,8 @@ impl Relief {
 impl Grid {
     /// The picture's heights, thinned to [`MAX_NODES`] nodes a side, with a border of no surface.
     fn of(part: &HeightPicture) -> Option<Self> {
-        if part.columns < 2 || part.rows < 2 || !(part.step.is_finite() && part.step > 0.0) {
+        let is_placed = part.origin.iter().all(|start| start.is_finite()) && part.step.is_finite();
+        if part.columns < 2 || part.rows < 2 || !is_placed || part.step <= 0.0 {
             return None;
         }
         let stride = part.columns.max(part.rows).div_ceil(MAX_NODES);
