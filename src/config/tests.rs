@@ -4,6 +4,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::*;
+use crate::formats::mesh::LengthUnit;
+use crate::geometry::optics::Lens;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
 const NEEDED: &str = r#"

@@ -1,0 +1,212 @@
+//! What can be typed.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::cache::Cache;
+use crate::config::{ConfigError, Sku, Station};
+use crate::reason::Reason;
+
+mod cache;
+mod correct;
+mod demo;
+mod diff;
+mod inspect;
+mod watch;
+
+/// Bends flat drawings so that a galvo laser marks true lengths on curved parts.
+#[derive(Debug, Parser)]
+#[command(name = "isomark", version, about, max_term_width = 100)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Corrects one drawing for one part.
+    Correct(Box<correct::CorrectArguments>),
+    /// Runs a station: drops of parts and patterns become corrected drawings.
+    Watch(watch::WatchArguments),
+    /// Says what isomark sees in a part or a drawing, and what it assumes.
+    Inspect(inspect::InspectArguments),
+    /// Says in words what changed between two drawings.
+    Diff(diff::DiffArguments),
+    /// Looks after the fitted surfaces.
+    Cache(cache::CacheArguments),
+    /// Sets up a station with sample parts and drawings, runs it, and shows what came of them.
+    Demo(demo::DemoArguments),
+}
+
+/// What the program ends with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// Done.
+    Done = 0,
+    /// The input was rejected.
+    Rejected = 1,
+    /// The command line or the settings are wrong.
+    Usage = 2,
+    /// The surroundings failed: disk, permission.
+    Environment = 3,
+}
+
+/// Why a command ended without its result.
+#[derive(Debug)]
+struct Failure {
+    exit: Exit,
+    reason: Reason,
+}
+
+type Outcome = Result<(), Failure>;
+
+/// Name and version of the JSON form of a failure on standard output.
+const FAILURE_SCHEMA: &str = "isomark.reason/1";
+
+/// Runs the program on its command line.
+pub fn main() -> ExitCode {
+    // A reader that has seen enough (`isomark … | head`) is no failure worth a backtrace: writes to it just end.
+    let line = match CommandLine::try_parse() {
+        Ok(line) => line,
+        Err(error) => {
+            let exit = if error.use_stderr() { Exit::Usage } else { Exit::Done };
+            let _ = error.print();
+            return ExitCode::from(exit as u8);
+        }
+    };
+    let (outcome, json) = match line.command {
+        Command::Correct(arguments) => (correct::run(&arguments), arguments.json),
+        Command::Watch(arguments) => (watch::run(&arguments), false),
+        Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
+        Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
+        Command::Cache(arguments) => (cache::run(&arguments), false),
+        Command::Demo(arguments) => (demo::run(&arguments), false),
+    };
+    match outcome {
+        Ok(()) => ExitCode::from(Exit::Done as u8),
+        Err(failure) => {
+            if json {
+                let mut value = serde_json::json!({ "schema": FAILURE_SCHEMA });
+                if let (Some(fields), Ok(serde_json::Value::Object(reason))) =
+                    (value.as_object_mut(), serde_json::to_value(&failure.reason))
+                {
+                    fields.extend(reason);
+                }
+                print(&format!("{value:#}\n"));
+            }
+            tell(&format!("isomark: {}", failure.reason));
+            ExitCode::from(failure.exit as u8)
+        }
+    }
+}
+
+impl Failure {
+    fn rejected(reason: Reason) -> Self {
+        Self { exit: Exit::Rejected, reason }
+    }
+
+    fn usage(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { exit: Exit::Usage, reason: Reason::new("usage", what, remedy) }
+    }
+
+    fn environment(error: &std::io::Error) -> Self {
+        let remedy = "Check that the file or folder exists, that it may be read or written, and that the disk is not full.";
+        Self { exit: Exit::Environment, reason: Reason::new("environment", format!("{error}."), remedy) }
+    }
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        let exit = if matches!(error, ConfigError::Unreadable { .. }) { Exit::Environment } else { Exit::Usage };
+        Self { exit, reason: error.reason() }
+    }
+}
+
+impl From<crate::pipeline::PipelineError> for Failure {
+    fn from(error: crate::pipeline::PipelineError) -> Self {
+        match error {
+            crate::pipeline::PipelineError::Rejected(reason) => Self::rejected(reason),
+            crate::pipeline::PipelineError::Environment(error) => Self::environment(&error),
+        }
+    }
+}
+
+/// Writes to standard output; a closed one is no error.
+fn print(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Writes a line to standard error; a closed one is no error.
+fn tell(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// The content of a file that the user named.
+fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    fs_err::read(path).map_err(|error| Failure::environment(&error))
+}
+
+/// Writes a file that the user named, whole or not at all.
+fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
+    let (folder, name) = (folder_of(path), name_of(path)?);
+    crate::files::write_whole(folder, &name, bytes).map_err(|error| Failure::environment(&error))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn name_of(path: &Path) -> Result<String, Failure> {
+    match path.file_name().and_then(|name| name.to_str()) {
+        Some(name) => Ok(name.to_owned()),
+        None => Err(Failure::usage(format!("{} is not the name of a file.", path.display()), "Name a file.")),
+    }
+}
+
+/// Reads a file that lies beside `part`; only plain names are followed.
+fn sibling_of(part: &Path) -> impl FnMut(&str) -> std::io::Result<Vec<u8>> {
+    let folder: PathBuf = folder_of(part).into();
+    move |name| {
+        if !crate::hotfolder::names::is_plain(name) {
+            let words = format!("`{name}` does not name a file in the same folder");
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
+        }
+        fs_err::read(folder.join(name))
+    }
+}
+
+/// The station's settings, if one is named.
+fn station(file: Option<&Path>) -> Result<Option<Station>, Failure> {
+    Ok(file.map(Station::load).transpose()?)
+}
+
+/// The cache to use: the named folder, else the station's, else the user's own.
+fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Failure> {
+    if let Some(folder) = named {
+        return Ok(Cache::new(folder));
+    }
+    if let Some(station) = station {
+        return Ok(Cache::new(&station.folders.cache));
+    }
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let user = if cfg!(windows) {
+        variable("LOCALAPPDATA")
+    } else {
+        variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
+    };
+    user.map(|folder| Cache::new(folder.join("isomark"))).ok_or_else(|| {
+        Failure::usage("There is no folder to keep fitted surfaces in.", "Name one with `--cache`, or a station with `--station`.")
+    })
+}
+
+fn parse_sku(text: &str) -> Result<Sku, Failure> {
+    text.parse::<Sku>().map_err(|error| Failure { exit: Exit::Usage, reason: error.reason() })
+}

@@ -1,0 +1,101 @@
+//! `isomark cache`: looks after the fitted surfaces.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::{Failure, Outcome, cache_of, parse_sku, print, station, tell};
+use crate::cache::{Cache, CacheEntry, EntryState};
+use crate::reason::Reason;
+
+#[derive(Debug, Args)]
+pub(super) struct CacheArguments {
+    #[command(subcommand)]
+    verb: Verb,
+    /// The station whose cache is meant; default: the user's own.
+    #[arg(long, value_name = "FILE", global = true)]
+    station: Option<PathBuf>,
+    /// The folder of the cache.
+    #[arg(long, value_name = "DIR", global = true)]
+    cache: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Lists what is kept, a line each; `*` marks the part last learned for its SKU.
+    List,
+    /// Reads every entry and its checksum; exit code 1 if one is damaged.
+    Verify {
+        /// Removes damaged entries; their surfaces are fitted again when they are needed.
+        #[arg(long)]
+        repair: bool,
+    },
+    /// Forgets SKUs.
+    Remove {
+        /// The SKUs.
+        #[arg(required = true)]
+        skus: Vec<String>,
+    },
+}
+
+pub(super) fn run(arguments: &CacheArguments) -> Outcome {
+    let station = station(arguments.station.as_deref())?;
+    let cache = cache_of(arguments.cache.as_deref(), station.as_ref())?;
+    match &arguments.verb {
+        Verb::List => list(&cache),
+        Verb::Verify { repair } => verify(&cache, *repair),
+        Verb::Remove { skus } => remove(&cache, skus),
+    }
+}
+
+fn entries(cache: &Cache) -> Result<Vec<CacheEntry>, Failure> {
+    cache.entries().map_err(|error| Failure::environment(&error))
+}
+
+fn list(cache: &Cache) -> Outcome {
+    for entry in entries(cache)? {
+        let state = match &entry.state {
+            EntryState::Good { part, residual_mm } => format!("{part}, residual {residual_mm:.4} mm"),
+            EntryState::Damaged(what) => format!("damaged: {what}"),
+        };
+        let mark = if entry.current { '*' } else { ' ' };
+        let kilobytes = entry.bytes.div_ceil(1000);
+        print(&format!("{mark} {:<24} {} {kilobytes:>6} kB  {state}\n", entry.sku, entry.key.as_str()));
+    }
+    tell(&format!("cache: {}", cache.root().display()));
+    Ok(())
+}
+
+fn verify(cache: &Cache, repair: bool) -> Outcome {
+    let entries = entries(cache)?;
+    let damaged: Vec<_> =
+        entries.iter().filter(|entry| matches!(entry.state, EntryState::Damaged(_))).collect();
+    for entry in &damaged {
+        if let EntryState::Damaged(what) = &entry.state {
+            print(&format!("{} {}: {what}\n", entry.sku, entry.key.as_str()));
+        }
+        if repair {
+            cache.remove_entry(entry).map_err(|error| Failure::environment(&error))?;
+        }
+    }
+    tell(&format!("{} entries, {} damaged{}", entries.len(), damaged.len(), if repair { ", removed" } else { "" }));
+    if damaged.is_empty() || repair {
+        return Ok(());
+    }
+    Err(Failure::rejected(
+        Reason::new(
+            "cache-damaged",
+            "Some kept surfaces are damaged; they are not used.",
+            "Run `isomark cache verify --repair`, or leave it: they are fitted again when they are needed.",
+        )
+        .with_number("damaged entries", damaged.len() as f64, "", Some(0.0)),
+    ))
+}
+
+fn remove(cache: &Cache, skus: &[String]) -> Outcome {
+    for name in skus {
+        let known = cache.remove(&parse_sku(name)?).map_err(|error| Failure::environment(&error))?;
+        tell(&format!("{name}: {}", if known { "removed" } else { "was not kept" }));
+    }
+    Ok(())
+}

@@ -1,0 +1,41 @@
+//! `isomark diff`: what changed between two drawings.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::{Failure, Outcome, name_of, print, read_file};
+use crate::diff::{DiffPath, TOLERANCE, compare, paths_of};
+use crate::formats::pattern::{PatternOptions, read};
+
+#[derive(Debug, Args)]
+pub(super) struct DiffArguments {
+    /// The older drawing.
+    old: PathBuf,
+    /// The newer drawing.
+    new: PathBuf,
+    /// Differences of at most this do not count, mm.
+    #[arg(long, value_name = "MM", default_value_t = TOLERANCE)]
+    tolerance: f64,
+    /// Prints the differences as JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+pub(super) fn run(arguments: &DiffArguments) -> Outcome {
+    let diff = compare(&paths(&arguments.old)?, &paths(&arguments.new)?, arguments.tolerance);
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&diff).map_err(|error| Failure::environment(&error.into()))?;
+        print(&(text + "\n"));
+    } else {
+        print(&format!("{diff}\n"));
+    }
+    Ok(())
+}
+
+fn paths(file: &Path) -> Result<Vec<DiffPath>, Failure> {
+    let name = name_of(file)?;
+    let reading = read(&read_file(file)?, &PatternOptions::default())
+        .map_err(|error| Failure::rejected(error.reason().in_file(name)))?;
+    Ok(paths_of(&reading.pattern))
+}

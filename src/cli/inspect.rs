@@ -1,0 +1,142 @@
+//! `isomark inspect`: what isomark sees in a file.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::{Failure, Outcome, name_of, print, read_file, sibling_of};
+use crate::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartFacts, UpAxis};
+use crate::formats::pattern::{self, DrawingUnit, PatternFacts, PatternOptions};
+use crate::geometry::pattern::Pattern;
+use crate::reason::{Notice, Severity};
+
+/// Entities that were not taken over are listed one by one up to this number.
+const MOST_LISTED: usize = 12;
+
+#[derive(Debug, Args)]
+pub(super) struct InspectArguments {
+    /// A part (.glb, .gltf, .obj) or a drawing (.dxf).
+    file: PathBuf,
+    /// Unit of the part's numbers: mm, cm, m or inch.
+    #[arg(long, value_name = "UNIT")]
+    part_unit: Option<LengthUnit>,
+    /// Axis of the part's file that points up: z or y.
+    #[arg(long, value_name = "AXIS")]
+    part_up: Option<UpAxis>,
+    /// Unit of a drawing that names none: mm, in, px and others.
+    #[arg(long, value_name = "UNIT")]
+    pattern_unit: Option<DrawingUnit>,
+    /// Prints what was found as JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "schema")]
+enum Inspection {
+    #[serde(rename = "isomark.part/1")]
+    Part(PartFacts),
+    #[serde(rename = "isomark.pattern/1")]
+    Pattern(PatternFacts),
+}
+
+pub(super) fn run(arguments: &InspectArguments) -> Outcome {
+    let name = name_of(&arguments.file)?;
+    let bytes = read_file(&arguments.file)?;
+    let (inspection, text) = match MeshFormat::from_name(&name) {
+        Some(format) => {
+            let options = MeshOptions { unit: arguments.part_unit, up: arguments.part_up };
+            let reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
+                .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
+            let text = part_text(&name, &reading.facts);
+            (Inspection::Part(reading.facts), text)
+        }
+        None => {
+            let options =
+                PatternOptions { unit_if_unitless: arguments.pattern_unit, ..PatternOptions::default() };
+            let reading = pattern::read(&bytes, &options)
+                .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
+            let text = pattern_text(&name, &reading.facts, &reading.pattern);
+            (Inspection::Pattern(reading.facts), text)
+        }
+    };
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::environment(&error.into()))?;
+        print(&(json + "\n"));
+    } else {
+        print(&text);
+    }
+    Ok(())
+}
+
+fn line(text: &mut String, label: &str, value: &str) {
+    let _ = writeln!(text, "  {label:<10} {value}");
+}
+
+fn part_text(name: &str, facts: &PartFacts) -> String {
+    let mut text = format!("{name}: part\n");
+    let [x, y, z] = facts.size;
+    line(&mut text, "size", &format!("{x:.2} x {y:.2} x {z:.2} mm (x, y, z; z up)"));
+    line(&mut text, "unit", &format!("{}, because {}", facts.unit.value, facts.unit.why));
+    line(&mut text, "up", &format!("{}, because {}", facts.up.value, facts.up.why));
+    line(&mut text, "format", &facts.format.to_string());
+    line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
+    line(&mut text, "mesh", &format!("{} triangles, {} vertices", facts.triangles, facts.vertices));
+    let normals = match facts.normals {
+        NormalsFound::Smooth => "follow the surface",
+        NormalsFound::FacetsOnly => "only repeat the facets; better ones are estimated from the mesh",
+        NormalsFound::None => "none; they are estimated from the mesh",
+    };
+    line(&mut text, "normals", normals);
+    for (label, names) in [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.not_taken)] {
+        if !names.is_empty() {
+            line(&mut text, label, &names.join(", "));
+        }
+    }
+    notices(&mut text, &facts.notices);
+    text
+}
+
+fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
+    let mut text = format!("{name}: drawing\n");
+    let [width, height] = facts.size;
+    let [left, bottom, right, top] = facts.extents;
+    line(&mut text, "size", &format!("{width:.2} x {height:.2} mm"));
+    line(&mut text, "extents", &format!("x {left:.2} to {right:.2}, y {bottom:.2} to {top:.2} mm"));
+    line(&mut text, "unit", &format!("{}, because {}", facts.unit, facts.unit_why));
+    line(&mut text, "version", &facts.version);
+    line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
+    let contours = pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
+    line(&mut text, "to mark", &format!("{} paths, {contours} of them closed", pattern.paths.len()));
+    for (entity, layers) in &facts.entities {
+        let by_layer: Vec<String> = layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();
+        line(&mut text, "", &format!("{entity}: {}", by_layer.join(", ")));
+    }
+    for (layer, found) in facts.layers.iter().filter(|(_, found)| found.hidden.is_some()) {
+        line(&mut text, "hidden", &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()));
+    }
+    for left in facts.not_taken.iter().take(MOST_LISTED) {
+        let handle = left.handle.as_deref().unwrap_or("without handle");
+        line(&mut text, "NOT TAKEN", &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why));
+    }
+    if facts.not_taken.len() > MOST_LISTED {
+        line(&mut text, "NOT TAKEN", &format!("and {} more; --json names all", facts.not_taken.len() - MOST_LISTED));
+    }
+    for repair in &facts.repairs {
+        line(&mut text, "repaired", &repair.message);
+    }
+    notices(&mut text, &facts.notices);
+    text
+}
+
+fn notices(text: &mut String, notices: &[Notice]) {
+    for notice in notices {
+        let label = match notice.severity {
+            Severity::Note => "note",
+            Severity::Warning => "WARNING",
+        };
+        line(text, label, &notice.message);
+    }
+}
