@@ -223,6 +223,8 @@ fn defects_are_read_with_warnings() {
     for code in ["size-unusual", "not-taken", "drawn-twice", "nearly-closed"] {
         assert!(has_notice(&read, code, Severity::Warning), "{code}");
     }
+    // Single vertices alone, as Inkscape leaves them behind, are no loss.
+    assert!(has_notice(&reading("ink12-logo-r14"), "not-taken", Severity::Note));
     let left: Vec<_> = read.facts.not_taken.iter().map(|left| left.entity.as_str()).collect();
     assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
 }
