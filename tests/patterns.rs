@@ -14,12 +14,13 @@ use isomark::geometry::space::FlatPoint;
 use isomark::reason::Severity;
 
 /// Name, width, height and total length in mm, paths, contours, entities not taken.
-const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 31] = [
+const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 32] = [
     ("abc", 39.0, 13.0, 181.963, 6, 6, 0),
     ("circle", 30.0, 30.0, 94.247, 1, 1, 0),
     // 443.630 by ezdxf, which swaps the axes of an insert turned by 90 degrees inside one scaled by (-1, 2): by hand its
     // outline measures 16.472 mm, not 13.472.
     ("ez-blocks-nested", 74.0, 36.0, 446.630, 38, 19, 0),
+    ("ez-dimension-mpolygon", 100.0875, 14.6304, 174.203, 10, 4, 4),
     ("ez-defects", 100_000.0, 20.0, 100_137.6, 10, 4, 2),
     ("ez-guilloche", 31.3106, 31.2088, 3537.438, 24, 24, 0),
     ("ez-hatch-islands", 28.0, 25.0, 157.038, 4, 4, 0),
@@ -223,6 +224,8 @@ fn defects_are_read_with_warnings() {
     for code in ["size-unusual", "not-taken", "drawn-twice", "nearly-closed"] {
         assert!(has_notice(&read, code, Severity::Warning), "{code}");
     }
+    // Single vertices alone, as Inkscape leaves them behind, are no loss.
+    assert!(has_notice(&reading("ink12-logo-r14"), "not-taken", Severity::Note));
     let left: Vec<_> = read.facts.not_taken.iter().map(|left| left.entity.as_str()).collect();
     assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
 }

@@ -163,9 +163,8 @@ impl PatternReadError {
             )
             .at(entity.place())
             .with_number("coordinate", *reach, "mm", Some(*limit)),
-            Self::TooMany { entity, limit, what } => {
-                let reason = told("pattern-too-many", "Simplify the drawing, or mark it in several jobs.")
-                    .with_number(what, *limit as f64, "", Some(*limit as f64));
+            Self::TooMany { entity, .. } => {
+                let reason = told("pattern-too-many", "Simplify the drawing, or mark it in several jobs.");
                 match entity {
                     Some(entity) => reason.at(entity.place()),
                     None => reason,

@@ -6,7 +6,7 @@ use super::super::error::PatternReadError;
 use super::super::facts::{LayerFacts, NotTaken, PatternFacts};
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
-use super::entities::Remarks;
+use super::entities::{Remarks, SINGLE_VERTEX};
 use super::structure::{LayerRecord, Structure};
 use crate::geometry::contour::{Closing, Joining};
 use crate::geometry::pattern::{Layer, Path, Shape};
@@ -176,7 +176,6 @@ pub(super) fn drawing_notices(
     patterned_fills: usize,
     facts: &mut PatternFacts,
 ) {
-    let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if !facts.not_taken.is_empty() {
         let first: Vec<String> = facts
             .not_taken
@@ -185,8 +184,11 @@ pub(super) fn drawing_notices(
             .map(|left| format!("{} on layer {}: {}", left.entity, left.layer, left.why))
             .collect();
         let message = format!("{} entities are not marked ({})", facts.not_taken.len(), first.join("; "));
-        warn("not-taken", message);
+        let is_loss = facts.not_taken.iter().any(|left| left.why != SINGLE_VERTEX);
+        let notice = if is_loss { Notice::warning } else { Notice::note };
+        facts.notices.push(notice("not-taken", message));
     }
+    let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if let [first, ..] = joining.duplicates.as_slice() {
         let message = format!(
             "{} paths are drawn twice in the same place and will be marked twice (first {})",

@@ -79,9 +79,8 @@ impl Groups<'_> {
 }
 
 fn polyline_path(groups: &mut Groups<'_>, plane: &Placement, height: f64) -> Curve {
-    let _has_bulge = groups.take(72);
-    let _is_closed = groups.take(73);
-    let _count = groups.take(93);
+    // Has bulges, is closed, number of vertices: HATCH and MPOLYGON give them in different order, and none is needed.
+    while [72, 73, 93].iter().any(|code| groups.take(*code).is_some()) {}
     let mut vertices = Vec::new();
     while let Some([x, y]) = groups.point(10) {
         let bulge = groups.take(42).unwrap_or(0.0);

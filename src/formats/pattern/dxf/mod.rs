@@ -9,6 +9,7 @@ mod structure;
 mod colour;
 mod curves;
 mod splines;
+mod stream;
 mod entities;
 mod hatch;
 mod blocks;
