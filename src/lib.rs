@@ -11,3 +11,4 @@ pub mod diff;
 pub mod report;
 pub mod pipeline;
 pub mod hotfolder;
+pub mod cli;

@@ -151,14 +151,20 @@ impl Pipeline {
     /// When the cache's folder fails.
     pub fn recall(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<LearnedPart>, PipelineError> {
         let mut clock = Clock::start();
-        let Some(origin) = self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten() else {
-            return Ok(None);
-        };
-        let key = self.key(&origin, settings);
+        let Some(key) = self.current_key(sku, settings)? else { return Ok(None) };
         let mut notices = Vec::new();
         let kept = self.look_up(sku, &key, &mut notices)?;
         clock.lap("load surface");
         Ok(kept.map(|kept| LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps }))
+    }
+
+    /// The name that the surface of the SKU's current part has under these settings; `None` for an unknown SKU.
+    ///
+    /// # Errors
+    /// When the cache's folder fails.
+    pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
+        let Some(cache) = &self.cache else { return Ok(None) };
+        Ok(cache.current(sku)?.map(|origin| self.key(&origin, settings)))
     }
 
     fn look_up(&self, sku: &Sku, key: &CacheKey, notices: &mut Vec<Notice>) -> io::Result<Option<CachedSurface>> {

@@ -355,6 +355,15 @@ impl Report {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
+    /// One line for the log.
+    pub fn headline(&self) -> String {
+        let (after, before) = (&self.quality.after, self.quality.before.as_ref());
+        let before = before.map_or("?".to_owned(), |before| format!("{:.3}", before.length_error_mm));
+        let warnings = self.notices.iter().filter(|notice| notice.severity == Severity::Warning).count();
+        let attention = if warnings == 0 { String::new() } else { format!(", {warnings} warnings in the report") };
+        format!("{}, length error {before} -> {:.3} mm{attention}", self.map.method(), after.length_error_mm)
+    }
+
     /// One paragraph for people: what was done, how true it is, what to look at.
     pub fn summary(&self) -> String {
         let after = &self.quality.after;

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use super::{Failure, Outcome, cache_of, name_of, parse_sku, print, read_file, sibling_of, station, tell, write_file};
-use crate::config::{Anchor, JobSettings, Method, Sku, Vertices, Weighting, parse_facing};
+use super::{Failure, Outcome, cache_of, name_of, parse_sku, print, read_file, sibling_of, tell, write_file};
+use crate::config::{Anchor, JobSettings, LiveSettings, Method, Sku, Vertices, Weighting, parse_facing};
 use crate::files::read_if_there;
 use crate::formats::mesh::{LengthUnit, MeshFormat, UpAxis};
 use crate::formats::pattern::DrawingUnit;
@@ -84,13 +84,13 @@ pub(super) struct CorrectArguments {
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let (part, pattern) = inputs(&arguments.inputs)?;
     let sku = sku(arguments, part)?;
-    let station = station(arguments.station.as_deref())?;
-    let mut settings = match &station {
-        Some(station) => station.settings_of(&sku)?,
+    let mut live = arguments.station.as_deref().map(LiveSettings::open).transpose()?;
+    let mut settings = match &mut live {
+        Some(live) => live.job(&sku)?,
         None => JobSettings::default(),
     };
     arguments.apply(&mut settings)?;
-    let cache = cache_of(arguments.cache.as_deref(), station.as_ref())?;
+    let cache = cache_of(arguments.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
     let pipeline = Pipeline::new(Some(cache));
 
     let drawing = read_file(pattern)?;

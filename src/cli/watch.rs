@@ -59,7 +59,7 @@ fn words(tally: &Tally) -> String {
         tally.incomplete.len()
     );
     for left in tally.waiting.iter().chain(&tally.incomplete) {
-        text += &format!("  {}: {}\n", left.drop.display(), left.reason.what);
+        text += &format!("  {}: {}\n", left.drop, left.reason.what);
     }
     text
 }

@@ -22,7 +22,9 @@ mod drops;
 mod intake;
 mod outcome;
 mod worker;
+mod corrector;
 
+pub use corrector::PipelineCorrector;
 pub use filing::{CURRENT_PART, REASON_SCHEMA};
 pub use job::{
     Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, StationError,

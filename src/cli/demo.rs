@@ -1,0 +1,108 @@
+//! `isomark demo`: a station with sample parts and drawings, run once.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fs_err as fs;
+
+use super::{Failure, Outcome, print};
+use crate::cache::Cache;
+use crate::config::LiveSettings;
+use crate::files::write_whole;
+use crate::hotfolder::{self, Mode, PipelineCorrector, StopSignal};
+use crate::pipeline::Pipeline;
+use crate::report::Report;
+
+#[derive(Debug, Args)]
+pub(super) struct DemoArguments {
+    /// The folder to set the station up in.
+    #[arg(default_value = "isomark-demo")]
+    folder: PathBuf,
+}
+
+/// Real exports, and what a station needs to know of them.
+const FILES: &[(&str, &[u8])] = &[
+    ("station.toml", include_bytes!("../../watch-config/station.toml")),
+    ("skus/can.toml", include_bytes!("../../examples/skus/can.toml")),
+    ("skus/mouse.toml", include_bytes!("../../examples/skus/mouse.toml")),
+    ("skus/mandarin.toml", include_bytes!("../../examples/skus/mandarin.toml")),
+];
+const DROPS: &[(&str, &[u8])] = &[
+    ("mouse.glb", include_bytes!("../../examples/parts/mouse.glb")),
+    ("can.glb", include_bytes!("../../examples/parts/can.glb")),
+    ("mandarin.glb", include_bytes!("../../examples/parts/mandarin.glb")),
+    ("mouse@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
+    ("mouse@guilloche.dxf", include_bytes!("../../examples/patterns/guilloche.dxf")),
+    ("can@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
+    ("can@code.dxf", include_bytes!("../../examples/patterns/code.dxf")),
+    ("mandarin@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
+    ("mandarin@logo.dxf", include_bytes!("../../examples/patterns/logo.dxf")),
+];
+
+pub(super) fn run(arguments: &DemoArguments) -> Outcome {
+    super::watch::start_log();
+    let folder = &arguments.folder;
+    set_up(folder).map_err(|error| Failure::environment(&error))?;
+    let settings = LiveSettings::open(&folder.join("station.toml"))?;
+    let folders = settings.station().folders.clone();
+    let mut corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&folders.cache))));
+    let tally = hotfolder::run(settings, &mut corrector, &StopSignal::default(), Mode::Once)
+        .map_err(|error| Failure { exit: super::Exit::Environment, reason: error.reason() })?;
+    let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
+    print(&format!(
+        "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, previews   {}\nsettings            {}\n\
+         \nDrop a part and a drawing into {} and run\n  isomark watch {}\n",
+        tally.delivered,
+        tally.rejected,
+        folders.import.display(),
+        folders.reports.display(),
+        folder.join("station.toml").display(),
+        folders.hot.display(),
+        folder.join("station.toml").display(),
+    ));
+    Ok(())
+}
+
+fn set_up(folder: &Path) -> std::io::Result<()> {
+    let hot = folder.join("hot");
+    for each in [&hot, &folder.join("import"), &folder.join("skus")] {
+        fs::create_dir_all(each)?;
+    }
+    for (name, bytes) in FILES {
+        let path = folder.join(name);
+        // Settings that were edited since stay.
+        if path.exists() {
+            continue;
+        }
+        if let (Some(parent), Some(name)) = (path.parent(), path.file_name()) {
+            write_whole(parent, &name.to_string_lossy(), bytes)?;
+        }
+    }
+    DROPS.iter().try_for_each(|(name, bytes)| write_whole(&hot, name, bytes))
+}
+
+/// A row for each report, in the order of the drops.
+fn table(reports: &Path) -> std::io::Result<String> {
+    let mut text = format!(
+        "{:<10} {:<16} {:<10} {:>14} {:>22} {:>9}\n",
+        "SKU", "drawing", "method", "residual mm", "length error mm", "time ms"
+    );
+    for (name, _) in DROPS {
+        let Some((sku, _)) = name.split_once('@') else { continue };
+        let path = reports.join(sku).join(format!("{name}.report.json"));
+        let Ok(json) = fs::read_to_string(&path) else { continue };
+        let report: Report = serde_json::from_str(&json)?;
+        let before = report.quality.before.as_ref().map_or(f64::NAN, |before| before.length_error_mm);
+        let change = format!("{before:.3} -> {:.3}", report.quality.after.length_error_mm);
+        text += &format!(
+            "{:<10} {:<16} {:<10} {:>14.4} {:>22} {:>9.1}\n",
+            report.sku,
+            report.pattern.file.split_once('@').map_or(report.pattern.file.as_str(), |(_, drawing)| drawing),
+            report.map.method(),
+            report.part.residual.under_ink_mm,
+            change,
+            report.timings.iter().map(|timing| timing.ms).sum::<f64>(),
+        );
+    }
+    Ok(text)
+}

@@ -1,0 +1,155 @@
+//! The pipeline behind the hot folder's [`Corrector`].
+
+use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned};
+use crate::config::{JobSettings, PartSettings, Sku};
+use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
+use crate::formats::pattern::{self, PatternOptions, PatternReadError};
+use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
+use crate::reason::Reason;
+
+/// Fits parts and corrects patterns with the [`Pipeline`].
+#[derive(Debug)]
+pub struct PipelineCorrector {
+    pipeline: Pipeline,
+    /// The surface of the last job: most drops in a row are for one product.
+    last: Option<(Sku, PartSettings, LearnedPart)>,
+}
+
+impl PipelineCorrector {
+    /// A corrector that works with `pipeline`.
+    pub fn new(pipeline: Pipeline) -> Self {
+        Self { pipeline, last: None }
+    }
+
+    /// The surface kept for a SKU, from memory while the cache says it is still the current one.
+    fn surface(&mut self, sku: &Sku, settings: &PartSettings) -> Result<Option<&LearnedPart>, PipelineError> {
+        let current = self.pipeline.current_key(sku, settings)?;
+        let fresh = self.last.as_ref().is_some_and(|(known, under, learned)| {
+            known == sku && under == settings && Some(&learned.key) == current.as_ref()
+        });
+        if !fresh {
+            let recalled = self.pipeline.recall(sku, settings)?;
+            self.last = recalled.map(|learned| (sku.clone(), settings.clone(), learned));
+        }
+        Ok(self.last.as_ref().map(|(.., learned)| learned))
+    }
+}
+
+impl Corrector for PipelineCorrector {
+    fn completeness(&self, name: &str, bytes: &[u8]) -> Completeness {
+        match MeshFormat::from_name(name) {
+            Some(format) => part_completeness(name, format, bytes),
+            None => pattern_completeness(name, bytes),
+        }
+    }
+
+    fn knows(&mut self, sku: &Sku, settings: &JobSettings) -> bool {
+        // A cache that cannot be read is told by the job itself, as something to try again.
+        !matches!(self.surface(sku, &settings.part), Ok(None))
+    }
+
+    fn learn_part(
+        &mut self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+    ) -> Result<PartLearned, JobError> {
+        let input =
+            PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
+        let learned = self.pipeline.learn(sku, input, &settings.part)?;
+        let [x, y, z] = learned.kept.facts.size;
+        let residual = &learned.kept.surface.residual;
+        let summary = format!(
+            "{}: {x:.1} x {y:.1} x {z:.1} mm, surface within {:.4} mm (95 %), {:.4} mm at most{}",
+            part.name,
+            residual.most,
+            residual.largest,
+            if learned.from_cache { ", already known" } else { "" }
+        );
+        self.last = Some((sku.clone(), settings.part.clone(), learned));
+        Ok(PartLearned { summary, report: None })
+    }
+
+    fn correct(
+        &mut self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        previous: Option<&[u8]>,
+        settings: &JobSettings,
+    ) -> Result<Delivery, JobError> {
+        let pipeline = self.pipeline.clone();
+        let learned = self.surface(sku, &settings.part)?.ok_or_else(|| {
+            let what = format!("The surface of the SKU {sku} went from the cache.");
+            JobError::Retry(Reason::new("surface-gone", what, "Wait: the part is fitted again from the archive."))
+        })?;
+        let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
+        let corrected = pipeline.correct(sku, learned, input, settings, true)?;
+        let report = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
+        Ok(Delivery {
+            drawing: corrected.dxf,
+            report: report.into_bytes(),
+            preview: corrected.preview.map(String::into_bytes),
+            summary: corrected.report.headline(),
+        })
+    }
+}
+
+impl From<PipelineError> for JobError {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Rejected(reason) => Self::Rejected(reason),
+            PipelineError::Environment(error) => Self::Retry(Reason::new(
+                "cache-unusable",
+                format!("The cache cannot be used: {error}."),
+                "Check that its folder may be written and its disk is not full.",
+            )),
+        }
+    }
+}
+
+fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
+    if pattern::is_complete(bytes) {
+        return Completeness::Whole { companions: Vec::new() };
+    }
+    match pattern::read(bytes, &PatternOptions::default()) {
+        Err(error @ PatternReadError::Truncated { .. }) => Completeness::CutShort(error.reason().in_file(name)),
+        // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
+        Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
+        _ => Completeness::Whole { companions: Vec::new() },
+    }
+}
+
+fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completeness {
+    let ends_with_a_line = bytes.last() == Some(&b'\n');
+    let cut = |error: &MeshReadError| error.reason().code == "mesh-truncated" || bytes.is_empty();
+    match format {
+        // A whole last line is all the end an OBJ has; only without one is a closer look worth its time.
+        MeshFormat::Obj if ends_with_a_line => {}
+        MeshFormat::Obj => {
+            let reading = mesh::read(bytes, format, &MeshOptions::default(), &mut |_| Ok(Vec::new()));
+            if let Some(error) = reading.err().filter(cut) {
+                return Completeness::CutShort(error.reason().in_file(name));
+            }
+        }
+        MeshFormat::Gltf | MeshFormat::Glb => match mesh::siblings(bytes, format) {
+            Ok(buffers) => {
+                let companion = |name| Companion { name, needed: true, bytes: 0 };
+                return Completeness::Whole { companions: buffers.into_iter().map(companion).collect() };
+            }
+            Err(error) if cut(&error) => return Completeness::CutShort(error.reason().in_file(name)),
+            Err(_) => {}
+        },
+    }
+    Completeness::Whole { companions: material_libraries(format, bytes) }
+}
+
+/// The `.mtl` files an OBJ names: not read, but they travel with their part.
+fn material_libraries(format: MeshFormat, bytes: &[u8]) -> Vec<Companion> {
+    if format != MeshFormat::Obj {
+        return Vec::new();
+    }
+    // Exporters name them at the head.
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
+    let named = head.lines().filter_map(|line| line.trim().strip_prefix("mtllib "));
+    named.map(|name| Companion { name: name.trim().to_owned(), needed: false, bytes: 0 }).collect()
+}
