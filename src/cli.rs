@@ -121,7 +121,8 @@ impl Failure {
 
 impl From<ConfigError> for Failure {
     fn from(error: ConfigError) -> Self {
-        let exit = if matches!(error, ConfigError::Unreadable { .. }) { Exit::Environment } else { Exit::Usage };
+        let exit =
+            if matches!(error, ConfigError::Unreadable { .. }) { Exit::Environment } else { Exit::Usage };
         Self { exit, reason: error.reason() }
     }
 }
@@ -203,7 +204,10 @@ fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Fa
         variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
     };
     user.map(|folder| Cache::new(folder.join("isomark"))).ok_or_else(|| {
-        Failure::usage("There is no folder to keep fitted surfaces in.", "Name one with `--cache`, or a station with `--station`.")
+        Failure::usage(
+            "There is no folder to keep fitted surfaces in.",
+            "Name one with `--cache`, or a station with `--station`.",
+        )
     })
 }
 

@@ -114,7 +114,12 @@ impl Pipeline {
     ///
     /// # Errors
     /// When the part cannot be read or has no surface to mark, or the cache's folder fails.
-    pub fn learn(&self, sku: &Sku, part: PartInput<'_>, settings: &PartSettings) -> Result<LearnedPart, PipelineError> {
+    pub fn learn(
+        &self,
+        sku: &Sku,
+        part: PartInput<'_>,
+        settings: &PartSettings,
+    ) -> Result<LearnedPart, PipelineError> {
         let mut clock = Clock::start();
         let origin = origin_of(part.name, part.bytes, part.sibling)?;
         clock.lap("hash part");
@@ -167,13 +172,21 @@ impl Pipeline {
         Ok(cache.current(sku)?.map(|origin| self.key(&origin, settings)))
     }
 
-    fn look_up(&self, sku: &Sku, key: &CacheKey, notices: &mut Vec<Notice>) -> io::Result<Option<CachedSurface>> {
+    fn look_up(
+        &self,
+        sku: &Sku,
+        key: &CacheKey,
+        notices: &mut Vec<Notice>,
+    ) -> io::Result<Option<CachedSurface>> {
         let Some(cache) = &self.cache else { return Ok(None) };
         match cache.get(sku, key)? {
             Lookup::Hit(kept) => Ok(Some(*kept)),
             Lookup::Miss => Ok(None),
             Lookup::Damaged(what) => {
-                let text = format!("the cached surface {} of {sku} cannot be used: {what}; it is fitted anew", key.as_str());
+                let text = format!(
+                    "the cached surface {} of {sku} cannot be used: {what}; it is fitted anew",
+                    key.as_str()
+                );
                 tracing::warn!("{text}");
                 notices.push(Notice::warning("cache-damaged", text));
                 Ok(None)
@@ -212,14 +225,15 @@ impl Pipeline {
 
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
-            .map_err(|error| checks::map_reason(&error, &placing).in_file(input.name))?;
+            .map_err(|error| checks::map_reason(&error, &placing, surface).in_file(input.name))?;
         clock.lap("map");
 
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, lens: settings.optics.lens };
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
-        checks::exposure(&exposure, surface, settings, &mut notices).map_err(|reason| reason.in_file(input.name))?;
+        checks::exposure(&exposure, surface, settings, &mut notices)
+            .map_err(|reason| reason.in_file(input.name))?;
         clock.lap("check");
 
         let subdivision = match settings.correction.vertices {
@@ -379,7 +393,12 @@ fn profile(settings: &JobSettings) -> DxfProfile {
     }
 }
 
-fn comments(sku: &Sku, learned: &LearnedPart, input: PatternInput<'_>, settings: &JobSettings) -> Vec<String> {
+fn comments(
+    sku: &Sku,
+    learned: &LearnedPart,
+    input: PatternInput<'_>,
+    settings: &JobSettings,
+) -> Vec<String> {
     if !settings.output.comments {
         return Vec::new();
     }

@@ -273,7 +273,8 @@ impl MapStory {
     pub fn new(map: &LengthTrueMap, weighting: &str) -> Self {
         match map {
             LengthTrueMap::Isometric(map) => {
-                let energy = |iteration: Option<&Iteration>| iteration.map_or(0.0, |iteration| iteration.energy);
+                let energy =
+                    |iteration: Option<&Iteration>| iteration.map_or(0.0, |iteration| iteration.energy);
                 Self::Isometric {
                     weighting: weighting.into(),
                     iterations: map.iterations.len(),
@@ -360,7 +361,8 @@ impl Report {
         let (after, before) = (&self.quality.after, self.quality.before.as_ref());
         let before = before.map_or("?".to_owned(), |before| format!("{:.3}", before.length_error_mm));
         let warnings = self.notices.iter().filter(|notice| notice.severity == Severity::Warning).count();
-        let attention = if warnings == 0 { String::new() } else { format!(", {warnings} warnings in the report") };
+        let attention =
+            if warnings == 0 { String::new() } else { format!(", {warnings} warnings in the report") };
         format!("{}, length error {before} -> {:.3} mm{attention}", self.map.method(), after.length_error_mm)
     }
 

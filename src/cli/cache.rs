@@ -78,7 +78,12 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
             cache.remove_entry(entry).map_err(|error| Failure::environment(&error))?;
         }
     }
-    tell(&format!("{} entries, {} damaged{}", entries.len(), damaged.len(), if repair { ", removed" } else { "" }));
+    tell(&format!(
+        "{} entries, {} damaged{}",
+        entries.len(),
+        damaged.len(),
+        if repair { ", removed" } else { "" }
+    ));
     if damaged.is_empty() || repair {
         return Ok(());
     }

@@ -135,7 +135,10 @@ fn sku(arguments: &CorrectArguments, part: Option<&Path>) -> Result<Sku, Failure
     match (&arguments.sku, part.and_then(Path::file_stem)) {
         (Some(sku), _) => parse_sku(sku),
         (None, Some(stem)) => parse_sku(&stem.to_string_lossy()),
-        (None, None) => Err(Failure::usage("There is neither a part nor a SKU.", "Name the part, or its SKU with `--sku`.")),
+        (None, None) => Err(Failure::usage(
+            "There is neither a part nor a SKU.",
+            "Name the part, or its SKU with `--sku`.",
+        )),
     }
 }
 
@@ -178,7 +181,10 @@ impl CorrectArguments {
         }
         let angles = [settings.part.roll, settings.placement.rotate];
         if angles.iter().any(|angle| !angle.is_finite()) {
-            return Err(Failure::usage("An angle is not a number.", "Give `--rotate` and `--roll` in degrees."));
+            return Err(Failure::usage(
+                "An angle is not a number.",
+                "Give `--rotate` and `--roll` in degrees.",
+            ));
         }
         Ok(())
     }

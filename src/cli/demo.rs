@@ -34,9 +34,9 @@ const DROPS: &[(&str, &[u8])] = &[
     ("mouse@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
     ("mouse@guilloche.dxf", include_bytes!("../../examples/patterns/guilloche.dxf")),
     ("can@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
+    ("can@logo.dxf", include_bytes!("../../examples/patterns/logo.dxf")),
     ("can@code.dxf", include_bytes!("../../examples/patterns/code.dxf")),
     ("mandarin@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
-    ("mandarin@logo.dxf", include_bytes!("../../examples/patterns/logo.dxf")),
 ];
 
 pub(super) fn run(arguments: &DemoArguments) -> Outcome {

@@ -25,7 +25,8 @@ pub(super) struct DiffArguments {
 pub(super) fn run(arguments: &DiffArguments) -> Outcome {
     let diff = compare(&paths(&arguments.old)?, &paths(&arguments.new)?, arguments.tolerance);
     if arguments.json {
-        let text = serde_json::to_string_pretty(&diff).map_err(|error| Failure::environment(&error.into()))?;
+        let text =
+            serde_json::to_string_pretty(&diff).map_err(|error| Failure::environment(&error.into()))?;
         print(&(text + "\n"));
     } else {
         print(&format!("{diff}\n"));

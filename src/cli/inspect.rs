@@ -63,7 +63,8 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         }
     };
     if arguments.json {
-        let json = serde_json::to_string_pretty(&inspection).map_err(|error| Failure::environment(&error.into()))?;
+        let json =
+            serde_json::to_string_pretty(&inspection).map_err(|error| Failure::environment(&error.into()))?;
         print(&(json + "\n"));
     } else {
         print(&text);
@@ -90,7 +91,9 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
         NormalsFound::None => "none; they are estimated from the mesh",
     };
     line(&mut text, "normals", normals);
-    for (label, names) in [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.not_taken)] {
+    for (label, names) in
+        [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.not_taken)]
+    {
         if !names.is_empty() {
             line(&mut text, label, &names.join(", "));
         }
@@ -111,18 +114,31 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     let contours = pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
     line(&mut text, "to mark", &format!("{} paths, {contours} of them closed", pattern.paths.len()));
     for (entity, layers) in &facts.entities {
-        let by_layer: Vec<String> = layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();
+        let by_layer: Vec<String> =
+            layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();
         line(&mut text, "", &format!("{entity}: {}", by_layer.join(", ")));
     }
     for (layer, found) in facts.layers.iter().filter(|(_, found)| found.hidden.is_some()) {
-        line(&mut text, "hidden", &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()));
+        line(
+            &mut text,
+            "hidden",
+            &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()),
+        );
     }
     for left in facts.not_taken.iter().take(MOST_LISTED) {
         let handle = left.handle.as_deref().unwrap_or("without handle");
-        line(&mut text, "NOT TAKEN", &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why));
+        line(
+            &mut text,
+            "NOT TAKEN",
+            &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
+        );
     }
     if facts.not_taken.len() > MOST_LISTED {
-        line(&mut text, "NOT TAKEN", &format!("and {} more; --json names all", facts.not_taken.len() - MOST_LISTED));
+        line(
+            &mut text,
+            "NOT TAKEN",
+            &format!("and {} more; --json names all", facts.not_taken.len() - MOST_LISTED),
+        );
     }
     for repair in &facts.repairs {
         line(&mut text, "repaired", &repair.message);

@@ -28,7 +28,8 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     if let Err(error) = ctrlc::set_handler(move || raise.raise()) {
         tell(&format!("isomark: Ctrl-C will not end the station cleanly: {error}"));
     }
-    let mut corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&settings.station().folders.cache))));
+    let mut corrector =
+        PipelineCorrector::new(Pipeline::new(Some(Cache::new(&settings.station().folders.cache))));
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
     let tally = hotfolder::run(settings, &mut corrector, &stop, mode).map_err(|error| failure(&error))?;
     if arguments.once {
@@ -40,7 +41,8 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
 /// Lines for people on standard error; `RUST_LOG` chooses others.
 pub(super) fn start_log() {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
-    let lines = tracing_subscriber::fmt().with_env_filter(filter).with_target(false).with_writer(std::io::stderr);
+    let lines =
+        tracing_subscriber::fmt().with_env_filter(filter).with_target(false).with_writer(std::io::stderr);
     // A second log in one process is a test's; the first one goes on.
     let _ = lines.try_init();
 }

@@ -24,6 +24,7 @@ pub(super) struct JobKeys {
     pattern: PatternKeys,
     placement: PlacementKeys,
     correction: CorrectionKeys,
+    fixture: FixtureKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -75,8 +76,9 @@ impl JobKeys {
         pattern: PatternKeys,
         placement: PlacementKeys,
         correction: CorrectionKeys,
+        fixture: FixtureKeys,
     ) -> Self {
-        Self { part, pattern, placement, correction }
+        Self { part, pattern, placement, correction, fixture }
     }
 
     /// Sets what the file names and leaves the rest.
@@ -84,7 +86,8 @@ impl JobKeys {
         self.part.apply(text, to)?;
         self.pattern.apply(text, to)?;
         self.placement.apply(text, to)?;
-        self.correction.apply(text, to)
+        self.correction.apply(text, to)?;
+        self.fixture.apply(text, to)
     }
 }
 
@@ -212,17 +215,20 @@ pub(super) struct FixtureKeys {
 }
 
 impl FixtureKeys {
-    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
-        let offset = |key, given: Option<Spanned<f64>>| match given {
-            Some(given) => text.number(key, &given, -FARTHEST..=FARTHEST, "mm"),
-            None => Ok(0.0),
-        };
-        to.fixture.x = offset("fixture.x_mm", self.x_mm)?;
-        to.fixture.y = offset("fixture.y_mm", self.y_mm)?;
-        to.fixture.z = offset("fixture.z_mm", self.z_mm)?;
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        let fixture = &mut to.fixture;
+        for (key, given, to) in [
+            ("fixture.x_mm", self.x_mm, &mut fixture.x),
+            ("fixture.y_mm", self.y_mm, &mut fixture.y),
+            ("fixture.z_mm", self.z_mm, &mut fixture.z),
+        ] {
+            if let Some(given) = given {
+                *to = text.number(key, &given, -FARTHEST..=FARTHEST, "mm")?;
+            }
+        }
         if let Some(rotation) = self.rotation_deg {
             let range = -360.0..=360.0;
-            to.fixture.rotation = text.number("fixture.rotation_deg", &rotation, range, "deg")?.to_radians();
+            fixture.rotation = text.number("fixture.rotation_deg", &rotation, range, "deg")?.to_radians();
         }
         Ok(())
     }

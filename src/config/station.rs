@@ -100,9 +100,8 @@ impl Station {
         let mut settings = JobSettings::default();
         keys.field.apply(&text, &mut settings)?;
         keys.optics.apply(&text, &mut settings)?;
-        keys.fixture.apply(&text, &mut settings)?;
         keys.output.apply(&mut settings);
-        JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction)
+        JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction, keys.fixture)
             .apply(&text, &mut settings)?;
         Ok(Self {
             name: name.into_inner(),

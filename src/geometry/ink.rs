@@ -65,6 +65,10 @@ impl Ink {
                     (0..=steps).map(|step| segment.point(step as f64 / steps as f64)).collect();
                 ends.iter().for_each(|end| extents.include(end.coords()));
                 let length: f64 = ends.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+                // Repeated points close many contours; a piece shorter than rounding has no direction.
+                if length < 1e-6 {
+                    continue;
+                }
                 let count = (length / piece).ceil().clamp(1.0, 1e6) as usize;
                 let along = |index: usize| segment.point(index as f64 / count as f64);
                 pieces.extend((0..count).map(|index| Piece { from: along(index), to: along(index + 1) }));

@@ -80,7 +80,11 @@ impl Corrector for PipelineCorrector {
         let pipeline = self.pipeline.clone();
         let learned = self.surface(sku, &settings.part)?.ok_or_else(|| {
             let what = format!("The surface of the SKU {sku} went from the cache.");
-            JobError::Retry(Reason::new("surface-gone", what, "Wait: the part is fitted again from the archive."))
+            JobError::Retry(Reason::new(
+                "surface-gone",
+                what,
+                "Wait: the part is fitted again from the archive.",
+            ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
         let corrected = pipeline.correct(sku, learned, input, settings, true)?;
@@ -112,7 +116,9 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
         return Completeness::Whole { companions: Vec::new() };
     }
     match pattern::read(bytes, &PatternOptions::default()) {
-        Err(error @ PatternReadError::Truncated { .. }) => Completeness::CutShort(error.reason().in_file(name)),
+        Err(error @ PatternReadError::Truncated { .. }) => {
+            Completeness::CutShort(error.reason().in_file(name))
+        }
         // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
         Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
         _ => Completeness::Whole { companions: Vec::new() },

@@ -20,7 +20,12 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
             format!("Hardly any of {side} can be marked."),
             "Check `facing`: it names the side of the part that the laser looks at.",
         )
-        .with_number("samples on the surface", *nodes as f64, &format!("of {all} below {:.0} deg", limit.to_degrees()), None),
+        .with_number(
+            "samples on the surface",
+            *nodes as f64,
+            &format!("of {all} below {:.0} deg", limit.to_degrees()),
+            None,
+        ),
         FitError::TooSmall { width, height } => Reason::new(
             "part-too-thin",
             format!("The part measures {width:.4} x {height:.4} mm as the laser sees it."),
@@ -48,8 +53,14 @@ pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSetting
     ))
 }
 
-pub(super) fn map_reason(error: &MapError, placing: &Placing) -> Reason {
-    let place = Place { coordinate: Some(placing.place.coords().iter().copied().collect()), ..Place::default() };
+pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSurface) -> Reason {
+    // Beside the part there is nothing to bend to; that is the plainer reason then.
+    let place = ViewPoint::from(placing.place.coords());
+    if !surface.field.is_surface(place) {
+        return off_surface(place, surface);
+    }
+    let place =
+        Place { coordinate: Some(placing.place.coords().iter().copied().collect()), ..Place::default() };
     match error {
         MapError::Isometric(error) => Reason::new(
             "map-not-found",
@@ -61,9 +72,12 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing) -> Reason {
             let remedy = match error {
                 CylinderError::TooFewPoints { .. } => "Place the drawing on the part with `place`.",
                 CylinderError::NoAxis { .. } => "Use the method `auto` or `isometric` for this part.",
-                CylinderError::AnchorBeside { .. } => "Place the anchor over the cylinder with `place` or `anchor`.",
+                CylinderError::AnchorBeside { .. } => {
+                    "Place the anchor over the cylinder with `place` or `anchor`."
+                }
             };
-            Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy).at(place)
+            Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy)
+                .at(place)
         }
     }
 }
@@ -87,7 +101,11 @@ pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface) -> Reason {
     };
     Reason::new(
         "off-surface",
-        format!("{what} As the laser sees it, the part spans x {} and y {} mm.", span(&domain, 0), span(&domain, 1)),
+        format!(
+            "{what} As the laser sees it, the part spans x {} and y {} mm.",
+            span(&domain, 0),
+            span(&domain, 1)
+        ),
         "Move the drawing with `place`, make it smaller, or check `facing`.",
     )
     .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
@@ -118,7 +136,10 @@ fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>)
     let limits = &settings.optics.incidence;
     let degrees = seen.steepest.to_degrees();
     let at = seen.steepest_at;
-    let text = format!("the beam meets the part at {degrees:.1} deg from its normal at ({:.2}, {:.2}) mm", at.x, at.y);
+    let text = format!(
+        "the beam meets the part at {degrees:.1} deg from its normal at ({:.2}, {:.2}) mm",
+        at.x, at.y
+    );
     if seen.steepest > limits.refuse {
         return Err(Reason::new(
             "too-steep",

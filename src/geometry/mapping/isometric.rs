@@ -69,8 +69,11 @@ pub enum IsometricError {
 
 /// A step below this, mm, ends the iteration: a thousandth of what a galvo resolves.
 const SETTLED: f64 = 1e-6;
+/// A step that lowers the energy by less than this share of it ends the iteration too: where strain must remain, Gauss
+/// and Newton's steps shrink slowly at the end, over control points that hardly matter.
+const NO_GAIN: f64 = 1e-5;
 /// Steps tried before giving up.
-const MOST_STEPS: usize = 30;
+const MOST_STEPS: usize = 40;
 /// Weight of the pin against the mean strain's of 1: it holds the anchor to about 1e-9 mm.
 const PIN_WEIGHT: f64 = 1e4;
 
@@ -144,8 +147,9 @@ impl IsometricMap {
                 fraction /= 2.0;
             };
             map.iterations.push(Iteration { energy, step: largest * fraction });
+            let gain = energy - reached;
             energy = reached;
-            if largest < SETTLED {
+            if largest < SETTLED || (fraction == 1.0 && gain.abs() <= NO_GAIN * energy) {
                 return Ok(map);
             }
         }

@@ -83,7 +83,16 @@ pub(super) fn layers(structure: &Structure, used: &[Layer], paths: &[Path]) -> B
     let mut facts: BTreeMap<String, LayerFacts> = structure
         .layers
         .values()
-        .map(|entry| (entry.name.clone(), LayerFacts { color: entry.color.to_string(), paths: 0, hidden: hidden(entry).map(str::to_owned) }))
+        .map(|entry| {
+            (
+                entry.name.clone(),
+                LayerFacts {
+                    color: entry.color.to_string(),
+                    paths: 0,
+                    hidden: hidden(entry).map(str::to_owned),
+                },
+            )
+        })
         .collect();
     let mut counts = vec![0; used.len()];
     paths.iter().for_each(|path| counts[path.layer] += 1);
