@@ -175,6 +175,14 @@ pub enum MeshReadError {
         /// What is wrong with it.
         problem: &'static str,
     },
+    /// The parser refuses what our own checks let through.
+    #[error("the {format} file cannot be read: {message}")]
+    Refused {
+        /// The format read.
+        format: MeshFormat,
+        /// What the parser says.
+        message: String,
+    },
     /// There is no triangle with an area.
     #[error("the file holds no triangle with an area{}", likely_cause(cause))]
     NoTriangles {
@@ -285,6 +293,7 @@ impl MeshReadError {
             Self::TooFar { .. } => "mesh-coordinate-too-far",
             Self::IndexOutOfRange { .. } => "mesh-index-out-of-range",
             Self::BadLine { .. } => "mesh-line-invalid",
+            Self::Refused { .. } => "mesh-refused",
             Self::NoTriangles { .. } => "mesh-empty",
             Self::TooLarge { .. } => "mesh-too-large",
         }
@@ -319,6 +328,7 @@ impl MeshReadError {
             Self::NotThisFormat { .. }
             | Self::Version { .. }
             | Self::UnsupportedExtension { .. }
+            | Self::Refused { .. }
             | Self::NoTriangles { .. }
             | Self::TooLarge { .. } => Place::default(),
         }
@@ -366,6 +376,7 @@ impl MeshReadError {
             Self::BadLine { .. } => {
                 "correct this line, or export the part again with a point as decimal sign"
             }
+            Self::Refused { .. } => "export the part as GLB instead",
             Self::NoTriangles { cause } => empty_remedy(cause),
             Self::TooLarge { .. } => "reduce the mesh (decimate it, or export with a larger chord tolerance)",
         };

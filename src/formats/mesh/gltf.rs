@@ -1,17 +1,18 @@
 //! glTF 2 and GLB: container, buffers and JSON. The scene is walked in [`scene`], numbers are read in [`accessor`].
 //!
-//! The format crate gives the types of the JSON only. Its validation panics on missing accessors and refuses files that
-//! lack what is not needed here (textures, bounds of positions); so what is used is checked where it is used, and
-//! nothing else.
+//! The format crate splits the container, parses the JSON and reads the numbers. Its validation is left out: it panics
+//! on missing accessors and refuses files that lack what is not needed here (textures, bounds of positions). So what is
+//! used is checked just before the crate follows it, and nothing else.
 
 use std::borrow::Cow;
 use std::io;
 
-use gltf_json::{Root, buffer::Buffer};
+use ::gltf::binary::Error as GlbError;
+use ::gltf::json::{Root, buffer::Buffer, deserialize};
+use ::gltf::{Document, Error as GltfError, Glb};
 
 use crate::reason::Notice;
 
-use super::clues::Clues;
 use super::{MeshFormat, MeshReadError, RawPart};
 
 mod accessor;
@@ -20,6 +21,11 @@ mod scene;
 /// Extensions that a file may require although nothing is done for them: they change looks, not shape.
 const HARMLESS_EXTENSIONS: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"];
 
+/// Length of the header of a GLB file, bytes.
+const GLB_HEADER: usize = 12;
+/// Length of the header of each chunk in it, bytes.
+const CHUNK_HEADER: usize = 8;
+
 /// Reads a part from a glTF or GLB file; `sibling` gives the bytes of a file beside it.
 pub(super) fn read(
     bytes: &[u8],
@@ -27,9 +33,9 @@ pub(super) fn read(
     sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
 ) -> Result<RawPart, MeshReadError> {
     let container = Container::split(bytes, format)?;
-    let root = parse(container.json)?;
-    let buffers = load_buffers(&root.buffers, container.binary, sibling)?;
-    let mut part = scene::read(&root, &buffers, Clues::new(format, root.asset.generator.clone()))?;
+    let document = parse(&container.json)?;
+    let buffers = load_buffers(&document.as_json().buffers, container.binary, sibling)?;
+    let mut part = scene::read(&document, &buffers, format)?;
     if container.trailing > 0 {
         let message = format!("{} bytes after the end of the GLB file were left aside", container.trailing);
         part.notices.push(Notice::warning("glb-trailing-bytes", message));
@@ -39,9 +45,9 @@ pub(super) fn read(
 
 /// Names of the files beside the part that hold its buffers, in the order of the file, each once.
 pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshReadError> {
-    let root = parse(Container::split(bytes, format)?.json)?;
+    let document = parse(&Container::split(bytes, format)?.json)?;
     let mut names: Vec<String> = Vec::new();
-    for uri in root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref()) {
+    for uri in document.as_json().buffers.iter().filter_map(|buffer| buffer.uri.as_deref()) {
         if !uri.starts_with("data:") {
             let name = sibling_name(uri)?;
             if !names.contains(&name) {
@@ -54,8 +60,8 @@ pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, 
 
 /// The two chunks of a GLB file, or the JSON alone.
 struct Container<'a> {
-    json: &'a [u8],
-    binary: Option<&'a [u8]>,
+    json: Cow<'a, [u8]>,
+    binary: Option<Cow<'a, [u8]>>,
     trailing: usize,
 }
 
@@ -64,39 +70,41 @@ impl<'a> Container<'a> {
         if !bytes.starts_with(b"glTF") {
             let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
             return match json.trim_ascii_start().first() {
-                Some(b'{') => Ok(Self { json, binary: None, trailing: 0 }),
+                Some(b'{') => Ok(Self { json: json.into(), binary: None, trailing: 0 }),
                 _ => Err(MeshReadError::NotThisFormat { format, found: beginning(bytes) }),
             };
         }
-        let actual = bytes.len() as u64;
-        let truncated =
-            |declared: u64| MeshReadError::Truncated { format: MeshFormat::Glb, declared, actual };
-        let version = word(bytes, 4).ok_or(truncated(12))?;
-        let length = word(bytes, 8).ok_or(truncated(12))? as usize;
+        let cut = |declared: usize, actual: usize| MeshReadError::Truncated {
+            format: MeshFormat::Glb,
+            declared: declared as u64,
+            actual: actual as u64,
+        };
+        // The crate subtracts the header from the length unchecked, and does not say what follows the end.
+        let version = word(bytes, 4).ok_or(cut(GLB_HEADER, bytes.len()))?;
+        let length = word(bytes, 8).ok_or(cut(GLB_HEADER, bytes.len()))? as usize;
         if version != 2 {
             return Err(MeshReadError::Version { version: version.to_string() });
         }
-        let file = bytes.get(..length).ok_or(truncated(length as u64))?;
-        let mut json = None;
-        let mut binary = None;
-        let mut at = 12;
-        while at < file.len() {
-            let chunk_length = word(file, at).ok_or(truncated(at as u64 + 8))? as usize;
-            let kind = file.get(at + 4..at + 8).ok_or(truncated(at as u64 + 8))?;
-            let end = at.saturating_add(8).saturating_add(chunk_length);
-            let data = file.get(at + 8..end).ok_or(truncated(end as u64))?;
-            match kind {
-                b"JSON" if json.is_none() => json = Some(data),
-                b"BIN\0" if binary.is_none() => binary = Some(data),
-                _ => {}
-            }
-            at = end;
+        let file = bytes.get(..length).ok_or(cut(length, bytes.len()))?;
+        if length < GLB_HEADER + CHUNK_HEADER {
+            return Err(cut(GLB_HEADER + CHUNK_HEADER, length));
         }
-        let json = json.ok_or(MeshReadError::NotThisFormat {
-            format: MeshFormat::Glb,
-            found: "a GLB header without a JSON chunk".into(),
+        let glb = Glb::from_slice(file).map_err(|error| match error {
+            GltfError::Binary(GlbError::ChunkLength { length: declared, length_read, .. }) => {
+                cut(length - length_read + declared as usize, length)
+            }
+            GltfError::Binary(GlbError::Io(_)) => cut(length + CHUNK_HEADER, length),
+            // Where something else than BIN follows the JSON, bytes were lost or put in before it.
+            _ if file[GLB_HEADER + 4..].starts_with(b"JSON") => {
+                let json_length = word(file, GLB_HEADER).unwrap_or(0) as usize;
+                cut(length, GLB_HEADER + CHUNK_HEADER + json_length)
+            }
+            _ => MeshReadError::NotThisFormat {
+                format: MeshFormat::Glb,
+                found: "a GLB header without a JSON chunk".into(),
+            },
         })?;
-        Ok(Self { json, binary, trailing: bytes.len() - file.len() })
+        Ok(Self { json: glb.json, binary: glb.bin, trailing: bytes.len() - length })
     }
 }
 
@@ -113,10 +121,10 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-fn parse(json: &[u8]) -> Result<Root, MeshReadError> {
+fn parse(json: &[u8]) -> Result<Document, MeshReadError> {
     // Names in the machine's own code page are damaged, but harmless.
     let text = String::from_utf8_lossy(json);
-    let root: Root = gltf_json::deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
+    let mut root: Root = deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
         line: error.line() as u64,
         column: error.column() as u64,
         message: error.to_string(),
@@ -125,27 +133,33 @@ fn parse(json: &[u8]) -> Result<Root, MeshReadError> {
         return Err(MeshReadError::Version { version: root.asset.version });
     }
     let needed = root.extensions_required.iter();
-    match needed.into_iter().find(|name| !HARMLESS_EXTENSIONS.iter().any(|known| name.starts_with(known))) {
-        Some(name) => Err(MeshReadError::UnsupportedExtension { name: name.clone() }),
-        None => Ok(root),
+    if let Some(name) =
+        needed.into_iter().find(|name| !HARMLESS_EXTENSIONS.iter().any(|known| name.starts_with(known)))
+    {
+        return Err(MeshReadError::UnsupportedExtension { name: name.clone() });
     }
+    // A replacement of nothing says nothing, and the crate counts down from it.
+    for accessor in &mut root.accessors {
+        accessor.sparse = accessor.sparse.take().filter(|sparse| sparse.count.0 > 0);
+    }
+    Ok(Document::from_json_without_validation(root))
 }
 
 fn load_buffers<'a>(
     buffers: &[Buffer],
-    binary: Option<&'a [u8]>,
+    binary: Option<Cow<'a, [u8]>>,
     sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
 ) -> Result<Vec<Cow<'a, [u8]>>, MeshReadError> {
     let load = |(number, buffer): (usize, &Buffer)| {
         let (name, data) = match buffer.uri.as_deref() {
             None => {
                 let name = format!("{number} inside the GLB file");
-                let data = binary.ok_or(MeshReadError::BufferShort {
+                let data = binary.clone().ok_or(MeshReadError::BufferShort {
                     name: name.clone(),
                     declared: buffer.byte_length.0,
                     actual: 0,
                 })?;
-                (name, Cow::Borrowed(data))
+                (name, data)
             }
             Some(uri) if uri.starts_with("data:") => {
                 let encoded = uri.split_once(";base64,").map(|(_, encoded)| encoded);

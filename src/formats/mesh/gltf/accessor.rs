@@ -1,34 +1,35 @@
-//! Numbers out of glTF buffers, every length checked before anything is allocated.
+//! Numbers out of glTF buffers: what an accessor names is checked here, and then read by the format crate.
+//!
+//! The crate panics on references that lead nowhere, on kinds it does not expect and on strides below an element's
+//! size, gives nothing where data reach beyond their buffer, and leaves out sparse values whose places do not rise.
 
 use std::borrow::Cow;
 
-use gltf_json::accessor::{Accessor, ComponentType, Type};
-use gltf_json::validation::Checked;
-use gltf_json::{Index, Root, buffer::View};
+use ::gltf::Document;
+use ::gltf::accessor::util::{Item, ItemIter, Iter};
+use ::gltf::json::accessor::{Accessor, ComponentType, Type, sparse::Sparse};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Index, buffer::View};
 
-use crate::formats::mesh::MeshReadError;
+use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, at_most};
 
 /// The JSON and its buffers.
 pub(super) struct Data<'a> {
-    pub(super) root: &'a Root,
+    pub(super) document: &'a Document,
     pub(super) buffers: &'a [Cow<'a, [u8]>],
 }
 
-impl<'a> Data<'a> {
+impl Data<'_> {
     /// Triples of floats, such as positions; `item` says what they are for.
     pub(super) fn vectors(
         &self,
         index: Index<Accessor>,
         item: &dyn Fn() -> String,
     ) -> Result<Vec<[f32; 3]>, MeshReadError> {
-        let accessor = self.accessor(index, item)?;
-        let kind = kind_of(accessor);
-        if kind != (Some(ComponentType::F32), Some(Type::Vec3)) {
-            return Err(wrong_data(item, "three 32-bit floats", kind));
+        match self.kind(index, item)? {
+            (Some(ComponentType::F32), Some(Type::Vec3)) => self.values(index, item),
+            kind => Err(wrong_data(item, "three 32-bit floats", kind)),
         }
-        self.elements(accessor, 12, item, |bytes| {
-            [0, 4, 8].map(|at| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]))
-        })
     }
 
     /// Unsigned whole numbers, such as vertex indices.
@@ -37,46 +38,49 @@ impl<'a> Data<'a> {
         index: Index<Accessor>,
         item: &dyn Fn() -> String,
     ) -> Result<Vec<u32>, MeshReadError> {
-        let accessor = self.accessor(index, item)?;
-        match kind_of(accessor) {
-            (Some(ComponentType::U8), Some(Type::Scalar)) => self.elements(accessor, 1, item, u32_of),
-            (Some(ComponentType::U16), Some(Type::Scalar)) => self.elements(accessor, 2, item, u32_of),
-            (Some(ComponentType::U32), Some(Type::Scalar)) => self.elements(accessor, 4, item, u32_of),
+        match self.kind(index, item)? {
+            (Some(ComponentType::U8), Some(Type::Scalar)) => self.values::<u8>(index, item).map(widened),
+            (Some(ComponentType::U16), Some(Type::Scalar)) => self.values::<u16>(index, item).map(widened),
+            (Some(ComponentType::U32), Some(Type::Scalar)) => self.values(index, item),
             kind => Err(wrong_data(item, "unsigned whole numbers", kind)),
         }
     }
 
-    fn accessor(
+    /// All values of an accessor whose elements are of type `T`.
+    fn values<T: Item>(
         &self,
         index: Index<Accessor>,
         item: &dyn Fn() -> String,
-    ) -> Result<&'a Accessor, MeshReadError> {
-        self.root.accessors.get(index.value()).ok_or_else(|| MeshReadError::BrokenReference {
-            item: item(),
-            kind: "accessor",
-            index: index.value(),
-            count: self.root.accessors.len(),
-        })
+    ) -> Result<Vec<T>, MeshReadError> {
+        let no_data = || MeshReadError::NoData { item: item() };
+        let json = self.json(index, item)?;
+        let count = json.count.0;
+        self.check(json, size_of::<T>(), item)?;
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let accessor = self.document.accessors().nth(index.value()).ok_or_else(no_data)?;
+        let bytes = |buffer: ::gltf::Buffer<'_>| self.buffers.get(buffer.index()).map(|bytes| &**bytes);
+        let values: Vec<T> = Iter::new(accessor, bytes).ok_or_else(no_data)?.collect();
+        if values.len() as u64 == count { Ok(values) } else { Err(no_data()) }
     }
 
-    fn elements<T: Copy + Default>(
+    /// Refuses what the crate would stumble over or leave out.
+    fn check(
         &self,
         accessor: &Accessor,
         size: usize,
         item: &dyn Fn() -> String,
-        decode: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, MeshReadError> {
+    ) -> Result<(), MeshReadError> {
         let count = accessor.count.0;
-        let mut values = match accessor.buffer_view {
+        match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
-                self.run(view, offset, count, size, item)?.map(&decode).collect()
+                self.bytes(view, offset, count, size, item)?;
             }
+            // Without a view all values are zero, and only sparse ones make sense of it.
+            None if accessor.sparse.is_none() => return Err(MeshReadError::NoData { item: item() }),
             None => {
-                // Without a view all values are zero, and only sparse ones make sense of it.
-                if accessor.sparse.is_none() {
-                    return Err(MeshReadError::NoData { item: item() });
-                }
                 let longest = self.buffers.iter().map(|buffer| buffer.len() as u64).max().unwrap_or(0);
                 // Zeros cost no file bytes; more of them than the buffers have bytes are damage.
                 if count > longest {
@@ -86,42 +90,59 @@ impl<'a> Data<'a> {
                         available: longest,
                     });
                 }
-                vec![T::default(); count as usize]
-            }
-        };
-        if let Some(sparse) = &accessor.sparse {
-            let (indices, count) = (&sparse.indices, sparse.count.0);
-            let index_size = match &indices.component_type {
-                Checked::Valid(kind) => kind.0.size(),
-                Checked::Invalid => return Err(wrong_data(item, "unsigned sparse indices", (None, None))),
-            };
-            let places = self.run(indices.buffer_view, indices.byte_offset.0, count, index_size, item)?;
-            let replaced =
-                self.run(sparse.values.buffer_view, sparse.values.byte_offset.0, count, size, item)?;
-            for (place, bytes) in places.map(u32_of).zip(replaced) {
-                let places = values.len();
-                let value = values.get_mut(place as usize).ok_or_else(|| MeshReadError::BrokenReference {
-                    item: item(),
-                    kind: "sparse element",
-                    index: place as usize,
-                    count: places,
-                })?;
-                *value = decode(bytes);
             }
         }
-        Ok(values)
+        at_most("elements in one accessor", count as usize, 3 * MOST_TRIANGLES)?;
+        accessor.sparse.as_ref().map_or(Ok(()), |sparse| self.check_sparse(sparse, count, size, item))
     }
 
-    /// `count` elements of `size` bytes each, `offset` bytes into a view.
-    fn run(
+    fn check_sparse(
+        &self,
+        sparse: &Sparse,
+        elements: u64,
+        size: usize,
+        item: &dyn Fn() -> String,
+    ) -> Result<(), MeshReadError> {
+        let (places, count) = (&sparse.indices, sparse.count.0);
+        self.bytes(sparse.values.buffer_view, sparse.values.byte_offset.0, count, size, item)?;
+        let Checked::Valid(kind) = &places.component_type else {
+            return Err(wrong_data(item, "unsigned sparse indices", (None, None)));
+        };
+        let size = kind.0.size();
+        let (bytes, stride) = self.bytes(places.buffer_view, places.byte_offset.0, count, size, item)?;
+        let places: Vec<u32> = match kind.0 {
+            ComponentType::U8 => ItemIter::<u8>::new(bytes, stride).map(u32::from).collect(),
+            ComponentType::U16 => ItemIter::<u16>::new(bytes, stride).map(u32::from).collect(),
+            _ => ItemIter::<u32>::new(bytes, stride).collect(),
+        };
+        if let Some(&beyond) = places.iter().find(|place| u64::from(**place) >= elements) {
+            return Err(MeshReadError::BrokenReference {
+                item: item(),
+                kind: "sparse element",
+                index: beyond as usize,
+                count: elements as usize,
+            });
+        }
+        if !places.is_sorted_by(|one, next| one < next) {
+            return Err(MeshReadError::WrongData {
+                item: item(),
+                expected: "sparse values at rising places",
+                found: "sparse values at places in disorder".into(),
+            });
+        }
+        Ok(())
+    }
+
+    /// The bytes of `count` elements of `size` bytes each, `offset` bytes into a view, and their distance in bytes.
+    fn bytes(
         &self,
         view: Index<View>,
         offset: u64,
         count: u64,
         size: usize,
         item: &dyn Fn() -> String,
-    ) -> Result<impl ExactSizeIterator<Item = &'a [u8]> + use<'a>, MeshReadError> {
-        let views = &self.root.buffer_views;
+    ) -> Result<(&[u8], usize), MeshReadError> {
+        let views = &self.document.as_json().buffer_views;
         let broken = |kind, index, count| MeshReadError::BrokenReference { item: item(), kind, index, count };
         let view = views.get(view.value()).ok_or_else(|| broken("buffer view", view.value(), views.len()))?;
         let buffer = self
@@ -133,40 +154,59 @@ impl<'a> Data<'a> {
         let beyond = |needed, available| MeshReadError::DataBeyondBuffer { item: item(), needed, available };
         let bytes = slice(buffer, start, end).ok_or_else(|| beyond(end, buffer.len() as u64))?;
 
-        let stride = view.byte_stride.map_or(size, |stride| stride.0.max(size));
+        // The crate takes a distance of zero for none, as it is meant.
+        let stride = view.byte_stride.map_or(0, |stride| stride.0);
+        let stride = if stride == 0 { size } else { stride };
+        if stride < size {
+            return Err(MeshReadError::WrongData {
+                item: item(),
+                expected: "elements that do not overlap",
+                found: format!("elements of {size} bytes, {stride} bytes apart"),
+            });
+        }
         // The last element may end before its stride does.
         let span = count.saturating_sub(1).saturating_mul(stride as u64).saturating_add(size as u64);
         let end = if count == 0 { offset } else { offset.saturating_add(span) };
         let bytes = slice(bytes, offset, end).ok_or_else(|| beyond(end, bytes.len() as u64))?;
-        Ok(bytes.chunks(stride).map(move |chunk| &chunk[..size]))
+        Ok((bytes, stride))
     }
+
+    fn json(&self, index: Index<Accessor>, item: &dyn Fn() -> String) -> Result<&Accessor, MeshReadError> {
+        let accessors = &self.document.as_json().accessors;
+        accessors.get(index.value()).ok_or_else(|| MeshReadError::BrokenReference {
+            item: item(),
+            kind: "accessor",
+            index: index.value(),
+            count: accessors.len(),
+        })
+    }
+
+    fn kind(&self, index: Index<Accessor>, item: &dyn Fn() -> String) -> Result<Kind, MeshReadError> {
+        let accessor = self.json(index, item)?;
+        let component = match &accessor.component_type {
+            Checked::Valid(component) => Some(component.0),
+            Checked::Invalid => None,
+        };
+        let shape = match accessor.type_ {
+            Checked::Valid(shape) => Some(shape),
+            Checked::Invalid => None,
+        };
+        Ok((component, shape))
+    }
+}
+
+/// What an accessor's elements are made of; none where the file's word for it is unknown.
+type Kind = (Option<ComponentType>, Option<Type>);
+
+fn widened<T: Into<u32>>(narrow: Vec<T>) -> Vec<u32> {
+    narrow.into_iter().map(Into::into).collect()
 }
 
 fn slice(bytes: &[u8], start: u64, end: u64) -> Option<&[u8]> {
     bytes.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
 }
 
-fn u32_of(bytes: &[u8]) -> u32 {
-    bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))
-}
-
-fn kind_of(accessor: &Accessor) -> (Option<ComponentType>, Option<Type>) {
-    let component = match &accessor.component_type {
-        Checked::Valid(component) => Some(component.0),
-        Checked::Invalid => None,
-    };
-    let shape = match accessor.type_ {
-        Checked::Valid(shape) => Some(shape),
-        Checked::Invalid => None,
-    };
-    (component, shape)
-}
-
-fn wrong_data(
-    item: &dyn Fn() -> String,
-    expected: &'static str,
-    (component, shape): (Option<ComponentType>, Option<Type>),
-) -> MeshReadError {
+fn wrong_data(item: &dyn Fn() -> String, expected: &'static str, (component, shape): Kind) -> MeshReadError {
     let name = |known: Option<String>| known.unwrap_or_else(|| "an unknown type".into());
     let component = name(component.map(|component| format!("{component:?}").to_lowercase()));
     let shape = name(shape.map(|shape| format!("{shape:?}").to_lowercase()));

@@ -3,22 +3,33 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use gltf_json::mesh::{Mode, Primitive, Semantic};
-use gltf_json::validation::Checked;
-use gltf_json::{Index, Mesh, Node, Root};
+use ::gltf::Document;
+use ::gltf::json::accessor::Accessor;
+use ::gltf::json::mesh::{Mode, Primitive, Semantic};
+use ::gltf::json::validation::Checked;
+use ::gltf::json::{Index, Mesh, Node, Root};
+use ::gltf::scene::Transform;
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, NormalsFound, RawPart, at_most, normals};
+use crate::formats::mesh::{
+    MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals,
+};
 
 use super::accessor::Data;
 
 /// Reads the file's own scene; numbers stay in the file's unit and axes.
-pub(super) fn read(root: &Root, buffers: &[Cow<'_, [u8]>], clues: Clues) -> Result<RawPart, MeshReadError> {
+pub(super) fn read(
+    document: &Document,
+    buffers: &[Cow<'_, [u8]>],
+    format: MeshFormat,
+) -> Result<RawPart, MeshReadError> {
+    let root = document.as_json();
     let mut walk = Walk {
-        data: Data { root, buffers },
-        part: RawPart::new(clues),
+        root,
+        data: Data { document, buffers },
+        part: RawPart::new(Clues::new(format, root.asset.generator.clone())),
         not_taken: BTreeMap::new(),
         used_materials: vec![false; root.materials.len()],
         has_normals: false,
@@ -31,6 +42,8 @@ pub(super) fn read(root: &Root, buffers: &[Cow<'_, [u8]>], clues: Clues) -> Resu
 }
 
 struct Walk<'a> {
+    /// The JSON as it stands: the crate's own view of it panics on references that lead nowhere.
+    root: &'a Root,
     data: Data<'a>,
     part: RawPart,
     /// How often something was left aside, by its name.
@@ -41,7 +54,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     fn roots(&self) -> Result<Vec<usize>, MeshReadError> {
-        let root = self.data.root;
+        let root = self.root;
         let scene = root.scene.map_or(0, |scene| scene.value());
         match root.scenes.get(scene) {
             Some(scene) => Ok(scene.nodes.iter().map(|node| node.value()).collect()),
@@ -68,22 +81,28 @@ impl Walk<'_> {
     fn turn_of(&self, roots: &[usize]) -> RootTurn {
         let carriers = roots
             .iter()
-            .filter_map(|&node| self.data.root.nodes.get(node))
-            .filter(|node| node.mesh.is_some() || node.children.is_some());
-        let turns: Vec<RootTurn> = carriers.map(quarter_turn).collect();
+            .filter_map(|&number| self.root.nodes.get(number).zip(self.transform(number)))
+            .filter(|(node, _)| node.mesh.is_some() || node.children.is_some());
+        let turns: Vec<RootTurn> = carriers.map(|(_, transform)| quarter_turn(&transform)).collect();
         match turns.first() {
             Some(&first) if turns.iter().all(|&turn| turn == first) => first,
             _ => RootTurn::Other,
         }
     }
 
+    /// A node's own transform.
+    fn transform(&self, number: usize) -> Option<Transform> {
+        self.data.document.nodes().nth(number).map(|node| node.transform())
+    }
+
     fn nodes(&mut self, roots: Vec<usize>) -> Result<(), MeshReadError> {
-        let nodes = &self.data.root.nodes;
+        let nodes = &self.root.nodes;
         let mut reached = vec![false; nodes.len()];
         let mut waiting: Vec<(usize, Matrix4<f64>)> =
             roots.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
         while let Some((number, above)) = waiting.pop() {
-            let node = nodes.get(number).ok_or_else(|| MeshReadError::BrokenReference {
+            let node = nodes.get(number).zip(self.transform(number));
+            let (node, own_transform) = node.ok_or_else(|| MeshReadError::BrokenReference {
                 item: "the tree of nodes".into(),
                 kind: "node",
                 index: number,
@@ -93,7 +112,7 @@ impl Walk<'_> {
             if std::mem::replace(&mut reached[number], true) {
                 return Err(MeshReadError::NodeTwice { node: node_name(node, number) });
             }
-            let transform = above * local_transform(node);
+            let transform = above * matrix_of(&own_transform);
             if !transform.iter().all(|entry| entry.is_finite()) {
                 return Err(MeshReadError::BadTransform { node: node_name(node, number) });
             }
@@ -116,7 +135,7 @@ impl Walk<'_> {
             self.leave_aside("set of instances (only the first place is read)", usize::from(instanced));
         }
         let Some(mesh_index) = node.mesh else { return Ok(()) };
-        let meshes = &self.data.root.meshes;
+        let meshes = &self.root.meshes;
         let mesh = meshes.get(mesh_index.value()).ok_or_else(|| MeshReadError::BrokenReference {
             item: node_name(node, number),
             kind: "mesh",
@@ -201,7 +220,7 @@ impl Walk<'_> {
     /// Adds a primitive's normals, or as many zeros where it has none.
     fn normals(
         &mut self,
-        accessor: Option<Index<gltf_json::Accessor>>,
+        accessor: Option<Index<Accessor>>,
         linear: &Matrix3<f64>,
         vertices: usize,
         item: &dyn Fn() -> String,
@@ -229,7 +248,7 @@ impl Walk<'_> {
         let number = material.value();
         if self.used_materials.get(number) == Some(&false) {
             self.used_materials[number] = true;
-            let name = self.data.root.materials[number].name.clone();
+            let name = self.root.materials[number].name.clone();
             self.part.materials.push(name.unwrap_or_else(|| format!("material {number}")));
         }
     }
@@ -241,7 +260,7 @@ impl Walk<'_> {
     }
 
     fn name_the_rest(&mut self) {
-        self.leave_aside("animation", self.data.root.animations.len());
+        self.leave_aside("animation", self.root.animations.len());
         self.part.not_taken =
             self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
     }
@@ -249,7 +268,7 @@ impl Walk<'_> {
     fn finish(self) -> Result<RawPart, MeshReadError> {
         let mut part = self.part;
         if part.triangles.is_empty() {
-            let root = self.data.root;
+            let root = self.root;
             let cause = match () {
                 _ if !self.not_taken.is_empty() => EmptyCause::OnlyOthers(part.not_taken),
                 _ if root.meshes.is_empty() && !root.nodes.is_empty() && part.clues.is_open_cascade() => {
@@ -318,33 +337,32 @@ fn name_of_mesh(mesh: &Mesh, index: Index<Mesh>) -> String {
     mesh.name.clone().unwrap_or_else(|| format!("mesh {}", index.value()))
 }
 
-/// A node's own transform. It is composed in f64, since f32 products lose 1e-4 mm at the end of a long tree.
-fn local_transform(node: &Node) -> Matrix4<f64> {
-    if let Some(matrix) = &node.matrix {
-        return Matrix4::from_iterator(matrix.iter().map(|&entry| f64::from(entry)));
+/// A transform as a matrix. It is composed in f64, since f32 products lose 1e-4 mm at the end of a long tree.
+fn matrix_of(transform: &Transform) -> Matrix4<f64> {
+    match transform {
+        Transform::Matrix { matrix } => Matrix4::from(matrix.map(|column| column.map(f64::from))),
+        Transform::Decomposed { translation, rotation, scale } => {
+            let scale = Matrix3::from_diagonal(&Vector3::from(scale.map(f64::from)));
+            let turn =
+                unit(*rotation).map_or(Matrix3::identity(), |turn| turn.to_rotation_matrix().into_inner());
+            (turn * scale).to_homogeneous().append_translation(&Vector3::from(translation.map(f64::from)))
+        }
     }
-    let triple = |values: Option<[f32; 3]>, otherwise: f64| {
-        Vector3::from(values.map_or([otherwise; 3], |values| values.map(f64::from)))
-    };
-    let turn = rotation(node).map_or(Matrix3::identity(), |turn| turn.to_rotation_matrix().into_inner());
-    let linear = turn * Matrix3::from_diagonal(&triple(node.scale, 1.0));
-    let mut transform = linear.to_homogeneous();
-    transform.fixed_view_mut::<3, 1>(0, 3).copy_from(&triple(node.translation, 0.0));
-    transform
 }
 
-/// The node's turn with its seven digits brought back to unit length; none for a quaternion of length zero.
-fn rotation(node: &Node) -> Option<UnitQuaternion<f64>> {
-    let [x, y, z, w] = node.rotation.as_ref()?.0.map(f64::from);
+/// A quaternion with its seven digits brought back to unit length; none for one of length zero.
+fn unit(quaternion: [f32; 4]) -> Option<UnitQuaternion<f64>> {
+    let [x, y, z, w] = quaternion.map(f64::from);
     UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)
 }
 
 /// A quarter turn about X to within 1e-5 rad, without scale.
-fn quarter_turn(node: &Node) -> RootTurn {
-    if node.matrix.is_some() || node.scale.is_some_and(|scale| scale.iter().any(|s| (s - 1.0).abs() > 1e-5)) {
+fn quarter_turn(transform: &Transform) -> RootTurn {
+    let Transform::Decomposed { rotation, scale, .. } = transform else { return RootTurn::Other };
+    if scale.iter().any(|factor| (factor - 1.0).abs() > 1e-5) {
         return RootTurn::Other;
     }
-    let turn = rotation(node).map_or(Vector3::zeros(), |turn| turn.scaled_axis());
+    let turn = unit(*rotation).map_or(Vector3::zeros(), |turn| turn.scaled_axis());
     let quarter = Vector3::x() * std::f64::consts::FRAC_PI_2;
     if (turn - quarter).norm() < 1e-5 {
         RootTurn::UpToFront

@@ -181,6 +181,49 @@ fn sparse_values_replace_their_places() {
 }
 
 #[test]
+fn sparse_values_in_disorder_are_refused_and_none_change_nothing() {
+    let with = |count: u32, offset: u32| {
+        read_with(|document| {
+            // The indices, from the one at `offset` bytes on, serve as places: 0, 1, 2, 0.
+            document["accessors"][0]["sparse"] = json!({
+                "count": count,
+                "indices": {"bufferView": 1, "byteOffset": offset, "componentType": 5123},
+                "values": {"bufferView": 0},
+            });
+        })
+    };
+    assert_eq!(with(3, 0).map(|part| part.facts.size), Ok([1000.0, 0.0, 1000.0]));
+    assert_eq!(with(0, 0).map(|part| part.facts.size), Ok([1000.0, 0.0, 1000.0]));
+    let disorder = with(2, 4);
+    assert!(matches!(disorder, Err(MeshReadError::WrongData { .. })), "{disorder:?}");
+    let beyond = read_with(|document| {
+        document["accessors"][0]["count"] = json!(2);
+        document["accessors"][0]["sparse"] = json!({
+            "count": 1,
+            "indices": {"bufferView": 1, "byteOffset": 4, "componentType": 5123},
+            "values": {"bufferView": 0},
+        });
+    });
+    let kind = "sparse element";
+    assert!(matches!(beyond, Err(MeshReadError::BrokenReference { kind: found, .. }) if found == kind));
+}
+
+#[test]
+fn strides_and_counts_that_make_no_sense_are_refused() {
+    let strided =
+        |stride: u32| read_with(|document| document["bufferViews"][0]["byteStride"] = json!(stride));
+    assert_eq!(strided(0), strided(12));
+    for stride in [1, 4, 11] {
+        let overlapping = strided(stride);
+        assert!(matches!(overlapping, Err(MeshReadError::WrongData { .. })), "{stride}: {overlapping:?}");
+    }
+    let empty = read_with(|document| document["accessors"][2]["count"] = json!(0));
+    assert!(matches!(empty, Err(MeshReadError::NoTriangles { .. })), "{empty:?}");
+    let nothing = read_with(|document| document["accessors"][0]["count"] = json!(0));
+    assert!(matches!(nothing, Err(MeshReadError::IndexOutOfRange { count: 0, .. })), "{nothing:?}");
+}
+
+#[test]
 fn data_that_are_missing_or_of_another_kind_are_refused() {
     let quantised = read_with(|document| document["accessors"][0]["componentType"] = json!(5122));
     let item = "mesh \"Shape\", primitive 0, POSITION".to_string();

@@ -1,5 +1,6 @@
+use super::check::MOST_CORNERS;
 use super::*;
-use crate::formats::mesh::{self, MeshOptions, PartReading};
+use crate::formats::mesh::{self, MeshOptions, PartReading, VertexPlace};
 
 fn read_obj(text: impl AsRef<[u8]>) -> Result<PartReading, MeshReadError> {
     let mut none = |_: &str| -> std::io::Result<Vec<u8>> { panic!("an OBJ file needs no other") };
@@ -86,6 +87,15 @@ fn corners_that_share_position_and_normal_share_a_vertex() {
     assert_eq!(part.facts.vertices, 5);
     assert_eq!(part.facts.normals, NormalsFound::Smooth);
     assert!((part.mesh.normals()[1].x - 0.1 / 1.01f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn corners_without_a_normal_are_given_none() {
+    let part = plate("vn 0 0.1 1\nf 1 2//1 -2\nf 1//1 3//1 4\n").unwrap();
+    assert_eq!((part.facts.triangles, part.facts.vertices, area(&part)), (2, 6, 100.0));
+    let is_missing: Vec<bool> = part.mesh.normals().iter().map(|normal| normal.norm() == 0.0).collect();
+    assert_eq!(is_missing, [true, false, true, false, false, true]);
+    assert_eq!(plate("vn 0 0 1\nf 1 2 3 4\n").unwrap().facts.normals, NormalsFound::None);
 }
 
 #[test]

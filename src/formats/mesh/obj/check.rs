@@ -1,0 +1,279 @@
+//! The pass before the parser: every line is checked with its number and written anew so plainly that nothing is left
+//! to interpretation. Names, comments and what is not taken are collected on the way.
+
+use std::collections::BTreeSet;
+
+use crate::formats::mesh::error::VertexPlace;
+use crate::formats::mesh::{LengthUnit, MOST_TRIANGLES, MeshReadError, at_most};
+
+use super::lines::Lines;
+
+/// No face of a product has more corners than this; cutting one into triangles takes up to the square of it.
+pub(super) const MOST_CORNERS: usize = 10_000;
+
+/// A checked file: its geometry as plain text, and what else was found.
+#[derive(Default)]
+pub(super) struct Checked {
+    /// Lines `v x y z`, `vn x y z` and `f v v v` or `f v//vn v//vn v//vn` only, with indices counted from the file's
+    /// beginning. There are no names, so the parser makes one model of it.
+    pub(super) text: Vec<u8>,
+    pub(super) vertices: usize,
+    pub(super) normals: usize,
+    /// Number of corners of all faces.
+    pub(super) corners: usize,
+    /// Number of corners that name no normal.
+    pub(super) bare_corners: usize,
+    /// Whether the last line has no line break.
+    pub(super) ends_open: bool,
+    pub(super) producer: Option<String>,
+    pub(super) stated_unit: Option<LengthUnit>,
+    pub(super) objects: Names,
+    pub(super) groups: Names,
+    pub(super) materials: Names,
+    /// The first statement that is no OBJ.
+    pub(super) unknown: Option<String>,
+    /// Number of the normal written to bare corners, from 1.
+    stand_in: Option<usize>,
+    /// The highest vertex and normal that faces name, from 1, with the line.
+    highest: [(i64, u64); 2],
+    lines: usize,
+    points: usize,
+    free_forms: usize,
+}
+
+/// Names in the order in which faces first use them.
+#[derive(Default)]
+pub(super) struct Names {
+    pub(super) used: Vec<String>,
+    seen: BTreeSet<String>,
+    waiting: Option<String>,
+}
+
+impl Names {
+    fn begin(&mut self, name: &[u8]) {
+        let name = String::from_utf8_lossy(name).trim().to_owned();
+        self.waiting = (!name.is_empty()).then_some(name);
+    }
+
+    fn use_now(&mut self) {
+        if let Some(name) = self.waiting.take().filter(|name| self.seen.insert(name.clone())) {
+            self.used.push(name);
+        }
+    }
+}
+
+impl Checked {
+    /// Checks a file's lines.
+    ///
+    /// Where only some corners name a normal, the others are given one of length zero, which counts as none: the
+    /// parser leaves out what is missing, and its normals would no longer stand beside their positions.
+    ///
+    /// # Errors
+    /// The first line that cannot be understood, or that names what the file does not have.
+    pub(super) fn of(bytes: &[u8]) -> Result<Self, MeshReadError> {
+        let found = Self::with_stand_in(bytes, None)?;
+        if found.bare_corners == 0 || found.bare_corners == found.corners {
+            return Ok(found);
+        }
+        let mut filled = Self::with_stand_in(bytes, Some(found.normals + 1))?;
+        filled.text.extend_from_slice(b"vn 0 0 0\n");
+        Ok(filled)
+    }
+
+    fn with_stand_in(bytes: &[u8], stand_in: Option<usize>) -> Result<Self, MeshReadError> {
+        let text = Vec::with_capacity(bytes.len());
+        let mut found = Self { text, stand_in, ..Self::default() };
+        let mut lines = Lines::of(bytes);
+        while let Some((line, text)) = lines.next_statement() {
+            found.statement(line, &text).map_err(|error| match error {
+                MeshReadError::BadLine { line, text, .. } if lines.is_cut() => {
+                    MeshReadError::CutLine { line, text }
+                }
+                other => other,
+            })?;
+        }
+        found.ends_open = lines.is_cut();
+        for (kind, count) in [found.vertices, found.normals].into_iter().enumerate() {
+            let (named, line) = found.highest[kind];
+            if named > count as i64 {
+                return Err(out_of_range(kind, named, line, count));
+            }
+        }
+        Ok(found)
+    }
+
+    fn statement(&mut self, line: u64, text: &[u8]) -> Result<(), MeshReadError> {
+        let keyword_end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+        let (keyword, values) = text.split_at(keyword_end);
+        let bad = |problem| MeshReadError::BadLine { line, text: beginning(text), problem };
+        match keyword {
+            b"v" => {
+                let coordinate = self.triple(keyword, values).map_err(bad)?;
+                if !coordinate.iter().all(|value| value.is_finite()) {
+                    return Err(MeshReadError::NotFinite { vertex: VertexPlace::Obj { line }, coordinate });
+                }
+                self.vertices += 1;
+            }
+            b"vn" => {
+                self.triple(keyword, values).map_err(bad)?;
+                self.normals += 1;
+            }
+            b"f" | b"fo" => self.face(line, values, &bad)?,
+            b"o" => self.objects.begin(values),
+            b"g" => self.groups.begin(values),
+            b"usemtl" => self.materials.begin(values),
+            b"l" => self.lines += 1,
+            b"p" => self.points += 1,
+            b"curv" | b"curv2" | b"surf" => self.free_forms += 1,
+            b"" | b"vt" | b"vp" | b"s" | b"mtllib" | b"usemap" | b"maplib" | b"mg" | b"lod" | b"bevel"
+            | b"c_interp" | b"d_interp" | b"shadow_obj" | b"trace_obj" | b"cstype" | b"deg" | b"bmat"
+            | b"step" | b"parm" | b"trim" | b"hole" | b"scrv" | b"sp" | b"con" | b"end" | b"ctech"
+            | b"stech" => {}
+            _ if keyword.starts_with(b"#") => self.comment(text),
+            _ => {
+                self.unknown.get_or_insert_with(|| beginning(text));
+            }
+        }
+        Ok(())
+    }
+
+    /// The first comment names the producer; any comment before the first vertex may name the unit.
+    fn comment(&mut self, text: &[u8]) {
+        if self.vertices > 0 {
+            return;
+        }
+        let text = String::from_utf8_lossy(text);
+        let text = text.trim_start_matches('#').trim();
+        if self.producer.is_none() && !text.is_empty() {
+            self.producer = Some(text.chars().take(120).collect());
+        }
+        let mut words = text.split(|letter: char| !letter.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
+        if words.any(|word| word == "unit" || word == "units") {
+            self.stated_unit = self.stated_unit.or(words.find_map(|word| unit_word(&word)));
+        }
+    }
+
+    /// Takes the first three numbers; a fourth is a weight and six are a colour, and neither moves a polygon's corner.
+    fn triple(&mut self, keyword: &[u8], values: &[u8]) -> Result<[f64; 3], &'static str> {
+        let mut numbers = words(values);
+        let mut triple = [0.0; 3];
+        self.text.extend_from_slice(keyword);
+        for number in &mut triple {
+            let word = numbers.next().ok_or("three numbers are needed")?;
+            let parsed = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+            *number = parsed.ok_or("a number cannot be read")?;
+            self.text.push(b' ');
+            self.text.extend_from_slice(word);
+        }
+        self.text.push(b'\n');
+        Ok(triple)
+    }
+
+    fn face(
+        &mut self,
+        line: u64,
+        values: &[u8],
+        bad: &dyn Fn(&'static str) -> MeshReadError,
+    ) -> Result<(), MeshReadError> {
+        let mut arity = 0;
+        self.text.push(b'f');
+        for corner in words(values) {
+            let mut numbers = corner.split(|&byte| byte == b'/');
+            self.text.push(b' ');
+            let vertex = numbers.next().unwrap_or_default();
+            self.name(0, vertex, line)?.ok_or_else(|| bad("a corner is no number"))?;
+            match numbers.nth(1) {
+                Some(normal) if !normal.is_empty() => {
+                    self.text.extend_from_slice(b"//");
+                    self.name(1, normal, line)?.ok_or_else(|| bad("a normal is no number"))?;
+                }
+                _ => {
+                    self.bare_corners += 1;
+                    if let Some(normal) = self.stand_in {
+                        self.text.extend_from_slice(format!("//{normal}").as_bytes());
+                    }
+                }
+            }
+            arity += 1;
+        }
+        self.text.push(b'\n');
+        if arity < 3 {
+            return Err(bad("a face needs three corners"));
+        }
+        at_most("corners in one face", arity, MOST_CORNERS)?;
+        self.corners += arity;
+        at_most("corners of faces", self.corners, 3 * MOST_TRIANGLES)?;
+        self.objects.use_now();
+        self.groups.use_now();
+        self.materials.use_now();
+        Ok(())
+    }
+
+    /// Writes down a vertex (`kind` 0) or normal (`kind` 1) that is named from 1, or from the end with a minus; none if
+    /// the word is no number.
+    fn name(&mut self, kind: usize, word: &[u8], line: u64) -> Result<Option<()>, MeshReadError> {
+        let Some(named) = whole_number(word) else { return Ok(None) };
+        let count = [self.vertices, self.normals][kind];
+        let absolute = if named < 0 { count as i64 + 1 + named } else { named };
+        if absolute < 1 || absolute >= i64::from(u32::MAX) {
+            return Err(out_of_range(kind, named, line, count));
+        }
+        // A face may stand before its vertices; whether they came is seen at the end.
+        if absolute > self.highest[kind].0 {
+            self.highest[kind] = (absolute, line);
+        }
+        if named < 0 {
+            self.text.extend_from_slice(absolute.to_string().as_bytes());
+        } else {
+            self.text.extend_from_slice(word);
+        }
+        Ok(Some(()))
+    }
+
+    /// What the file holds beside faces, with its number.
+    pub(super) fn not_taken(&self) -> Vec<String> {
+        let counted = [
+            (self.lines, "line (l)"),
+            (self.points, "set of points (p)"),
+            (self.free_forms, "free-form curve or surface"),
+        ];
+        let counted = counted.iter().filter(|(count, _)| *count > 0);
+        let mut names: Vec<String> = counted.map(|(count, what)| format!("{count} x {what}")).collect();
+        names.extend(self.unknown.as_ref().map(|text| format!("unknown statements such as \"{text}\"")));
+        names
+    }
+}
+
+fn out_of_range(kind: usize, index: i64, line: u64, count: usize) -> MeshReadError {
+    let kind = ["vertex", "normal"][kind];
+    MeshReadError::IndexOutOfRange { face: VertexPlace::Obj { line }, kind, index, count }
+}
+
+fn words(values: &[u8]) -> impl Iterator<Item = &[u8]> {
+    values.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+fn whole_number(word: &[u8]) -> Option<i64> {
+    let (sign, digits) = match word.strip_prefix(b"-") {
+        Some(digits) => (-1, digits),
+        None => (1, word),
+    };
+    // 18 digits fit without overflow; no index needs more.
+    let fits = (1..=18).contains(&digits.len()) && digits.iter().all(u8::is_ascii_digit);
+    fits.then(|| sign * digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
+}
+
+fn unit_word(word: &str) -> Option<LengthUnit> {
+    match word {
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
+        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
+        "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
+        // Not "in", which stands before the unit in most sentences.
+        "inch" | "inches" => Some(LengthUnit::Inch),
+        _ => None,
+    }
+}
+
+fn beginning(text: &[u8]) -> String {
+    String::from_utf8_lossy(&text[..text.len().min(60)]).into_owned()
+}
