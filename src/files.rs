@@ -19,6 +19,18 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     sync_folder(folder)
 }
 
+/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. A power cut may take it
+/// away again: for what can be made anew.
+///
+/// # Errors
+/// When the folder cannot be written to or the disk is full; the older file is then untouched.
+pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.persist(folder.join(name)).map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    Ok(())
+}
+
 /// A file whose name importers and this program itself ignore, readable for everybody.
 ///
 /// # Errors
