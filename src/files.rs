@@ -27,7 +27,8 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     file.write_all(bytes)?;
-    file.persist(folder.join(name)).map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    file.persist(folder.join(name))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     Ok(())
 }
 

@@ -378,10 +378,11 @@ fn method(settings: &JobSettings) -> Method {
     };
     match settings.correction.method {
         crate::config::Method::Auto => {
-            Method::Auto { cylinder_tolerance: Method::CYLINDER_TOLERANCE, otherwise: options }
+            Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: options }
         }
         crate::config::Method::Isometric => Method::Isometric(options),
         crate::config::Method::Cylinder => Method::Cylinder,
+        crate::config::Method::Cone => Method::Cone,
         crate::config::Method::None => Method::Plain,
     }
 }

@@ -145,6 +145,17 @@ pub enum MapStory {
         /// Largest distance of the part from the cylinder under the drawing, mm.
         residual_mm: f64,
     },
+    /// Exact unrolling.
+    Cone {
+        /// Angle between axis and generators, degrees.
+        half_angle_deg: f64,
+        /// Direction of the axis in the view, from the apex into the cone.
+        axis: [f64; 3],
+        /// The apex in the view, mm.
+        apex_mm: [f64; 3],
+        /// Largest distance of the part from the cone under the drawing, mm.
+        residual_mm: f64,
+    },
     /// Plain projection.
     None,
 }
@@ -287,6 +298,12 @@ impl MapStory {
                 center_mm: map.cylinder.center.coords.into(),
                 residual_mm: fit.residual,
             },
+            LengthTrueMap::Cone(map, fit) => Self::Cone {
+                half_angle_deg: map.cone.half_angle.to_degrees(),
+                axis: (*map.cone.axis).into(),
+                apex_mm: map.cone.apex.coords.into(),
+                residual_mm: fit.residual,
+            },
             LengthTrueMap::Plain => Self::None,
         }
     }
@@ -296,6 +313,7 @@ impl MapStory {
         match self {
             Self::Isometric { .. } => "isometric",
             Self::Cylinder { .. } => "cylinder",
+            Self::Cone { .. } => "cone",
             Self::None => "none",
         }
     }

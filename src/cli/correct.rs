@@ -31,7 +31,7 @@ pub(super) struct CorrectArguments {
     /// Where fitted surfaces are kept; default: the station's cache, or the user's.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
-    /// How the drawing is bent: auto, isometric, cylinder or none.
+    /// How the drawing is bent: auto, isometric, cylinder, cone or none.
     #[arg(long)]
     method: Option<Method>,
     /// What `isometric` keeps true first: ink or uniform.

@@ -151,6 +151,12 @@ impl Extents {
         Self { min: self.min - step, max: self.max + step }
     }
 
+    /// The rectangle with its sides multiplied by `factor` about its centre.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let half = self.size() * (factor / 2.0);
+        Self { min: self.center() - half, max: self.center() + half }
+    }
+
     /// The rectangle widened about its centre so that both sides measure at least `least` mm.
     pub fn grown_to(&self, least: f64) -> Self {
         let half = self.size().map(|side| side.max(least) / 2.0);

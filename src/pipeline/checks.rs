@@ -3,6 +3,7 @@
 use super::{Distortion, Exposure, FittedSurface, Ink, JobSettings, PartSettings, Pattern, Placing};
 use crate::geometry::correction::AboveLens;
 use crate::geometry::mapping::MapError;
+use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FitError;
@@ -59,28 +60,36 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
     if !surface.field.is_surface(place) {
         return off_surface(place, surface);
     }
-    let place =
-        Place { coordinate: Some(placing.place.coords().iter().copied().collect()), ..Place::default() };
-    match error {
+    let reason = match error {
         MapError::Isometric(error) => Reason::new(
             "map-not-found",
             format!("No length-true map was found for the drawing: {error}."),
             "Place the drawing where the part is less steep, or make it smaller.",
-        )
-        .at(place),
+        ),
         MapError::Cylinder(error) => {
             let remedy = match error {
-                CylinderError::TooFewPoints { .. } => "Place the drawing on the part with `place`.",
-                CylinderError::NoAxis { .. } => "Use the method `auto` or `isometric` for this part.",
-                CylinderError::AnchorBeside { .. } => {
-                    "Place the anchor over the cylinder with `place` or `anchor`."
-                }
+                CylinderError::TooFewPoints { .. } => PLACE_ON_PART,
+                CylinderError::NoAxis { .. } => OTHER_METHOD,
+                CylinderError::AnchorBeside { .. } => PLACE_ANCHOR,
             };
             Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy)
-                .at(place)
         }
-    }
+        MapError::Cone(error) => {
+            let remedy = match error {
+                ConeError::TooFewPoints { .. } => PLACE_ON_PART,
+                ConeError::NoApex { .. } => OTHER_METHOD,
+                ConeError::AnchorBeside { .. } | ConeError::ApexInDrawing { .. } => PLACE_ANCHOR,
+            };
+            Reason::new("no-cone", format!("The part cannot be unrolled as a cone: {error}."), remedy)
+        }
+    };
+    reason.at(Place { coordinate: Some(place.coords().iter().copied().collect()), ..Place::default() })
 }
+
+const PLACE_ON_PART: &str = "Place the drawing on the part with `place`.";
+const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part.";
+const PLACE_ANCHOR: &str =
+    "Place the anchor over the cylinder or cone, off its apex, with `place` or `anchor`.";
 
 pub(super) fn above_lens(error: &AboveLens) -> Reason {
     let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
