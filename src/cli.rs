@@ -174,14 +174,7 @@ fn name_of(path: &Path) -> Result<String, Failure> {
 
 /// Reads a file that lies beside `part`; only plain names are followed.
 fn sibling_of(part: &Path) -> impl FnMut(&str) -> std::io::Result<Vec<u8>> {
-    let folder: PathBuf = folder_of(part).into();
-    move |name| {
-        if !crate::hotfolder::names::is_plain(name) {
-            let words = format!("`{name}` does not name a file in the same folder");
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
-        }
-        fs_err::read(folder.join(name))
-    }
+    |name| crate::files::read_beside(part, name)
 }
 
 /// The station's settings, if one is named.

@@ -19,9 +19,10 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 use serde::Serialize;
 
-use super::folders::{Found, free_place, look, move_new, read_if_there, write_new, write_quick, write_whole};
+use super::folders::{Found, free_place, look, move_new};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku};
+use crate::files::{read_if_there, write_new, write_quick, write_whole};
 use crate::reason::Reason;
 
 /// Name and version of the format of `.reason.json` files.
