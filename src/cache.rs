@@ -10,7 +10,7 @@
 //!
 //! The key is the BLAKE3 hash of the part's bytes, of the settings that shape the surface and of the version of the fit;
 //! a `.fit` file is written once, whole, and never changed, so several stations may share a cache folder. A file that is
-//! damaged in any way is a miss: it is named, and the surface is fitted again.
+//! damaged in any way, by a power cut for instance, is a miss: it is named, and the surface is fitted again.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Sku;
-use crate::files::{read_if_there, write_whole};
+use crate::files::{read_if_there, write_whole_unsynced};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node};
 use crate::geometry::surface::fit::FittedSurface;
@@ -198,7 +198,7 @@ impl Cache {
     pub fn put(&self, sku: &Sku, key: &CacheKey, kept: &CachedSurface) -> io::Result<()> {
         let folder = self.folder(sku);
         fs::create_dir_all(&folder)?;
-        write_whole(&folder, &format!("{}.fit", key.0), &encode(kept)?)?;
+        write_whole_unsynced(&folder, &format!("{}.fit", key.0), &encode(kept)?)?;
         let (knots_x, knots_y) = kept.surface.nurbs.knots();
         let sidecar = Sidecar {
             part: kept.origin.clone(),
@@ -209,7 +209,7 @@ impl Cache {
             residual_largest_mm: kept.surface.residual.largest,
             residual_rms_mm: kept.surface.residual.rms,
         };
-        write_whole(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())?;
+        write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())?;
         self.make_current(sku, &kept.origin)
     }
 
@@ -222,7 +222,7 @@ impl Cache {
             return Ok(());
         }
         fs::create_dir_all(self.folder(sku))?;
-        write_whole(&self.folder(sku), CURRENT, to_toml(origin)?.as_bytes())
+        write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(origin)?.as_bytes())
     }
 
     /// All entries, by SKU and key; each is read and checked.

@@ -19,11 +19,12 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     sync_folder(folder)
 }
 
-/// The same without the survival of a power cut, for what can be made again and shall not cost the time.
+/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. A power cut may take it
+/// away again: for what can be made anew.
 ///
 /// # Errors
 /// When the folder cannot be written to or the disk is full; the older file is then untouched.
-pub fn write_quick(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     file.write_all(bytes)?;
     file.persist(folder.join(name))
@@ -137,7 +138,7 @@ mod tests {
     #[test]
     fn only_plain_names_are_read_beside_a_file() {
         let folder = tempfile::tempdir().unwrap();
-        write_quick(folder.path(), "can.bin", b"x").unwrap();
+        write_whole_unsynced(folder.path(), "can.bin", b"x").unwrap();
         let part = folder.path().join("can.gltf");
         assert_eq!(read_beside(&part, "can.bin").unwrap(), b"x");
         assert!(is_plain("can.bin"));

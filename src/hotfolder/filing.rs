@@ -21,7 +21,7 @@ use fs_err as fs;
 use super::folders::{Found, free_place, look, move_new};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku};
-use crate::files::{read_if_there, write_new, write_quick, write_whole};
+use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
 use crate::reason::Reason;
 
 /// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
@@ -79,7 +79,7 @@ pub(super) fn write_report(
 ) -> io::Result<()> {
     let folder = folders.reports.join(sku.key());
     fs::create_dir_all(&folder)?;
-    write_quick(&folder, &format!("{name}.{ending}"), bytes)
+    write_whole_unsynced(&folder, &format!("{name}.{ending}"), bytes)
 }
 
 /// Moves an original that is done into the SKU's archive folder and returns where it went.

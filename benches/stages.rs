@@ -1,0 +1,126 @@
+//! Each stage of the journey on the mouse of the reference cases, with the floor it is held against.
+
+use std::hint::black_box;
+
+use divan::Bencher;
+use isomark::cache::Cache;
+use isomark::config::{JobSettings, Sku};
+use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
+use isomark::geometry::correction::{Projection, Subdivision};
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::ink::Ink;
+use isomark::geometry::mapping::isometric::IsometricOptions;
+use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
+use isomark::geometry::mesh::TriMesh;
+use isomark::geometry::optics::{Fixture, Lens};
+use isomark::geometry::pattern::{Affine, Pattern};
+use isomark::geometry::shapes;
+use isomark::geometry::space::{FlatPoint, View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use isomark::pipeline::{PartInput, PatternInput, Pipeline};
+
+const LETTERS: &[u8] = include_bytes!("../examples/patterns/letters.dxf");
+const ANCHOR: FlatPoint = FlatPoint::new(0.0, 8.0);
+
+fn main() {
+    divan::main();
+}
+
+/// The mouse with edges of `edge` mm: 0.75 mm give 13,000 triangles, 0.27 mm some 100,000.
+fn mesh(edge: f64) -> TriMesh {
+    shapes::graph(32.0, edge, shapes::mouse)
+}
+
+fn surface() -> FittedSurface {
+    let part = FacingPart::new(&mesh(0.75), &View::top());
+    FittedSurface::of_part(&part, &FitOptions::default()).expect("the mouse has a surface")
+}
+
+fn letters() -> Pattern {
+    let pattern =
+        pattern::read(LETTERS, &PatternOptions::default()).expect("the letters are a drawing").pattern;
+    let center = pattern.extents().center().into();
+    pattern.transformed(&Affine::rigid(center, 0.0, ANCHOR))
+}
+
+fn map(surface: &FittedSurface, pattern: &Pattern, options: IsometricOptions) -> LengthTrueMap {
+    LengthTrueMap::find(surface, pattern, |_| true, ANCHOR, &Method::Isometric(options))
+        .expect("there is a map")
+}
+
+#[divan::bench(args = [0.75, 0.27])]
+fn sample_and_fit(bencher: Bencher, edge: f64) {
+    let mesh = mesh(edge);
+    bencher.bench(|| {
+        let part = FacingPart::new(black_box(&mesh), &View::top());
+        FittedSurface::of_part(&part, &FitOptions::default())
+    });
+}
+
+#[divan::bench(args = [0.75, 0.27])]
+fn sample_only(bencher: Bencher, edge: f64) {
+    let mesh = mesh(edge);
+    bencher.bench(|| FacingPart::new(black_box(&mesh), &View::top()).sample(0.75));
+}
+
+/// Reading a whole file is the least a pattern reader must do.
+#[divan::bench]
+fn floor_of_read_pattern(bencher: Bencher) {
+    bencher.bench(|| black_box(LETTERS).iter().filter(|byte| **byte == b'\n').count());
+}
+
+#[divan::bench]
+fn read_pattern(bencher: Bencher) {
+    bencher.bench(|| pattern::read(black_box(LETTERS), &PatternOptions::default()));
+}
+
+#[divan::bench(args = ["ink", "uniform"])]
+fn map_letters(bencher: Bencher, weighting: &str) {
+    let options = if weighting == "ink" { IsometricOptions::INK } else { IsometricOptions::UNIFORM };
+    let (surface, pattern) = (surface(), letters());
+    bencher.bench(|| map(black_box(&surface), black_box(&pattern), options));
+}
+
+#[divan::bench]
+fn bend_and_write(bencher: Bencher) {
+    let (surface, pattern) = (surface(), letters());
+    let map = map(&surface, &pattern, IsometricOptions::INK);
+    bencher.bench(|| {
+        let projection =
+            Projection { map: &map, surface: &surface, fixture: Fixture::default(), lens: Lens::Telecentric };
+        let drawing = projection.bend(black_box(&pattern), 0.01, Subdivision::Adaptive);
+        drawing.map(|drawing| pattern::write(&drawing, DxfProfile::R2000))
+    });
+}
+
+#[divan::bench]
+fn measure(bencher: Bencher) {
+    let (surface, pattern) = (surface(), letters());
+    let map = map(&surface, &pattern, IsometricOptions::INK);
+    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    bencher.bench(|| {
+        quality::measure(black_box(&ink), |at| map.point(at), |at: ViewPoint| surface.sampled_height(at))
+    });
+}
+
+/// Everything after the files are in memory, the surface from the cache on disk.
+#[divan::bench]
+fn correct_with_cached_surface(bencher: Bencher) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let pipeline = Pipeline::new(Some(Cache::new(folder.path())));
+    let sku: Sku = "mouse".parse().expect("a SKU");
+    let mut settings = JobSettings::default();
+    settings.placement.place = Some(ViewPoint::new(ANCHOR.x, ANCHOR.y));
+    let part = PartInput {
+        name: "mouse.glb",
+        bytes: include_bytes!("../examples/parts/mouse.glb"),
+        sibling: &mut |_| Err(std::io::ErrorKind::NotFound.into()),
+    };
+    pipeline.learn(&sku, part, &settings.part).expect("the mouse can be learned");
+    bencher.bench(|| {
+        let learned =
+            pipeline.recall(&sku, &settings.part).expect("the cache works").expect("the mouse is known");
+        let input = PatternInput { name: "letters.dxf", bytes: LETTERS, previous: None };
+        pipeline.correct(&sku, &learned, input, &settings, false)
+    });
+}

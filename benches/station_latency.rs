@@ -1,0 +1,86 @@
+//! From rename-into to the corrected drawing in the import folder of a running station, the surface cached.
+//!
+//! `cargo bench --bench station_latency` prints median, 95th and 99th percentile beside the I/O floor: the time the same
+//! disk needs to write, flush and rename a file of the result's size.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use isomark::files::write_whole;
+
+const DROPS: usize = 200;
+const LETTERS: &[u8] = include_bytes!("../examples/patterns/letters.dxf");
+const MOUSE: &[u8] = include_bytes!("../examples/parts/mouse.glb");
+const STATION: &str = "[station]\nname = \"bench\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\
+                       [field]\nwidth_mm = 110\nheight_mm = 110\n[placement]\nplace_mm = [0, 8]\n";
+
+/// The station, ended with the benchmark however that ends.
+struct Station(Child);
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn main() -> std::io::Result<()> {
+    // `cargo test --benches` only asks whether it starts.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return Ok(());
+    }
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    for name in ["hot", "import", "outside"] {
+        fs_err::create_dir(at(name))?;
+    }
+    fs_err::write(at("station.toml"), STATION)?;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_isomark"));
+    let _station = Station(command.arg("watch").arg(at("station.toml")).stderr(Stdio::null()).spawn()?);
+
+    drop_into(folder.path(), "mouse.glb", MOUSE)?;
+    wait_for(&at("archive/mouse/mouse.glb"), Duration::from_secs(30));
+    let mut times = Vec::with_capacity(DROPS);
+    for number in 0..DROPS {
+        let name = format!("mouse@{number}.dxf");
+        let start = drop_into(folder.path(), &name, LETTERS)?;
+        wait_for(&at("import").join(&name), Duration::from_secs(10));
+        times.push(start.elapsed());
+        // Let the station file the original before the next drop: singles are measured, not a queue.
+        wait_for(&at("archive/mouse").join(&name), Duration::from_secs(10));
+    }
+    let result = fs_err::read(at("import/mouse@0.dxf"))?;
+    let mut floor = Vec::with_capacity(DROPS);
+    for number in 0..DROPS {
+        let start = Instant::now();
+        write_whole(&at("outside"), &format!("{number}.dxf"), &result)?;
+        floor.push(start.elapsed());
+    }
+    for (what, times) in [("rename-into to result", &mut times), ("floor: write, flush, rename", &mut floor)]
+    {
+        times.sort();
+        let at = |share: usize| times[(times.len() - 1) * share / 100].as_secs_f64() * 1e3;
+        let line =
+            format!("{what:<28} median {:6.2} ms   95 % {:6.2} ms   99 % {:6.2} ms", at(50), at(95), at(99));
+        std::io::Write::write_all(&mut std::io::stdout(), (line + "\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Writes the file outside the hot folder and renames it in; the moment just before the rename.
+fn drop_into(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<Instant> {
+    let outside = folder.join("outside").join(name);
+    fs_err::write(&outside, bytes)?;
+    let start = Instant::now();
+    fs_err::rename(outside, folder.join("hot").join(name))?;
+    Ok(start)
+}
+
+fn wait_for(path: &Path, limit: Duration) {
+    let start = Instant::now();
+    while !path.exists() {
+        assert!(start.elapsed() < limit, "{} did not come", path.display());
+        std::thread::sleep(Duration::from_micros(200));
+    }
+}
