@@ -64,9 +64,6 @@ struct Failure {
 
 type Outcome = Result<(), Failure>;
 
-/// Name and version of the JSON form of a failure on standard output.
-const FAILURE_SCHEMA: &str = "isomark.reason/1";
-
 /// Runs the program on its command line.
 pub fn main() -> ExitCode {
     // A reader that has seen enough (`isomark … | head`) is no failure worth a backtrace: writes to it just end.
@@ -90,13 +87,8 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::from(Exit::Done as u8),
         Err(failure) => {
             if json {
-                let mut value = serde_json::json!({ "schema": FAILURE_SCHEMA });
-                if let (Some(fields), Ok(serde_json::Value::Object(reason))) =
-                    (value.as_object_mut(), serde_json::to_value(&failure.reason))
-                {
-                    fields.extend(reason);
-                }
-                print(&format!("{value:#}\n"));
+                // Without its JSON form the failure is still told below.
+                print(&failure.reason.to_json(None).unwrap_or_default());
             }
             tell(&format!("isomark: {}", failure.reason));
             ExitCode::from(failure.exit as u8)
@@ -174,14 +166,7 @@ fn name_of(path: &Path) -> Result<String, Failure> {
 
 /// Reads a file that lies beside `part`; only plain names are followed.
 fn sibling_of(part: &Path) -> impl FnMut(&str) -> std::io::Result<Vec<u8>> {
-    let folder: PathBuf = folder_of(part).into();
-    move |name| {
-        if !crate::hotfolder::names::is_plain(name) {
-            let words = format!("`{name}` does not name a file in the same folder");
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
-        }
-        fs_err::read(folder.join(name))
-    }
+    |name| crate::files::read_beside(part, name)
 }
 
 /// The station's settings, if one is named.

@@ -5,6 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Name and version of the JSON form of a [`Reason`]: fields may be added, never renamed or given another unit.
+pub const SCHEMA: &str = "isomark.reason/1";
+
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reason {
@@ -83,7 +86,27 @@ pub enum Severity {
     Warning,
 }
 
+/// The JSON form: the reason's own fields between the two that say what it is and which file it is about.
+#[derive(Serialize)]
+struct ReasonFile<'a> {
+    schema: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drop: Option<&'a str>,
+    #[serde(flatten)]
+    reason: &'a Reason,
+}
+
 impl Reason {
+    /// The JSON form, indented, with a newline at its end. `drop` is where a rejected file lay in the hot folder, with
+    /// `/`.
+    ///
+    /// # Errors
+    /// Never for a finite number and place.
+    pub fn to_json(&self, drop: Option<&str>) -> serde_json::Result<String> {
+        let file = ReasonFile { schema: SCHEMA, drop, reason: self };
+        serde_json::to_string_pretty(&file).map(|text| text + "\n")
+    }
+
     /// A reason with a code, a sentence and a remedy; place and number are added with the `with_` functions.
     pub fn new(code: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self {

@@ -4,6 +4,8 @@
 //! 39 × 13 mm, meshes with edges of 0.75 mm without normals, e_l over pieces of at most 0.25 mm, e_a over squares of
 //! 0.2 mm, the largest angular distortion over both.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
 use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::ink::Ink;

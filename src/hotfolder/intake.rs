@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::filing::{Original, with_slashes};
 use super::folders::{self, Found};
 use super::job::{Companion, Completeness, Corrector, DroppedFile, JobError};
-use super::names::is_plain;
 use super::outcome::{folder_trouble, guarded};
 use super::settle::{Gap, Stamp, Verdict};
 use super::worker::Worker;
+use crate::files::is_plain;
 use crate::reason::Reason;
 
 /// A drop as it was read.
