@@ -41,8 +41,12 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
 /// Lines for people on standard error; `RUST_LOG` chooses others.
 pub(super) fn start_log() {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
-    let lines =
-        tracing_subscriber::fmt().with_env_filter(filter).with_target(false).with_writer(std::io::stderr);
+    // A log that cannot be written (its disk is full, its reader went) must not end the station.
+    let lines = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_target(false)
+        .with_writer(std::io::stderr)
+        .log_internal_errors(false);
     // A second log in one process is a test's; the first one goes on.
     let _ = lines.try_init();
 }

@@ -110,12 +110,33 @@ impl Watcher {
 }
 
 fn watch(folder: &Path, sender: Sender<Signal>) -> notify::Result<RecommendedWatcher> {
+    // Events bear absolute paths; the station knows its drops by the folder's path as the settings spell it.
+    let (absolute, spelled) = (std::path::absolute(folder)?, folder.to_path_buf());
+    let watched = absolute.clone();
     // The handler does nothing but send: a slow one lets the system's queue overflow.
-    let handler = move |event| signals(event, |signal| drop(sender.send(signal)));
+    let handler = move |event| {
+        signals(event, |signal| drop(sender.send(signal.respelled(&absolute, &spelled))));
+    };
     let config = notify::Config::default().with_follow_symlinks(false);
     let mut watcher = RecommendedWatcher::new(handler, config)?;
-    watcher.watch(folder, RecursiveMode::Recursive)?;
+    watcher.watch(&watched, RecursiveMode::Recursive)?;
     Ok(watcher)
+}
+
+impl Signal {
+    /// The same with `from` at the head of its path replaced by `to`.
+    fn respelled(self, from: &Path, to: &Path) -> Self {
+        let respell = |path: PathBuf| match path.strip_prefix(from) {
+            Ok(rest) if rest.as_os_str().is_empty() => to.to_path_buf(),
+            Ok(rest) => to.join(rest),
+            Err(_) => path,
+        };
+        match self {
+            Self::Touched(path) => Self::Touched(respell(path)),
+            Self::Closed(path) => Self::Closed(respell(path)),
+            other => other,
+        }
+    }
 }
 
 /// What an event of the system tells.
@@ -168,5 +189,14 @@ mod tests {
         let mut all = Vec::new();
         signals(Err(notify::Error::generic("lost")), |signal| all.push(signal));
         assert_eq!(all, [Signal::Overflow]);
+    }
+
+    #[test]
+    fn events_name_drops_as_the_settings_do() {
+        let (from, to) = (Path::new("/srv/laser/hot"), Path::new("hot"));
+        let closed = |path: &str| Signal::Closed(path.into());
+        assert_eq!(closed("/srv/laser/hot/can.dxf").respelled(from, to), closed("hot/can.dxf"));
+        assert_eq!(closed("/srv/laser/hot").respelled(from, to), closed("hot"));
+        assert_eq!(closed("/srv/other/can.dxf").respelled(from, to), closed("/srv/other/can.dxf"));
     }
 }

@@ -1,0 +1,129 @@
+//! The program as a station under hard circumstances: what surrounds it fails or is unreasonable, and it goes on.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
+                        width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 20000\nrescan_s = 0.2\n";
+/// A shallow trough and a square on it.
+const PART: &str = "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\n\
+                    f 1 2 5 4\nf 2 3 6 5\n";
+
+struct Station {
+    folder: tempfile::TempDir,
+    program: Option<Child>,
+}
+
+impl Station {
+    fn new() -> Self {
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        for name in ["hot", "import", "elsewhere"] {
+            fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        fs::write(folder.path().join("station.toml"), SETTINGS).unwrap();
+        Self { folder, program: None }
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.folder.path().join(relative)
+    }
+
+    /// The program, with the station's folder as its own.
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isomark"));
+        command.current_dir(self.folder.path()).args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    }
+
+    fn start(&mut self, command: &mut Command) {
+        self.program = Some(command.spawn().unwrap());
+        self.waits_for("the archive folder", |station| station.path("archive").is_dir());
+    }
+
+    fn once(&self) -> String {
+        let output = self.command(&["watch", "station.toml", "--once"]).stdout(Stdio::piped()).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn rename_into(&self, name: &str, bytes: &[u8]) {
+        let elsewhere = self.path("elsewhere/file");
+        fs::write(&elsewhere, bytes).unwrap();
+        fs::rename(elsewhere, self.path("hot").join(name)).unwrap();
+    }
+
+    fn waits_for(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
+        let started = Instant::now();
+        while !condition(self) {
+            let ended = self.program.as_mut().and_then(|program| program.try_wait().unwrap());
+            assert!(ended.is_none(), "the program ended: {ended:?}");
+            assert!(started.elapsed() < Duration::from_secs(60), "{what}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn reason(&self, name: &str) -> String {
+        let path = self.path("rejected").join(format!("{name}.reason.json"));
+        let reason: serde_json::Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        reason["code"].as_str().unwrap().to_owned()
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        if let Some(mut program) = self.program.take() {
+            let _ = program.kill();
+            let _ = program.wait();
+        }
+    }
+}
+
+fn drawing(entities: &str) -> String {
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{entities}0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+fn line(from: [f64; 2], to: [f64; 2]) -> String {
+    format!("0\nLINE\n8\nMARK\n10\n{}\n20\n{}\n11\n{}\n21\n{}\n", from[0], from[1], to[0], to[1])
+}
+
+fn exists(path: &Path) -> bool {
+    path.exists()
+}
+
+/// Only Linux tells that a file is whole; the settle time of these stations is longer than the test waits.
+#[cfg(target_os = "linux")]
+#[test]
+fn events_count_for_a_station_file_named_relatively() {
+    let mut station = Station::new();
+    let mut command = station.command(&["watch", "station.toml"]);
+    station.start(&mut command);
+    station.waits_for("time for the watch", |station| exists(&station.path("reports")));
+    std::thread::sleep(Duration::from_millis(300));
+    let started = Instant::now();
+    station.rename_into("trough.obj", PART.as_bytes());
+    station.rename_into("trough.dxf", drawing(&line([-5.0, 0.0], [5.0, 0.0])).as_bytes());
+    station.waits_for("the result", |station| exists(&station.path("import/trough.dxf")));
+    assert!(started.elapsed() < Duration::from_secs(15));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_on_a_full_disk_stops_nothing() {
+    let mut station = Station::new();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut command = station.command(&["watch", "station.toml"]);
+    station.start(command.stderr(full.into_parts().0));
+    station.waits_for("time for the watch", |station| exists(&station.path("reports")));
+    std::thread::sleep(Duration::from_millis(300));
+    station.rename_into("trough.stl", b"solid");
+    station.waits_for("the rejection", |station| exists(&station.path("rejected/trough.stl")));
+}
