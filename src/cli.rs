@@ -4,10 +4,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
 use crate::config::{ConfigError, Sku, Station};
+use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::pattern::DrawingUnit;
 use crate::reason::Reason;
 
 mod cache;
@@ -39,6 +41,20 @@ enum Command {
     Cache(cache::CacheArguments),
     /// Sets up a station with sample parts and drawings, runs it, and shows what came of them.
     Demo(demo::DemoArguments),
+}
+
+/// What a file's numbers mean where the file itself does not say it, or says it wrongly.
+#[derive(Debug, Args)]
+struct MeaningArguments {
+    /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
+    #[arg(long, value_name = "UNIT")]
+    part_unit: Option<LengthUnit>,
+    /// Axis of the part's file that points up: z or y; default: what format and producer say.
+    #[arg(long, value_name = "AXIS")]
+    part_up: Option<UpAxis>,
+    /// Unit of a drawing that names none: mm, in, px and others; default mm, or inches where the drawing hints at them.
+    #[arg(long, value_name = "UNIT")]
+    pattern_unit: Option<DrawingUnit>,
 }
 
 /// What the program ends with.

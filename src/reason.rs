@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Name and version of the JSON form of a [`Reason`]: fields may be added, never renamed or given another unit.
+/// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.
 pub const SCHEMA: &str = "isomark.reason/1";
 
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.

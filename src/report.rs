@@ -1,7 +1,7 @@
 //! One job's story in numbers: what was read, what was decided, how true the lengths are, what to look at.
 //!
-//! The JSON form is stable and named by [`SCHEMA`]: fields may be added, never renamed or given another unit. Lengths are
-//! in mm, angles in degrees, times in milliseconds; every field says so in its name.
+//! The JSON form is stable and named by [`SCHEMA`]; `plugins/README.md` says what that means to programs that read it.
+//! Lengths are in mm, angles in degrees, times in milliseconds; every field says so in its name.
 
 use serde::{Deserialize, Serialize};
 

@@ -5,11 +5,13 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use super::{Failure, Outcome, cache_of, name_of, parse_sku, print, read_file, sibling_of, tell, write_file};
+use super::{
+    Failure, MeaningArguments, Outcome, cache_of, name_of, parse_sku, print, read_file, sibling_of, tell,
+    write_file,
+};
 use crate::config::{Anchor, JobSettings, LiveSettings, Method, Sku, Vertices, Weighting, parse_facing};
 use crate::files::read_if_there;
-use crate::formats::mesh::{LengthUnit, MeshFormat, UpAxis};
-use crate::formats::pattern::DrawingUnit;
+use crate::formats::mesh::MeshFormat;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 use crate::pipeline::{PartInput, PatternInput, Pipeline};
 use crate::reason::Reason;
@@ -52,15 +54,8 @@ pub(super) struct CorrectArguments {
     /// Turns the drawing about its anchor, degrees counter-clockwise.
     #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     rotate: Option<f64>,
-    /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
-    #[arg(long, value_name = "UNIT")]
-    part_unit: Option<LengthUnit>,
-    /// Axis of the part's file that points up: z or y; default: what format and producer say.
-    #[arg(long, value_name = "AXIS")]
-    part_up: Option<UpAxis>,
-    /// Unit of a drawing that names none: mm, in, px and others; default mm.
-    #[arg(long, value_name = "UNIT")]
-    pattern_unit: Option<DrawingUnit>,
+    #[command(flatten)]
+    meaning: MeaningArguments,
     /// The layers that are marked; others are carried along without counting as ink.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     ink_layers: Option<Vec<String>>,
@@ -159,9 +154,9 @@ impl CorrectArguments {
         }
         set(&mut settings.part.facing, self.facing.as_ref());
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
-        settings.part.unit = self.part_unit.or(settings.part.unit);
-        settings.part.up = self.part_up.or(settings.part.up);
-        settings.pattern.unit_if_unitless = self.pattern_unit.or(settings.pattern.unit_if_unitless);
+        settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
+        settings.part.up = self.meaning.part_up.or(settings.part.up);
+        settings.pattern.unit_if_unitless = self.meaning.pattern_unit.or(settings.pattern.unit_if_unitless);
         if self.ink_layers.is_some() {
             settings.pattern.ink_layers.clone_from(&self.ink_layers);
         }
