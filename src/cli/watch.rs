@@ -1,5 +1,6 @@
 //! `isomark watch`: the hot folder.
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -41,8 +42,13 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
 /// Lines for people on standard error; `RUST_LOG` chooses others.
 pub(super) fn start_log() {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
-    let lines =
-        tracing_subscriber::fmt().with_env_filter(filter).with_target(false).with_writer(std::io::stderr);
+    let lines = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_target(false)
+        .with_ansi(
+            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty()),
+        )
+        .with_writer(std::io::stderr);
     // A second log in one process is a test's; the first one goes on.
     let _ = lines.try_init();
 }
@@ -53,9 +59,10 @@ fn failure(error: &StationError) -> Failure {
 
 fn words(tally: &Tally) -> String {
     let mut text = format!(
-        "{} delivered, {} parts learned, {} rejected, {} waiting, {} incomplete\n",
+        "{} delivered, {} {} learned, {} rejected, {} waiting, {} incomplete\n",
         tally.delivered,
         tally.learned,
+        if tally.learned == 1 { "part" } else { "parts" },
         tally.rejected,
         tally.waiting.len(),
         tally.incomplete.len()
