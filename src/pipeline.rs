@@ -219,6 +219,7 @@ impl Pipeline {
         let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
+        checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
         let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
         checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
         clock.lap("place");

@@ -4,10 +4,16 @@ use super::{Distortion, Exposure, FittedSurface, Ink, JobSettings, PartSettings,
 use crate::geometry::correction::AboveLens;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cylinder::CylinderError;
+use crate::geometry::pattern::Shape;
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 
+/// How far a drawing may reach beyond the part, in diagonals of the part as the laser sees it: along a surface that is
+/// nowhere steeper than 75 deg no way is longer than 1 / cos 75 deg = 3.9 of them.
+const FARTHEST_REACH: f64 = 4.0;
+/// The greatest length of all lines together, mm: more than an hour of marking.
+const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is warned of.
 const NOTABLE_STRETCH: f64 = 0.02;
 
@@ -38,6 +44,42 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
             "Export the part with a finer mesh, or mark another side.",
         ),
     }
+}
+
+/// Refuses, before any work, ink that cannot lie on the part wherever it is placed, and more of it than anybody marks.
+pub(super) fn reach(
+    placed: &Pattern,
+    counts: impl Fn(&str) -> bool,
+    surface: &FittedSurface,
+) -> Result<(), Reason> {
+    let domain = surface.nurbs.domain();
+    let area = domain.grown(FARTHEST_REACH * domain.size().norm());
+    let inked =
+        placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
+    let mut length = 0.0;
+    for path in inked {
+        if let Shape::Dot(point) = path.shape
+            && !area.contains(point.coords())
+        {
+            return Err(off_surface(point.coords().into(), surface));
+        }
+        for segment in path.shape.segments() {
+            let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|t| segment.point(t));
+            if let Some(far) = points.iter().find(|point| !area.contains(point.coords())) {
+                return Err(off_surface(far.coords().into(), surface));
+            }
+            length += points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
+        }
+    }
+    if length > LONGEST_INK {
+        return Err(Reason::new(
+            "too-much-ink",
+            "The drawing's lines are too long to be marked.",
+            "Check the drawing's unit; fill areas with HATCH instead of single lines.",
+        )
+        .with_number("length of all lines", length, "mm", Some(LONGEST_INK)));
+    }
+    Ok(())
 }
 
 pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSettings) -> Result<(), Reason> {
