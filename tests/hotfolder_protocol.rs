@@ -149,7 +149,7 @@ impl Line {
     fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
         let started = Instant::now();
         while !condition(self) {
-            assert!(started.elapsed() < Duration::from_secs(20), "{what}; there is {:#?}", self.tree());
+            assert!(started.elapsed() < Duration::from_secs(120), "{what}; there is {:#?}", self.tree());
             std::thread::sleep(Duration::from_millis(2));
         }
     }
