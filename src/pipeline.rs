@@ -223,6 +223,7 @@ impl Pipeline {
         let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
+        checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
         let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
         checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
         clock.lap("place");
@@ -251,7 +252,7 @@ impl Pipeline {
 
         let height = |at: ViewPoint| surface.sampled_height(at);
         let after = quality::measure(&ink, |at| map.point(at), height)
-            .map_err(|at| checks::off_surface(at, surface, &ink).in_file(input.name))?;
+            .map_err(|at| checks::off_surface(at, surface, &ink.extents).in_file(input.name))?;
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 

@@ -8,10 +8,16 @@ use crate::geometry::correction::AboveLens;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
+use crate::geometry::pattern::Shape;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 
+/// How far a drawing may reach beyond the part, in diagonals of the part as the laser sees it: along a surface that is
+/// nowhere steeper than 75 deg no way is longer than 1 / cos 75 deg = 3.9 of them.
+const FARTHEST_REACH: f64 = 4.0;
+/// The greatest length of all lines together, mm: more than an hour of marking.
+const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is warned of.
 const NOTABLE_STRETCH: f64 = 0.02;
 /// A drawing so many times as long as the part holds stray lines or has another unit.
@@ -46,6 +52,42 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     }
 }
 
+/// Refuses, before any work, ink that cannot lie on the part wherever it is placed, and more of it than anybody marks.
+pub(super) fn reach(
+    placed: &Pattern,
+    counts: impl Fn(&str) -> bool,
+    surface: &FittedSurface,
+) -> Result<(), Reason> {
+    let domain = surface.nurbs.domain();
+    let area = domain.grown(FARTHEST_REACH * domain.size().norm());
+    let inked =
+        placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
+    let mut length = 0.0;
+    for path in inked {
+        if let Shape::Dot(point) = path.shape
+            && !area.contains(point.coords())
+        {
+            return Err(off_surface(point.coords().into(), surface, &placed.extents()));
+        }
+        for segment in path.shape.segments() {
+            let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|t| segment.point(t));
+            if let Some(far) = points.iter().find(|point| !area.contains(point.coords())) {
+                return Err(off_surface(far.coords().into(), surface, &placed.extents()));
+            }
+            length += points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
+        }
+    }
+    if length > LONGEST_INK {
+        return Err(Reason::new(
+            "too-much-ink",
+            "The drawing's lines are too long to be marked.",
+            "Check the drawing's unit; fill areas with HATCH instead of single lines.",
+        )
+        .with_number("length of all lines", length, "mm", Some(LONGEST_INK)));
+    }
+    Ok(())
+}
+
 pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSettings) -> Result<(), Reason> {
     if !ink.extents.is_empty() {
         return Ok(());
@@ -70,7 +112,12 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
     let first = samples.iter().find(|at| !surface.field.is_surface(**at));
     if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
         let percent = 100.0 * beside as f64 / samples.len() as f64;
-        return off_surface(*at, surface, ink).with_number("ink without surface", percent, "%", Some(0.0));
+        return off_surface(*at, surface, &ink.extents).with_number(
+            "ink without surface",
+            percent,
+            "%",
+            Some(0.0),
+        );
     }
     let reason = match error {
         MapError::Isometric(error) => Reason::new(
@@ -113,7 +160,7 @@ pub(super) fn above_lens(error: &AboveLens) -> Reason {
     .at(place)
 }
 
-pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, ink: &Ink) -> Reason {
+pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, drawn: &Extents) -> Reason {
     let domain = surface.nurbs.domain();
     let what = if domain.contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
@@ -121,7 +168,7 @@ pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, ink: &Ink) -> 
         "The drawing reaches beyond the part."
     };
     let sides = |extents: &Extents| (extents.max - extents.min).max();
-    let remedy = if sides(&ink.extents) > STRAY * sides(&domain) {
+    let remedy = if sides(drawn) > STRAY * sides(&domain) {
         "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
     } else {
         "Move the drawing with `place`, make it smaller, or check `facing`."
@@ -132,8 +179,8 @@ pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, ink: &Ink) -> 
             "{what} As the laser sees it, the part spans x {} and y {} mm, the drawing x {} and y {} mm.",
             span(&domain, 0),
             span(&domain, 1),
-            span(&ink.extents, 0),
-            span(&ink.extents, 1)
+            span(drawn, 0),
+            span(drawn, 1)
         ),
         remedy,
     )
@@ -154,7 +201,7 @@ pub(super) fn exposure(
 ) -> Result<(), Reason> {
     if let Some((_, at)) = seen.first_off_surface {
         let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
-        return Err(off_surface(at, surface, ink).with_number(
+        return Err(off_surface(at, surface, &ink.extents).with_number(
             "ink without surface",
             percent,
             "%",
