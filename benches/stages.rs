@@ -118,8 +118,10 @@ fn correct_with_cached_surface(bencher: Bencher) {
     };
     pipeline.learn(&sku, part, &settings.part).expect("the mouse can be learned");
     bencher.bench(|| {
-        let learned =
-            pipeline.recall(&sku, &settings.part).expect("the cache works").expect("the mouse is known");
+        let learned = pipeline
+            .recall(&sku, &settings.part, &mut Vec::new())
+            .expect("the cache works")
+            .expect("the mouse is known");
         let input = PatternInput { name: "letters.dxf", bytes: LETTERS, previous: None };
         pipeline.correct(&sku, &learned, input, &settings, false)
     });

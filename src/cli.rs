@@ -1,6 +1,6 @@
 //! What can be typed.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -47,13 +47,13 @@ enum Command {
 #[derive(Debug, Args)]
 struct MeaningArguments {
     /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
-    #[arg(long, value_name = "UNIT")]
+    #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     part_unit: Option<LengthUnit>,
     /// Axis of the part's file that points up: z or y; default: what format and producer say.
-    #[arg(long, value_name = "AXIS")]
+    #[arg(long, value_name = "AXIS", help_heading = "Part and drawing")]
     part_up: Option<UpAxis>,
     /// Unit of a drawing that names none: mm, in, px and others; default mm, or inches where the drawing hints at them.
-    #[arg(long, value_name = "UNIT")]
+    #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<DrawingUnit>,
 }
 
@@ -157,13 +157,46 @@ fn tell(text: &str) {
 
 /// The content of a file that the user named.
 fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs_err::read(path).map_err(|error| Failure::environment(&error))
+    std::fs::read(path).map_err(|error| file_trouble("read", path, &error))
 }
 
 /// Writes a file that the user named, whole or not at all.
 fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
     let (folder, name) = (folder_of(path), name_of(path)?);
-    crate::files::write_whole(folder, &name, bytes).map_err(|error| Failure::environment(&error))
+    if path.is_dir() {
+        return Err(file_trouble("write", path, &ErrorKind::IsADirectory.into()));
+    }
+    crate::files::write_whole(folder, &name, bytes).map_err(|error| file_trouble("write", path, &error))
+}
+
+/// A file that the user named cannot be read or written.
+fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> Failure {
+    let (file, folder) = (path.display(), folder_of(path).display());
+    let (what, remedy) = match error.kind() {
+        ErrorKind::NotFound if verb == "read" => {
+            (format!("There is no file {file}."), "Check its name and its folder.".to_owned())
+        }
+        ErrorKind::NotFound => (
+            format!("There is no folder {folder} to write {file} into."),
+            "Make the folder, or name another one.".to_owned(),
+        ),
+        _ if path.is_dir() => (
+            format!("The folder {file} is named where a file is meant."),
+            format!("Name a file, such as {}.", path.join("name.dxf").display()),
+        ),
+        ErrorKind::PermissionDenied => (
+            format!("The file {file} may not be {}.", if verb == "read" { "read" } else { "written" }),
+            format!("Give yourself the right to {verb} in the folder {folder}, or choose another folder."),
+        ),
+        _ => (
+            format!("Cannot {verb} {file}: {error}."),
+            "Check the disk, its free space and the way to it, then try again.".to_owned(),
+        ),
+    };
+    Failure {
+        exit: Exit::Environment,
+        reason: Reason::new("environment", what, remedy).in_file(file.to_string()),
+    }
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -95,6 +95,7 @@ fn line(from: [f64; 2], to: [f64; 2]) -> String {
     format!("0\nLINE\n8\nMARK\n10\n{}\n20\n{}\n11\n{}\n21\n{}\n", from[0], from[1], to[0], to[1])
 }
 
+#[cfg(target_os = "linux")]
 fn exists(path: &Path) -> bool {
     path.exists()
 }
@@ -126,4 +127,70 @@ fn a_log_on_a_full_disk_stops_nothing() {
     std::thread::sleep(Duration::from_millis(300));
     station.rename_into("trough.stl", b"solid");
     station.waits_for("the rejection", |station| exists(&station.path("rejected/trough.stl")));
+}
+
+#[test]
+fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
+    let station = Station::new();
+    fs::write(station.path("hot/trough.obj"), PART).unwrap();
+    fs::write(station.path("hot/trough.dxf"), drawing(&line([-5.0, 0.0], [5.0, 0.0]))).unwrap();
+    // A drawing in map coordinates; sampling it would take gigabytes.
+    let far: String = (0..50).map(|i| line([0.0, 0.0], [1e6, f64::from(i)])).collect();
+    fs::write(station.path("hot/trough@far.dxf"), drawing(&far)).unwrap();
+    let scribble: String = (0..140_000).map(|_| line([-18.0, 0.0], [18.0, 0.0])).collect();
+    fs::write(station.path("hot/trough@scribble.dxf"), drawing(&scribble)).unwrap();
+    let sparse = cfg!(unix);
+    if sparse {
+        // Takes no space, but would take all memory.
+        fs::File::create(station.path("hot/vast.glb")).unwrap().set_len(1 << 40).unwrap();
+    }
+    let words = station.once();
+    let rejected = if sparse { 3 } else { 2 };
+    assert!(words.starts_with(&format!("1 delivered, 1 parts learned, {rejected} rejected")), "{words}");
+    assert_eq!(station.reason("trough@far.dxf"), "off-surface");
+    assert_eq!(station.reason("trough@scribble.dxf"), "too-much-ink");
+    if sparse {
+        assert_eq!(station.reason("vast.glb"), "file-too-large");
+    }
+}
+
+/// A name that is no text can be rejected as often as it comes.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_is_no_text_is_rejected_each_time() {
+    use std::os::unix::ffi::OsStrExt;
+    let station = Station::new();
+    for round in ["", "(2)"] {
+        let name = std::ffi::OsStr::from_bytes(b"bad\xff.dxf");
+        fs::write(station.path("hot").join(name), "x").unwrap();
+        assert!(station.once().contains("1 rejected, 0 waiting"));
+        assert!(station.path("rejected").join(round).join(name).exists());
+    }
+}
+
+#[test]
+fn a_missing_import_folder_is_named() {
+    let station = Station::new();
+    fs::remove_dir(station.path("import")).unwrap();
+    fs::write(station.path("hot/trough.obj"), PART).unwrap();
+    fs::write(station.path("hot/trough.dxf"), drawing(&line([-5.0, 0.0], [5.0, 0.0]))).unwrap();
+    let words = station.once();
+    assert!(words.contains("0 rejected, 1 waiting"), "{words}");
+    assert!(words.contains("The import folder ") && words.contains(" does not exist."), "{words}");
+    fs::create_dir(station.path("import")).unwrap();
+    assert!(station.once().starts_with("1 delivered"));
+}
+
+/// A SKU folder that may not be read hides its own files only.
+#[cfg(unix)]
+#[test]
+fn a_closed_folder_does_not_stop_the_listing() {
+    use std::os::unix::fs::PermissionsExt;
+    let station = Station::new();
+    let closed = station.path("hot/closed");
+    fs::create_dir(&closed).unwrap();
+    fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o000)).unwrap();
+    fs::write(station.path("hot/trough.stl"), "solid").unwrap();
+    assert!(station.once().contains("1 rejected"));
+    fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o755)).unwrap();
 }

@@ -142,7 +142,7 @@ choices! {
     }
 }
 
-const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y"];
+const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y", "X,Y,Z"];
 
 /// The side of the part that faces the laser, from `+z`, `-x` … or a direction `X,Y,Z` in the part frame.
 ///

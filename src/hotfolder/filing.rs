@@ -13,6 +13,7 @@
 //! SKU folders bear the SKU's name in lower case. Companions lie beside their part. A rejected drop is tried again by
 //! moving it back into the hot folder as it is.
 
+use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -89,7 +90,7 @@ pub(super) fn archive(
     name: &str,
     original: &Original,
 ) -> io::Result<PathBuf> {
-    let place = free_place(&folders.archive.join(sku.key()), &all_names(name, original))?;
+    let place = free_place(&folders.archive.join(sku.key()), &all_names(name.as_ref(), original))?;
     put_away(original, &place.join(name))?;
     Ok(place.join(name))
 }
@@ -120,7 +121,7 @@ pub(super) fn reject(
     let folder = folders.rejected.join(relative.parent().unwrap_or(Path::new("")));
     let file_name = relative.file_name().unwrap_or_default();
     let name = file_name.to_string_lossy();
-    let place = free_place(&folder, &all_names(&name, original))?;
+    let place = free_place(&folder, &all_names(file_name, original))?;
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
@@ -159,8 +160,8 @@ fn put_away(original: &Original, target: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn all_names<'a>(name: &'a str, original: &'a Original) -> Vec<&'a str> {
-    let companions = original.companions.iter().filter_map(|path| path.file_name()?.to_str());
+fn all_names<'a>(name: &'a OsStr, original: &'a Original) -> Vec<&'a OsStr> {
+    let companions = original.companions.iter().filter_map(|path| path.file_name());
     std::iter::once(name).chain(companions).collect()
 }
 

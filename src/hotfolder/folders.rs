@@ -9,6 +9,9 @@ use super::names::is_ignored;
 use super::settle::Stamp;
 use crate::files::{named, sync_folder, temporary};
 
+/// The largest file that is taken, bytes: it is held in memory, and fitting it takes a few times as much.
+pub(super) const LARGEST_DROP: u64 = 1 << 30;
+
 /// What lies at a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Found {
@@ -37,7 +40,8 @@ pub(super) fn look(path: &Path) -> io::Result<Option<Found>> {
 /// The identity of the folder at the path, if there is one.
 pub(super) fn identity(folder: &Path) -> Option<Identity> {
     let metadata = fs::metadata(folder).ok()?;
-    metadata.is_dir().then(|| file_identity(&metadata))
+    // The number of a removed folder is soon given to another one; the times of their making differ.
+    metadata.is_dir().then(|| file_identity(&metadata) ^ creation(&metadata).rotate_left(32))
 }
 
 fn stamp(metadata: &std::fs::Metadata) -> Stamp {
@@ -51,6 +55,11 @@ fn file_identity(metadata: &std::fs::Metadata) -> Identity {
 
 #[cfg(not(unix))]
 fn file_identity(metadata: &std::fs::Metadata) -> Identity {
+    creation(metadata)
+}
+
+/// When the file was made, in nanoseconds; 0 where the file system does not tell.
+fn creation(metadata: &std::fs::Metadata) -> u64 {
     let created = metadata.created().ok();
     let age = created.and_then(|created| created.duration_since(std::time::UNIX_EPOCH).ok());
     age.map_or(0, |age| age.as_nanos() as u64)
@@ -63,14 +72,16 @@ pub(super) struct Listing {
     pub(super) drops: Vec<(PathBuf, Found)>,
     /// Folders inside SKU folders, which nobody looks into.
     pub(super) too_deep: Vec<PathBuf>,
+    /// What could not be looked at; the rest of the listing is right all the same.
+    pub(super) unseen: Vec<io::Error>,
 }
 
 /// Lists the hot folder and the SKU folders in it.
 pub(super) fn list(hot: &Path) -> io::Result<Listing> {
     let mut listing = Listing::default();
-    for (path, found) in entries(hot)? {
+    for (path, found) in entries(hot, &mut listing.unseen)? {
         if found == Found::Folder {
-            list_sku_folder(&path, &mut listing)?;
+            list_sku_folder(&path, &mut listing);
         } else {
             listing.drops.push((path, found));
         }
@@ -79,12 +90,12 @@ pub(super) fn list(hot: &Path) -> io::Result<Listing> {
     Ok(listing)
 }
 
-fn list_sku_folder(folder: &Path, listing: &mut Listing) -> io::Result<()> {
-    let entries = match entries(folder) {
+fn list_sku_folder(folder: &Path, listing: &mut Listing) {
+    let entries = match entries(folder, &mut listing.unseen) {
         Ok(entries) => entries,
         // Removed since its parent was listed.
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
+        Err(error) if error.kind() == ErrorKind::NotFound => return,
+        Err(error) => return listing.unseen.push(error),
     };
     for (path, found) in entries {
         if found == Found::Folder {
@@ -93,25 +104,27 @@ fn list_sku_folder(folder: &Path, listing: &mut Listing) -> io::Result<()> {
             listing.drops.push((path, found));
         }
     }
-    Ok(())
 }
 
-/// What lies in one folder, without ignored names.
-pub(super) fn entries(folder: &Path) -> io::Result<Vec<(PathBuf, Found)>> {
+/// What lies in one folder, without ignored names; what cannot be looked at goes to `unseen`.
+pub(super) fn entries(folder: &Path, unseen: &mut Vec<io::Error>) -> io::Result<Vec<(PathBuf, Found)>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         if is_ignored(&entry.file_name().to_string_lossy()) {
             continue;
         }
-        if let Some(what) = look(&entry.path())? {
-            found.push((entry.path(), what));
+        match look(&entry.path()) {
+            Ok(Some(what)) => found.push((entry.path(), what)),
+            Ok(None) => {}
+            Err(error) => unseen.push(error),
         }
     }
     Ok(found)
 }
 
-/// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read.
+/// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read, or is larger
+/// than [`LARGEST_DROP`].
 pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
     let mut file = match fs::File::open(path) {
         Ok(file) => file,
@@ -119,8 +132,13 @@ pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
         Err(error) => return Err(error),
     };
     let before = stamp(&file.metadata()?);
-    let mut bytes = Vec::with_capacity(usize::try_from(before.size).unwrap_or(0));
-    file.read_to_end(&mut bytes)?;
+    if before.size > LARGEST_DROP {
+        return Ok(None);
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(before.size as usize + 1).map_err(|_| ErrorKind::OutOfMemory)?;
+    // One byte more than expected shows that the file grew.
+    (&mut file).take(before.size + 1).read_to_end(&mut bytes)?;
     let same = stamp(&file.metadata()?) == before && look(path)? == Some(Found::File(before));
     Ok((same && bytes.len() as u64 == before.size).then_some((bytes, before)))
 }
@@ -147,7 +165,14 @@ pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
 }
 
 /// The other half of [`move_new`]: the original goes when its copy is safe.
+///
+/// # Errors
+/// `Unsupported` for what is no file: opening a pipe would wait for its writer for ever.
 fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
+    let Some(Found::File(before)) = look(from)? else {
+        let words = "only a file can be moved to another disk";
+        return Err(named(io::Error::new(ErrorKind::Unsupported, words), "cannot move", from));
+    };
     let mut original = fs::File::open(from)?;
     let folder = to.parent().unwrap_or(Path::new(""));
     let mut copy = temporary(folder)?;
@@ -160,18 +185,19 @@ fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
     copy.persist_noclobber(to).map_err(|error| named(error.error, "cannot write", to))?;
     sync_folder(folder)?;
     drop(original);
-    fs::remove_file(from)
+    // A file that was written meanwhile is another drop and stays.
+    if look(from)? == Some(Found::File(before)) { fs::remove_file(from) } else { Ok(()) }
 }
 
 /// The first of `folder`, `folder/(2)`, `folder/(3)` … in which no file bears one of the names; it is made if needed.
 ///
 /// Numbers are on folders, not on files, because names say which SKU a file is for and which buffers belong to it: the
 /// content of a numbered folder can be moved back as it is.
-pub(super) fn free_place(folder: &Path, names: &[&str]) -> io::Result<PathBuf> {
+pub(super) fn free_place(folder: &Path, names: &[impl AsRef<Path>]) -> io::Result<PathBuf> {
     let place = |number: u64| if number == 1 { folder.into() } else { folder.join(format!("({number})")) };
     let taken = |number: u64| -> io::Result<bool> {
         let place: PathBuf = place(number);
-        names.iter().try_fold(false, |taken, name| Ok(taken || look(&place.join(name))?.is_some()))
+        names.iter().try_fold(false, |taken, name| Ok(taken || look(&place.join(name.as_ref()))?.is_some()))
     };
     // Numbers are taken from 1 on: double until one is free, then halve the gap.
     let mut free = 1;
@@ -206,7 +232,8 @@ mod tests {
         assert_eq!((fs::read(&a).unwrap(), fs::read(&b).unwrap()), (b"a".to_vec(), b"b".to_vec()));
         move_new(&a, &folder.path().join("c")).unwrap();
         copy_new(&b, &folder.path().join("d")).unwrap();
-        let names: Vec<_> = entries(folder.path()).unwrap().into_iter().map(|(path, _)| path).collect();
+        let names: Vec<_> =
+            entries(folder.path(), &mut Vec::new()).unwrap().into_iter().map(|(path, _)| path).collect();
         assert_eq!(names.len(), 2, "{names:?}");
         assert_eq!(fs::read(folder.path().join("d")).unwrap(), b"b");
     }
@@ -225,6 +252,34 @@ mod tests {
         fs::write(&from, "b").unwrap();
         assert_eq!(move_new(&from, &to).unwrap_err().kind(), ErrorKind::AlreadyExists);
         assert_eq!((fs::read(&from).unwrap(), fs::read(&to).unwrap()), (b"b".to_vec(), b"a".to_vec()));
+    }
+
+    /// A number that is not reused shows the rest; where it is, only the time of making tells.
+    #[test]
+    fn a_folder_made_again_is_another_one() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("hot");
+        fs::create_dir(&folder).unwrap();
+        let (first, metadata) = (identity(&folder), fs::metadata(&folder).unwrap());
+        assert_eq!(identity(&folder), first);
+        if metadata.created().is_ok() {
+            fs::remove_dir(&folder).unwrap();
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            fs::create_dir(&folder).unwrap();
+            assert_ne!(identity(&folder), first);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_not_opened_to_move_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (pipe, to) = (folder.path().join("x.dxf"), folder.path().join("y.dxf"));
+        if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|status| status.success()) {
+            return;
+        }
+        assert_eq!(copy_new(&pipe, &to).unwrap_err().kind(), ErrorKind::Unsupported);
+        assert!(matches!(look(&pipe), Ok(Some(Found::Other(_)))));
     }
 
     #[test]

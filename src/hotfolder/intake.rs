@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::filing::{Original, with_slashes};
-use super::folders::{self, Found};
+use super::folders::{self, Found, LARGEST_DROP};
 use super::job::{Companion, Completeness, Corrector, DroppedFile, JobError};
+use super::names::{Meaning, meaning};
 use super::outcome::{folder_trouble, guarded};
 use super::settle::{Gap, Stamp, Verdict};
 use super::worker::Worker;
@@ -43,7 +44,10 @@ impl<C: Corrector> Worker<'_, C> {
         };
         let (expected, own_name) = (drop.settle.stamp(), with_slashes(&drop.relative));
         let own_name = own_name.rsplit('/').next().unwrap_or_default();
-        let content = folders::read_whole(path).map_err(folder_trouble)?;
+        if expected.size > LARGEST_DROP {
+            return Err(JobError::Rejected(too_large(expected.size)));
+        }
+        let content = folders::read_whole(path).map_err(|error| unreadable(&error))?;
         let Some((bytes, stamp)) = content.filter(|(_, stamp)| *stamp == expected) else {
             self.look_again(path);
             let unchanged = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == expected);
@@ -81,6 +85,7 @@ impl<C: Corrector> Worker<'_, C> {
                 matches!(drop.settle.verdict(self.now(), &self.times()), Verdict::Wait(_))
             });
             match size {
+                Some(size) if size > LARGEST_DROP => return Err(JobError::Rejected(too_large(size))),
                 None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
                 None => absent.push(path),
                 Some(size) if settling || (companion.needed && size < companion.bytes) => {
@@ -90,6 +95,11 @@ impl<C: Corrector> Worker<'_, C> {
                 Some(_) => companions.push(path),
             }
         }
+        // A part or pattern that a part names is a drop of its own and does not go along.
+        companions.retain(|path| {
+            let name = path.file_name().unwrap_or_default();
+            meaning(Path::new(name)) == Ok(Meaning::Companion)
+        });
         match missing {
             None => Ok(Some(Read { file, stamp, companions, absent })),
             Some((reason, false)) if last_chance => Err(JobError::Rejected(reason)),
@@ -128,6 +138,22 @@ impl<C: Corrector> Worker<'_, C> {
 fn unsteady() -> Reason {
     let what = "The file changed while it was read.";
     Reason::new("file-unsteady", what, "Nothing: it is read again.")
+}
+
+/// The file's own fault or its owner's, not that of a folder of the station.
+fn unreadable(error: &std::io::Error) -> JobError {
+    let what = format!("The file cannot be read: {error}.");
+    let remedy = "Close the program that holds it, or let isomark read it; it is then read by itself.";
+    JobError::Retry(Reason::new("file-unreadable", what, remedy))
+}
+
+fn too_large(size: u64) -> Reason {
+    let reason = Reason::new(
+        "file-too-large",
+        "The file is too large to be handled.",
+        "Export it with fewer triangles or lines.",
+    );
+    reason.with_number("size", size as f64, "bytes", Some(LARGEST_DROP as f64))
 }
 
 fn cut_short() -> Reason {

@@ -17,6 +17,8 @@ use crate::reason::Reason;
 
 /// The pause after the first failure of something around a job; it doubles with each further failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
+/// Code of the reason for which drawings wait when there is no import folder.
+const IMPORT_MISSING: &str = "import-missing";
 /// The longest pause between two tries, so that a healed folder is noticed soon.
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
@@ -102,7 +104,8 @@ impl<C: Corrector> Worker<'_, C> {
             tracing::warn!("the surface of {sku} cannot be restored from the archive later: {error}");
         }
         let place = archived.parent().unwrap_or(&archived).to_path_buf();
-        self.late_companions.extend(read.absent.iter().map(|path| (path.clone(), place.clone())));
+        let until = self.now() + self.times().incomplete;
+        self.late_companions.extend(read.absent.iter().map(|path| (path.clone(), (until, place.clone()))));
         self.unfit_archive.remove(sku);
         self.tally.learned += 1;
         let took = started.elapsed().as_millis();
@@ -122,9 +125,15 @@ impl<C: Corrector> Worker<'_, C> {
         let delivery = match self.delivered.remove(path) {
             Some((stamp, delivery)) if stamp == read.stamp => delivery,
             _ => {
+                // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.
+                let waits = self.drops.get(path).and_then(|drop| drop.reason.as_ref());
+                if waits.is_some_and(|reason| reason.code == IMPORT_MISSING) {
+                    self.import_is_there()?;
+                }
                 let previous = filing::delivered_before(self.folders(), name).map_err(folder_trouble)?;
                 let previous = previous.as_deref();
                 let mut delivery = guarded(|| self.corrector.correct(sku, &read.file, previous, settings))?;
+                self.import_is_there()?;
                 let is_new = filing::deliver(self.folders(), name, &delivery.drawing, previous)
                     .map_err(folder_trouble)?;
                 let took = started.elapsed().as_millis();
@@ -140,6 +149,11 @@ impl<C: Corrector> Worker<'_, C> {
             self.delivered.insert(path.into(), (read.stamp, delivery));
         }
         filed
+    }
+
+    fn import_is_there(&self) -> Result<(), JobError> {
+        let import = &self.folders().import;
+        if import.is_dir() { Ok(()) } else { Err(JobError::Retry(import_missing(import))) }
     }
 
     /// What follows a delivery: the report, the preview, and the original out of the hot folder.
@@ -189,7 +203,7 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// A companion has settled: its part may go on, or went on without it before.
     fn companion(&mut self, path: &Path) {
-        if let Some(place) = self.late_companions.remove(path)
+        if let Some((_, place)) = self.late_companions.remove(path)
             && filing::follow(path, &place).is_ok()
         {
             self.drops.forget(path);
@@ -237,6 +251,10 @@ impl<C: Corrector> Worker<'_, C> {
 
     fn reject(&mut self, path: &Path, read: Option<&Read>, reason: Reason) -> Result<(), JobError> {
         let Some(drop) = self.drops.get(path) else { return Ok(()) };
+        if read.is_none() && matches!(folders::look(path), Ok(None)) {
+            self.drops.forget(path);
+            return Ok(());
+        }
         let relative = drop.relative.clone();
         let name = with_slashes(&relative);
         let reason = reason.in_file(name.clone());
@@ -245,7 +263,7 @@ impl<C: Corrector> Worker<'_, C> {
         let rejected =
             filing::reject(self.folders(), &relative, &original, &reason).map_err(folder_trouble)?;
         self.tally.rejected += 1;
-        tracing::warn!("{name} rejected: {} It lies in {}.", reason.what, rejected.display());
+        tracing::warn!("{name} rejected and moved to {}: {}", rejected.display(), reason.what);
         self.done(path);
         Ok(())
     }
@@ -276,6 +294,12 @@ pub(super) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T
         let remedy = "Keep the file and report it with this message: it is a mistake in isomark.";
         Err(JobError::Rejected(Reason::new("internal-error", what, remedy)))
     })
+}
+
+fn import_missing(import: &Path) -> Reason {
+    let what = format!("The import folder {} does not exist.", import.display());
+    let remedy = "Make it, connect its share, or correct `folders.import`; the drawing is then delivered.";
+    Reason::new(IMPORT_MISSING, what, remedy)
 }
 
 /// Folders heal: the drop stays and is tried again.

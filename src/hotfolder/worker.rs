@@ -76,8 +76,8 @@ pub(super) struct Worker<'a, C> {
     told: BTreeSet<String>,
     /// Patterns whose result is delivered while report or original could not be filed yet.
     pub(super) delivered: BTreeMap<PathBuf, (Stamp, Delivery)>,
-    /// Companions that were not there when their part was done, and where the part went.
-    pub(super) late_companions: BTreeMap<PathBuf, PathBuf>,
+    /// Companions that were not there when their part was done: until when they may follow it, and where it went.
+    pub(super) late_companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
     /// Archived parts that cannot be fitted with these settings.
     pub(super) unfit_archive: BTreeMap<Sku, (PathBuf, JobSettings)>,
     pub(super) tally: Tally,
@@ -182,7 +182,9 @@ impl<C: Corrector> Worker<'_, C> {
     fn list(&mut self) {
         let watch = self.settings.station().watch.clone();
         let hot = self.folders().hot.clone();
-        self.next_listing = self.now() + watch.rescan;
+        let now = self.now();
+        self.next_listing = now + watch.rescan;
+        self.late_companions.retain(|_, (until, _)| now < *until);
         let backend = if self.mode == Mode::Once { Backend::Poll } else { watch.backend };
         if !self.watcher.follow(&hot, backend) {
             if !self.hot_is_missing {
@@ -200,6 +202,9 @@ impl<C: Corrector> Worker<'_, C> {
             Ok(listing) => listing,
             Err(error) => return self.tell_once(format!("the hot folder cannot be listed: {error}")),
         };
+        for error in &listing.unseen {
+            self.tell_once(format!("something in the hot folder cannot be looked at: {error}"));
+        }
         for folder in &listing.too_deep {
             self.tell_once(format!(
                 "{} is a folder in a SKU's folder; nobody looks into it",
@@ -263,7 +268,7 @@ impl<C: Corrector> Worker<'_, C> {
         match folders::look(path) {
             Ok(Some(Found::Folder)) if closed && depth == 1 => {
                 // A whole folder was renamed into place, so its files are whole, too.
-                let entries = folders::entries(path).unwrap_or_default();
+                let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
                 entries.into_iter().filter(|(path, what)| self.see(hot, path, *what, true)).count() > 0
             }
             Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => false,
