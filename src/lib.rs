@@ -59,7 +59,7 @@
 //!
 //! // The map, which recognises the cylinder by itself, keeps the drawing's middle where it is.
 //! let method = Method::Auto {
-//!     cylinder_tolerance: Method::CYLINDER_TOLERANCE,
+//!     exact_tolerance: Method::EXACT_TOLERANCE,
 //!     otherwise: IsometricOptions::INK,
 //! };
 //! let map = LengthTrueMap::find(&surface, &drawing, |_| true, FlatPoint::new(0.0, 0.0), &method)?;
