@@ -37,13 +37,15 @@ fn surface() -> FittedSurface {
 }
 
 fn letters() -> Pattern {
-    let pattern = pattern::read(LETTERS, &PatternOptions::default()).expect("the letters are a drawing").pattern;
+    let pattern =
+        pattern::read(LETTERS, &PatternOptions::default()).expect("the letters are a drawing").pattern;
     let center = pattern.extents().center().into();
     pattern.transformed(&Affine::rigid(center, 0.0, ANCHOR))
 }
 
 fn map(surface: &FittedSurface, pattern: &Pattern, options: IsometricOptions) -> LengthTrueMap {
-    LengthTrueMap::find(surface, pattern, |_| true, ANCHOR, &Method::Isometric(options)).expect("there is a map")
+    LengthTrueMap::find(surface, pattern, |_| true, ANCHOR, &Method::Isometric(options))
+        .expect("there is a map")
 }
 
 #[divan::bench(args = [0.75, 0.27])]
@@ -84,12 +86,8 @@ fn bend_and_write(bencher: Bencher) {
     let (surface, pattern) = (surface(), letters());
     let map = map(&surface, &pattern, IsometricOptions::INK);
     bencher.bench(|| {
-        let projection = Projection {
-            map: &map,
-            surface: &surface,
-            fixture: Fixture::default(),
-            lens: Lens::Telecentric,
-        };
+        let projection =
+            Projection { map: &map, surface: &surface, fixture: Fixture::default(), lens: Lens::Telecentric };
         let drawing = projection.bend(black_box(&pattern), 0.01, Subdivision::Adaptive);
         drawing.map(|drawing| pattern::write(&drawing, DxfProfile::R2000))
     });
@@ -120,7 +118,8 @@ fn correct_with_cached_surface(bencher: Bencher) {
     };
     pipeline.learn(&sku, part, &settings.part).expect("the mouse can be learned");
     bencher.bench(|| {
-        let learned = pipeline.recall(&sku, &settings.part).expect("the cache works").expect("the mouse is known");
+        let learned =
+            pipeline.recall(&sku, &settings.part, &mut Vec::new()).expect("the cache works").expect("the mouse is known");
         let input = PatternInput { name: "letters.dxf", bytes: LETTERS, previous: None };
         pipeline.correct(&sku, &learned, input, &settings, false)
     });

@@ -57,10 +57,12 @@ fn main() -> std::io::Result<()> {
         write_whole(&at("outside"), &format!("{number}.dxf"), &result)?;
         floor.push(start.elapsed());
     }
-    for (what, times) in [("rename-into to result", &mut times), ("floor: write, flush, rename", &mut floor)] {
+    for (what, times) in [("rename-into to result", &mut times), ("floor: write, flush, rename", &mut floor)]
+    {
         times.sort();
         let at = |share: usize| times[(times.len() - 1) * share / 100].as_secs_f64() * 1e3;
-        let line = format!("{what:<28} median {:6.2} ms   95 % {:6.2} ms   99 % {:6.2} ms", at(50), at(95), at(99));
+        let line =
+            format!("{what:<28} median {:6.2} ms   95 % {:6.2} ms   99 % {:6.2} ms", at(50), at(95), at(99));
         std::io::Write::write_all(&mut std::io::stdout(), (line + "\n").as_bytes())?;
     }
     Ok(())

@@ -1,13 +1,15 @@
 //! What can be typed.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
 use crate::config::{ConfigError, Sku, Station};
+use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::pattern::DrawingUnit;
 use crate::reason::Reason;
 
 mod cache;
@@ -41,6 +43,20 @@ enum Command {
     Demo(demo::DemoArguments),
 }
 
+/// What a file's numbers mean where the file itself does not say it, or says it wrongly.
+#[derive(Debug, Args)]
+struct MeaningArguments {
+    /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
+    #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
+    part_unit: Option<LengthUnit>,
+    /// Axis of the part's file that points up: z or y; default: what format and producer say.
+    #[arg(long, value_name = "AXIS", help_heading = "Part and drawing")]
+    part_up: Option<UpAxis>,
+    /// Unit of a drawing that names none: mm, in, px and others; default mm, or inches where the drawing hints at them.
+    #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
+    pattern_unit: Option<DrawingUnit>,
+}
+
 /// What the program ends with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -63,9 +79,6 @@ struct Failure {
 }
 
 type Outcome = Result<(), Failure>;
-
-/// Name and version of the JSON form of a failure on standard output.
-const FAILURE_SCHEMA: &str = "isomark.reason/1";
 
 /// Runs the program on its command line.
 pub fn main() -> ExitCode {
@@ -90,13 +103,8 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::from(Exit::Done as u8),
         Err(failure) => {
             if json {
-                let mut value = serde_json::json!({ "schema": FAILURE_SCHEMA });
-                if let (Some(fields), Ok(serde_json::Value::Object(reason))) =
-                    (value.as_object_mut(), serde_json::to_value(&failure.reason))
-                {
-                    fields.extend(reason);
-                }
-                print(&format!("{value:#}\n"));
+                // Without its JSON form the failure is still told below.
+                print(&failure.reason.to_json(None).unwrap_or_default());
             }
             tell(&format!("isomark: {}", failure.reason));
             ExitCode::from(failure.exit as u8)
@@ -149,13 +157,46 @@ fn tell(text: &str) {
 
 /// The content of a file that the user named.
 fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs_err::read(path).map_err(|error| Failure::environment(&error))
+    std::fs::read(path).map_err(|error| file_trouble("read", path, &error))
 }
 
 /// Writes a file that the user named, whole or not at all.
 fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
     let (folder, name) = (folder_of(path), name_of(path)?);
-    crate::files::write_whole(folder, &name, bytes).map_err(|error| Failure::environment(&error))
+    if path.is_dir() {
+        return Err(file_trouble("write", path, &ErrorKind::IsADirectory.into()));
+    }
+    crate::files::write_whole(folder, &name, bytes).map_err(|error| file_trouble("write", path, &error))
+}
+
+/// A file that the user named cannot be read or written.
+fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> Failure {
+    let (file, folder) = (path.display(), folder_of(path).display());
+    let (what, remedy) = match error.kind() {
+        ErrorKind::NotFound if verb == "read" => {
+            (format!("There is no file {file}."), "Check its name and its folder.".to_owned())
+        }
+        ErrorKind::NotFound => (
+            format!("There is no folder {folder} to write {file} into."),
+            "Make the folder, or name another one.".to_owned(),
+        ),
+        _ if path.is_dir() => (
+            format!("The folder {file} is named where a file is meant."),
+            format!("Name a file, such as {}.", path.join("name.dxf").display()),
+        ),
+        ErrorKind::PermissionDenied => (
+            format!("The file {file} may not be {}.", if verb == "read" { "read" } else { "written" }),
+            format!("Give yourself the right to {verb} in the folder {folder}, or choose another folder."),
+        ),
+        _ => (
+            format!("Cannot {verb} {file}: {error}."),
+            "Check the disk, its free space and the way to it, then try again.".to_owned(),
+        ),
+    };
+    Failure {
+        exit: Exit::Environment,
+        reason: Reason::new("environment", what, remedy).in_file(file.to_string()),
+    }
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -174,14 +215,7 @@ fn name_of(path: &Path) -> Result<String, Failure> {
 
 /// Reads a file that lies beside `part`; only plain names are followed.
 fn sibling_of(part: &Path) -> impl FnMut(&str) -> std::io::Result<Vec<u8>> {
-    let folder: PathBuf = folder_of(part).into();
-    move |name| {
-        if !crate::hotfolder::names::is_plain(name) {
-            let words = format!("`{name}` does not name a file in the same folder");
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
-        }
-        fs_err::read(folder.join(name))
-    }
+    |name| crate::files::read_beside(part, name)
 }
 
 /// The station's settings, if one is named.

@@ -1,7 +1,7 @@
 //! Whole files: written beside their target, flushed, renamed. Nobody ever sees a part of one.
 
 use std::io::{self, ErrorKind, Write};
-use std::path::Path;
+use std::path::{Component, Path};
 
 use fs_err as fs;
 
@@ -27,15 +27,26 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     file.write_all(bytes)?;
-    file.persist(folder.join(name)).map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    file.persist(folder.join(name))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     Ok(())
 }
 
-/// A file whose name importers and this program itself ignore, readable for everybody.
+/// Writes a new file and never over an older one. When it returns, the file survives a power cut.
 ///
 /// # Errors
-/// When the folder cannot be written to.
-pub fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+/// `AlreadyExists` when the name is taken; else as [`write_whole`].
+pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut file = temporary(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist_noclobber(path).map_err(|error| named(error.error, "cannot write", path))?;
+    sync_folder(folder)
+}
+
+/// A file whose name importers and this program itself ignore, readable for everybody.
+pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".isomark-").suffix(".part");
     #[cfg(unix)]
@@ -44,11 +55,8 @@ pub fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
 }
 
 /// Makes a rename in the folder survive a power cut, where the file system can.
-///
-/// # Errors
-/// When the disk fails.
 #[cfg(unix)]
-pub fn sync_folder(folder: &Path) -> io::Result<()> {
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     use ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     match fs::File::open(folder).and_then(|folder| folder.sync_all()) {
         Err(error) if !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => Err(error),
@@ -57,11 +65,8 @@ pub fn sync_folder(folder: &Path) -> io::Result<()> {
 }
 
 /// Windows writes the folder's entry through by itself.
-///
-/// # Errors
-/// Never.
 #[cfg(not(unix))]
-pub fn sync_folder(_: &Path) -> io::Result<()> {
+pub(crate) fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
@@ -77,7 +82,69 @@ pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     }
 }
 
+/// The content of the file `name` beside the file at `path`, such as a buffer of a `.gltf`.
+///
+/// # Errors
+/// `InvalidInput` when `name` leads into another folder ([`is_plain`]); else when the file cannot be read.
+pub fn read_beside(path: &Path, name: &str) -> io::Result<Vec<u8>> {
+    if !is_plain(name) {
+        let words = format!("`{name}` does not name a file in the same folder");
+        return Err(io::Error::new(ErrorKind::InvalidInput, words));
+    }
+    fs::read(path.with_file_name(name))
+}
+
+/// Whether the name names a file in the same folder, and nothing else.
+pub fn is_plain(name: &str) -> bool {
+    let mut components = Path::new(name).components();
+    let single = matches!((components.next(), components.next()), (Some(Component::Normal(_)), None));
+    single && !name.contains(['/', '\\', ':'])
+}
+
 /// The error with the path it happened at.
-pub fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
+pub(crate) fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
     io::Error::new(error.kind(), format!("{verb} {}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_written_over_the_old_one_and_readable_for_others() {
+        let folder = tempfile::tempdir().unwrap();
+        for content in ["first", "second"] {
+            write_whole(folder.path(), "x.dxf", content.as_bytes()).unwrap();
+            assert_eq!(fs::read(folder.path().join("x.dxf")).unwrap(), content.as_bytes());
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
+            assert_eq!(mode & 0o444, 0o444);
+        }
+    }
+
+    #[test]
+    fn a_new_file_is_never_written_over_an_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.dxf");
+        write_new(&path, b"first").unwrap();
+        assert_eq!(write_new(&path, b"second").unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!(read_if_there(&path).unwrap().unwrap(), b"first");
+    }
+
+    #[test]
+    fn only_plain_names_are_read_beside_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        write_whole_unsynced(folder.path(), "can.bin", b"x").unwrap();
+        let part = folder.path().join("can.gltf");
+        assert_eq!(read_beside(&part, "can.bin").unwrap(), b"x");
+        assert!(is_plain("can.bin"));
+        for name in ["", ".", "..", "../can.bin", "a/b.bin", r"a\b.bin", "C:x.bin", "/etc/passwd"] {
+            assert!(!is_plain(name), "{name}");
+            assert_eq!(read_beside(&part, name).unwrap_err().kind(), ErrorKind::InvalidInput);
+        }
+    }
 }

@@ -150,17 +150,23 @@ impl Pipeline {
         Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
     }
 
-    /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again).
+    /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again). Damage to a
+    /// kept one goes to `notices`.
     ///
     /// # Errors
     /// When the cache's folder fails.
-    pub fn recall(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<LearnedPart>, PipelineError> {
+    pub fn recall(
+        &self,
+        sku: &Sku,
+        settings: &PartSettings,
+        notices: &mut Vec<Notice>,
+    ) -> Result<Option<LearnedPart>, PipelineError> {
         let mut clock = Clock::start();
         let Some(key) = self.current_key(sku, settings)? else { return Ok(None) };
-        let mut notices = Vec::new();
-        let kept = self.look_up(sku, &key, &mut notices)?;
+        let kept = self.look_up(sku, &key, notices)?;
         clock.lap("load surface");
-        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps }))
+        let timings = clock.laps;
+        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache: true, notices: Vec::new(), timings }))
     }
 
     /// The name that the surface of the SKU's current part has under these settings; `None` for an unknown SKU.
@@ -183,10 +189,8 @@ impl Pipeline {
             Lookup::Hit(kept) => Ok(Some(*kept)),
             Lookup::Miss => Ok(None),
             Lookup::Damaged(what) => {
-                let text = format!(
-                    "the cached surface {} of {sku} cannot be used: {what}; it is fitted anew",
-                    key.as_str()
-                );
+                let text =
+                    format!("the kept surface {} of {sku} is damaged and not used: {what}", key.as_str());
                 tracing::warn!("{text}");
                 notices.push(Notice::warning("cache-damaged", text));
                 Ok(None)
@@ -226,14 +230,14 @@ impl Pipeline {
 
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
-            .map_err(|error| checks::map_reason(&error, &placing, surface).in_file(input.name))?;
+            .map_err(|error| checks::map_reason(&error, &placing, surface, &ink).in_file(input.name))?;
         clock.lap("map");
 
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, lens: settings.optics.lens };
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
-        checks::exposure(&exposure, surface, settings, &mut notices)
+        checks::exposure(&exposure, surface, &ink, settings, &mut notices)
             .map_err(|reason| reason.in_file(input.name))?;
         clock.lap("check");
 
@@ -248,10 +252,11 @@ impl Pipeline {
 
         let height = |at: ViewPoint| surface.sampled_height(at);
         let after = quality::measure(&ink, |at| map.point(at), height)
-            .map_err(|at| checks::off_surface(at, surface).in_file(input.name))?;
+            .map_err(|at| checks::off_surface(at, surface, &ink.extents).in_file(input.name))?;
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
+        checks::unrolled(&map, &mut notices);
         checks::quality(&after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let dxf = pattern::write(&drawing, profile(settings));
@@ -379,10 +384,11 @@ fn method(settings: &JobSettings) -> Method {
     };
     match settings.correction.method {
         crate::config::Method::Auto => {
-            Method::Auto { cylinder_tolerance: Method::CYLINDER_TOLERANCE, otherwise: options }
+            Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: options }
         }
         crate::config::Method::Isometric => Method::Isometric(options),
         crate::config::Method::Cylinder => Method::Cylinder,
+        crate::config::Method::Cone => Method::Cone,
         crate::config::Method::None => Method::Plain,
     }
 }

@@ -5,6 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.
+pub const SCHEMA: &str = "isomark.reason/1";
+
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reason {
@@ -83,15 +86,42 @@ pub enum Severity {
     Warning,
 }
 
+/// The JSON form: the reason's own fields between the two that say what it is and which file it is about.
+#[derive(Serialize)]
+struct ReasonFile<'a> {
+    schema: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drop: Option<&'a str>,
+    #[serde(flatten)]
+    reason: &'a Reason,
+}
+
 impl Reason {
-    /// A reason with a code, a sentence and a remedy; place and number are added with the `with_` functions.
+    /// The JSON form, indented, with a newline at its end. `drop` is where a rejected file lay in the hot folder, with
+    /// `/`.
+    ///
+    /// # Errors
+    /// Never for a finite number and place.
+    pub fn to_json(&self, drop: Option<&str>) -> serde_json::Result<String> {
+        let file = ReasonFile { schema: SCHEMA, drop, reason: self };
+        serde_json::to_string_pretty(&file).map(|text| text + "\n")
+    }
+
+    /// A reason with a code and two sentences; place and number are added with [`at`](Self::at),
+    /// [`in_file`](Self::in_file) and [`with_number`](Self::with_number).
+    ///
+    /// ```
+    /// # use isomark::reason::Reason;
+    /// let reason = Reason::new("mesh-truncated", "the file is cut", "copy it again");
+    /// assert_eq!(reason.to_string(), "The file is cut.\n  remedy: Copy it again.");
+    /// ```
     pub fn new(code: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self {
             code: code.into(),
-            what: what.into(),
+            what: sentence(what.into()),
             place: Place::default(),
             number: None,
-            remedy: remedy.into(),
+            remedy: sentence(remedy.into()),
         }
     }
 
@@ -181,6 +211,19 @@ impl Notice {
     pub fn warning(code: &str, message: impl Into<String>) -> Self {
         Self { code: code.into(), severity: Severity::Warning, message: message.into() }
     }
+}
+
+/// Errors are worded without capital and full stop, as Rust's are; people read sentences. Names such as `glTF` or
+/// `part.bin` stay as they are.
+fn sentence(mut text: String) -> String {
+    let first = text.split([' ', ',']).next().unwrap_or_default();
+    if !first.is_empty() && first.chars().all(|letter| letter.is_ascii_lowercase()) {
+        text[..1].make_ascii_uppercase();
+    }
+    if !text.is_empty() && !text.ends_with(['.', '!', '?', ':']) {
+        text.push('.');
+    }
+    text
 }
 
 fn round_for_people(value: f64) -> String {

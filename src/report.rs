@@ -1,7 +1,7 @@
 //! One job's story in numbers: what was read, what was decided, how true the lengths are, what to look at.
 //!
-//! The JSON form is stable and named by [`SCHEMA`]: fields may be added, never renamed or given another unit. Lengths are
-//! in mm, angles in degrees, times in milliseconds; every field says so in its name.
+//! The JSON form is stable and named by [`SCHEMA`]; `plugins/README.md` says what that means to programs that read it.
+//! Lengths are in mm, angles in degrees, times in milliseconds; every field says so in its name.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,8 @@ use crate::reason::{Notice, Severity};
 
 /// Name and version of the JSON form.
 pub const SCHEMA: &str = "isomark.report/1";
+/// So many changes are told in the summary.
+const MOST_CHANGES: usize = 5;
 
 /// The report of a delivered job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -143,6 +145,17 @@ pub enum MapStory {
         /// A point of the axis in the view, mm.
         center_mm: [f64; 3],
         /// Largest distance of the part from the cylinder under the drawing, mm.
+        residual_mm: f64,
+    },
+    /// Exact unrolling.
+    Cone {
+        /// Angle between axis and generators, degrees.
+        half_angle_deg: f64,
+        /// Direction of the axis in the view, from the apex into the cone.
+        axis: [f64; 3],
+        /// The apex in the view, mm.
+        apex_mm: [f64; 3],
+        /// Largest distance of the part from the cone under the drawing, mm.
         residual_mm: f64,
     },
     /// Plain projection.
@@ -287,6 +300,12 @@ impl MapStory {
                 center_mm: map.cylinder.center.coords.into(),
                 residual_mm: fit.residual,
             },
+            LengthTrueMap::Cone(map, fit) => Self::Cone {
+                half_angle_deg: map.cone.half_angle.to_degrees(),
+                axis: (*map.cone.axis).into(),
+                apex_mm: map.cone.apex.coords.into(),
+                residual_mm: fit.residual,
+            },
             LengthTrueMap::Plain => Self::None,
         }
     }
@@ -296,6 +315,7 @@ impl MapStory {
         match self {
             Self::Isometric { .. } => "isometric",
             Self::Cylinder { .. } => "cylinder",
+            Self::Cone { .. } => "cone",
             Self::None => "none",
         }
     }
@@ -361,8 +381,11 @@ impl Report {
         let (after, before) = (&self.quality.after, self.quality.before.as_ref());
         let before = before.map_or("?".to_owned(), |before| format!("{:.3}", before.length_error_mm));
         let warnings = self.notices.iter().filter(|notice| notice.severity == Severity::Warning).count();
-        let attention =
-            if warnings == 0 { String::new() } else { format!(", {warnings} warnings in the report") };
+        let attention = match warnings {
+            0 => String::new(),
+            1 => ", 1 warning in the report".to_owned(),
+            more => format!(", {more} warnings in the report"),
+        };
         format!("{}, length error {before} -> {:.3} mm{attention}", self.map.method(), after.length_error_mm)
     }
 
@@ -374,7 +397,7 @@ impl Report {
             value.map_or("?".to_owned(), |value| format!("{value:.digits$}"))
         };
         let mut text = format!(
-            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected by `{}` on {} ({:.1} x {:.1} x {:.1} mm). ",
+            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected by `{}` on {} ({:.1} x {:.1} x {:.1} mm{}). ",
             self.sku,
             self.pattern.file,
             self.pattern.facts.size[0],
@@ -385,6 +408,7 @@ impl Report {
             self.part.facts.size[0],
             self.part.facts.size[1],
             self.part.facts.size[2],
+            if self.part.surface_from_cache { ", from the cache" } else { "" },
         );
         text += &format!(
             "Length error {} -> {:.3} mm on {:.1} mm of lines, ",
@@ -411,6 +435,17 @@ impl Report {
         );
         for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
             text += &format!("\n  warning: {}", notice.message);
+        }
+        if let Some(changes) = &self.changes {
+            for line in changes.lines.iter().take(MOST_CHANGES) {
+                text += &format!("\n  changed: {line}");
+            }
+            if changes.lines.len() > MOST_CHANGES {
+                text += &format!(
+                    "\n  changed: and {} more; the report names all",
+                    changes.lines.len() - MOST_CHANGES
+                );
+            }
         }
         text
     }

@@ -4,6 +4,8 @@
 //! 39 × 13 mm, meshes with edges of 0.75 mm without normals, e_l over pieces of at most 0.25 mm, e_a over squares of
 //! 0.2 mm, the largest angular distortion over both.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
 use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::ink::Ink;
@@ -21,6 +23,7 @@ const SPHERE: (Height, [f64; 2]) = (shapes::sphere, [0.0, 0.0]);
 const MANDARIN: (Height, [f64; 2]) = (shapes::mandarin, [0.0, 3.0]);
 const MOUSE: (Height, [f64; 2]) = (shapes::mouse, [0.0, 8.0]);
 const CYLINDER: (Height, [f64; 2]) = (shapes::cylinder, [0.0, 0.0]);
+const CONE: (Height, [f64; 2]) = (shapes::cone, [0.0, 0.0]);
 
 fn letters(at: FlatPoint) -> Pattern {
     let bytes = include_bytes!("../examples/patterns/letters.dxf");
@@ -31,12 +34,14 @@ fn letters(at: FlatPoint) -> Pattern {
 /// The figures on the true surface, and the map.
 fn judged((height, [x, y]): (Height, [f64; 2]), method: Method) -> (Distortion, LengthTrueMap) {
     let mesh = shapes::graph(28.5, 0.75, height);
-    let surface = FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
+    let surface =
+        FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
     let anchor = FlatPoint::new(x, y);
     let pattern = letters(anchor);
     let map = LengthTrueMap::find(&surface, &pattern, |_| true, anchor, &method).unwrap();
     let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
-    let figures = quality::measure(&ink, |at| map.point(at), |at: ViewPoint| Some(height(at.x, at.y))).unwrap();
+    let figures =
+        quality::measure(&ink, |at| map.point(at), |at: ViewPoint| Some(height(at.x, at.y))).unwrap();
     (figures, map)
 }
 
@@ -86,7 +91,8 @@ fn ink_weighting_beats_the_reference_in_lengths_areas_and_angles_together() {
 
 #[test]
 fn on_a_cylinder_the_exact_map_is_chosen_and_is_exact() {
-    let automatic = Method::Auto { cylinder_tolerance: 0.02, otherwise: IsometricOptions::INK };
+    let automatic =
+        Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: IsometricOptions::INK };
     let (found, map) = judged(CYLINDER, automatic);
     assert!(matches!(map, LengthTrueMap::Cylinder(..)));
     assert!(found.length_error <= 0.001 && found.area_error <= 0.001, "{found:?}");
@@ -95,8 +101,20 @@ fn on_a_cylinder_the_exact_map_is_chosen_and_is_exact() {
 }
 
 #[test]
+fn on_a_cone_the_exact_map_is_chosen_and_is_exact() {
+    // 39 mm of letters on a radius of 19 mm reach 58° round it; the mesh ends a little beyond.
+    let automatic =
+        Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: IsometricOptions::INK };
+    let (found, map) = judged(CONE, automatic);
+    let LengthTrueMap::Cone(map, _) = map else { panic!("a cone, not {map:?}") };
+    assert!((map.cone.half_angle - 0.3).abs() < 1e-4, "{:?}", map.cone);
+    assert!(found.length_error <= 0.005 && found.area_error <= 0.005, "{found:?}");
+}
+
+#[test]
 fn free_forms_are_not_taken_for_cylinders() {
-    let automatic = Method::Auto { cylinder_tolerance: 0.02, otherwise: IsometricOptions::INK };
+    let automatic =
+        Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: IsometricOptions::INK };
     for case in [SPHERE, MANDARIN, MOUSE] {
         let (_, map) = judged(case, automatic);
         assert!(matches!(map, LengthTrueMap::Isometric(_)));

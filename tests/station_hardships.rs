@@ -146,7 +146,7 @@ fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
     }
     let words = station.once();
     let rejected = if sparse { 3 } else { 2 };
-    assert!(words.starts_with(&format!("1 delivered, 1 parts learned, {rejected} rejected")), "{words}");
+    assert!(words.starts_with(&format!("1 delivered, 1 part learned, {rejected} rejected")), "{words}");
     assert_eq!(station.reason("trough@far.dxf"), "off-surface");
     assert_eq!(station.reason("trough@scribble.dxf"), "too-much-ink");
     if sparse {

@@ -79,10 +79,11 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
         }
     }
     tell(&format!(
-        "{} entries, {} damaged{}",
+        "{} {}, {} damaged{}",
         entries.len(),
+        if entries.len() == 1 { "entry" } else { "entries" },
         damaged.len(),
-        if repair { ", removed" } else { "" }
+        if repair && !damaged.is_empty() { ", removed" } else { "" }
     ));
     if damaged.is_empty() || repair {
         return Ok(());

@@ -5,78 +5,80 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use super::{Failure, Outcome, cache_of, name_of, parse_sku, print, read_file, sibling_of, tell, write_file};
+use super::{
+    Failure, MeaningArguments, Outcome, cache_of, file_trouble, name_of, parse_sku, print, read_file,
+    sibling_of, tell, write_file,
+};
 use crate::config::{Anchor, JobSettings, LiveSettings, Method, Sku, Vertices, Weighting, parse_facing};
 use crate::files::read_if_there;
-use crate::formats::mesh::{LengthUnit, MeshFormat, UpAxis};
-use crate::formats::pattern::DrawingUnit;
+use crate::formats::mesh::MeshFormat;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
-use crate::pipeline::{PartInput, PatternInput, Pipeline};
+use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline};
 use crate::reason::Reason;
 
+const INPUT: &str = "Part and drawing";
+const PLACEMENT: &str = "Placement";
+const CORRECTION: &str = "Correction";
+
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "isomark correct [OPTIONS] --out <OUT.dxf> <PART> <PATTERN>\n       isomark correct [OPTIONS] --out <OUT.dxf> --sku <SKU> <PATTERN>"
+)]
 pub(super) struct CorrectArguments {
     /// The part (.glb, .gltf, .obj) and the drawing (.dxf); the part may be left out for a SKU whose surface is kept.
     #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
     inputs: Vec<PathBuf>,
-    /// The corrected drawing.
+    /// The corrected drawing to write.
     #[arg(long, short, value_name = "OUT.dxf")]
     out: PathBuf,
-    /// The product whose surface is kept; default: the part's file name.
-    #[arg(long)]
+    /// The product that the part belongs to; its surface is kept for later drawings. Default: the part's file name.
+    #[arg(long, help_heading = INPUT)]
     sku: Option<String>,
-    /// Takes settings, SKU settings and cache from a station.
-    #[arg(long, value_name = "FILE")]
+    /// A station's file: its settings, its SKUs' settings and its cache hold, where no option says otherwise.
+    #[arg(long, value_name = "FILE", help_heading = INPUT)]
     station: Option<PathBuf>,
     /// Where fitted surfaces are kept; default: the station's cache, or the user's.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = INPUT)]
     cache: Option<PathBuf>,
-    /// How the drawing is bent: auto, isometric, cylinder or none.
-    #[arg(long)]
+    /// How the drawing is bent: auto (exact on cylinders and cones, otherwise isometric), isometric, cylinder, cone, none.
+    #[arg(long, help_heading = CORRECTION)]
     method: Option<Method>,
-    /// What `isometric` keeps true first: ink or uniform.
-    #[arg(long)]
+    /// Where `isometric` keeps lengths first: on the ink (default), or uniform over the drawing's rectangle.
+    #[arg(long, help_heading = CORRECTION)]
     weighting: Option<Weighting>,
-    /// The side of the part that faces the laser: +z, -z, +x, -x, +y, -y or a direction X,Y,Z.
-    #[arg(long, allow_hyphen_values = true, value_parser = parse_facing)]
+    /// The side of the part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
+    #[arg(long, value_name = "SIDE", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_facing)]
     facing: Option<Facing>,
     /// Turns the view about the laser's axis, degrees counter-clockwise.
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true)]
     roll: Option<f64>,
     /// Where the anchor lands in the view, mm; default: where it was drawn.
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_point)]
+    #[arg(long, value_name = "X,Y", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_point)]
     place: Option<[f64; 2]>,
-    /// The point of the drawing that is placed and turned about: center (of its extents), origin, or X,Y in mm.
-    #[arg(long, allow_hyphen_values = true, value_parser = parse_anchor)]
+    /// The point of the drawing that is placed and turned about: center (of its extents, default), origin, or X,Y in mm.
+    #[arg(long, value_name = "POINT", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_anchor)]
     anchor: Option<Anchor>,
     /// Turns the drawing about its anchor, degrees counter-clockwise.
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true)]
     rotate: Option<f64>,
-    /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
-    #[arg(long, value_name = "UNIT")]
-    part_unit: Option<LengthUnit>,
-    /// Axis of the part's file that points up: z or y; default: what format and producer say.
-    #[arg(long, value_name = "AXIS")]
-    part_up: Option<UpAxis>,
-    /// Unit of a drawing that names none: mm, in, px and others; default mm.
-    #[arg(long, value_name = "UNIT")]
-    pattern_unit: Option<DrawingUnit>,
-    /// The layers that are marked; others are carried along without counting as ink.
-    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    #[command(flatten)]
+    meaning: MeaningArguments,
+    /// The layers that are marked; others are carried along without counting as ink. Default: all.
+    #[arg(long, value_name = "A,B", help_heading = INPUT, value_delimiter = ',')]
     ink_layers: Option<Vec<String>>,
-    /// Points of the corrected lines: adaptive (as many as the tolerance needs) or keep (the drawing's own).
-    #[arg(long)]
+    /// Points of the corrected lines: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
+    #[arg(long, value_name = "WHICH", help_heading = CORRECTION)]
     vertices: Option<Vertices>,
-    /// Greatest distance between corrected lines and the true curves, mm.
-    #[arg(long, value_name = "MM")]
+    /// Greatest distance between corrected lines and the true curves, mm; default 0.01.
+    #[arg(long, value_name = "MM", help_heading = CORRECTION)]
     tolerance: Option<f64>,
-    /// Writes the report.
+    /// Writes the report: what was read, what was assumed, how true every length is.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Draws before and after.
+    /// Draws the part with the drawing before and after; opens in any browser.
     #[arg(long, value_name = "FILE.svg")]
     preview: Option<PathBuf>,
-    /// Prints the report as JSON.
+    /// Prints the report, or the reason of a refusal, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -100,9 +102,10 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
             let input = PartInput { name: &name_of(part)?, bytes: &bytes, sibling: &mut sibling_of(part) };
             pipeline.learn(&sku, input, &settings.part)?
         }
-        None => pipeline.recall(&sku, &settings.part)?.ok_or_else(|| unknown_sku(&sku))?,
+        None => recall(&pipeline, &sku, &settings)?,
     };
-    let previous = read_if_there(&arguments.out).map_err(|error| Failure::environment(&error))?;
+    let previous =
+        read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
     let input = PatternInput { name: &name_of(pattern)?, bytes: &drawing, previous: previous.as_deref() };
     let corrected = pipeline.correct(&sku, &learned, input, &settings, arguments.preview.is_some())?;
 
@@ -142,6 +145,19 @@ fn sku(arguments: &CorrectArguments, part: Option<&Path>) -> Result<Sku, Failure
     }
 }
 
+fn recall(pipeline: &Pipeline, sku: &Sku, settings: &JobSettings) -> Result<LearnedPart, Failure> {
+    let mut noticed = Vec::new();
+    let kept = pipeline.recall(sku, &settings.part, &mut noticed)?;
+    kept.ok_or_else(|| match noticed.first() {
+        Some(damage) => Failure::rejected(Reason::new(
+            "cache-damaged",
+            damage.message.clone(),
+            "Name the part before the drawing; its surface is then fitted and kept again.",
+        )),
+        None => unknown_sku(sku),
+    })
+}
+
 fn unknown_sku(sku: &Sku) -> Failure {
     Failure::rejected(Reason::new(
         "sku-unknown",
@@ -159,9 +175,9 @@ impl CorrectArguments {
         }
         set(&mut settings.part.facing, self.facing.as_ref());
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
-        settings.part.unit = self.part_unit.or(settings.part.unit);
-        settings.part.up = self.part_up.or(settings.part.up);
-        settings.pattern.unit_if_unitless = self.pattern_unit.or(settings.pattern.unit_if_unitless);
+        settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
+        settings.part.up = self.meaning.part_up.or(settings.part.up);
+        settings.pattern.unit_if_unitless = self.meaning.pattern_unit.or(settings.pattern.unit_if_unitless);
         if self.ink_layers.is_some() {
             settings.pattern.ink_layers.clone_from(&self.ink_layers);
         }

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde::Serialize;
 
 use super::{Failure, Outcome, name_of, print, read_file};
-use crate::diff::{DiffPath, TOLERANCE, compare, paths_of};
+use crate::diff::{DiffPath, DrawingDiff, TOLERANCE, compare, paths_of};
 use crate::formats::pattern::{PatternOptions, read};
 
 #[derive(Debug, Args)]
@@ -15,23 +16,38 @@ pub(super) struct DiffArguments {
     /// The newer drawing.
     new: PathBuf,
     /// Differences of at most this do not count, mm.
-    #[arg(long, value_name = "MM", default_value_t = TOLERANCE)]
+    #[arg(long, value_name = "MM", default_value_t = TOLERANCE, allow_hyphen_values = true, value_parser = parse_tolerance)]
     tolerance: f64,
     /// Prints the differences as JSON.
     #[arg(long)]
     pub(super) json: bool,
 }
 
+/// Name and version of the JSON form.
+const SCHEMA: &str = "isomark.diff/1";
+
+#[derive(Serialize)]
+struct Document<'a> {
+    schema: &'static str,
+    #[serde(flatten)]
+    diff: &'a DrawingDiff,
+}
+
 pub(super) fn run(arguments: &DiffArguments) -> Outcome {
     let diff = compare(&paths(&arguments.old)?, &paths(&arguments.new)?, arguments.tolerance);
     if arguments.json {
-        let text =
-            serde_json::to_string_pretty(&diff).map_err(|error| Failure::environment(&error.into()))?;
+        let text = serde_json::to_string_pretty(&Document { schema: SCHEMA, diff: &diff })
+            .map_err(|error| Failure::environment(&error.into()))?;
         print(&(text + "\n"));
     } else {
         print(&format!("{diff}\n"));
     }
     Ok(())
+}
+
+fn parse_tolerance(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "give a length above 0 in mm, as in 0.001".into())
 }
 
 fn paths(file: &Path) -> Result<Vec<DiffPath>, Failure> {

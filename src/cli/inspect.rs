@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, Outcome, name_of, print, read_file, sibling_of};
-use crate::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartFacts, UpAxis};
-use crate::formats::pattern::{self, DrawingUnit, PatternFacts, PatternOptions};
+use super::{Failure, MeaningArguments, Outcome, name_of, print, read_file, sibling_of};
+use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts};
+use crate::formats::pattern::{self, PatternFacts, PatternOptions};
 use crate::geometry::pattern::Pattern;
 use crate::reason::{Notice, Severity};
 
@@ -19,15 +19,8 @@ const MOST_LISTED: usize = 12;
 pub(super) struct InspectArguments {
     /// A part (.glb, .gltf, .obj) or a drawing (.dxf).
     file: PathBuf,
-    /// Unit of the part's numbers: mm, cm, m or inch.
-    #[arg(long, value_name = "UNIT")]
-    part_unit: Option<LengthUnit>,
-    /// Axis of the part's file that points up: z or y.
-    #[arg(long, value_name = "AXIS")]
-    part_up: Option<UpAxis>,
-    /// Unit of a drawing that names none: mm, in, px and others.
-    #[arg(long, value_name = "UNIT")]
-    pattern_unit: Option<DrawingUnit>,
+    #[command(flatten)]
+    meaning: MeaningArguments,
     /// Prints what was found as JSON.
     #[arg(long)]
     pub(super) json: bool,
@@ -47,15 +40,15 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let bytes = read_file(&arguments.file)?;
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
-            let options = MeshOptions { unit: arguments.part_unit, up: arguments.part_up };
+            let options = MeshOptions { unit: arguments.meaning.part_unit, up: arguments.meaning.part_up };
             let reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let text = part_text(&name, &reading.facts);
             (Inspection::Part(reading.facts), text)
         }
         None => {
-            let options =
-                PatternOptions { unit_if_unitless: arguments.pattern_unit, ..PatternOptions::default() };
+            let unit_if_unitless = arguments.meaning.pattern_unit;
+            let options = PatternOptions { unit_if_unitless, ..PatternOptions::default() };
             let reading = pattern::read(&bytes, &options)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let text = pattern_text(&name, &reading.facts, &reading.pattern);

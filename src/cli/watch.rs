@@ -1,5 +1,6 @@
 //! `isomark watch`: the hot folder.
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -45,6 +46,9 @@ pub(super) fn start_log() {
     let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_target(false)
+        .with_ansi(
+            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty()),
+        )
         .with_writer(std::io::stderr)
         .log_internal_errors(false);
     // A second log in one process is a test's; the first one goes on.
@@ -57,9 +61,10 @@ fn failure(error: &StationError) -> Failure {
 
 fn words(tally: &Tally) -> String {
     let mut text = format!(
-        "{} delivered, {} parts learned, {} rejected, {} waiting, {} incomplete\n",
+        "{} delivered, {} {} learned, {} rejected, {} waiting, {} incomplete\n",
         tally.delivered,
         tally.learned,
+        if tally.learned == 1 { "part" } else { "parts" },
         tally.rejected,
         tally.waiting.len(),
         tally.incomplete.len()

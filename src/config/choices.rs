@@ -73,13 +73,15 @@ macro_rules! choices {
 choices! {
     /// How the drawing is bent.
     Method, "method" {
-        /// The exact cylinder where the part is one within the residual, otherwise `isometric`.
+        /// The exact cylinder or cone where the part is one within the residual, otherwise `isometric`.
         #[default]
         Auto = "auto",
         /// Any free form: the map whose metric is nearest to the drawing's.
         Isometric = "isometric",
         /// Exact unrolling of a cylinder.
         Cylinder = "cylinder",
+        /// Exact unrolling of a cone.
+        Cone = "cone",
         /// Plain projection, to show what happens without a correction.
         None = "none",
     }
@@ -140,7 +142,7 @@ choices! {
     }
 }
 
-const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y"];
+const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y", "X,Y,Z"];
 
 /// The side of the part that faces the laser, from `+z`, `-x` … or a direction `X,Y,Z` in the part frame.
 ///

@@ -223,7 +223,10 @@ fn step(by: [f64; 2], count: usize) -> String {
 }
 
 fn resized(from: [f64; 2], to: [f64; 2]) -> String {
-    let [old, new] = [from, to].map(|[width, height]| format!("{width:.2} × {height:.2} mm"));
+    let smallest =
+        (0..2).map(|axis| (from[axis] - to[axis]).abs()).filter(|change| *change > 0.0).fold(1.0, f64::min);
+    let digits = decimals(smallest);
+    let [old, new] = [from, to].map(|[width, height]| format!("{width:.digits$} × {height:.digits$} mm"));
     format!("resized from {old} to {new}")
 }
 

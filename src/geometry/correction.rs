@@ -34,7 +34,7 @@ pub struct Projection<'a> {
     pub lens: Lens,
 }
 
-/// The part does not reach where the drawing wants to be marked, or reaches too high.
+/// The part reaches up to the lens: no beam comes there.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the part is as high as the lens at ({:.3}, {:.3}) mm", at.x, at.y)]
 pub struct AboveLens {

@@ -1,4 +1,6 @@
 //! Pure mathematics: values in, values out. No file, clock, thread, log or format is known here.
+//!
+//! Lengths are in mm and angles in rad. Frames are told apart by their types ([`space`]).
 
 pub mod space;
 pub mod mesh;

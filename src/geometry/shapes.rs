@@ -14,6 +14,12 @@ pub fn cylinder(x: f64, _y: f64) -> f64 {
     (900.0 - x * x).max(0.0).sqrt()
 }
 
+/// A cone with its axis along y: 60 mm from the apex its radius is 18.6 mm (half angle 0.3 rad).
+pub fn cone(x: f64, y: f64) -> f64 {
+    let radius = (y + 60.0) * 0.3f64.tan();
+    (radius * radius - x * x).max(0.0).sqrt()
+}
+
 /// A mandarin: a spheroid with ten ribs about its stem.
 pub fn mandarin(x: f64, y: f64) -> f64 {
     let square = x * x + y * y;

@@ -135,12 +135,12 @@ impl Extents {
         self.min.x > self.max.x || self.min.y > self.max.y
     }
 
-    /// Width and height, mm.
+    /// Width and height, mm; −∞ where nothing was included.
     pub fn size(&self) -> Vector2<f64> {
         self.max - self.min
     }
 
-    /// The middle, mm.
+    /// The middle, mm; not a number where nothing was included.
     pub fn center(&self) -> Vector2<f64> {
         (self.min + self.max) / 2.0
     }
@@ -149,6 +149,12 @@ impl Extents {
     pub fn grown(&self, margin: f64) -> Self {
         let step = Vector2::new(margin, margin);
         Self { min: self.min - step, max: self.max + step }
+    }
+
+    /// The rectangle with its sides multiplied by `factor` about its centre.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let half = self.size() * (factor / 2.0);
+        Self { min: self.center() - half, max: self.center() + half }
     }
 
     /// The rectangle widened about its centre so that both sides measure at least `least` mm.
@@ -173,7 +179,8 @@ impl Facing {
     /// The part's top: +Z points to the laser.
     pub const TOP: Self = Self { direction: Vector3::new(0.0, 0.0, 1.0) };
 
-    /// The side whose outward direction is `direction` (any length but zero, part frame).
+    /// The side whose outward direction is `direction` (any length but zero, part frame); `None` for a vector that is
+    /// no direction.
     pub fn towards(direction: Vector3<f64>) -> Option<Self> {
         let length = direction.norm();
         (length.is_finite() && length > 0.0).then(|| Self { direction: direction / length })

@@ -28,7 +28,7 @@ impl PipelineCorrector {
             known == sku && under == settings && Some(&learned.key) == current.as_ref()
         });
         if !fresh {
-            let recalled = self.pipeline.recall(sku, settings)?;
+            let recalled = self.pipeline.recall(sku, settings, &mut Vec::new())?;
             self.last = recalled.map(|learned| (sku.clone(), settings.clone(), learned));
         }
         Ok(self.last.as_ref().map(|(.., learned)| learned))

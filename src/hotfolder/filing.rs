@@ -18,15 +18,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
-use serde::Serialize;
 
-use super::folders::{Found, free_place, look, move_new, read_if_there, write_new, write_quick, write_whole};
+use super::folders::{Found, free_place, look, move_new};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku};
+use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
 use crate::reason::Reason;
-
-/// Name and version of the format of `.reason.json` files.
-pub const REASON_SCHEMA: &str = "isomark.reason/1";
 
 /// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
 pub const CURRENT_PART: &str = "current-part.txt";
@@ -39,16 +36,6 @@ pub(super) struct Original<'a> {
     pub(super) content: Option<(&'a [u8], Stamp)>,
     /// Files beside it that go along.
     pub(super) companions: &'a [PathBuf],
-}
-
-/// The `.reason.json` beside a rejected original.
-#[derive(Serialize)]
-struct ReasonFile<'a> {
-    schema: &'static str,
-    /// Where the drop lay in the hot folder, with `/`.
-    drop: &'a str,
-    #[serde(flatten)]
-    reason: &'a Reason,
 }
 
 /// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
@@ -93,7 +80,7 @@ pub(super) fn write_report(
 ) -> io::Result<()> {
     let folder = folders.reports.join(sku.key());
     fs::create_dir_all(&folder)?;
-    write_quick(&folder, &format!("{name}.{ending}"), bytes)
+    write_whole_unsynced(&folder, &format!("{name}.{ending}"), bytes)
 }
 
 /// Moves an original that is done into the SKU's archive folder and returns where it went.
@@ -136,8 +123,7 @@ pub(super) fn reject(
     let name = file_name.to_string_lossy();
     let place = free_place(&folder, &all_names(file_name, original))?;
     let drop = with_slashes(relative);
-    let json = ReasonFile { schema: REASON_SCHEMA, drop: &drop, reason };
-    let json = serde_json::to_string_pretty(&json).map_err(io::Error::other)? + "\n";
+    let json = reason.to_json(Some(&drop))?;
     let text = format!(
         "{drop} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n"
     );

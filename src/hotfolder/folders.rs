@@ -1,12 +1,13 @@
-//! The few things that are done to folders: list, read, write whole, move without overwriting.
+//! The few things that are done to folders: list, read a steady file, move without overwriting.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
 use super::names::is_ignored;
 use super::settle::Stamp;
+use crate::files::{named, sync_folder, temporary};
 
 /// The largest file that is taken, bytes: it is held in memory, and fitting it takes a few times as much.
 pub(super) const LARGEST_DROP: u64 = 1 << 30;
@@ -142,73 +143,6 @@ pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
     Ok((same && bytes.len() as u64 == before.size).then_some((bytes, before)))
 }
 
-/// The content of a file; `None` when there is none.
-pub(super) fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
-    match fs::read(path) {
-        Ok(bytes) => Ok(Some(bytes)),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    }
-}
-
-/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. When it returns, the
-/// file survives a power cut.
-pub(super) fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(folder.join(name))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
-    sync_folder(folder)
-}
-
-/// The same without the survival of a power cut, for what can be made again and shall not cost the time.
-pub(super) fn write_quick(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
-    file.persist(folder.join(name))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
-    Ok(())
-}
-
-/// A file whose name importers and this program itself ignore, readable for everybody.
-fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".isomark-").suffix(".part");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    builder.tempfile_in(folder).map_err(|error| named(error, "cannot write into", folder))
-}
-
-/// Makes a rename in the folder survive a power cut, where the file system can.
-#[cfg(unix)]
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    use ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
-    match fs::File::open(folder).and_then(|folder| folder.sync_all()) {
-        Err(error) if !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => Err(error),
-        _ => Ok(()),
-    }
-}
-
-/// Windows writes the folder's entry through by itself.
-#[cfg(not(unix))]
-fn sync_folder(_: &Path) -> io::Result<()> {
-    Ok(())
-}
-
-/// Writes a new file and never over an older one.
-///
-/// # Errors
-/// `AlreadyExists` when the name is taken.
-pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist_noclobber(path).map_err(|error| named(error.error, "cannot write", path))?;
-    sync_folder(folder)
-}
-
 /// Moves a file, across file systems too, and never over another one.
 ///
 /// # Errors
@@ -283,10 +217,6 @@ pub(super) fn free_place(folder: &Path, names: &[impl AsRef<Path>]) -> io::Resul
     Ok(place(free))
 }
 
-fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
-    io::Error::new(error.kind(), format!("{verb} {}: {error}", path.display()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -299,7 +229,6 @@ mod tests {
         fs::write(&b, "b").unwrap();
         assert_eq!(move_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
         assert_eq!(copy_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
-        assert_eq!(write_new(&b, b"c").unwrap_err().kind(), ErrorKind::AlreadyExists);
         assert_eq!((fs::read(&a).unwrap(), fs::read(&b).unwrap()), (b"a".to_vec(), b"b".to_vec()));
         move_new(&a, &folder.path().join("c")).unwrap();
         copy_new(&b, &folder.path().join("d")).unwrap();
@@ -351,22 +280,6 @@ mod tests {
         }
         assert_eq!(copy_new(&pipe, &to).unwrap_err().kind(), ErrorKind::Unsupported);
         assert!(matches!(look(&pipe), Ok(Some(Found::Other(_)))));
-    }
-
-    #[test]
-    fn a_file_is_written_over_the_old_one_and_readable_for_others() {
-        let folder = tempfile::tempdir().unwrap();
-        for content in ["first", "second"] {
-            write_whole(folder.path(), "x.dxf", content.as_bytes()).unwrap();
-            assert_eq!(fs::read(folder.path().join("x.dxf")).unwrap(), content.as_bytes());
-        }
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
-            assert_eq!(mode & 0o444, 0o444);
-        }
     }
 
     #[test]

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use super::filing::{Original, with_slashes};
 use super::folders::{self, Found, LARGEST_DROP};
 use super::job::{Companion, Completeness, Corrector, DroppedFile, JobError};
-use super::names::{Meaning, is_plain, meaning};
+use super::names::{Meaning, meaning};
 use super::outcome::{folder_trouble, guarded};
 use super::settle::{Gap, Stamp, Verdict};
 use super::worker::Worker;
+use crate::files::is_plain;
 use crate::reason::Reason;
 
 /// A drop as it was read.

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::names::is_plain;
 use crate::config::{JobSettings, Sku};
+use crate::files::read_beside;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
@@ -59,11 +59,7 @@ impl DroppedFile {
     /// # Errors
     /// When `name` is not a plain file name, or the file cannot be read.
     pub fn sibling(&self, name: &str) -> std::io::Result<Vec<u8>> {
-        if !is_plain(name) {
-            let words = format!("`{name}` does not name a file in the same folder");
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, words));
-        }
-        fs_err::read(self.path.with_file_name(name))
+        read_beside(&self.path, name)
     }
 }
 

@@ -25,7 +25,7 @@ mod worker;
 mod corrector;
 
 pub use corrector::PipelineCorrector;
-pub use filing::{CURRENT_PART, REASON_SCHEMA};
+pub use filing::CURRENT_PART;
 pub use job::{
     Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, StationError,
     Tally, Waiting,

@@ -13,14 +13,11 @@
 use std::path::{Component, Path};
 
 use crate::config::Sku;
+use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
-/// Extensions of parts, in lower case.
-pub const PART_EXTENSIONS: &[&str] = &["glb", "gltf", "obj"];
-/// Extensions of patterns, in lower case.
-pub const PATTERN_EXTENSIONS: &[&str] = &["dxf"];
 /// Extensions of files that belong to a part, in lower case.
-pub const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "png", "jpg", "jpeg", "webp", "ktx2"];
+const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "png", "jpg", "jpeg", "webp", "ktx2"];
 
 /// The longest file name that is taken, in bytes: file systems end at 255, and results need a suffix.
 const LONGEST_NAME: usize = 230;
@@ -115,16 +112,16 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     }
     let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
     let extension = extension.to_lowercase();
-    let is_one_of = |kinds: &[&str]| kinds.contains(&extension.as_str());
-    if is_one_of(COMPANION_EXTENSIONS) {
+    if COMPANION_EXTENSIONS.contains(&extension.as_str()) {
         return Ok(Meaning::Companion);
     }
-    if !is_one_of(PART_EXTENSIONS) && !is_one_of(PATTERN_EXTENSIONS) {
+    let is_part = MeshFormat::from_name(name).is_some();
+    if !is_part && extension != "dxf" {
         return Err(unknown_kind(&extension));
     }
     let sku_name = folder.unwrap_or_else(|| stem.split('@').next().unwrap_or(stem));
     let sku: Sku = sku_name.parse().map_err(|error: crate::config::BadSku| error.reason())?;
-    if is_one_of(PART_EXTENSIONS) {
+    if is_part {
         return Ok(Meaning::Part(sku));
     }
     let delivered = match folder {
@@ -139,26 +136,12 @@ fn names_sku(stem: &str, sku: &Sku) -> bool {
     stem.split('@').next().unwrap_or(stem).to_lowercase() == sku.key()
 }
 
-/// Whether the name names a file in the same folder, and nothing else.
-pub fn is_plain(name: &str) -> bool {
-    let mut components = Path::new(name).components();
-    let single = matches!((components.next(), components.next()), (Some(Component::Normal(_)), None));
-    single && !name.contains(['/', '\\', ':'])
-}
-
 fn unknown_kind(extension: &str) -> Reason {
     let what = match extension {
         "" => "A file without an extension is neither a part nor a pattern.".to_owned(),
         other => format!("A .{other} file is neither a part nor a pattern."),
     };
-    let kinds =
-        |extensions: &[&str]| extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ");
-    let remedy = format!(
-        "Export the part as {} and the pattern as {}.",
-        kinds(PART_EXTENSIONS),
-        kinds(PATTERN_EXTENSIONS)
-    );
-    Reason::new("unknown-kind", what, remedy)
+    Reason::new("unknown-kind", what, "Export the part as .glb, .gltf or .obj and the pattern as .dxf.")
 }
 
 fn unreadable_name() -> Reason {
@@ -239,14 +222,6 @@ mod tests {
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
-        assert!(meaning(Path::new("can.stl")).unwrap_err().remedy.contains(".glb, .gltf, .obj"));
-    }
-
-    #[test]
-    fn companions_are_named_plainly() {
-        assert!(is_plain("can.bin"));
-        for name in ["", ".", "..", "../can.bin", "a/b.bin", r"a\b.bin", "C:x.bin", "/etc/passwd"] {
-            assert!(!is_plain(name), "{name}");
-        }
+        assert!(meaning(Path::new("can.stl")).unwrap_err().remedy.contains(".glb, .gltf or .obj"));
     }
 }

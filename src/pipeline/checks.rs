@@ -1,11 +1,15 @@
 //! What stands between a drawing and the laser: every refusal and every warning of a job, with its number and remedy.
 
-use super::{Distortion, Exposure, FittedSurface, Ink, JobSettings, PartSettings, Pattern, Placing};
+use super::{
+    Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap, Method, PartSettings, Pattern,
+    Placing,
+};
 use crate::geometry::correction::AboveLens;
 use crate::geometry::mapping::MapError;
+use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
 use crate::geometry::pattern::Shape;
-use crate::geometry::space::{Extents, ViewPoint};
+use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 
@@ -16,6 +20,8 @@ const FARTHEST_REACH: f64 = 4.0;
 const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is warned of.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// A drawing so many times as long as the part holds stray lines or has another unit.
+const STRAY: f64 = 3.0;
 
 pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     let facing = settings.facing.direction();
@@ -56,20 +62,25 @@ pub(super) fn reach(
     let area = domain.grown(FARTHEST_REACH * domain.size().norm());
     let inked =
         placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
-    let mut length = 0.0;
+    let (mut length, mut drawn, mut far) = (0.0, Extents::EMPTY, None);
+    let mut meet = |point: FlatPoint| {
+        drawn.include(point.coords());
+        if !area.contains(point.coords()) {
+            far.get_or_insert(point);
+        }
+    };
     for path in inked {
-        if let Shape::Dot(point) = path.shape
-            && !area.contains(point.coords())
-        {
-            return Err(off_surface(point.coords().into(), surface));
+        if let Shape::Dot(point) = path.shape {
+            meet(point);
         }
         for segment in path.shape.segments() {
             let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|t| segment.point(t));
-            if let Some(far) = points.iter().find(|point| !area.contains(point.coords())) {
-                return Err(off_surface(far.coords().into(), surface));
-            }
+            points.iter().for_each(|point| meet(*point));
             length += points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         }
+    }
+    if let Some(far) = far {
+        return Err(off_surface(far.coords().into(), surface, &drawn));
     }
     if length > LONGEST_INK {
         return Err(Reason::new(
@@ -95,34 +106,54 @@ pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSetting
     ))
 }
 
-pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSurface) -> Reason {
+pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSurface, ink: &Ink) -> Reason {
     // Beside the part there is nothing to bend to; that is the plainer reason then.
-    let place = ViewPoint::from(placing.place.coords());
-    if !surface.field.is_surface(place) {
-        return off_surface(place, surface);
+    let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+    let seen = |flat: FlatPoint| ViewPoint::from(flat.coords());
+    let samples: Vec<ViewPoint> =
+        ends.chain(ink.squares.iter().chain(&ink.dots).copied()).map(seen).collect();
+    let beside = samples.iter().filter(|at| !surface.field.is_surface(**at)).count();
+    let middle = seen(placing.place);
+    let first = samples.iter().find(|at| !surface.field.is_surface(**at));
+    if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
+        let percent = 100.0 * beside as f64 / samples.len() as f64;
+        return off_surface(*at, surface, &ink.extents).with_number(
+            "ink without surface",
+            percent,
+            "%",
+            Some(0.0),
+        );
     }
-    let place =
-        Place { coordinate: Some(placing.place.coords().iter().copied().collect()), ..Place::default() };
-    match error {
+    let reason = match error {
         MapError::Isometric(error) => Reason::new(
             "map-not-found",
             format!("No length-true map was found for the drawing: {error}."),
             "Place the drawing where the part is less steep, or make it smaller.",
-        )
-        .at(place),
+        ),
         MapError::Cylinder(error) => {
             let remedy = match error {
-                CylinderError::TooFewPoints { .. } => "Place the drawing on the part with `place`.",
-                CylinderError::NoAxis { .. } => "Use the method `auto` or `isometric` for this part.",
-                CylinderError::AnchorBeside { .. } => {
-                    "Place the anchor over the cylinder with `place` or `anchor`."
-                }
+                CylinderError::TooFewPoints { .. } => PLACE_ON_PART,
+                CylinderError::NoAxis { .. } => OTHER_METHOD,
+                CylinderError::AnchorBeside { .. } => PLACE_ANCHOR,
             };
             Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy)
-                .at(place)
         }
-    }
+        MapError::Cone(error) => {
+            let remedy = match error {
+                ConeError::TooFewPoints { .. } => PLACE_ON_PART,
+                ConeError::NoApex { .. } => OTHER_METHOD,
+                ConeError::AnchorBeside { .. } | ConeError::ApexInDrawing { .. } => PLACE_ANCHOR,
+            };
+            Reason::new("no-cone", format!("The part cannot be unrolled as a cone: {error}."), remedy)
+        }
+    };
+    reason.at(Place { coordinate: Some(middle.coords().iter().copied().collect()), ..Place::default() })
 }
+
+const PLACE_ON_PART: &str = "Place the drawing on the part with `place`.";
+const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part.";
+const PLACE_ANCHOR: &str =
+    "Place the anchor over the cylinder or cone, off its apex, with `place` or `anchor`.";
 
 pub(super) fn above_lens(error: &AboveLens) -> Reason {
     let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
@@ -134,21 +165,29 @@ pub(super) fn above_lens(error: &AboveLens) -> Reason {
     .at(place)
 }
 
-pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface) -> Reason {
+pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, drawn: &Extents) -> Reason {
     let domain = surface.nurbs.domain();
     let what = if domain.contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
     } else {
         "The drawing reaches beyond the part."
     };
+    let sides = |extents: &Extents| (extents.max - extents.min).max();
+    let remedy = if sides(drawn) > STRAY * sides(&domain) {
+        "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
+    } else {
+        "Move the drawing with `place`, make it smaller, or check `facing`."
+    };
     Reason::new(
         "off-surface",
         format!(
-            "{what} As the laser sees it, the part spans x {} and y {} mm.",
+            "{what} As the laser sees it, the part spans x {} and y {} mm, the drawing x {} and y {} mm.",
             span(&domain, 0),
-            span(&domain, 1)
+            span(&domain, 1),
+            span(drawn, 0),
+            span(drawn, 1)
         ),
-        "Move the drawing with `place`, make it smaller, or check `facing`.",
+        remedy,
     )
     .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
 }
@@ -161,12 +200,18 @@ fn span(extents: &Extents, axis: usize) -> String {
 pub(super) fn exposure(
     seen: &Exposure,
     surface: &FittedSurface,
+    ink: &Ink,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
     if let Some((_, at)) = seen.first_off_surface {
         let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
-        return Err(off_surface(at, surface).with_number("ink without surface", percent, "%", Some(0.0)));
+        return Err(off_surface(at, surface, &ink.extents).with_number(
+            "ink without surface",
+            percent,
+            "%",
+            Some(0.0),
+        ));
     }
     incidence(seen, settings, notices)?;
     focus(seen, settings, notices);
@@ -257,6 +302,18 @@ fn residual(
         ));
     }
     Ok(())
+}
+
+/// Warns of a cylinder or cone that was asked for where the part is none.
+pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
+    if let Some(residual) = map.fit_residual().filter(|residual| *residual > Method::EXACT_TOLERANCE) {
+        notices.push(Notice::warning(
+            "no-true-figure",
+            format!(
+                "under the drawing the part leaves the cylinder or cone by up to {residual:.3} mm; the method `auto` may keep lengths better"
+            ),
+        ));
+    }
 }
 
 /// Warns of what even the best map leaves.

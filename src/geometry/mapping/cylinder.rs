@@ -1,10 +1,10 @@
 //! The exact map onto a cylinder of any direction, tilt and offset.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::isometric::tangent_frame;
-use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
-use crate::geometry::surface::fit::FittedSurface;
+use super::patch::{SampledPatch, TooFewPoints, cross_directions};
+use crate::geometry::space::{FlatPoint, ViewPoint};
 
 /// A circular cylinder in the frame of the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,11 +30,8 @@ pub struct CylinderFit {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CylinderError {
     /// There are too few points of the part under the drawing.
-    #[error("only {points} sampled points of the part lie under the drawing")]
-    TooFewPoints {
-        /// Number of points.
-        points: usize,
-    },
+    #[error(transparent)]
+    TooFewPoints(#[from] TooFewPoints),
     /// The normals do not turn about one axis: the surface is flat or no cylinder at all.
     #[error("the surface under the drawing is no cylinder: {what}")]
     NoAxis {
@@ -51,45 +48,22 @@ pub enum CylinderError {
     },
 }
 
-/// Points taken for the fit at most; more would not move it by a nanometre.
-const MOST_POINTS: usize = 1500;
 /// Normals that turn by less than this over the drawing, rad, do not tell a radius: the surface counts as flat.
 const LEAST_TURN: f64 = 0.01;
 
 impl CylinderFit {
-    /// The cylinder that fits the part best under the rectangle `under` of the view.
+    /// The cylinder that fits the part best under the drawing.
     ///
     /// The axis starts at right angles to all normals; then the squared distances of the sampled points are minimised
-    /// over axis and radius by Gauss and Newton's method (Lukács, Martin & Marshall, Faithful least-squares fitting of
-    /// spheres, cylinders, cones and tori, ECCV 1998).
+    /// over axis and radius (Lukács, Martin & Marshall, Faithful least-squares fitting of spheres, cylinders, cones and
+    /// tori, ECCV 1998).
     ///
     /// # Errors
     /// See [`CylinderError`].
-    pub fn under(surface: &FittedSurface, under: &Extents) -> Result<Self, CylinderError> {
-        // A drawing that is a single line tells an axis only with a band round it.
-        let (size, step) = (under.size(), surface.field.step());
-        let least = (size.max() / 4.0).max(6.0 * step);
-        let under = under.grown_to(least);
-        let nodes: Vec<(ViewPoint, f64)> = surface
-            .field
-            .surface_nodes()
-            .map(|(column, row, height)| (surface.field.position(column, row), height))
-            .filter(|(at, _)| under.contains(at.coords()))
-            .collect();
-        if nodes.len() < 25 {
-            return Err(CylinderError::TooFewPoints { points: nodes.len() });
-        }
-        let kept: Vec<_> = nodes.iter().step_by(nodes.len().div_ceil(MOST_POINTS)).collect();
-        let points: Vec<Point3<f64>> =
-            kept.iter().map(|(at, height)| Point3::new(at.x, at.y, *height)).collect();
-        let normals = kept.iter().map(|(at, _)| {
-            let gradient = surface.jet(*at).gradient;
-            Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
-        });
-        let normals: Vec<Vector3<f64>> = normals.collect();
-        let start = start_cylinder(&points, &normals)?;
-        let cylinder = refine(start, &points);
-        let residual = points.iter().map(|point| cylinder.distance(point).abs()).fold(0.0, f64::max);
+    pub fn to(patch: &SampledPatch) -> Result<Self, CylinderError> {
+        let start = start_cylinder(patch)?;
+        let cylinder = patch.fit(start, Cylinder::look, Cylinder::turned);
+        let residual = patch.points.iter().map(|point| cylinder.distance(point).abs()).fold(0.0, f64::max);
         if !residual.is_finite() {
             return Err(CylinderError::NoAxis { what: "the fit did not settle" });
         }
@@ -97,7 +71,8 @@ impl CylinderFit {
     }
 }
 
-fn start_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Result<Cylinder, CylinderError> {
+fn start_cylinder(patch: &SampledPatch) -> Result<Cylinder, CylinderError> {
+    let SampledPatch { points, normals } = patch;
     let spread: Matrix3<f64> =
         normals.iter().map(|normal| normal * normal.transpose()).sum::<Matrix3<f64>>() / normals.len() as f64;
     let eigen = spread.symmetric_eigen();
@@ -113,7 +88,7 @@ fn start_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Result<Cy
     let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
     // Across the axis, point = center + radius · normal: linear in center and (signed) radius.
     let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
-    let mean_point = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+    let mean_point = patch.center().coords;
     let mean_normal =
         normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / normals.len() as f64;
     let (mut product, mut square) = (0.0, 0.0);
@@ -125,36 +100,6 @@ fn start_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Result<Cy
     let signed_radius = product / square;
     let center = Point3::from(mean_point - mean_normal * signed_radius);
     Ok(Cylinder { center, axis, radius: signed_radius.abs() })
-}
-
-fn refine(mut cylinder: Cylinder, points: &[Point3<f64>]) -> Cylinder {
-    for _ in 0..20 {
-        let (first, second) = cylinder.cross_directions();
-        let mut matrix = DMatrix::zeros(points.len(), 5);
-        let mut right = DVector::zeros(points.len());
-        for (row, point) in points.iter().enumerate() {
-            let (along, radial) = cylinder.split(point);
-            let outwards = radial.normalize();
-            let (a, b) = (outwards.dot(&first), outwards.dot(&second));
-            // Derivatives of the distance by a shift of the axis, a turn of it, and the radius.
-            let derivatives = [-a, -b, -a * along, -b * along, -1.0];
-            derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
-            right[row] = -(radial.norm() - cylinder.radius);
-        }
-        let normal_matrix = matrix.transpose() * &matrix;
-        let Some(factor) = normal_matrix.cholesky() else { break };
-        let step = factor.solve(&(matrix.transpose() * right));
-        if !step.iter().all(|value| value.is_finite()) {
-            break;
-        }
-        cylinder.center += first * step[0] + second * step[1];
-        cylinder.axis = Unit::new_normalize(*cylinder.axis + first * step[2] + second * step[3]);
-        cylinder.radius += step[4];
-        if step.norm() < 1e-10 {
-            break;
-        }
-    }
-    cylinder
 }
 
 impl Cylinder {
@@ -170,10 +115,22 @@ impl Cylinder {
         self.split(point).1.norm() - self.radius
     }
 
-    fn cross_directions(&self) -> (Vector3<f64>, Vector3<f64>) {
-        let first =
-            self.axis.cross(&if self.axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
-        (first, self.axis.cross(&first))
+    /// Distance and its derivatives by shifts of the axis, turns of it, and the radius.
+    fn look(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
+        let (along, radial) = self.split(point);
+        let outwards = radial.normalize();
+        let (first, second) = cross_directions(&self.axis);
+        let (a, b) = (outwards.dot(&first), outwards.dot(&second));
+        (radial.norm() - self.radius, [-a, -b, -a * along, -b * along, -1.0])
+    }
+
+    fn turned(&self, step: &[f64; 5]) -> Self {
+        let (first, second) = cross_directions(&self.axis);
+        Self {
+            center: self.center + first * step[0] + second * step[1],
+            axis: Unit::new_normalize(*self.axis + first * step[2] + second * step[3]),
+            radius: self.radius + step[4],
+        }
     }
 
     /// The points where the line of sight through `at` meets the cylinder: heights z, mm, the lower first.
@@ -271,8 +228,8 @@ mod tests {
     use super::*;
     use crate::geometry::height_field::FacingPart;
     use crate::geometry::shapes;
-    use crate::geometry::space::{Facing, View};
-    use crate::geometry::surface::fit::FitOptions;
+    use crate::geometry::space::{Extents, Facing, View};
+    use crate::geometry::surface::fit::{FitOptions, FittedSurface};
     use nalgebra::Vector2;
     use proptest::prelude::*;
 
@@ -324,7 +281,7 @@ mod tests {
             let part = FacingPart::new(&mesh, &View::new(Facing::TOP, 0.0));
             let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
             let under = Extents { min: Vector2::new(-12.0, -6.0), max: Vector2::new(12.0, 6.0) };
-            let found = CylinderFit::under(&surface, &under).unwrap();
+            let found = CylinderFit::to(&SampledPatch::under(&surface, &under).unwrap()).unwrap();
             assert!(found.residual < 2e-4, "{found:?}");
             assert!((found.cylinder.radius - 30.0).abs() < 2e-3, "{found:?}");
             assert!(found.cylinder.axis.dot(&truth.axis).abs() > 1.0 - 1e-8);
@@ -336,7 +293,8 @@ mod tests {
         let under = Extents { min: Vector2::new(-9.0, -9.0), max: Vector2::new(9.0, 9.0) };
         let fit = |height: fn(f64, f64) -> f64| {
             let part = FacingPart::new(&shapes::graph(15.0, 0.75, height), &View::top());
-            CylinderFit::under(&FittedSurface::of_part(&part, &FitOptions::default()).unwrap(), &under)
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            CylinderFit::to(&SampledPatch::under(&surface, &under).unwrap())
         };
         assert!(matches!(fit(|x, _| 0.1 * x), Err(CylinderError::NoAxis { .. })));
         assert!(matches!(fit(shapes::sphere), Err(CylinderError::NoAxis { .. })));

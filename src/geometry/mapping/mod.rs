@@ -4,40 +4,47 @@
 //! curvas, 1827); elsewhere [`quality`] says how far lengths, areas and angles move.
 
 pub mod isometric;
+pub mod patch;
 pub mod cylinder;
+pub mod cone;
 pub mod quality;
 
 use nalgebra::Vector3;
 
+use self::cone::{ConeError, ConeFit, ConeMap};
 use self::cylinder::{CylinderError, CylinderFit, CylinderMap};
 use self::isometric::{IsometricError, IsometricMap, IsometricOptions};
+use self::patch::{SampledPatch, TooFewPoints};
 use super::ink::Ink;
 use super::pattern::Pattern;
-use super::space::{FlatPoint, ViewPoint};
+use super::space::{Extents, FlatPoint, ViewPoint};
 use super::surface::fit::FittedSurface;
 
 /// How the map is found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// [`Method::Cylinder`] where the part is one to within the tolerance, mm, otherwise [`Method::Isometric`].
+    /// [`Method::Cylinder`] or [`Method::Cone`] where the part is one to within the tolerance, mm, otherwise
+    /// [`Method::Isometric`].
     Auto {
-        /// Largest distance of the part from a cylinder, mm.
-        cylinder_tolerance: f64,
-        /// For everything that is no cylinder.
+        /// Largest distance of the part from a cylinder or cone, mm.
+        exact_tolerance: f64,
+        /// For everything else.
         otherwise: IsometricOptions,
     },
     /// The map of least strain; for any surface.
     Isometric(IsometricOptions),
     /// Exact unrolling of the cylinder that fits best.
     Cylinder,
+    /// Exact unrolling of the cone that fits best.
+    Cone,
     /// Plain projection along the laser's axis: what comes out without a correction.
     Plain,
 }
 
 impl Method {
-    /// [`Method::Auto`] takes a part for a cylinder when it is one to within this, mm. A crown of that height over a
-    /// 40 mm drawing changes its lengths by less than 0.001 mm.
-    pub const CYLINDER_TOLERANCE: f64 = 0.02;
+    /// [`Method::Auto`] takes a part for a cylinder or a cone when it is one to within this, mm. A crown of that height
+    /// over a 40 mm drawing changes its lengths by less than 0.001 mm.
+    pub const EXACT_TOLERANCE: f64 = 0.02;
 }
 
 /// A map from the placed drawing to the view, chosen for one drawing on one surface.
@@ -47,6 +54,8 @@ pub enum LengthTrueMap {
     Isometric(IsometricMap),
     /// Exact unrolling.
     Cylinder(CylinderMap, CylinderFit),
+    /// Exact unrolling.
+    Cone(ConeMap, ConeFit),
     /// No correction.
     Plain,
 }
@@ -60,6 +69,9 @@ pub enum MapError {
     /// The part is no cylinder where the drawing lies.
     #[error(transparent)]
     Cylinder(#[from] CylinderError),
+    /// The part is no cone where the drawing lies.
+    #[error(transparent)]
+    Cone(#[from] ConeError),
 }
 
 impl LengthTrueMap {
@@ -77,27 +89,53 @@ impl LengthTrueMap {
     ) -> Result<Self, MapError> {
         match method {
             Method::Plain => Ok(Self::Plain),
-            Method::Cylinder => Self::unroll(surface, &coarse_ink(pattern, counts), anchor),
+            Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, counts), anchor),
+            Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, counts), anchor),
             Method::Isometric(options) => {
                 let map = IsometricMap::solve(&surface.nurbs, &coarse_ink(pattern, counts), anchor, options)?;
                 Ok(Self::Isometric(map))
             }
-            Method::Auto { cylinder_tolerance, otherwise } => {
+            Method::Auto { exact_tolerance, otherwise } => {
                 let ink = coarse_ink(pattern, counts);
-                match Self::unroll(surface, &ink, anchor) {
-                    Ok(Self::Cylinder(map, fit)) if fit.residual <= *cylinder_tolerance => {
-                        Ok(Self::Cylinder(map, fit))
+                // The cylinder first: every cylinder is nearly a cone with a far apex.
+                for exact in [Self::unroll_cylinder, Self::unroll_cone] {
+                    if let Ok(map) = exact(surface, &ink, anchor)
+                        && map.fit_residual().is_some_and(|residual| residual <= *exact_tolerance)
+                    {
+                        return Ok(map);
                     }
-                    _ => Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, otherwise)?)),
                 }
+                Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, otherwise)?))
             }
         }
     }
 
-    fn unroll(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
-        let fit = CylinderFit::under(surface, &ink.extents)?;
+    fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
         let height = surface.nurbs.height(anchor.coords().into());
-        Ok(Self::Cylinder(CylinderMap::new(fit.cylinder, anchor, height)?, fit))
+        unroll(surface, ink, |patch| {
+            let fit = CylinderFit::to(&patch.map_err(CylinderError::from)?)?;
+            Ok(Self::Cylinder(CylinderMap::new(fit.cylinder, anchor, height)?, fit))
+        })
+    }
+
+    fn unroll_cone(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
+        let height = surface.nurbs.height(anchor.coords().into());
+        let corners = [ink.extents.min, ink.extents.max];
+        let from_anchor = |x: usize, y: usize| (corners[x].x - anchor.x).hypot(corners[y].y - anchor.y);
+        let reach = from_anchor(0, 0).max(from_anchor(0, 1)).max(from_anchor(1, 0)).max(from_anchor(1, 1));
+        unroll(surface, ink, |patch| {
+            let fit = ConeFit::to(&patch.map_err(ConeError::from)?)?;
+            Ok(Self::Cone(ConeMap::new(fit.cone, anchor, height, reach)?, fit))
+        })
+    }
+
+    /// Largest distance of the part from the figure that is unrolled, mm; `None` for maps that unroll none.
+    pub fn fit_residual(&self) -> Option<f64> {
+        match self {
+            Self::Cylinder(_, fit) => Some(fit.residual),
+            Self::Cone(_, fit) => Some(fit.residual),
+            Self::Isometric(_) | Self::Plain => None,
+        }
     }
 
     /// The image of a point of the drawing in the view.
@@ -105,22 +143,37 @@ impl LengthTrueMap {
         match self {
             Self::Isometric(map) => map.point(at),
             Self::Cylinder(map, _) => map.point(at),
+            Self::Cone(map, _) => map.point(at),
             Self::Plain => at.coords().into(),
         }
     }
 
-    /// Unit normal of the part at the image of a point of the drawing, in the frame of the view. On a cylinder its z
+    /// Unit normal of the part at the image of a point of the drawing, in the frame of the view. On a cylinder or cone its z
     /// component is negative where the surface turns away from the laser; elsewhere what lies behind the horizon is not
     /// known.
     pub fn normal(&self, surface: &FittedSurface, at: FlatPoint) -> Vector3<f64> {
         match self {
             Self::Cylinder(map, _) => map.normal(at),
+            Self::Cone(map, _) => map.normal(at),
             Self::Isometric(_) | Self::Plain => {
                 let gradient = surface.jet(self.point(at)).gradient;
                 Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
             }
         }
     }
+}
+
+/// Unrolls twice: what is found under the middle of the drawing tells where the drawing really comes to lie, which is
+/// less far out than it was drawn, and there the figure is fitted and judged.
+fn unroll(
+    surface: &FittedSurface,
+    ink: &Ink,
+    find: impl Fn(Result<SampledPatch, TooFewPoints>) -> Result<LengthTrueMap, MapError>,
+) -> Result<LengthTrueMap, MapError> {
+    let rough = find(SampledPatch::under(surface, &ink.extents.scaled(0.5)))?;
+    let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]).chain(ink.dots.iter().copied());
+    let reached = Extents::of(ends.map(|end| rough.point(end).coords()));
+    find(SampledPatch::under(surface, &reached))
 }
 
 /// Samples for the solver: half as dense as those of the quality figures along each direction; denser ones move the

@@ -35,8 +35,8 @@ pub struct Distortion {
     pub largest_area_stretch: f64,
 }
 
-/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` is that of the part itself,
-/// not of a fit to it. `None` if the image leaves the part somewhere: then the point of the view where it does.
+/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` (mm) is that of the part
+/// itself, not of a fit to it, and `None` beside it. Without ink every figure is 0.
 ///
 /// # Errors
 /// The first point of the view for which `height` has no answer.

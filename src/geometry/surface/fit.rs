@@ -92,7 +92,8 @@ impl FittedSurface {
     /// are used up, or halving no longer helps (creases do not get smoother).
     ///
     /// # Errors
-    /// When hardly anything of the part faces the laser.
+    /// When hardly anything of the part faces the laser, when it is thinner than 1/1000 of its length as the laser sees
+    /// it, or when the equations cannot be solved; see [`FitError`].
     pub fn of_part(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
         let size = part.extents().size();
         let longer = size.x.max(size.y);
@@ -117,7 +118,7 @@ impl FittedSurface {
     /// smoothly instead of by zeros, which would make the spline ring at the rim.
     ///
     /// # Errors
-    /// When the field has hardly any surface.
+    /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
     pub fn of_field(field: HeightField) -> Result<Self, FitError> {
         let nodes = field.surface_nodes().count();
         if nodes < 64 {

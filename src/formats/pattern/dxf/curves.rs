@@ -187,8 +187,8 @@ fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -> SpaceSegm
     let (start, end) = (Vector3::new(from.x, from.y, height), Vector3::new(to.x, to.y, height));
     let chord = end - start;
     let bulge = from.bulge;
-    // Below this the arc leaves its chord by less than 1e-9 of its length, and its centre is lost to rounding.
-    if bulge.abs() < 2e-9 || chord.norm() == 0.0 || !bulge.is_finite() {
+    // Below this the arc leaves its chord by less than 5e-9 of its length, and rounding at its far centre costs more.
+    if bulge.abs() < 1e-8 || chord.norm() == 0.0 || !bulge.is_finite() {
         return SpaceSegment::Line { from: start, to: end };
     }
     let left = Vector3::new(-chord.y, chord.x, 0.0);
@@ -254,12 +254,14 @@ mod tests {
             let chord = Vector3::new(x - 3.0, y + 2.0, 0.0);
             prop_assume!(chord.norm() > 1e-3);
             let segment = bulge_segment(&from, &to, 0.0);
-            prop_assert!((segment.start() - Vector3::new(3.0, -2.0, 0.0)).norm() < 1e-7);
-            prop_assert!((segment.end() - Vector3::new(x, y, 0.0)).norm() < 1e-7);
+            // What a centre far away costs at the smallest bulge that is an arc.
+            let rounding = 5e-8 * chord.norm() + 1e-9;
+            prop_assert!((segment.start() - Vector3::new(3.0, -2.0, 0.0)).norm() < rounding);
+            prop_assert!((segment.end() - Vector3::new(x, y, 0.0)).norm() < rounding);
             // The sagitta is half the chord times the bulge (definition of the bulge), to the right of the chord.
             let right = Vector3::new(chord.y, -chord.x, 0.0) / 2.0;
             let expected = Vector3::new(3.0, -2.0, 0.0) + chord / 2.0 + right * bulge;
-            prop_assert!((segment.middle() - expected).norm() < 1e-6 * (1.0 + bulge.abs() * chord.norm()));
+            prop_assert!((segment.middle() - expected).norm() < rounding + 1e-6 * bulge.abs() * chord.norm());
         }
 
         #[test]

@@ -177,6 +177,10 @@ pub(super) fn size_notices(structure: &Structure, facts: &mut PatternFacts, opti
     }
 }
 
+fn counted(count: usize, one: &str, more: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { more })
+}
+
 /// Notices about what is drawn.
 pub(super) fn drawing_notices(
     joining: &Joining,
@@ -192,7 +196,11 @@ pub(super) fn drawing_notices(
             .take(3)
             .map(|left| format!("{} on layer {}: {}", left.entity, left.layer, left.why))
             .collect();
-        let message = format!("{} entities are not marked ({})", facts.not_taken.len(), first.join("; "));
+        let message = format!(
+            "{} not marked ({})",
+            counted(facts.not_taken.len(), "entity is", "entities are"),
+            first.join("; ")
+        );
         let is_loss = facts.not_taken.iter().any(|left| left.why != SINGLE_VERTEX);
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
@@ -200,16 +208,16 @@ pub(super) fn drawing_notices(
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if let [first, ..] = joining.duplicates.as_slice() {
         let message = format!(
-            "{} paths are drawn twice in the same place and will be marked twice (first {})",
-            joining.duplicates.len(),
+            "{} drawn twice in the same place and will be marked twice (first {})",
+            counted(joining.duplicates.len(), "path is", "paths are"),
             name(&joining.paths[*first])
         );
         warn("drawn-twice", message);
     }
     if let Some(widest) = widest(joining.nearly_closed.iter()) {
         let message = format!(
-            "{} outlines are open by a small gap, the widest {:.4} mm ({}); close them if they are meant as contours",
-            joining.nearly_closed.len(),
+            "{} open by a small gap, the widest {:.4} mm ({}); close them if they are meant as contours",
+            counted(joining.nearly_closed.len(), "outline is", "outlines are"),
             widest.gap,
             name(&joining.paths[widest.path])
         );

@@ -1,0 +1,340 @@
+//! The exact map onto a cone of any direction, tilt and offset.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector3};
+
+use super::isometric::tangent_frame;
+use super::patch::{SampledPatch, TooFewPoints, cross_directions};
+use crate::geometry::space::{FlatPoint, ViewPoint};
+
+/// A circular cone in the frame of the view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cone {
+    /// The apex, mm.
+    pub apex: Point3<f64>,
+    /// Direction of the axis from the apex into the cone.
+    pub axis: Unit<Vector3<f64>>,
+    /// Angle between axis and generators, rad.
+    pub half_angle: f64,
+}
+
+/// A cone that was fitted to a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConeFit {
+    /// The cone.
+    pub cone: Cone,
+    /// Largest distance of a sampled point from it, mm.
+    pub residual: f64,
+}
+
+/// Why there is no cone under the drawing.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ConeError {
+    /// There are too few points of the part under the drawing.
+    #[error(transparent)]
+    TooFewPoints(#[from] TooFewPoints),
+    /// The normals do not lie on a circle: the surface is flat, a cylinder or no cone at all.
+    #[error("the surface under the drawing is no cone: {what}")]
+    NoApex {
+        /// What was found instead.
+        what: &'static str,
+    },
+    /// The anchor's line of sight misses the cone.
+    #[error("the anchor at ({:.3}, {:.3}) mm lies beside the cone", at.x, at.y)]
+    AnchorBeside {
+        /// Where the anchor is.
+        at: ViewPoint,
+    },
+    /// The drawing would reach round the apex.
+    #[error(
+        "the apex of the cone is only {distance:.3} mm from the anchor, the drawing reaches {reach:.3} mm"
+    )]
+    ApexInDrawing {
+        /// Distance from the anchor to the apex, mm.
+        distance: f64,
+        /// Distance from the anchor to the farthest point of the drawing, mm.
+        reach: f64,
+    },
+}
+
+/// Normals that turn by less than this over the drawing, rad, do not tell an axis: the surface counts as flat.
+const LEAST_TURN: f64 = 0.01;
+/// Cones slimmer or flatter than this, rad, are better taken for cylinders or planes.
+const LEAST_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
+
+impl ConeFit {
+    /// The cone that fits the part best under the drawing.
+    ///
+    /// The normals of a cone end on a circle about its axis, and its tangent planes meet in its apex; from there the
+    /// squared distances are minimised (Lukács, Martin & Marshall, Faithful least-squares fitting of spheres, cylinders,
+    /// cones and tori, ECCV 1998).
+    ///
+    /// # Errors
+    /// See [`ConeError`].
+    pub fn to(patch: &SampledPatch) -> Result<Self, ConeError> {
+        let start = start_cone(patch)?;
+        let cone = patch.fit(start, Cone::look, Cone::turned);
+        let residual = patch.points.iter().map(|point| cone.distance(point).abs()).fold(0.0, f64::max);
+        let sensible = LEAST_ANGLE..=std::f64::consts::FRAC_PI_2 - LEAST_ANGLE;
+        if !residual.is_finite() || !sensible.contains(&cone.half_angle) {
+            return Err(ConeError::NoApex { what: "the fit did not settle on one" });
+        }
+        Ok(Self { cone, residual })
+    }
+}
+
+fn start_cone(patch: &SampledPatch) -> Result<Cone, ConeError> {
+    let count = patch.normals.len() as f64;
+    let mean = patch.normals.iter().sum::<Vector3<f64>>() / count;
+    let spread: Matrix3<f64> = patch
+        .normals
+        .iter()
+        .map(|normal| (normal - mean) * (normal - mean).transpose())
+        .sum::<Matrix3<f64>>()
+        / count;
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let [thin, middle, wide] = order.map(|index| eigen.eigenvalues[index].max(0.0).sqrt());
+    if wide < LEAST_TURN {
+        return Err(ConeError::NoApex { what: "it is flat" });
+    }
+    // A short arc of the circle is nearly straight, so its plane is told by the bend: thin against middle.
+    if thin > middle / 3.0 {
+        return Err(ConeError::NoApex { what: "it bends in both directions" });
+    }
+    let axis = eigen.eigenvectors.column(order[0]).into_owned();
+    // Each tangent plane holds the apex.
+    let matrix = DMatrix::from_fn(patch.points.len(), 3, |row, column| patch.normals[row][column]);
+    let right =
+        DVector::from_fn(patch.points.len(), |row, _| patch.normals[row].dot(&patch.points[row].coords));
+    let apex = matrix
+        .tr_mul(&matrix)
+        .cholesky()
+        .map(|factor| factor.solve(&matrix.tr_mul(&right)))
+        .ok_or(ConeError::NoApex { what: "its tangent planes do not meet in a point" })?;
+    let apex = Point3::new(apex[0], apex[1], apex[2]);
+    let inwards = if (patch.center() - apex).dot(&axis) < 0.0 { -axis } else { axis };
+    let half_angle = mean.dot(&inwards).abs().min(1.0).asin();
+    Ok(Cone { apex, axis: Unit::new_normalize(inwards), half_angle })
+}
+
+impl Cone {
+    /// Height along the axis from the apex, mm, and the vector from the axis to the point, mm.
+    fn split(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let from_apex = point - self.apex;
+        let along = from_apex.dot(&self.axis);
+        (along, from_apex - *self.axis * along)
+    }
+
+    /// Signed distance of a point from the surface, mm; positive outside.
+    pub fn distance(&self, point: &Point3<f64>) -> f64 {
+        let (along, radial) = self.split(point);
+        radial.norm() * self.half_angle.cos() - along * self.half_angle.sin()
+    }
+
+    /// Distance and its derivatives by shifts of the apex, turns of the axis, and the half angle.
+    fn look(&self, point: &Point3<f64>) -> (f64, [f64; 6]) {
+        let (along, radial) = self.split(point);
+        let (sin, cos) = self.half_angle.sin_cos();
+        let radius = radial.norm();
+        let outwards = radial / radius;
+        let normal = outwards * cos - *self.axis * sin;
+        let (first, second) = cross_directions(&self.axis);
+        let by_turn =
+            |direction: &Vector3<f64>| -outwards.dot(direction) * along * cos - radial.dot(direction) * sin;
+        let derivatives =
+            [-normal.x, -normal.y, -normal.z, by_turn(&first), by_turn(&second), -radius * sin - along * cos];
+        (radius * cos - along * sin, derivatives)
+    }
+
+    fn turned(&self, step: &[f64; 6]) -> Self {
+        let (first, second) = cross_directions(&self.axis);
+        Self {
+            apex: self.apex + Vector3::new(step[0], step[1], step[2]),
+            axis: Unit::new_normalize(*self.axis + first * step[3] + second * step[4]),
+            half_angle: self.half_angle + step[5],
+        }
+    }
+
+    /// The point of the cone (not of its mirror image beyond the apex) on the line of sight through `at` that is nearest
+    /// to `height`, mm.
+    fn on_sight(&self, at: ViewPoint, height: f64) -> Option<Point3<f64>> {
+        // (q·a)² = cos²α |q|² for q = start + z·ẑ.
+        let start = Point3::new(at.x, at.y, 0.0) - self.apex;
+        let square = self.half_angle.cos().powi(2);
+        let axis = &*self.axis;
+        let a = axis.z * axis.z - square;
+        let b = start.dot(axis) * axis.z - square * start.z;
+        let c = start.dot(axis).powi(2) - square * start.norm_squared();
+        let root = (b * b - a * c).sqrt();
+        let heights = if a.abs() < 1e-12 { [-c / (2.0 * b); 2] } else { [(-b - root) / a, (-b + root) / a] };
+        let points = heights.map(|z| Point3::new(at.x, at.y, z));
+        points
+            .into_iter()
+            .filter(|point| point.z.is_finite() && self.split(point).0 > 0.0)
+            .min_by(|p, q| (p.z - height).abs().total_cmp(&(q.z - height).abs()))
+    }
+}
+
+/// The exact map from the drawing to the view by unrolling a cone about the anchor: the generators become rays from the
+/// apex, and an angle θ about the axis becomes θ·sin α (do Carmo, Differential Geometry of Curves and Surfaces, section
+/// 4-2, example 3).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConeMap {
+    /// The cone.
+    pub cone: Cone,
+    anchor: FlatPoint,
+    /// Distance of the anchor from the apex along its generator, mm.
+    start: f64,
+    /// Unit vector from the axis to the anchor.
+    radial: Vector3<f64>,
+    /// Unit vector from the apex to the anchor.
+    generator: Vector3<f64>,
+    /// Unit vectors on the surface at the anchor that the drawing's s and t directions follow.
+    right: Vector3<f64>,
+    up: Vector3<f64>,
+    /// Whether the laser sees the hollow side.
+    hollow: bool,
+}
+
+impl ConeMap {
+    /// The map that leaves `anchor` where it is in the view and keeps the drawing's x direction there; `height` is that
+    /// of the part at the anchor, mm; the drawing reaches `reach` mm from the anchor.
+    ///
+    /// # Errors
+    /// When the anchor lies beside the cone, or the drawing would reach the apex.
+    pub fn new(cone: Cone, anchor: FlatPoint, height: f64, reach: f64) -> Result<Self, ConeError> {
+        let at = ViewPoint::from(anchor.coords());
+        let point = cone.on_sight(at, height).ok_or(ConeError::AnchorBeside { at })?;
+        let (_, from_axis) = cone.split(&point);
+        let radial = from_axis.normalize();
+        let from_apex = point - cone.apex;
+        let distance = from_apex.norm();
+        if reach >= distance {
+            return Err(ConeError::ApexInDrawing { distance, reach });
+        }
+        let normal = radial * cone.half_angle.cos() - *cone.axis * cone.half_angle.sin();
+        if normal.z.abs() < 1e-6 {
+            return Err(ConeError::AnchorBeside { at });
+        }
+        let gradient = -normal.xy() / normal.z;
+        let frame = tangent_frame(&gradient);
+        let lift = |column: usize| {
+            let flat = frame.column(column);
+            Vector3::new(flat[0], flat[1], gradient.dot(&flat))
+        };
+        let generator = from_apex / distance;
+        let hollow = normal.z < 0.0;
+        Ok(Self { cone, anchor, start: distance, radial, generator, right: lift(0), up: lift(1), hollow })
+    }
+
+    /// Distance from the apex, mm, and angle about the axis from the anchor, rad.
+    fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
+        let from_anchor = at - self.anchor;
+        let way = self.right * from_anchor.x + self.up * from_anchor.y;
+        let sideways = self.cone.axis.cross(&self.radial);
+        let (out, across) = (self.start + way.dot(&self.generator), way.dot(&sideways));
+        (out.hypot(across), across.atan2(out) / self.cone.half_angle.sin())
+    }
+
+    fn radial_at(&self, angle: f64) -> Vector3<f64> {
+        self.radial * angle.cos() + self.cone.axis.cross(&self.radial) * angle.sin()
+    }
+
+    /// The point of the cone that a point of the drawing comes to lie on, mm, in the frame of the view.
+    pub fn point_on_part(&self, at: FlatPoint) -> Point3<f64> {
+        let (out, angle) = self.unrolled(at);
+        let (sin, cos) = self.cone.half_angle.sin_cos();
+        self.cone.apex + (*self.cone.axis * cos + self.radial_at(angle) * sin) * out
+    }
+
+    /// The image of a point of the drawing in the view.
+    pub fn point(&self, at: FlatPoint) -> ViewPoint {
+        let point = self.point_on_part(at);
+        ViewPoint::new(point.x, point.y)
+    }
+
+    /// Unit normal of the part at the image of a point of the drawing, on the side of the laser; its z component is
+    /// negative where the surface turns away.
+    pub fn normal(&self, at: FlatPoint) -> Vector3<f64> {
+        let (_, angle) = self.unrolled(at);
+        let (sin, cos) = self.cone.half_angle.sin_cos();
+        let normal = self.radial_at(angle) * cos - *self.cone.axis * sin;
+        if self.hollow { -normal } else { normal }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::shapes;
+    use crate::geometry::space::{Extents, View};
+    use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+    use nalgebra::Vector2;
+    use proptest::prelude::*;
+
+    fn cone(azimuth: f64, tilt: f64, half_angle: f64) -> Cone {
+        let axis = Vector3::new(azimuth.cos() * tilt.cos(), azimuth.sin() * tilt.cos(), tilt.sin());
+        // The apex lies so that the middle of the view is 60 mm along the axis and about 60·tan α above it.
+        let apex = Point3::new(0.0, 0.0, -60.0 * half_angle.tan()) - axis * 60.0;
+        Cone { apex, axis: Unit::new_normalize(axis), half_angle }
+    }
+
+    proptest! {
+        #[test]
+        fn the_map_is_isometric_and_keeps_the_anchor(
+            azimuth in 0.0..6.3f64, tilt in -0.3..0.3f64, half_angle in 0.05..0.9f64,
+            x in -8.0..8.0f64, y in -8.0..8.0f64, anchor_x in -3.0..3.0f64,
+        ) {
+            let cone = cone(azimuth, tilt, half_angle);
+            let anchor = FlatPoint::new(anchor_x, -2.0);
+            prop_assume!(cone.on_sight(ViewPoint::new(anchor_x, -2.0), 1e3).is_some());
+            let map = ConeMap::new(cone, anchor, 1e3, 12.0);
+            prop_assume!(map.is_ok());
+            let map = map.unwrap();
+            prop_assert!((map.point(anchor).coords() - anchor.coords()).norm() < 1e-9);
+            let at = FlatPoint::new(x, y);
+            prop_assert!(cone.distance(&map.point_on_part(at)).abs() < 1e-10);
+            let h = 1e-5;
+            let by = |step: Vector2<f64>| (map.point_on_part(at + step) - map.point_on_part(at + -step)) / (2.0 * h);
+            let (by_s, by_t) = (by(Vector2::new(h, 0.0)), by(Vector2::new(0.0, h)));
+            prop_assert!((by_s.norm() - 1.0).abs() < 1e-7 && (by_t.norm() - 1.0).abs() < 1e-7);
+            prop_assert!(by_s.dot(&by_t).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_cone_is_found_in_any_direction_and_tilt() {
+        for (azimuth, tilt, half_angle) in
+            [(0.0, 0.0, 0.3), (1.0, 0.1, 0.15), (2.2, -0.2, 0.5), (4.0, 0.0, 0.12)]
+        {
+            let truth = cone(azimuth, tilt, half_angle);
+            let height =
+                |x: f64, y: f64| truth.on_sight(ViewPoint::new(x, y), 1e3).map_or(-50.0, |point| point.z);
+            let part = FacingPart::new(&shapes::graph(6.5, 0.3, height), &View::top());
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            let under = Extents { min: Vector2::new(-4.0, -4.0), max: Vector2::new(4.0, 4.0) };
+            let patch = SampledPatch::under(&surface, &under).unwrap();
+            let found = ConeFit::to(&patch).unwrap();
+            assert!(found.residual < 2e-4, "{found:?}");
+            assert!((found.cone.half_angle - half_angle).abs() < 2e-3, "{found:?} for {truth:?}");
+            assert!((found.cone.apex - truth.apex).norm() < 1.0, "{found:?} for {truth:?}");
+        }
+    }
+
+    #[test]
+    fn planes_and_spheres_are_no_cones() {
+        let under = Extents { min: Vector2::new(-9.0, -9.0), max: Vector2::new(9.0, 9.0) };
+        let fit = |height: fn(f64, f64) -> f64| {
+            let part = FacingPart::new(&shapes::graph(15.0, 0.75, height), &View::top());
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            ConeFit::to(&SampledPatch::under(&surface, &under).unwrap())
+        };
+        assert!(matches!(fit(|x, _| 0.1 * x), Err(ConeError::NoApex { .. })));
+        match fit(shapes::sphere) {
+            Err(ConeError::NoApex { .. }) => {}
+            other => assert!(other.unwrap().residual > 0.05, "a sphere is no cone"),
+        }
+    }
+}

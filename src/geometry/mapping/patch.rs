@@ -1,0 +1,105 @@
+//! The part under a drawing as points and normals: what cylinders and cones are fitted to.
+
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+
+use crate::geometry::space::{Extents, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
+
+/// Points taken at most; more would not move a fit by a nanometre.
+const MOST_POINTS: usize = 1500;
+/// Points needed at least.
+const LEAST_POINTS: usize = 25;
+/// A fit has settled when its step is below this, mm and rad.
+const SETTLED: f64 = 1e-10;
+/// Steps tried at most.
+const MOST_STEPS: usize = 30;
+
+/// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SampledPatch {
+    /// The points.
+    pub points: Vec<Point3<f64>>,
+    /// The normals.
+    pub normals: Vec<Vector3<f64>>,
+}
+
+/// There are too few points of the part under the drawing.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("only {points} sampled points of the part lie under the drawing")]
+pub struct TooFewPoints {
+    /// Number of points.
+    pub points: usize,
+}
+
+impl SampledPatch {
+    /// The part under the rectangle `under` of the view; a rectangle that is a single line gets a band round it.
+    ///
+    /// # Errors
+    /// When fewer than 25 nodes of the height field lie there.
+    pub fn under(surface: &FittedSurface, under: &Extents) -> Result<Self, TooFewPoints> {
+        let least = (under.size().max() / 4.0).max(6.0 * surface.field.step());
+        let under = under.grown_to(least);
+        let nodes: Vec<(ViewPoint, f64)> = surface
+            .field
+            .surface_nodes()
+            .map(|(column, row, height)| (surface.field.position(column, row), height))
+            .filter(|(at, _)| under.contains(at.coords()))
+            .collect();
+        if nodes.len() < LEAST_POINTS {
+            return Err(TooFewPoints { points: nodes.len() });
+        }
+        let kept = nodes.iter().step_by(nodes.len().div_ceil(MOST_POINTS));
+        let (points, normals) = kept
+            .map(|(at, height)| {
+                let gradient = surface.jet(*at).gradient;
+                let normal = Vector3::new(-gradient.x, -gradient.y, 1.0).normalize();
+                (Point3::new(at.x, at.y, *height), normal)
+            })
+            .unzip();
+        Ok(Self { points, normals })
+    }
+
+    /// Centre of the points, mm.
+    pub fn center(&self) -> Point3<f64> {
+        Point3::from(
+            self.points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / self.points.len() as f64,
+        )
+    }
+
+    /// Lowers the sum of the squared distances of the points from a figure by Gauss and Newton's method until it settles:
+    /// `look` gives the signed distance of a point and its derivatives by the figure's parameters, `turn` the figure
+    /// after a step of them.
+    pub(super) fn fit<Figure: Copy, const PARAMETERS: usize>(
+        &self,
+        mut figure: Figure,
+        look: impl Fn(&Figure, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+        turn: impl Fn(&Figure, &[f64; PARAMETERS]) -> Figure,
+    ) -> Figure {
+        for _ in 0..MOST_STEPS {
+            let mut matrix = DMatrix::zeros(self.points.len(), PARAMETERS);
+            let mut right = DVector::zeros(self.points.len());
+            for (row, point) in self.points.iter().enumerate() {
+                let (distance, derivatives) = look(&figure, point);
+                derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
+                right[row] = -distance;
+            }
+            let Some(factor) = matrix.tr_mul(&matrix).cholesky() else { break };
+            let solution = factor.solve(&matrix.tr_mul(&right));
+            let step: [f64; PARAMETERS] = std::array::from_fn(|index| solution[index]);
+            if !step.iter().all(|value| value.is_finite()) {
+                break;
+            }
+            figure = turn(&figure, &step);
+            if solution.norm() < SETTLED {
+                break;
+            }
+        }
+        figure
+    }
+}
+
+/// Two unit vectors at right angles to `axis` and to each other.
+pub(super) fn cross_directions(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let first = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+    (first, axis.cross(&first))
+}

@@ -1,0 +1,335 @@
+//! `isomark correct` on real exports.
+
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::pattern::{Path, Pattern};
+use isomark::geometry::space::FlatPoint;
+use serde_json::Value;
+
+use crate::desk::{Desk, assert_near, drawing, notices, number, numbers, part};
+use crate::ezdxf::{assert_clean, judged};
+
+const CAN: &str = "--facing -y --place 0,60";
+const MANDARIN: &str = "--facing +x --place 0,0";
+const VESSEL: &str = "--facing -y --place 100,60";
+
+/// Part, drawing, options, method chosen, and the largest length error that may remain as a part of all lengths.
+const JOBS: [(&str, &str, &str, &str, f64); 17] = [
+    ("mouse/fc020-gui.glb", "abc", "", "isometric", 4e-4),
+    ("mouse/bl42-from-glb.glb", "fc020-sketch-cpp-r14", "--place 0,8", "isometric", 5e-3),
+    ("mouse/build123d.glb", "ez-logo-inch", "", "isometric", 3e-3),
+    ("mouse/fc020-coarse-mesh.obj", "ez-layers-colors", "--place 0,0", "isometric", 5e-3),
+    ("can/fc020-gui.glb", "abc", CAN, "cylinder", 1e-5),
+    ("can/occ8-coarse.glb", "ez-logo-mm", CAN, "cylinder", 1e-5),
+    ("can/bl52-from-obj.glb", "fc020-text-legacy", "--facing -y --place 0,60 --rotate 90", "cylinder", 2e-4),
+    ("can/bl34-from-glb.obj", "ez-guilloche", CAN, "cylinder", 2e-4),
+    ("can/fc020-coarse-mesh.obj", "grid", CAN, "cylinder", 2e-4),
+    ("mandarin/fc020-coarse.glb", "abc", MANDARIN, "isometric", 5e-3),
+    ("mandarin/fc020-coarse-mesh.obj", "square", MANDARIN, "isometric", 2e-2),
+    ("assembly/fc020-gui-badge.glb", "ez-qr-hatch", "--place 0,0", "cylinder", 1e-5),
+    ("assembly/fc020-gui.gltf", "ez-qr-hatch", "--place 0,0", "cylinder", 1e-4),
+    ("assembly/fc020-gui-mesh.obj", "ez-qr-hatch", "--place 0,0", "cylinder", 2e-4),
+    ("vessel/bl34-native.gltf", "ez-logo-mm", VESSEL, "isometric", 2e-3),
+    (
+        "vessel/bl52-native-apply.glb",
+        "fc020-draft-cpp-r14",
+        "--facing -y --place 100,60 --method isometric",
+        "isometric",
+        5e-3,
+    ),
+    ("vessel/bl52-native-zup-mm.obj", "ez-hatch-islands", VESSEL, "isometric", 2e-3),
+];
+
+fn pattern(bytes: &[u8]) -> Pattern {
+    read(bytes, &PatternOptions::default()).unwrap().pattern
+}
+
+/// Each path as its layer, whether it is closed, and its vertices.
+fn outline(pattern: &Pattern) -> Vec<(&str, bool, usize)> {
+    let of = |path: &Path| {
+        let name = pattern.layers[path.layer].name.as_str();
+        (name, path.shape.is_closed(), path.shape.segments().len())
+    };
+    pattern.paths.iter().map(of).collect()
+}
+
+fn vertices(pattern: &Pattern) -> Vec<FlatPoint> {
+    let starts =
+        |path: &Path| path.shape.segments().iter().map(|segment| segment.point(0.0)).collect::<Vec<_>>();
+    pattern.paths.iter().flat_map(starts).collect()
+}
+
+#[test]
+fn every_sample_part_by_several_exporters() {
+    for (part_name, pattern_name, options, method, remains) in JOBS {
+        let desk = Desk::new();
+        let said = format!("{part_name} {pattern_name} {options}");
+        let options = format!("{options} --report report.json --preview preview.svg");
+        let report = desk.correct(&part(part_name), &drawing(pattern_name), &options);
+        assert_eq!(serde_json::from_slice::<Value>(&desk.read("report.json")).unwrap(), report);
+
+        assert_eq!(report["map"]["method"], method, "{said}");
+        let relative = number(&report, "/quality/after/length_error_relative");
+        assert!(relative < remains, "{said}: {relative}");
+        assert!(relative * 3.0 < number(&report, "/quality/before/length_error_relative"), "{said}");
+        for (after, at_most) in
+            [("rms_stretch", 0.02), ("largest_stretch", 0.1), ("largest_angle_error_deg", 12.0)]
+        {
+            let value = number(&report, &format!("/quality/after/{after}"));
+            assert!((0.0..at_most).contains(&value), "{said}: {after} {value}");
+        }
+        assert!(number(&report, "/part/residual/under_ink_mm") < 0.05, "{said}");
+
+        let dxf = desk.read("out.dxf");
+        assert_eq!(report["output"]["blake3"], blake3::hash(&dxf).to_hex().to_string());
+        let (before, after) = (pattern(&std::fs::read(drawing(pattern_name)).unwrap()), pattern(&dxf));
+        let kinds = |pattern: &Pattern| -> Vec<(String, bool)> {
+            outline(pattern).into_iter().map(|(layer, closed, _)| (layer.to_owned(), closed)).collect()
+        };
+        assert_eq!(kinds(&after), kinds(&before), "{said}");
+        assert_eq!(number(&report, "/output/paths"), before.paths.len() as f64);
+        let extents = after.extents();
+        let found = [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
+        assert_near(&found, &numbers(&report, "/output/extents_mm"), 1e-6);
+
+        let picture = desk.text("preview.svg");
+        assert!(picture.contains("<svg ") && picture.trim_end().ends_with("</svg>"), "{said}");
+        assert!(!picture.contains("NaN") && !picture.contains("inf"), "{said}");
+    }
+}
+
+#[test]
+fn a_summary_for_people_goes_to_standard_error_alone() {
+    let desk = Desk::new();
+    let arguments =
+        ["correct", &part("mouse/fc020-gui.glb"), &drawing("abc"), "--sku", "mouse", "-o", "bent.dxf"];
+    let said = desk.isomark(&arguments);
+    assert_eq!((said.code, said.out.as_str()), (0, ""));
+    for word in [
+        "mouse: abc.dxf (39.0 x 13.0 mm, 6 paths)",
+        "`isometric`",
+        "60.0 x 110.0 x 38.0 mm",
+        "182.0 mm of lines",
+    ] {
+        assert!(said.err.contains(word), "{word}: {}", said.err);
+    }
+    assert_eq!(said.err.trim_end().lines().count(), 1, "{}", said.err);
+}
+
+#[test]
+fn a_can_is_unrolled_exactly() {
+    let desk = Desk::new();
+    for name in ["can/fc020-gui.glb", "can/fc020-fine-mesh.obj", "can/build123d.glb"] {
+        let report = desk.correct(&part(name), &drawing("abc"), &format!("{CAN} --vertices keep"));
+        assert_near(&[number(&report, "/map/radius_mm")], &[33.0], 0.01);
+        assert_near(
+            &numbers(&report, "/map/axis").iter().map(|x| x.abs()).collect::<Vec<_>>(),
+            &[0.0, 1.0, 0.0],
+            1e-4,
+        );
+        assert!(number(&report, "/quality/after/length_error_mm") < 0.002);
+        // What the designer drew, as the thesis counts it.
+        assert_near(&[number(&report, "/quality/after/length_mm")], &[181.96], 0.01);
+        assert_near(&[number(&report, "/quality/after/area_mm2")], &[126.64], 0.1);
+        // The largest angle of the beam is the half width of the drawing over the radius.
+        assert_near(&[number(&report, "/exposure/incidence_deg")], &[(19.5f64 / 33.0).to_degrees()], 0.05);
+
+        let (drawn, bent) =
+            (pattern(&std::fs::read(drawing("abc")).unwrap()), pattern(&desk.read("out.dxf")));
+        assert_eq!(outline(&bent), outline(&drawn));
+        let center = drawn.extents().center();
+        for (from, to) in vertices(&drawn).into_iter().zip(vertices(&bent)) {
+            let expected = [33.0 * ((from.x - center.x) / 33.0).sin(), from.y - center.y + 60.0];
+            assert_near(&[to.x, to.y], &expected, 0.002);
+        }
+    }
+}
+
+#[test]
+fn the_isometric_map_finds_the_cylinder_too() {
+    let report = Desk::new().correct(
+        &part("can/fc020-gui.glb"),
+        &drawing("abc"),
+        &format!("{CAN} --method isometric"),
+    );
+    assert_eq!(report["map"]["method"], "isometric");
+    assert!(number(&report, "/quality/after/length_error_mm") < 0.02);
+}
+
+#[test]
+fn a_finer_tolerance_gives_more_points() {
+    let desk = Desk::new();
+    // Turned, the sides become screw lines on the can.
+    let count = |options: &str| {
+        let report = desk.correct(
+            &part("can/fc020-gui.glb"),
+            &drawing("square"),
+            &format!("{CAN} --rotate 30 {options}"),
+        );
+        assert_eq!(
+            report["output"]["vertices"],
+            pattern(&desk.read("out.dxf")).paths[0].shape.segments().len()
+        );
+        number(&report, "/output/vertices")
+    };
+    let (keep, coarse, fine) =
+        (count("--vertices keep"), count("--tolerance 0.1"), count("--tolerance 0.0005"));
+    assert!(keep <= coarse && coarse < fine, "{keep} {coarse} {fine}");
+}
+
+#[test]
+fn anchor_place_and_turn_are_rigid() {
+    let desk = Desk::new();
+    let extents = |options: &str| {
+        let options = format!("--method none {options}");
+        let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), &options);
+        assert_eq!(report["map"]["method"], "none");
+        assert_eq!(report["quality"]["before"], report["quality"]["after"]);
+        numbers(&report, "/output/extents_mm")
+    };
+    let drawn = pattern(&std::fs::read(drawing("abc")).unwrap()).extents();
+    let drawn = [drawn.min.x, drawn.min.y, drawn.max.x, drawn.max.y];
+    let moved = |x: f64, y: f64| [drawn[0] + x, drawn[1] + y, drawn[2] + x, drawn[3] + y];
+    assert_near(&extents(""), &drawn, 1e-5);
+    assert_near(&extents("--place 1,2"), &[-18.5, -4.5, 20.5, 8.5], 1e-5);
+    assert_near(&extents("--anchor origin --place 1,2"), &moved(1.0, 2.0), 1e-5);
+    assert_near(&extents("--anchor 10,5 --place 12,4"), &moved(2.0, -1.0), 1e-5);
+    assert_near(&extents("--rotate 90 --place 0,0"), &[-6.5, -19.5, 6.5, 19.5], 1e-5);
+    assert_near(
+        &extents("--rotate -90 --anchor 0,0 --place 0,3"),
+        &[drawn[1], 3.0 - drawn[2], drawn[3], 3.0 - drawn[0]],
+        1e-5,
+    );
+}
+
+#[test]
+fn methods_and_weightings_do_what_they_say() {
+    let desk = Desk::new();
+    let job = |options: &str| {
+        desk.correct(&part("mandarin/fc020-coarse.glb"), &drawing("abc"), &format!("{MANDARIN} {options}"))
+    };
+    let error = |report: &Value| number(report, "/quality/after/length_error_mm");
+    let (ink, uniform, none) = (job(""), job("--weighting uniform"), job("--method none"));
+    assert_eq!((&ink["map"]["weighting"], &uniform["map"]["weighting"]), (&"ink".into(), &"uniform".into()));
+    assert!(error(&ink) < error(&uniform) && error(&uniform) * 3.0 < error(&none));
+    let forced = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--method cylinder");
+    assert!(notices(&forced).contains(&"no-true-figure"));
+}
+
+#[test]
+fn unit_and_axis_can_be_set() {
+    let desk = Desk::new();
+    let can = part("can/fc020-fine-mesh.obj");
+    let size = |options: &str| numbers(&desk.correct(&can, &drawing("abc"), options), "/part/facts/size_mm");
+    let given = size(CAN);
+    assert_near(&given, &[66.0, 66.0, 115.0], 0.05);
+    let times = |factor: f64| given.iter().map(|side| side * factor).collect::<Vec<_>>();
+    assert_near(&size(&format!("{CAN} --part-unit mm")), &given, 1e-9);
+    assert_near(&size("--facing -y --place 0,600 --part-unit cm"), &times(10.0), 1e-6);
+    assert_near(&size("--facing -y --place 0,1500 --part-unit inch"), &times(25.4), 1e-6);
+    // With Y up the can lies on its side, and the laser looks at its side from above.
+    assert_near(&size("--place 0,-60 --part-up y"), &[given[0], given[2], given[1]], 1e-9);
+    // A drawing without a unit in centimetres: ten times as large as in mm.
+    let options = "--facing -y --place 0,600 --part-unit cm --pattern-unit";
+    let width = |unit: &str| {
+        let report = desk.correct(&can, &drawing("ez-logo-unitless"), &format!("{options} {unit}"));
+        number(&report, "/pattern/facts/size_mm/0")
+    };
+    assert_near(&[width("mm"), width("cm")], &[28.0, 280.0], 1e-6);
+}
+
+#[test]
+fn other_layers_are_carried_along_without_counting() {
+    let desk = Desk::new();
+    let job =
+        |options: &str| desk.correct(&part("mouse/fc020-gui.glb"), &drawing("ez-layers-colors"), options);
+    let (all, some) = (job("--place 0,0"), job("--place 0,0 --ink-layers CUT"));
+    assert_eq!(some["pattern"]["ink_layers"], serde_json::json!(["CUT"]));
+    let length = |report: &Value| number(report, "/quality/after/length_mm");
+    assert!(length(&some) > 0.0 && length(&some) < length(&all));
+    assert_eq!(some["output"]["paths"], all["output"]["paths"]);
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let inputs = [part("mandarin/fc020-coarse.glb"), drawing("abc")];
+    let run = || {
+        let desk = Desk::new();
+        let report = desk.correct(&inputs[0], &inputs[1], &format!("{MANDARIN} --sku m --preview out.svg"));
+        // The second run takes the surface from the cache.
+        desk.correct_to("again.dxf", &[&inputs[0], &inputs[1]], &format!("{MANDARIN} --sku m"));
+        assert_eq!(desk.read("out.dxf"), desk.read("again.dxf"));
+        (desk.read("out.dxf"), desk.read("out.svg"), report["quality"].clone())
+    };
+    assert!(run() == run());
+}
+
+#[test]
+fn a_replaced_drawing_is_compared() {
+    let desk = Desk::new();
+    let (part, drawing) = (part("can/fc020-gui.glb"), drawing("abc"));
+    assert_eq!(desk.correct(&part, &drawing, CAN).get("changes"), None);
+    assert_eq!(desk.correct(&part, &drawing, CAN).get("changes"), None, "nothing changed");
+    let report = desk.correct(&part, &drawing, "--facing -y --place 0,62.5");
+    assert_eq!(report["changes"]["lines"], serde_json::json!(["all 6 paths moved by 2.50 mm up"]));
+    let said =
+        desk.isomark(&["correct", &part, &drawing, "--facing", "-y", "--place", "0,60", "-o", "out.dxf"]);
+    assert!(said.err.contains("changed: all 6 paths moved by 2.50 mm down"), "{}", said.err);
+}
+
+#[test]
+fn a_stations_settings_hold_where_no_option_says_otherwise() {
+    let desk = Desk::new();
+    desk.write(
+        "station.toml",
+        "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\nheight_mm = 110\n\
+         origin = \"corner\"\n[output]\ndxf = \"R12\"\n",
+    );
+    desk.write(
+        "skus/can.toml",
+        "[part]\nfacing = \"-y\"\n[placement]\nplace_mm = [0, 60]\n[fixture]\nx_mm = 55\n",
+    );
+    let options = "--sku can --station station.toml --vertices keep";
+    let report = desk.correct(&part("can/fc020-gui.glb"), &drawing("abc"), options);
+    assert_eq!(report["output"]["dxf"], "R12");
+    let wide = 33.0 * (19.5f64 / 33.0).sin();
+    assert_near(&numbers(&report, "/output/extents_mm"), &[55.0 - wide, 53.5, 55.0 + wide, 66.5], 0.002);
+    assert!(desk.path("cache/v1/can").is_dir(), "the station's cache is used");
+    let turned = desk.correct(&part("can/fc020-gui.glb"), &drawing("abc"), &format!("{options} --rotate 90"));
+    let wide = 33.0 * (6.5f64 / 33.0).sin();
+    assert_near(&numbers(&turned, "/output/extents_mm"), &[55.0 - wide, 40.5, 55.0 + wide, 79.5], 0.002);
+}
+
+#[test]
+fn ezdxf_finds_nothing_to_repair_in_either_version() {
+    let desk = Desk::new();
+    for (version, entity) in [("R2000", "LWPOLYLINE"), ("R12", "POLYLINE")] {
+        desk.write(
+            "station.toml",
+            format!(
+                "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 300\n\
+                 height_mm = 300\n[output]\ndxf = \"{version}\"\n"
+            ),
+        );
+        for (part_name, pattern_name, options) in [
+            ("mouse/fc020-gui.glb", "ez-layers-colors", "--place 0,0"),
+            ("can/fc020-gui.glb", "fc020-text-cpp-r14", "--facing -y --place 0,60 --rotate 90"),
+            ("assembly/fc020-gui-badge.glb", "ez-qr-hatch", "--place 0,0"),
+        ] {
+            let options = format!("--station station.toml {options}");
+            let report = desk.correct(&part(part_name), &drawing(pattern_name), &options);
+            let Some(told) = judged(&desk.read("out.dxf")) else { return };
+            assert_clean(&told);
+            assert_near(&numbers(&told, "/box"), &numbers(&report, "/output/extents_mm"), 2e-6);
+            assert_near(&numbers(&told, "/header_box"), &numbers(&told, "/box"), 1e-9);
+            let entities = told["entities"].as_array().unwrap();
+            assert_eq!(report["output"]["paths"], entities.len());
+            let points: usize =
+                entities.iter().map(|entity| entity["points"].as_array().unwrap().len()).sum();
+            assert_eq!(report["output"]["vertices"], points);
+            assert!(entities.iter().all(|e| e["type"] == entity || e["type"] == "POINT"), "{version}");
+            if version == "R2000" {
+                assert_eq!((&told["units"], &told["measurement"]), (&4.into(), &1.into()));
+            }
+        }
+    }
+}

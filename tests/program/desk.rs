@@ -1,0 +1,137 @@
+//! A folder to work in, and the program run there.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use fs_err as fs;
+use serde_json::Value;
+
+/// A path of `tests/data/parts`.
+pub fn part(name: &str) -> String {
+    format!("{}/tests/data/parts/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A path of `tests/data/patterns`.
+pub fn drawing(name: &str) -> String {
+    format!("{}/tests/data/patterns/{name}.dxf", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// An empty folder in which the program runs, with a cache of its own.
+pub struct Desk {
+    folder: tempfile::TempDir,
+}
+
+/// How a run ended and what it said.
+#[derive(Debug)]
+pub struct Said {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
+}
+
+impl Desk {
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    pub fn path(&self, relative: &str) -> PathBuf {
+        self.folder.path().join(relative)
+    }
+
+    pub fn root(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub fn read(&self, relative: &str) -> Vec<u8> {
+        fs::read(self.path(relative)).unwrap()
+    }
+
+    pub fn text(&self, relative: &str) -> String {
+        fs::read_to_string(self.path(relative)).unwrap()
+    }
+
+    pub fn write(&self, relative: &str, bytes: impl AsRef<[u8]>) {
+        let path = self.path(relative);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+
+    /// Runs the program to its end.
+    pub fn isomark<S: AsRef<str>>(&self, arguments: &[S]) -> Said {
+        let cache = self.path("user-cache");
+        let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_isomark"))
+            .args(arguments.iter().map(AsRef::as_ref))
+            .current_dir(self.root())
+            .env("XDG_CACHE_HOME", &cache)
+            .env("LOCALAPPDATA", &cache)
+            .env_remove("RUST_LOG")
+            .timeout(Duration::from_secs(120))
+            .output()
+            .unwrap();
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+        let said = Said {
+            code: output.status.code().unwrap_or(-1),
+            out: text(&output.stdout),
+            err: text(&output.stderr),
+        };
+        assert!(!said.err.contains('\u{1b}') && !said.out.contains('\u{1b}'), "colour codes: {said:?}");
+        assert!(!said.err.contains("panicked"), "{said:?}");
+        said
+    }
+
+    /// Corrects into `out.dxf`, which must succeed, and returns the report.
+    pub fn correct(&self, part: &str, pattern: &str, options: &str) -> Value {
+        self.correct_to("out.dxf", &[part, pattern], options)
+    }
+
+    /// Corrects into `out`, which must succeed, and returns the report. Options are separated by spaces.
+    pub fn correct_to(&self, out: &str, inputs: &[&str], options: &str) -> Value {
+        let arguments = [&["correct"], inputs, &["--json", "--out", out]].concat();
+        let arguments: Vec<&str> = arguments.into_iter().chain(options.split_whitespace()).collect();
+        let said = self.isomark(&arguments);
+        assert_eq!(said.code, 0, "{arguments:?}: {}", said.err);
+        let report: Value = serde_json::from_str(&said.out).unwrap();
+        assert_eq!(report["schema"], "isomark.report/1");
+        report
+    }
+}
+
+impl Said {
+    /// Fails unless the run ended with this code and said all of these on standard error.
+    #[track_caller]
+    pub fn refused(&self, code: i32, words: &[&str]) {
+        assert_eq!(self.code, code, "{}", self.err);
+        for word in words {
+            assert!(self.err.contains(word), "`{word}` is missing in:\n{}", self.err);
+        }
+    }
+}
+
+/// The number at a JSON pointer.
+#[track_caller]
+pub fn number(value: &Value, pointer: &str) -> f64 {
+    value
+        .pointer(pointer)
+        .and_then(Value::as_f64)
+        .unwrap_or_else(|| panic!("no number {pointer} in {value:#}"))
+}
+
+/// The numbers at a JSON pointer.
+#[track_caller]
+pub fn numbers(value: &Value, pointer: &str) -> Vec<f64> {
+    let list = value.pointer(pointer).and_then(Value::as_array);
+    let list = list.unwrap_or_else(|| panic!("no numbers {pointer} in {value:#}"));
+    list.iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// The codes of the notices.
+pub fn notices(report: &Value) -> Vec<&str> {
+    report["notices"].as_array().unwrap().iter().map(|notice| notice["code"].as_str().unwrap()).collect()
+}
+
+#[track_caller]
+pub fn assert_near(found: &[f64], expected: &[f64], within: f64) {
+    assert_eq!(found.len(), expected.len());
+    let near = found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= within);
+    assert!(near, "{found:?} is not {expected:?} within {within}");
+}

@@ -1,0 +1,110 @@
+//! `isomark inspect` and `isomark diff`.
+
+use serde_json::Value;
+
+use crate::desk::{Desk, assert_near, drawing, numbers, part};
+
+fn inspect(file: &str, options: &[&str]) -> String {
+    let said = Desk::new().isomark(&[&["inspect", file], options].concat());
+    assert_eq!((said.code, said.err.as_str()), (0, ""), "{file}");
+    said.out
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+#[test]
+fn a_part_is_told_with_size_unit_and_axis() {
+    let text = inspect(&part("can/fc020-gui.glb"), &[]);
+    for words in [
+        "fc020-gui.glb: part",
+        "x 115.00 mm",
+        "unit       m, because",
+        "up         y, because",
+        "Open CASCADE",
+        "follow the surface",
+    ] {
+        assert!(text.contains(words), "{words}:\n{text}");
+    }
+    // A part in mm that went through a program that thinks in metres: assumed, and said so.
+    let text = inspect(&part("can/bl52-from-obj.glb"), &[]);
+    for words in
+        ["66.00 x 65.52 x 115.00 mm", "unit       mm, because", "WARNING", "`--part-unit`", "Blender"]
+    {
+        assert!(text.contains(words), "{words}:\n{text}");
+    }
+    let facts = json(&inspect(&part("can/bl52-from-obj.glb"), &["--json"]));
+    assert_eq!(facts["schema"], "isomark.part/1");
+    assert_near(&numbers(&facts, "/size_mm"), &[66.0, 65.52, 115.0], 0.01);
+}
+
+#[test]
+fn an_implausible_size_is_warned_of() {
+    let can = part("can/fc020-fine-mesh.obj");
+    let text = inspect(&can, &["--part-unit", "inch"]);
+    assert!(text.contains("x 2921.00 mm") && text.contains("WARNING"), "{text}");
+    Desk::new()
+        .isomark(&["inspect", &can, "--part-unit", "m"])
+        .refused(1, &["fc020-fine-mesh.obj", "109000 mm (limit 100000 mm)", "`--part-unit`"]);
+
+    let text = inspect(&drawing("ez-defects"), &[]);
+    for words in [
+        "100000.00 x 20.00 mm",
+        "unusual size",
+        "2 paths are drawn twice",
+        "1 outline is open",
+        "NOT TAKEN  3DFACE 95 on layer 0",
+    ] {
+        assert!(text.contains(words), "{words}:\n{text}");
+    }
+}
+
+#[test]
+fn a_drawing_is_told_with_entities_by_layer() {
+    let text = inspect(&drawing("ez-layers-colors"), &[]);
+    for words in [
+        "34.00 x 20.00 mm",
+        "$INSUNITS 4",
+        "4 paths, 3 of them closed",
+        "1 on CUT",
+        "2 on MARK",
+        "layer FROZEN is frozen",
+        "paper space",
+    ] {
+        assert!(text.contains(words), "{words}:\n{text}");
+    }
+    let facts = json(&inspect(&drawing("ez-logo-inch"), &["--json"]));
+    assert_eq!(facts["schema"], "isomark.pattern/1");
+    assert_near(&numbers(&facts, "/size_mm"), &[28.0, 28.0], 1e-6);
+    let facts = json(&inspect(&drawing("ink12-logo_px-r14"), &["--json", "--pattern-unit", "px"]));
+    assert_near(&numbers(&facts, "/size_mm"), &[58.0, 28.0], 0.01);
+}
+
+#[test]
+fn what_changed_between_two_drawings() {
+    let desk = Desk::new();
+    let diff = |old: &str, new: &str, options: &[&str]| {
+        let said = desk.isomark(&[&["diff", old, new], options].concat());
+        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        said.out
+    };
+    let (mm, inch) = (drawing("ez-logo-mm"), drawing("ez-logo-inch"));
+    assert_eq!(diff(&mm, &inch, &[]), "no difference: 4 paths unchanged\n");
+    desk.correct_to("a.dxf", &[&part("can/fc020-gui.glb"), &mm], "--facing -y --place 0,60");
+    desk.correct_to("b.dxf", &[&part("can/fc020-gui.glb"), &mm], "--facing -y --place 0,61");
+    assert_eq!(diff("a.dxf", "b.dxf", &[]), "all 4 paths moved by 1.00 mm up\n");
+    assert_eq!(diff("a.dxf", "b.dxf", &["--tolerance", "2"]), "no difference: 4 paths unchanged\n");
+    let told = json(&diff("a.dxf", "b.dxf", &["--json"]));
+    assert_eq!(told["schema"], "isomark.diff/1");
+    assert_eq!((&told["old_paths"], &told["unchanged"]), (&4.into(), &0.into()));
+    let entries = told["entries"].as_array().unwrap();
+    assert!(entries.len() == 4 && entries.iter().all(|entry| entry["change"] == "moved"), "{told:#}");
+    assert!(diff(&mm, &drawing("square"), &[]).contains("3 paths removed"));
+    assert!(diff(&drawing("square"), &mm, &[]).contains("added"));
+
+    desk.isomark(&["diff", "a.dxf", "gone.dxf"]).refused(3, &["gone.dxf", "remedy: "]);
+    desk.write("empty.dxf", "");
+    desk.isomark(&["diff", "a.dxf", "empty.dxf"]).refused(1, &["where:  empty.dxf"]);
+    desk.isomark(&["diff", "a.dxf", "b.dxf", "--tolerance", "-1"]).refused(2, &["--tolerance"]);
+}

@@ -1,0 +1,20 @@
+//! The program from outside: the built binary on real exports, by command and by hot folder.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    unreachable_pub,
+    missing_docs,
+    reason = "a test may fail loudly, its helpers too"
+)]
+
+mod desk;
+#[path = "../ezdxf/mod.rs"]
+mod ezdxf;
+
+mod correct;
+mod refusals;
+mod cache;
+mod inspect_and_diff;
+mod station;
+mod demo;

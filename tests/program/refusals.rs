@@ -1,0 +1,234 @@
+//! Bad input: the exit code, and a message that names file, place, number and remedy.
+
+use crate::desk::{Desk, Said, drawing, part};
+
+const MOUSE: &str = "mouse/fc020-gui.glb";
+
+fn correct(desk: &Desk, part: &str, pattern: &str, options: &str) -> Said {
+    let arguments =
+        ["correct", part, pattern, "--out", "out.dxf"].into_iter().chain(options.split_whitespace());
+    let said = desk.isomark(&arguments.collect::<Vec<_>>());
+    assert!(!desk.path("out.dxf").exists(), "nothing is written when the job is refused");
+    said
+}
+
+/// 100 x 100 mm, with a square hole of 40 mm in its middle.
+fn plate_with_hole() -> String {
+    let mut text = String::new();
+    for y in [-50, -20, 20, 50] {
+        for x in [-50, -20, 20, 50] {
+            text += &format!("v {x} {y} 5\n");
+        }
+    }
+    for (row, column) in (0..9).map(|cell| (cell / 3, cell % 3)).filter(|cell| *cell != (1, 1)) {
+        let first = row * 4 + column + 1;
+        text += &format!("f {} {} {} {}\n", first, first + 1, first + 5, first + 4);
+    }
+    text
+}
+
+#[test]
+fn damaged_parts() {
+    let desk = Desk::new();
+    let glb = std::fs::read(part("can/fc020-gui.glb")).unwrap();
+    desk.write("cut.glb", &glb[..5000]);
+    correct(&desk, "cut.glb", &drawing("abc"), "")
+        .refused(1, &["cut.glb, byte 5000", "5000 bytes (limit 14484 bytes)", "remedy: Copy the file again"]);
+
+    let obj = std::fs::read_to_string(part("mouse/fc020-coarse-mesh.obj")).unwrap();
+    let (line, _) = obj.lines().enumerate().filter(|(_, line)| line.starts_with("v ")).nth(5).unwrap();
+    let broken: Vec<&str> =
+        obj.lines().enumerate().map(|(at, text)| if at == line { "v NaN 1 2" } else { text }).collect();
+    desk.write("nan.obj", broken.join("\n"));
+    correct(&desk, "nan.obj", &drawing("abc"), "")
+        .refused(1, &[&format!("nan.obj, line {}", line + 1), "(NaN, 1, 2)", "remedy: Repair the mesh"]);
+
+    desk.write("words.glb", "this is no mesh at all");
+    correct(&desk, "words.glb", &drawing("abc"), "").refused(1, &["no GLB", "words.glb", "remedy: Export"]);
+
+    correct(&desk, &part("assembly/fc020-gui-arch-part.obj"), &drawing("abc"), "")
+        .refused(1, &["no triangle", "fc020-gui-arch-part.obj", "remedy: FreeCAD", "select the bodies"]);
+
+    std::fs::copy(part("assembly/fc020-gui.gltf"), desk.path("alone.gltf")).unwrap();
+    correct(&desk, "alone.gltf", &drawing("abc"), "")
+        .refused(1, &["alone.gltf", "fc020-gui.bin", "remedy: "]);
+}
+
+#[test]
+fn drawings_without_anything_to_mark() {
+    let desk = Desk::new();
+    desk.write("empty.dxf", "");
+    correct(&desk, &part(MOUSE), "empty.dxf", "")
+        .refused(1, &["empty file", "where:  empty.dxf", "remedy: Export"]);
+    desk.write("logo.dxf", "%PDF-1.7\n%\u{e9}\nstream\n");
+    correct(&desk, &part(MOUSE), "logo.dxf", "")
+        .refused(1, &["PDF", "where:  logo.dxf", "remedy: Export the drawing as DXF"]);
+    correct(&desk, &part(MOUSE), &drawing("ez-r2018-text"), "")
+        .refused(1, &["1 MTEXT, 4 TEXT", "ez-r2018-text.dxf", "remedy: Convert text to outlines"]);
+    correct(&desk, &part(MOUSE), &drawing("ink12-text-r14"), "")
+        .refused(1, &["no entity", "ink12-text-r14.dxf", "Path > Object to Path"]);
+    let whole = std::fs::read(drawing("abc")).unwrap();
+    desk.write("cut.dxf", &whole[..whole.len() / 2]);
+    correct(&desk, &part(MOUSE), "cut.dxf", "").refused(1, &["cut.dxf", "line ", "remedy: "]);
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--ink-layers MARK,CUT")
+        .refused(1, &["ink layers MARK, CUT", "abc.dxf", "OUTLINE"]);
+}
+
+#[test]
+fn drawings_that_do_not_lie_on_the_part() {
+    let desk = Desk::new();
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--place 300,0").refused(
+        1,
+        &[
+            "beyond the part",
+            "x 280.5 to 319.5",
+            "abc.dxf, at (300.000, 0.000) mm",
+            "100 % (limit 0 %)",
+            "remedy: Move",
+        ],
+    );
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--place 20,0")
+        .refused(1, &["part spans x -30", "ink without surface 2", "remedy: Move the drawing with `place`"]);
+    // The laser looks at a wall of the can.
+    correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--place 33,0").refused(
+        1,
+        &["no surface to mark", "steeper than 75 deg", "abc.dxf, at (33.000, 0.000) mm", "`facing`"],
+    );
+    // A plate with a hole under the drawing.
+    desk.write("plate.obj", plate_with_hole());
+    correct(&desk, "plate.obj", &drawing("circle"), "--part-unit mm --part-up z --place 0,0")
+        .refused(1, &["a hole", "circle.dxf, at (", "ink without surface", "remedy: Move"]);
+
+    correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--facing -y --place 18,60").refused(
+        1,
+        &[
+            "66.9 deg",
+            "abc.dxf, at (30.3",
+            "incidence angle 66.9",
+            "(limit 60.0000 deg)",
+            "remedy: Make the drawing narrower",
+        ],
+    );
+    // A stray line a hundred metres away.
+    correct(&desk, &part(MOUSE), &drawing("ez-defects"), "")
+        .refused(1, &["the drawing x 0.0 to 100000.0", "remedy: Delete stray lines", "isomark inspect"]);
+}
+
+#[test]
+fn a_drawing_wider_than_the_field() {
+    let desk = Desk::new();
+    desk.write(
+        "station.toml",
+        "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 20\nheight_mm = 20\n",
+    );
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(
+        1,
+        &[
+            "the field only x -10.0 to 10.0",
+            "abc.dxf",
+            "overhang 9.",
+            "mm (limit 0 mm)",
+            "remedy: Move the drawing",
+        ],
+    );
+}
+
+#[test]
+fn wrong_usage() {
+    let desk = Desk::new();
+    let (mouse, abc) = (part(MOUSE), drawing("abc"));
+    for (options, words) in [
+        ("--place nonsense", ["'nonsense'", "--place", "12.5,-3"]),
+        ("--place 1,2,3", ["'1,2,3'", "--place", "two numbers in mm"]),
+        ("--facing up", ["`up`", "--facing", "`-y`"]),
+        ("--facing 0,0,0", ["`0,0,0`", "--facing", "X,Y,Z"]),
+        ("--method magic", ["`magic`", "--method", "`isometric`"]),
+        ("--weighting heavy", ["`heavy`", "--weighting", "`uniform`"]),
+        ("--part-unit furlong", ["furlong", "--part-unit", "mm"]),
+        ("--tolerance 0", ["tolerance of 0 mm", "remedy: Give", "0.0001 and 10 mm"]),
+        ("--tolerance nan", ["tolerance of NaN mm", "remedy: Give", "0.0001 and 10 mm"]),
+        ("--rotate inf", ["angle", "remedy: Give", "degrees"]),
+        ("--sku a/b", ["`a/b`", "'/'", "remedy: Rename it"]),
+        ("--unheard-of", ["--unheard-of", "Usage", "--help"]),
+    ] {
+        correct(&desk, &mouse, &abc, options).refused(2, &words);
+    }
+    desk.isomark(&["correct", &mouse, &abc]).refused(2, &["--out", "<PART> <PATTERN>"]);
+    desk.isomark(&["correct", &mouse, "-o", "x.dxf"])
+        .refused(2, &["a part but no drawing", "remedy: Name the drawing"]);
+    desk.isomark(&["correct", &abc, "-o", "x.dxf"]).refused(2, &["neither a part nor a SKU", "`--sku`"]);
+    desk.isomark(&["paint"]).refused(2, &["paint"]);
+    desk.isomark(&["--version"]).refused(0, &[]);
+}
+
+#[test]
+fn files_of_other_kinds() {
+    let desk = Desk::new();
+    desk.write("part.step", "ISO-10303-21;");
+    correct(&desk, "part.step", &drawing("abc"), "")
+        .refused(1, &["part.step", "remedy: Export the part as .glb, .gltf or .obj"]);
+    desk.write("logo.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>");
+    correct(&desk, &part(MOUSE), "logo.svg", "")
+        .refused(1, &["logo.svg", "not a DXF", "remedy: Export the drawing as DXF"]);
+    let unknown = desk.isomark(&["correct", &drawing("abc"), "--sku", "never-seen", "-o", "out.dxf"]);
+    unknown.refused(1, &["never-seen", "remedy: Name the part"]);
+}
+
+#[test]
+fn a_typo_in_the_settings() {
+    let desk = Desk::new();
+    desk.write("station.toml", "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimprot = \"import\"\n");
+    let words = ["`improt`", "station.toml, line 5, column 1", "remedy: Did you mean `import`?"];
+    desk.isomark(&["watch", "station.toml", "--once"]).refused(2, &words);
+    desk.isomark(&["cache", "list", "--station", "station.toml"]).refused(2, &words);
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(2, &words);
+    desk.isomark(&["watch", "nowhere.toml"]).refused(3, &["nowhere.toml", "remedy: "]);
+}
+
+#[test]
+fn files_and_folders_that_are_not_there() {
+    let desk = Desk::new();
+    correct(&desk, "gone.glb", &drawing("abc"), "")
+        .refused(3, &["There is no file gone.glb.", "where:  gone.glb", "remedy: Check"]);
+    correct(&desk, &part(MOUSE), "gone.dxf", "").refused(3, &["There is no file gone.dxf."]);
+    desk.isomark(&["inspect", "gone.glb"]).refused(3, &["gone.glb", "remedy: "]);
+    let out = |path: &str| desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", path]);
+    out("no/folder/out.dxf").refused(3, &["There is no folder no/folder", "remedy: Make the folder"]);
+    desk.write("results/old.dxf", "");
+    out("results").refused(3, &["The folder results is named where a file is meant", "remedy: Name a file"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn folders_that_may_not_be_written() {
+    use std::os::unix::fs::PermissionsExt;
+    let desk = Desk::new();
+    desk.write("locked/old.dxf", "");
+    let locked = desk.path("locked");
+    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o555)).unwrap();
+    if std::fs::write(locked.join("probe"), "").is_ok() {
+        eprintln!("SKIPPED: root may write everywhere");
+        return;
+    }
+    let said = desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", "locked/out.dxf"]);
+    said.refused(3, &["locked/out.dxf", "may not be written", "remedy: Give yourself the right"]);
+    let said =
+        desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", "out.dxf", "--cache", "locked/cache"]);
+    said.refused(3, &["cache", "remedy: "]);
+    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+#[test]
+fn a_refusal_as_json() {
+    let desk = Desk::new();
+    let said = correct(&desk, &part(MOUSE), &drawing("abc"), "--place 300,0 --json");
+    let reason: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(
+        (said.code, &reason["schema"], &reason["code"]),
+        (1, &"isomark.reason/1".into(), &"off-surface".into())
+    );
+    assert_eq!(reason["place"]["file"], "abc.dxf");
+    assert_eq!(reason["place"]["coordinate"], serde_json::json!([300.0, 0.0]));
+    assert_eq!((&reason["number"]["value"], &reason["number"]["unit"]), (&100.0.into(), &"%".into()));
+    assert!(reason["remedy"].as_str().unwrap().ends_with('.'));
+}

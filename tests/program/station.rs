@@ -1,0 +1,410 @@
+//! A running station, with real drops of real exports: whatever the order, every drop has one outcome.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+use crate::desk::{Desk, Said, drawing, part};
+
+/// How long anything may take on a slow machine.
+const DEADLINE: Duration = Duration::from_secs(30);
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+
+const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
+                        width_mm = 110\nheight_mm = 110\n[watch]\nsettle_ms = 100\nrescan_s = 0.5\nincomplete_s = 2\n";
+const CAN: &str = "[part]\nfacing = \"-y\"\n[placement]\nplace_mm = [0, 60]\n[fixture]\ny_mm = -60\n";
+
+/// A station's folders, and the program when it runs.
+struct Station {
+    desk: Desk,
+    running: Option<Child>,
+}
+
+impl Station {
+    fn new() -> Self {
+        let desk = Desk::new();
+        for folder in ["hot", "import", "elsewhere"] {
+            fs::create_dir(desk.path(folder)).unwrap();
+        }
+        desk.write("station.toml", SETTINGS);
+        desk.write("skus/can.toml", CAN);
+        Self { desk, running: None }
+    }
+
+    fn running() -> Self {
+        let mut station = Self::new();
+        station.start();
+        station
+    }
+
+    fn start(&mut self) {
+        let log = fs::OpenOptions::new().create(true).append(true).open(self.path("log.txt")).unwrap();
+        let child = Command::new(env!("CARGO_BIN_EXE_isomark"))
+            .args(["watch", "station.toml"])
+            .current_dir(self.desk.root())
+            .env_remove("RUST_LOG")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log.into_parts().0)
+            .spawn();
+        self.running = Some(child.unwrap());
+    }
+
+    /// Handles what lies there and returns what was said.
+    fn once(&self) -> Said {
+        self.desk.isomark(&["watch", "station.toml", "--once"])
+    }
+
+    /// No time to tidy up.
+    fn kill(&mut self) {
+        let mut child = self.running.take().unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.desk.path(relative)
+    }
+
+    fn log(&self) -> String {
+        fs::read_to_string(self.path("log.txt")).unwrap_or_default()
+    }
+
+    fn copy_into(&self, from: &str, name: &str) {
+        self.desk.write(&format!("hot/{name}"), fs::read(from).unwrap());
+    }
+
+    fn rename_into(&self, from: &str, name: &str) {
+        self.desk.write("elsewhere/file", fs::read(from).unwrap());
+        fs::rename(self.path("elsewhere/file"), self.path("hot").join(name)).unwrap();
+    }
+
+    fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
+        let started = Instant::now();
+        while !condition(self) {
+            let tree = files(self.desk.root());
+            assert!(started.elapsed() < DEADLINE, "{what}; there is {tree:#?}, and it said\n{}", self.log());
+            std::thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    fn waits_for_file(&self, name: &str) {
+        self.waits_for(name, |station| station.path(name).exists());
+    }
+
+    fn waits_for_empty_hot(&self) {
+        self.waits_for("an empty hot folder", |station| files(&station.path("hot")).is_empty());
+    }
+
+    fn import(&self) -> Vec<String> {
+        files(&self.path("import"))
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.running.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// All files below the folder, with `/`, sorted.
+pub fn files(folder: &Path) -> Vec<String> {
+    let mut all = Vec::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(next) = open.pop() {
+        for path in fs::read_dir(&next).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())) {
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                all.push(path.strip_prefix(folder).unwrap().to_str().unwrap().replace('\\', "/"));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
+/// What `isomark correct` makes of the job under the same settings.
+fn by_command(part: &str, pattern: &str, name: &str, sku: &str) -> Vec<u8> {
+    let station = Station::new();
+    // The comments in the file name the dropped files.
+    let kind = part.rsplit('.').next().unwrap();
+    station.desk.write(&format!("{sku}.{kind}"), fs::read(part).unwrap());
+    station.desk.write(name, fs::read(pattern).unwrap());
+    let options = format!("--station station.toml --sku {sku}");
+    station.desk.correct_to("out.dxf", &[&format!("{sku}.{kind}"), name], &options);
+    station.desk.read("out.dxf")
+}
+
+#[test]
+fn drops_in_any_order_give_the_bytes_of_the_command() {
+    let can = part("can/fc020-gui.glb");
+    let expected = [
+        by_command(&can, &drawing("abc"), "can.dxf", "can"),
+        by_command(&can, &drawing("ez-logo-mm"), "can@logo.dxf", "can"),
+    ];
+    let drops =
+        [(can.clone(), "can.glb"), (drawing("abc"), "can.dxf"), (drawing("ez-logo-mm"), "can@logo.dxf")];
+    for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2]] {
+        for renamed in [false, true] {
+            let station = Station::running();
+            for (from, name) in order.map(|index| &drops[index]) {
+                if renamed { station.rename_into(from, name) } else { station.copy_into(from, name) }
+            }
+            station.waits_for_empty_hot();
+            assert_eq!(station.import(), ["can.dxf", "can@logo.dxf"], "{}", station.log());
+            assert!(station.desk.read("import/can.dxf") == expected[0]);
+            assert!(station.desk.read("import/can@logo.dxf") == expected[1]);
+            let archive = ["can/can.dxf", "can/can.glb", "can/can@logo.dxf", "can/current-part.txt"];
+            assert_eq!(files(&station.path("archive")), archive);
+            assert_eq!(station.desk.read("archive/can/can.dxf"), fs::read(drawing("abc")).unwrap());
+            let report: serde_json::Value =
+                serde_json::from_slice(&station.desk.read("reports/can/can.dxf.report.json")).unwrap();
+            assert_eq!((&report["schema"], &report["sku"]), (&"isomark.report/1".into(), &"can".into()));
+            assert!(station.path("reports/can/can@logo.dxf.preview.svg").exists());
+            assert!(files(&station.path("rejected")).is_empty());
+            assert!(!station.log().contains('\u{1b}'), "colour codes in a file: {}", station.log());
+        }
+    }
+}
+
+#[test]
+fn a_pattern_waits_for_its_part_and_says_so() {
+    let station = Station::running();
+    station.copy_into(&drawing("abc"), "mouse@date.dxf");
+    station.waits_for("word of waiting", |station| station.log().contains("Drop the part as mouse.glb"));
+    assert!(station.import().is_empty());
+    station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
+    station.waits_for_empty_hot();
+    assert_eq!(station.import(), ["mouse@date.dxf"]);
+}
+
+#[test]
+fn a_folder_for_each_sku_and_a_part_of_two_files() {
+    let station = Station::running();
+    station.desk.write("skus/plate.toml", "[placement]\nplace_mm = [0, 0]\n");
+    station.copy_into(&drawing("ez-qr-hatch"), "plate/code.dxf");
+
+    station.copy_into(&part("assembly/fc020-gui.gltf"), "plate/export.gltf");
+    station.copy_into(&part("assembly/fc020-gui.bin"), "plate/fc020-gui.bin");
+    station.waits_for_file("import/plate@code.dxf");
+    station.waits_for_empty_hot();
+    let archive = files(&station.path("archive/plate"));
+    assert_eq!(archive, ["current-part.txt", "export.gltf", "fc020-gui.bin", "plate@code.dxf"]);
+}
+
+#[test]
+fn slow_writers_are_waited_for() {
+    let mut station = Station::new();
+    station.desk.write("station.toml", SETTINGS.replace("incomplete_s = 2", "incomplete_s = 60"));
+    station.start();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.waits_for_empty_hot();
+    let whole = fs::read(drawing("abc")).unwrap();
+    let mut file = fs::File::create(station.path("hot/can.dxf")).unwrap();
+    let mut written = Vec::new();
+    for piece in whole.chunks(whole.len() / 4 + 1) {
+        assert!(station.import().is_empty(), "a part of a drawing was delivered");
+        file.write_all(piece).unwrap();
+        file.flush().unwrap();
+        written.extend_from_slice(piece);
+        // The writer pauses for longer than the settle time: until another whole drop went through.
+        let name = format!("can@{}.dxf", written.len());
+        station.rename_into(&drawing("square"), &name);
+        station.waits_for_file(&format!("import/{name}"));
+        fs::remove_file(station.path("import").join(&name)).unwrap();
+    }
+    drop(file);
+    station.waits_for_file("import/can.dxf");
+    station.waits_for_empty_hot();
+    assert!(
+        station.desk.read("import/can.dxf")
+            == by_command(&part("can/fc020-gui.glb"), &drawing("abc"), "can.dxf", "can")
+    );
+}
+
+#[test]
+fn a_wrong_file_is_rejected_with_its_reason_and_the_station_goes_on() {
+    let station = Station::running();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.copy_into(&drawing("abc"), "can@good.dxf");
+    station.copy_into(&drawing("ez-r2018-text"), "can@text.dxf");
+    station.copy_into(&drawing("ez-defects"), "can@stray.dxf");
+    station.desk.write("hot/can@wrong.pdf", "%PDF-1.7");
+    let glb = fs::read(part("mouse/fc020-gui.glb")).unwrap();
+    station.desk.write("hot/mouse.glb", &glb[..4000]);
+    station.waits_for_empty_hot();
+    station.copy_into(&drawing("ez-logo-mm"), "can@later.dxf");
+    station.waits_for_file("import/can@later.dxf");
+    station.waits_for_empty_hot();
+    assert_eq!(station.import(), ["can@good.dxf", "can@later.dxf"]);
+    for (name, code, words) in [
+        ("can@text.dxf", "pattern-nothing-to-mark", "Convert text to outlines"),
+        ("can@stray.dxf", "off-surface", "Delete stray lines"),
+        ("can@wrong.pdf", "", "remedy: "),
+        ("mouse.glb", "mesh-truncated", "Copy the file again"),
+    ] {
+        assert!(station.path(&format!("rejected/{name}")).exists(), "{name}");
+        let text = station.desk.text(&format!("rejected/{name}.reason.txt"));
+        assert!(text.starts_with(&format!("{name} was rejected.")) && text.contains(words), "{text}");
+        let json: serde_json::Value =
+            serde_json::from_slice(&station.desk.read(&format!("rejected/{name}.reason.json"))).unwrap();
+        assert_eq!(json["drop"], name);
+        assert!(code.is_empty() || json["code"] == code, "{json:#}");
+    }
+    assert_eq!(station.desk.read("rejected/mouse.glb"), glb[..4000], "the original lies there as it came");
+}
+
+#[test]
+fn a_new_version_replaces_the_older_result() {
+    let station = Station::running();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.rename_into(&drawing("abc"), "can@logo.dxf");
+    station.waits_for_file("import/can@logo.dxf");
+    station.waits_for_empty_hot();
+    let first = station.desk.read("import/can@logo.dxf");
+    station.rename_into(&drawing("square"), "can@logo.dxf");
+    station.waits_for("the new version", |station| station.desk.read("import/can@logo.dxf") != first);
+    station.waits_for_empty_hot();
+    assert_eq!(station.import(), ["can@logo.dxf"]);
+    let report: serde_json::Value =
+        serde_json::from_slice(&station.desk.read("reports/can/can@logo.dxf.report.json")).unwrap();
+    assert_eq!((&report["changes"]["old_paths"], &report["changes"]["new_paths"]), (&6.into(), &1.into()));
+    // Both originals are kept.
+    let archive = files(&station.path("archive/can"));
+    assert_eq!(archive.iter().filter(|name| name.ends_with("can@logo.dxf")).count(), 2, "{archive:?}");
+}
+
+#[test]
+fn settings_are_followed_while_it_runs() {
+    let station = Station::running();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.copy_into(&drawing("abc"), "can@a.dxf");
+    station.waits_for_file("import/can@a.dxf");
+    station.desk.write("skus/can.toml", format!("{CAN}[correction]\nmetod = \"none\"\n"));
+    station.copy_into(&drawing("abc"), "can@b.dxf");
+    station.waits_for_file("import/can@b.dxf");
+    let log = station.log();
+    assert!(
+        log.contains("`metod`") && log.contains("can.toml") && log.contains("old settings stay"),
+        "{log}"
+    );
+    station.desk.write("skus/can.toml", format!("{CAN}[correction]\nmethod = \"none\"\n"));
+    station.copy_into(&drawing("abc"), "can@c.dxf");
+    station.waits_for_file("reports/can/can@c.dxf.report.json");
+    let method = |name: &str| {
+        let report = station.desk.read(&format!("reports/can/can@{name}.dxf.report.json"));
+        serde_json::from_slice::<serde_json::Value>(&report).unwrap()["map"]["method"].clone()
+    };
+    station.waits_for_empty_hot();
+    assert_eq!([method("a"), method("b"), method("c")], ["cylinder", "cylinder", "none"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn it_stops_cleanly_when_asked() {
+    for signal in ["TERM", "INT"] {
+        let mut station = Station::running();
+        station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+        station.waits_for_empty_hot();
+        let mut child = station.running.take().unwrap();
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+        let asked = Instant::now();
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(asked.elapsed() < Duration::from_secs(5), "still running 5 s after SIG{signal}");
+            std::thread::sleep(LOOK_AGAIN);
+        };
+        assert_eq!(status.code(), Some(0), "{}", station.log());
+    }
+}
+
+#[test]
+fn nothing_is_lost_or_half_done_when_it_is_killed() {
+    const DRAWINGS: [&str; 6] = ["abc", "square", "circle", "ez-logo-mm", "grid", "ez-qr-hatch"];
+    let mut station = Station::new();
+    let mut expected = Vec::new();
+    for (index, name) in DRAWINGS.iter().enumerate() {
+        let target = format!("can@{index}.dxf");
+        station.copy_into(&drawing(name), &target);
+        expected.push(target);
+    }
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    // Killed after each further result, and while the next job is under way.
+    for results in 0..4 {
+        station.start();
+        station.waits_for("a further result", |station| {
+            station.import().iter().filter(|name| expected.contains(name)).count() >= results
+        });
+        station.kill();
+        for name in station.import().iter().filter(|name| expected.contains(name)) {
+            let bytes = station.desk.read(&format!("import/{name}"));
+            assert!(
+                bytes.ends_with(b"EOF\n") || bytes.ends_with(b"EOF\r\n"),
+                "half a drawing in import: {name}"
+            );
+        }
+    }
+    station.start();
+    station.waits_for_empty_hot();
+    station.waits_for("all results", |station| {
+        expected.iter().all(|name| station.path("import").join(name).exists())
+    });
+    // Each original lies in the archive once; what an importer would take is whole and is all there should be.
+    let archive = files(&station.path("archive/can"));
+    for name in expected.iter().map(String::as_str).chain(["can.glb"]) {
+        assert_eq!(archive.iter().filter(|file| file.ends_with(name)).count(), 1, "{name}: {archive:?}");
+    }
+    let visible: Vec<String> = station.import().into_iter().filter(|name| !name.starts_with('.')).collect();
+    assert_eq!(visible, expected);
+    assert!(files(&station.path("rejected")).is_empty());
+    let by_command = by_command(&part("can/fc020-gui.glb"), &drawing("grid"), "can@4.dxf", "can");
+    assert!(station.desk.read("import/can@4.dxf") == by_command);
+}
+
+#[test]
+fn once_handles_what_lies_there() {
+    let station = Station::new();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.copy_into(&drawing("abc"), "can.dxf");
+    station.copy_into(&drawing("abc"), "cup.dxf");
+    station.copy_into(&drawing("ez-r2018-text"), "can@text.dxf");
+    let said = station.once();
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(
+        said.out.contains("1 delivered, 1 part learned, 1 rejected, 1 waiting, 0 incomplete"),
+        "{}",
+        said.out
+    );
+    assert!(said.out.contains("cup.dxf: The pattern waits for a part"), "{}", said.out);
+    assert_eq!(station.import(), ["can.dxf"]);
+    assert_eq!(files(&station.path("hot")), ["cup.dxf"]);
+    // Later, a drawing alone: the surface is kept.
+    station.copy_into(&drawing("abc"), "can@2.dxf");
+    let said = station.once();
+    assert!(said.out.contains("1 delivered, 0 parts learned, 0 rejected, 1 waiting"), "{}", said.out);
+}
+
+#[test]
+fn without_an_import_folder_drops_wait() {
+    let station = Station::new();
+    fs::remove_dir(station.path("import")).unwrap();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.copy_into(&drawing("abc"), "can.dxf");
+    let said = station.once();
+    assert_eq!(said.code, 0);
+    assert!(said.err.contains("the import folder") && said.err.contains("does not exist"), "{}", said.err);
+    assert!(said.out.contains("0 delivered, 1 part learned, 0 rejected, 1 waiting"), "{}", said.out);
+    assert_eq!(files(&station.path("hot")), ["can.dxf"]);
+    fs::create_dir(station.path("import")).unwrap();
+    assert!(station.once().out.contains("1 delivered"));
+}
