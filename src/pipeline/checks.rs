@@ -62,20 +62,25 @@ pub(super) fn reach(
     let area = domain.grown(FARTHEST_REACH * domain.size().norm());
     let inked =
         placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
-    let mut length = 0.0;
+    let (mut length, mut drawn, mut far) = (0.0, Extents::EMPTY, None);
+    let mut meet = |point: FlatPoint| {
+        drawn.include(point.coords());
+        if !area.contains(point.coords()) {
+            far.get_or_insert(point);
+        }
+    };
     for path in inked {
-        if let Shape::Dot(point) = path.shape
-            && !area.contains(point.coords())
-        {
-            return Err(off_surface(point.coords().into(), surface, &placed.extents()));
+        if let Shape::Dot(point) = path.shape {
+            meet(point);
         }
         for segment in path.shape.segments() {
             let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|t| segment.point(t));
-            if let Some(far) = points.iter().find(|point| !area.contains(point.coords())) {
-                return Err(off_surface(far.coords().into(), surface, &placed.extents()));
-            }
+            points.iter().for_each(|point| meet(*point));
             length += points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         }
+    }
+    if let Some(far) = far {
+        return Err(off_surface(far.coords().into(), surface, &drawn));
     }
     if length > LONGEST_INK {
         return Err(Reason::new(
