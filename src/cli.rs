@@ -46,7 +46,7 @@ enum Command {
 /// What a file's numbers mean where the file itself does not say it, or says it wrongly.
 #[derive(Debug, Args)]
 struct MeaningArguments {
-    /// Unit of the part's numbers: mm, cm, m or inch; default: what format and producer say.
+    /// Unit of the part's numbers: mm, cm, dm, m or inch; default: what format and producer say.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     part_unit: Option<LengthUnit>,
     /// Axis of the part's file that points up: z or y; default: what format and producer say.

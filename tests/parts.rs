@@ -257,6 +257,8 @@ fn a_part_in_decimetres_is_read_as_it_says_and_named() {
     let notice = facts.notices.iter().find(|notice| notice.code == "size-unconfirmed").unwrap();
     assert_eq!(notice.severity, Severity::Note);
     assert!(notice.message.contains("1150.0 mm") && notice.message.contains("unit MM"), "{}", notice.message);
+    let told = MeshOptions { unit: Some(LengthUnit::Decimetre), up: None };
+    assert!((read_with("can/build123d-cm.gltf", &told).unwrap().facts.size[2] - 115.0).abs() < 1e-4);
     assert!(read("can/build123d.glb").facts.notices.iter().all(|notice| notice.code != "size-unconfirmed"));
 }
 

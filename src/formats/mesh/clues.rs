@@ -141,8 +141,7 @@ impl Clues {
         } else if self.may_be_build123d() && longest > WORTH_A_LOOK && unit_footing != Footing::Settings {
             let message = format!(
                 "the part's longest side is {longest:.1} mm; if that is ten times too long, it was exported by build123d \
-                 with its unit set to CM, which neither the file nor `--part-unit` can express: export it again with \
-                 unit MM"
+                 with its unit set to CM: export it again with unit MM, or set the part's unit to dm"
             );
             notices.push(Notice::note("size-unconfirmed", message));
         }

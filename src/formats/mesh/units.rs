@@ -15,6 +15,9 @@ pub enum LengthUnit {
     /// 10 mm.
     #[serde(rename = "cm")]
     Centimetre,
+    /// 100 mm.
+    #[serde(rename = "dm")]
+    Decimetre,
     /// 1000 mm.
     #[serde(rename = "m")]
     Metre,
@@ -58,6 +61,7 @@ impl LengthUnit {
         match self {
             Self::Millimetre => 1.0,
             Self::Centimetre => 10.0,
+            Self::Decimetre => 100.0,
             Self::Metre => 1000.0,
             Self::Inch => 25.4,
         }
@@ -69,6 +73,7 @@ impl fmt::Display for LengthUnit {
         out.write_str(match self {
             Self::Millimetre => "mm",
             Self::Centimetre => "cm",
+            Self::Decimetre => "dm",
             Self::Metre => "m",
             Self::Inch => "inch",
         })
@@ -82,9 +87,10 @@ impl FromStr for LengthUnit {
         match word.to_ascii_lowercase().as_str() {
             "mm" => Ok(Self::Millimetre),
             "cm" => Ok(Self::Centimetre),
+            "dm" => Ok(Self::Decimetre),
             "m" => Ok(Self::Metre),
             "inch" => Ok(Self::Inch),
-            _ => Err(UnknownWord { word: word.into(), expected: "mm, cm, m, inch" }),
+            _ => Err(UnknownWord { word: word.into(), expected: "mm, cm, dm, m, inch" }),
         }
     }
 }
@@ -133,7 +139,7 @@ mod tests {
 
     #[test]
     fn words_of_the_settings_are_read_and_written_alike() {
-        for word in ["mm", "cm", "m", "inch"] {
+        for word in ["mm", "cm", "dm", "m", "inch"] {
             assert_eq!(word.parse::<LengthUnit>().unwrap().to_string(), word);
         }
         for word in ["y", "z"] {
@@ -142,7 +148,7 @@ mod tests {
         assert_eq!("Z".parse(), Ok(UpAxis::Z));
         assert_eq!(
             "ell".parse::<LengthUnit>().unwrap_err().to_string(),
-            "\"ell\" is none of mm, cm, m, inch"
+            "\"ell\" is none of mm, cm, dm, m, inch"
         );
         assert!("x".parse::<UpAxis>().is_err());
     }
