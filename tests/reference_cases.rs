@@ -84,6 +84,8 @@ fn ink_weighting_beats_the_reference_in_lengths_areas_and_angles_together() {
         assert!(found.length_error <= length, "{found:?}");
         assert!(found.area_error <= area, "{found:?}");
         assert!(found.largest_angle_error.to_degrees() <= angle, "{found:?}");
+        let anchor = FlatPoint::new(case.1[0], case.1[1]);
+        assert!((map.point(anchor).coords() - anchor.coords()).norm() < 1e-6, "the anchor stays");
         let LengthTrueMap::Isometric(map) = map else { panic!("an isometric map") };
         assert!(map.iterations.len() <= 6, "{:?}", map.iterations);
     }

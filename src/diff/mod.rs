@@ -234,8 +234,7 @@ pub fn paths_of(pattern: &Pattern) -> Vec<DiffPath> {
             layer: layer.map_or_else(|| "0".to_owned(), |layer| layer.name.clone()),
             color: match color {
                 Color::ByLayer => "7".to_owned(),
-                Color::Aci(index) => index.to_string(),
-                Color::Rgb { rgb: [red, green, blue], .. } => format!("#{red:02x}{green:02x}{blue:02x}"),
+                known => known.to_string(),
             },
             kind: match path.shape {
                 Shape::Dot(_) => DiffKind::Dot,

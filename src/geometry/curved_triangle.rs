@@ -44,8 +44,8 @@ impl CurvedTriangle {
         let edge = |from: usize, to: usize| {
             let along = corners[to] - corners[from];
             let tangent = along - normals[from] * along.dot(&normals[from]);
-            // Handles of this length make an edge of constant curvature, as on cylinders, cones and spheres, an arc to
-            // within 1e-5 of its sagitta; the paper's are shorter by this factor. A straight edge stays straight.
+            // Handles of this length make an edge of constant curvature, as on cylinders, cones and spheres, nearly a
+            // circular arc; the paper's are shorter by this factor. A straight edge stays straight.
             let half_turn = (normals[from].dot(&normals[to]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
             tangent * (2.0 / (3.0 * (1.0 + half_turn) * half_turn)) - along / 3.0
         };

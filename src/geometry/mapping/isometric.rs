@@ -74,7 +74,7 @@ const SETTLED: f64 = 1e-6;
 const NO_GAIN: f64 = 1e-5;
 /// Steps tried before giving up.
 const MOST_STEPS: usize = 40;
-/// Weight of the pin against the mean strain's of 1: it holds the anchor to about 1e-9 mm.
+/// Weight of the pin against the mean strain's of 1: it holds the anchor far below what a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
 
 /// A place where strain is measured.

@@ -42,8 +42,8 @@ pub enum Method {
 }
 
 impl Method {
-    /// [`Method::Auto`] takes a part for a cylinder or a cone when it is one to within this, mm. A crown of that height
-    /// over a 40 mm drawing changes its lengths by less than 0.001 mm.
+    /// [`Method::Auto`] takes a part for a cylinder or a cone when it is one to within this, mm. A length that goes
+    /// round it by an angle is then off by at most this times the angle in rad.
     pub const EXACT_TOLERANCE: f64 = 0.02;
 }
 
@@ -176,8 +176,8 @@ fn unroll(
     find(SampledPatch::under(surface, &reached))
 }
 
-/// Samples for the solver: half as dense as those of the quality figures along each direction; denser ones move the
-/// solution by less than 1 % of what remains.
+/// Samples for the solver: half as dense as those of the quality figures along each direction, which is enough for the
+/// reference cases to reach their figures.
 fn coarse_ink(pattern: &Pattern, counts: impl Fn(&str) -> bool) -> Ink {
     Ink::sample(pattern, counts, 2.0 * quality::PIECE, 2.0 * quality::SQUARE)
 }
