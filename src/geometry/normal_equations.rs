@@ -107,6 +107,74 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
     }
 }
 
+/// Observations at one place, summed up before they are spread over the control points: each is known by its
+/// derivatives by `PARTS` quantities, such as a value and its slopes, that depend linearly on the 16 control points.
+#[derive(Debug, Clone)]
+pub struct ComposedSum<const PARTS: usize, const COMPONENTS: usize> {
+    matrix: [[[[f64; COMPONENTS]; COMPONENTS]; PARTS]; PARTS],
+    right: [[f64; COMPONENTS]; PARTS],
+}
+
+impl<const PARTS: usize, const COMPONENTS: usize> Default for ComposedSum<PARTS, COMPONENTS> {
+    fn default() -> Self {
+        Self { matrix: [[[[0.0; COMPONENTS]; COMPONENTS]; PARTS]; PARTS], right: [[0.0; COMPONENTS]; PARTS] }
+    }
+}
+
+impl<const PARTS: usize, const COMPONENTS: usize> ComposedSum<PARTS, COMPONENTS> {
+    /// Adds the observation `derivative · quantities = value` with a weight.
+    pub fn add(&mut self, derivative: &[[f64; COMPONENTS]; PARTS], value: f64, weight: f64) {
+        for part in 0..PARTS {
+            for component in 0..COMPONENTS {
+                let scaled = weight * derivative[part][component];
+                self.right[part][component] += scaled * value;
+                for other_part in 0..PARTS {
+                    for other in 0..COMPONENTS {
+                        self.matrix[part][other_part][component][other] +=
+                            scaled * derivative[other_part][other];
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
+    /// Adds the observations at a place where control point i contributes `basis[part][i]` to a quantity.
+    pub fn add_composed<const PARTS: usize>(
+        &mut self,
+        observed: &ComposedSum<PARTS, COMPONENTS>,
+        basis: &[[f64; 16]; PARTS],
+    ) {
+        for first in 0..16 {
+            let mut row = [[[0.0; COMPONENTS]; COMPONENTS]; PARTS];
+            for part in 0..PARTS {
+                let share = basis[part][first];
+                for component in 0..COMPONENTS {
+                    self.right[first][component] += share * observed.right[part][component];
+                    for other_part in 0..PARTS {
+                        for other in 0..COMPONENTS {
+                            row[other_part][component][other] +=
+                                share * observed.matrix[part][other_part][component][other];
+                        }
+                    }
+                }
+            }
+            for second in first..16 {
+                let block = &mut self.matrix[first][second];
+                for part in 0..PARTS {
+                    let share = basis[part][second];
+                    for component in 0..COMPONENTS {
+                        for other in 0..COMPONENTS {
+                            block[component][other] += share * row[part][component][other];
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// Empty equations for `columns` × `rows` control points.
     pub fn new(columns: usize, rows: usize) -> Self {
@@ -202,6 +270,11 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         }
         let points = solution.chunks_exact(COMPONENTS);
         Ok(points.map(|point| std::array::from_fn(|component| point[component])).collect())
+    }
+
+    /// How much a solution lowers the weighted sum of squares of the observations.
+    pub fn gain(&self, solution: &[[f64; COMPONENTS]]) -> f64 {
+        self.right.as_flattened().iter().zip(solution.as_flattened()).map(|(right, x)| right * x).sum()
     }
 
     fn relative_residual(&self, solver: &GridSolver<COMPONENTS>, values: &[f64], solution: &[f64]) -> f64 {

@@ -40,6 +40,29 @@ pub fn mouse(x: f64, y: f64) -> f64 {
     38.0 * inside.max(0.0).powf(0.45)
 }
 
+/// A saddle, z = (x² − y²)/60.
+pub fn saddle(x: f64, y: f64) -> f64 {
+    (x * x - y * y) / 60.0
+}
+
+/// Bumps of 1 mm every 25 mm, curved four times as strongly as [`sphere`], both ways.
+pub fn bumps(x: f64, y: f64) -> f64 {
+    let turn = std::f64::consts::TAU / 25.0;
+    (turn * x).sin() * (turn * y).sin()
+}
+
+/// The top of a ring of tube radius 25 mm that lies flat, its axis 45 mm below the origin in y: domed on the outer side,
+/// a saddle on the inner one.
+pub fn torus(x: f64, y: f64) -> f64 {
+    let beyond = x.hypot(y + 45.0) - 45.0;
+    (625.0 - beyond * beyond).max(0.0).sqrt()
+}
+
+/// An ellipsoid with semi-axes of 45, 30 and 22 mm along x, y and z.
+pub fn ellipsoid(x: f64, y: f64) -> f64 {
+    22.0 * (1.0 - (x / 45.0).powi(2) - (y / 30.0).powi(2)).max(0.0).sqrt()
+}
+
 /// The graph of `height` over a disc of radius `radius` mm as a mesh of nearly equilateral triangles with edges of
 /// about `edge` mm over the plane, without normals.
 pub fn graph(radius: f64, edge: f64, height: impl Fn(f64, f64) -> f64) -> TriMesh {

@@ -1,36 +1,72 @@
 //! The length-true map for free-form surfaces: the bicubic B-spline map of the drawing whose image on the surface has
 //! the smallest strain, found by Gauss–Newton.
+//!
+//! Where the part is curved both ways some strain has to remain, and the weights say where. What is drawn is lines,
+//! inked areas and their shapes; the paper between them is not seen, so it may give way: it keeps a small weight that
+//! holds the parts of the drawing in their places.
+
+mod geodesics;
+mod strain;
 
 use nalgebra::{Matrix2, Vector2};
 
+use self::strain::{Sample, Strain, samples};
 use crate::geometry::ink::Ink;
-use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
+use crate::geometry::normal_equations::{
+    CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
+};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
-use crate::geometry::surface::nurbs::{NurbsSurface, SurfaceJet};
+use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// What the strain is weighted by.
+/// What the strain is weighted by. Each weight belongs to a mean square, so only their ratios count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IsometricOptions {
-    /// Weight of the mean squared strain along the drawing's own lines.
+    /// Weight of the strain along the drawing's own lines.
     pub line_weight: f64,
-    /// Weight of the mean squared area strain over the inked area.
+    /// Weight of the area strain over the inked area.
     pub area_weight: f64,
-    /// Weight of the mean squared strain over the whole box, all directions alike. It keeps shapes in shape: with
-    /// little of it the lines become truer still, but filled areas shear.
+    /// Weight of the strain in all directions alike where the ink is: along the lines and over the inked area. With
+    /// little of it lines and areas become truer still, but what is drawn shears.
     pub shape_weight: f64,
-    /// Smallest side of a cell of the map, mm.
+    /// Weight of the strain in all directions alike over the whole box, inked or not. With little of it the parts of
+    /// the drawing drift against each other.
+    pub box_weight: f64,
+    /// Largest angle error of the ink, as a multiple of what the box alone would give it; infinite for any.
+    pub angle_cap: f64,
+    /// Side of a cell of the map, mm.
     pub cell: f64,
-    /// Number of cells that the box is divided into at most.
-    pub most_cells: usize,
+    /// Number of cells that the box is divided into at least and at most, whatever its size.
+    pub cells: [usize; 2],
 }
 
 impl IsometricOptions {
     /// All of the drawing's box counts evenly.
-    pub const UNIFORM: Self =
-        Self { line_weight: 0.0, area_weight: 0.0, shape_weight: 1.0, cell: 2.0, most_cells: 900 };
+    pub const UNIFORM: Self = Self {
+        line_weight: 0.0,
+        area_weight: 0.0,
+        shape_weight: 0.0,
+        box_weight: 1.0,
+        angle_cap: f64::INFINITY,
+        cell: 1.5,
+        cells: [200, 900],
+    };
     /// What is inked counts most.
-    pub const INK: Self = Self { line_weight: 1.0, area_weight: 1.0, ..Self::UNIFORM };
+    ///
+    /// With much more weight on the lines, the inside of large filled shapes turns against their outline; with much
+    /// less on areas, `e_a` of a filled disc gets worse than that of [`Self::UNIFORM`].
+    pub const INK: Self = Self {
+        line_weight: 1.0,
+        area_weight: 2.0,
+        shape_weight: 0.5,
+        box_weight: 0.1,
+        angle_cap: 1.0,
+        ..Self::UNIFORM
+    };
+
+    fn is_even(&self) -> bool {
+        self.line_weight == 0.0 && self.area_weight == 0.0 && self.shape_weight == 0.0
+    }
 }
 
 /// A bicubic B-spline map from the drawing to the view.
@@ -41,13 +77,19 @@ pub struct IsometricMap {
     control: Vec<Vector2<f64>>,
     /// How the solution was reached.
     pub iterations: Vec<Iteration>,
+    /// Whether the last step left nothing to gain. Where it did, the map is still the best that was seen.
+    pub settled: bool,
 }
 
 /// One Gauss–Newton step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
+    /// Number of cells of the map.
+    pub cells: usize,
     /// Weighted mean squared strain before the step.
     pub energy: f64,
+    /// The same after it.
+    pub reached: f64,
     /// Largest shift of a control point, mm.
     pub step: f64,
 }
@@ -62,45 +104,42 @@ pub enum IsometricError {
         /// The steps taken.
         iterations: Vec<Iteration>,
     },
+    /// The part turns too strongly under the drawing: the map would lay it over itself.
+    #[error("the drawing would be folded over itself at ({:.2}, {:.2}) mm of the view", at.x, at.y)]
+    Folded {
+        /// A point of the fold.
+        at: ViewPoint,
+    },
     /// The equations of a step could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
 }
 
-/// A step below this, mm, ends the iteration: a thousandth of what a galvo resolves.
-const SETTLED: f64 = 1e-6;
-/// A step that lowers the energy by less than this share of it ends the iteration too: where strain must remain, Gauss
-/// and Newton's steps shrink slowly at the end, over control points that hardly matter.
-const NO_GAIN: f64 = 1e-5;
-/// Steps tried before giving up.
-const MOST_STEPS: usize = 40;
+/// The map is found when the energy is known to this share of itself: strains to half of it.
+const ENOUGH: f64 = 0.03;
+/// Mean squared strain that is none: 0.0001 mm in 100 mm.
+const NO_STRAIN: f64 = 1e-12;
+/// Steps on the fine grid before giving up.
+const MOST_STEPS: usize = 20;
+/// Steps towards the ink on the coarse grid; what they leave is up to the fine one.
+const COARSE_STEPS: usize = 3;
+/// A step is shortened to this share of itself at most. Where not even that lowers the energy, the surface is too rough
+/// for its derivatives to tell more.
+const SHORTEST: f64 = 1.0 / 64.0;
+/// A map that still moves by more than this when its steps are used up is none, mm.
+const LOOSE: f64 = 0.05;
 /// Weight of the pin against the mean strain's of 1: it holds the anchor far below what a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
+/// The least area on the part for an area of the drawing; below it the map is about to fold.
+const LEAST_AREA: f64 = 0.05;
 
-/// A place where strain is measured.
-struct Sample {
-    s: Basis,
-    t: Basis,
-    kind: Kind,
-}
-
-enum Kind {
-    /// Strain along a unit direction of the drawing.
-    Along(Vector2<f64>, f64),
-    /// Strain of the area.
-    Area(f64),
-    /// Strain along four directions 45° apart.
-    AllRound(f64),
-}
-
-/// First-order behaviour of the map at a sample, lifted to the surface.
-struct Local {
-    jet: SurfaceJet,
-    by_s: Vector2<f64>,
-    by_t: Vector2<f64>,
-    value: [f64; 16],
-    value_s: [f64; 16],
-    value_t: [f64; 16],
+/// What a map is sought for.
+struct Task<'a> {
+    surface: &'a NurbsSurface,
+    samples: &'a [Sample],
+    anchor: FlatPoint,
+    /// Angle error that the ink is held below, rad.
+    cap: f64,
 }
 
 impl IsometricMap {
@@ -110,7 +149,9 @@ impl IsometricMap {
     /// the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction d of the drawing
     /// and F(s, t) = (φ, f(φ)); its derivatives by the control points take in how slope and curvature of the surface
     /// change where the point moves to. The steps are those of Gauss and Newton, halved where they would overshoot
-    /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3).
+    /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
+    /// which are exact where the surface is developable, go on a grid with cells of twice the side and end on the fine
+    /// one. What the even weight alone gives on the way there tells the largest angle error that the ink may have.
     ///
     /// # Errors
     /// See [`IsometricError`].
@@ -122,38 +163,32 @@ impl IsometricMap {
     ) -> Result<Self, IsometricError> {
         let mut extents = ink.extents;
         extents.include(anchor.coords());
-        let (knots_s, knots_t) = grid_over(&extents, options);
-        let mut map = Self { knots_s, knots_t, control: Vec::new(), iterations: Vec::new() };
-        map.start_affine(surface, anchor);
-        let samples = map.samples(ink, options);
+        let (knots_s, knots_t) = coarse_grid(&extents, options);
+        let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
+        let mut map = Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false };
         let solver = GridSolver::new(knots_s.control_points(), knots_t.control_points())?;
-        let mut energy = map.energy(surface, &samples);
-        while map.iterations.len() < MOST_STEPS {
-            let equations = map.linearised(surface, &samples, anchor);
-            let shifts: Vec<Vector2<f64>> =
-                equations.solve(&solver)?.into_iter().map(Vector2::from).collect();
-            let largest = shifts.iter().map(Vector2::norm).fold(0.0, f64::max);
-            let start = map.control.clone();
-            let mut fraction = 1.0;
-            let reached = loop {
-                for (point, (old, shift)) in map.control.iter_mut().zip(start.iter().zip(&shifts)) {
-                    *point = old + shift * fraction;
-                }
-                let reached = map.energy(surface, &samples);
-                // The pin may cost a little strain in the first step, and rounding a little in the last ones.
-                if reached <= energy * (1.0 + 1e-9) + 1e-14 || fraction < 0.02 || map.iterations.is_empty() {
-                    break reached;
-                }
-                fraction /= 2.0;
-            };
-            map.iterations.push(Iteration { energy, step: largest * fraction });
-            let gain = energy - reached;
-            energy = reached;
-            if largest < SETTLED || (fraction == 1.0 && gain.abs() <= NO_GAIN * energy) {
-                return Ok(map);
-            }
+        let even = samples((&knots_s, &knots_t), ink, &IsometricOptions::UNIFORM);
+        let even_steps = if options.is_even() { COARSE_STEPS } else { 1 };
+        map.descend(&Task { surface, samples: &even, anchor, cap: f64::INFINITY }, &solver, even_steps)?;
+        let mut cap = f64::INFINITY;
+        if !options.is_even() {
+            let inked = samples((&knots_s, &knots_t), ink, options);
+            let angles =
+                inked.iter().filter(|sample| sample.ink > 0.0).map(|sample| map.strain(surface, sample));
+            cap = options.angle_cap * angles.map(|strain| strain.angle_error()).fold(0.0, f64::max);
+            map.descend(&Task { surface, samples: &inked, anchor, cap }, &solver, COARSE_STEPS)?;
         }
-        Err(IsometricError::NotConverged { iterations: map.iterations })
+        map.refine();
+        let solver = GridSolver::new(map.knots_s.control_points(), map.knots_t.control_points())?;
+        let fine = samples((&map.knots_s, &map.knots_t), ink, options);
+        map.settled = map.descend(&Task { surface, samples: &fine, anchor, cap }, &solver, MOST_STEPS)?;
+        if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= LOOSE) {
+            return Err(IsometricError::NotConverged { iterations: map.iterations });
+        }
+        match map.fold(surface) {
+            Some(at) => Err(IsometricError::Folded { at }),
+            None => Ok(map),
+        }
     }
 
     /// The image of a point of the drawing; outside the drawing's box the border polynomials are continued.
@@ -174,170 +209,151 @@ impl IsometricMap {
         total
     }
 
-    /// Starts from the map that is exact for the tangent plane at the anchor.
-    fn start_affine(&mut self, surface: &NurbsSurface, anchor: FlatPoint) {
-        let jet = surface.jet(ViewPoint::from(anchor.coords()));
-        let linear = tangent_frame(&jet.gradient);
-        let columns = self.knots_s.control_points();
-        let count = columns * self.knots_t.control_points();
-        let point = |index: usize| {
-            let flat =
-                Vector2::new(self.knots_s.greville(index % columns), self.knots_t.greville(index / columns));
-            anchor.coords() + linear * (flat - anchor.coords())
-        };
-        self.control = (0..count).map(point).collect();
-    }
-
-    fn samples(&self, ink: &Ink, options: &IsometricOptions) -> Vec<Sample> {
-        let mut samples = Vec::new();
-        let mut add = |at: Vector2<f64>, kind: Kind| {
-            samples.push(Sample { s: self.knots_s.basis(at.x), t: self.knots_t.basis(at.y), kind });
-        };
-        // Two Gauss points a cell and direction integrate cubics exactly.
-        let (columns, rows) = (self.knots_s.spans(), self.knots_t.spans());
-        let gauss = [0.5 - (1.0f64 / 12.0).sqrt(), 0.5 + (1.0f64 / 12.0).sqrt()];
-        // Four Gauss points a cell, four directions each.
-        let weight = options.shape_weight / (columns * rows * 16) as f64;
-        for cell in 0..columns * rows {
-            for (u, v) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let s = self.knots_s.start() + ((cell % columns) as f64 + gauss[u]) * self.knots_s.step();
-                let t = self.knots_t.start() + ((cell / columns) as f64 + gauss[v]) * self.knots_t.step();
-                add(Vector2::new(s, t), Kind::AllRound(weight));
-            }
-        }
-        let length = ink.length();
-        if options.line_weight > 0.0 {
-            for piece in ink.pieces.iter().filter(|piece| piece.length() > 0.0) {
-                let direction = (piece.to - piece.from).normalize();
-                let weight = options.line_weight * piece.length() / length;
-                add(piece.from.lerp(piece.to, 0.5).coords(), Kind::Along(direction, weight));
-            }
-        }
-        if options.area_weight > 0.0 {
-            let weight = options.area_weight / ink.squares.len() as f64;
-            for square in &ink.squares {
-                add(square.coords(), Kind::Area(weight));
-            }
-        }
-        samples.sort_by_key(|sample| (sample.t.first, sample.s.first));
-        samples
-    }
-
-    fn local(&self, surface: &NurbsSurface, sample: &Sample) -> Local {
-        let (s, t) = (&sample.s, &sample.t);
-        let value = products(&s.value, &t.value);
-        let value_s = products(&s.slope, &t.value);
-        let value_t = products(&s.value, &t.slope);
-        let jet = surface.jet(self.sum(s, t, &value).into());
-        Local { jet, by_s: self.sum(s, t, &value_s), by_t: self.sum(s, t, &value_t), value, value_s, value_t }
-    }
-
-    fn energy(&self, surface: &NurbsSurface, samples: &[Sample]) -> f64 {
-        let strains = samples.iter().map(|sample| {
-            let local = self.local(surface, sample);
-            match sample.kind {
-                Kind::Along(direction, weight) => weight * (local.stretch(&direction) - 1.0).powi(2),
-                Kind::Area(weight) => weight * (local.area() - 1.0).powi(2),
-                Kind::AllRound(weight) => {
-                    weight * ALL_ROUND.iter().map(|turn| (local.stretch(turn) - 1.0).powi(2)).sum::<f64>()
+    /// Lowers the energy until it settles or the steps are used up; the answer is whether it settled.
+    fn descend(
+        &mut self,
+        task: &Task,
+        solver: &GridSolver<2>,
+        most_steps: usize,
+    ) -> Result<bool, IsometricError> {
+        let cells = self.knots_s.spans() * self.knots_t.spans();
+        let mut energy = self.energy(task);
+        for _ in 0..most_steps {
+            let equations = self.linearised(task);
+            let shifts = equations.solve(solver)?;
+            let expected = equations.gain(&shifts);
+            let start = self.control.clone();
+            let mut fraction = 1.0;
+            let reached = loop {
+                for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
+                    *point = old + Vector2::from(*shift) * fraction;
                 }
+                let reached = self.energy(task);
+                let promised = fraction * (2.0 - fraction) * expected;
+                if energy - reached >= promised / 2.0 - NO_STRAIN || fraction <= SHORTEST {
+                    break reached;
+                }
+                // The parabola through the energy, its slope and what was reached is lowest there.
+                let bend = (reached - energy) / (fraction * fraction) + 2.0 * expected / fraction;
+                fraction = (expected / bend).clamp(fraction / 8.0, fraction * 0.75);
+            };
+            if !(reached <= energy + NO_STRAIN) {
+                self.control = start;
+                return Ok(false);
             }
-        });
-        strains.sum()
+            let largest = shifts.iter().map(|&shift| Vector2::from(shift).norm()).fold(0.0, f64::max);
+            self.iterations.push(Iteration { cells, energy, reached, step: largest * fraction });
+            let (gain, missed) = (energy - reached, (energy - expected - reached).abs());
+            energy = reached;
+            // Where a full step does what the linearised strains promised, the next one has nothing left to do.
+            let as_promised = fraction == 1.0 && expected < reached && missed <= ENOUGH * reached;
+            let no_gain = fraction > 0.1 && gain <= ENOUGH / 4.0 * reached;
+            if reached <= NO_STRAIN || as_promised || no_gain {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
-    fn linearised(
-        &self,
-        surface: &NurbsSurface,
-        samples: &[Sample],
-        anchor: FlatPoint,
-    ) -> NormalEquations<2> {
+    fn strain(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
+        let Sample { s, t, .. } = sample;
+        let basis =
+            [products(&s.value, &t.value), products(&s.slope, &t.value), products(&s.value, &t.slope)];
+        let [at, by_s, by_t] = basis.map(|products| self.sum(s, t, &products));
+        Strain { jet: surface.jet(at.into()), by_s, by_t, basis }
+    }
+
+    fn energy(&self, task: &Task) -> f64 {
+        let mut energy = 0.0;
+        self.pin(task.anchor, |residual, _| energy += PIN_WEIGHT * residual * residual);
+        for sample in task.samples {
+            self.strain(task.surface, sample).observe(sample, task.cap, |weight, residual, _| {
+                energy += weight * residual * residual;
+            });
+        }
+        energy
+    }
+
+    fn linearised(&self, task: &Task) -> NormalEquations<2> {
         let mut equations =
             NormalEquations::new(self.knots_s.control_points(), self.knots_t.control_points());
-        for cell in samples.chunk_by(|a, b| (a.s.first, a.t.first) == (b.s.first, b.t.first)) {
+        for cell in task.samples.chunk_by(|a, b| a.cell() == b.cell()) {
             let mut sum = CellSum::default();
             for sample in cell {
-                let local = self.local(surface, sample);
-                match sample.kind {
-                    Kind::Along(direction, weight) => local.observe_stretch(&direction, weight, &mut sum),
-                    Kind::Area(weight) => local.observe_area(weight, &mut sum),
-                    Kind::AllRound(weight) => {
-                        ALL_ROUND.iter().for_each(|turn| local.observe_stretch(turn, weight, &mut sum));
-                    }
-                }
+                let strain = self.strain(task.surface, sample);
+                let mut observed = ComposedSum::default();
+                strain.observe(sample, task.cap, |weight, residual, derivative| {
+                    observed.add(derivative, -residual, weight);
+                });
+                sum.add_composed(&observed, &strain.basis);
             }
             equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
         }
-        self.pin(&mut equations, anchor);
-        // Without ink and without a metric's pull a control point at a corner may be loose; this holds it still.
-        equations.add_third_difference_penalty(1e-12);
+        let mut pinned = CellSum::default();
+        self.pin(task.anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
+        let (s, t) = (self.knots_s.span(task.anchor.x), self.knots_t.span(task.anchor.y));
+        equations.add_cell(s, t, &pinned);
+        // A control point at a corner far from all ink may be nearly loose; this holds it still.
+        equations.add_third_difference_penalty(1e-10);
         equations
     }
 
-    /// Holds the anchor's image at the anchor, and the image of the drawing's x direction there on the view's.
-    fn pin(&self, equations: &mut NormalEquations<2>, anchor: FlatPoint) {
+    /// What holds the anchor's image at the anchor, and the image of the drawing's x direction there on the view's.
+    fn pin(&self, anchor: FlatPoint, mut take: impl FnMut(f64, &CellRow<2>)) {
         let (s, t) = (self.knots_s.basis(anchor.x), self.knots_t.basis(anchor.y));
         let (value, value_s) = (products(&s.value, &t.value), products(&s.slope, &t.value));
         let image = self.sum(&s, &t, &value);
-        let direction = self.sum(&s, &t, &value_s);
-        let mut sum = CellSum::default();
-        sum.add(&value.map(|n| [n, 0.0]), anchor.x - image.x, PIN_WEIGHT);
-        sum.add(&value.map(|n| [0.0, n]), anchor.y - image.y, PIN_WEIGHT);
-        sum.add(&value_s.map(|n| [0.0, n]), -direction.y, PIN_WEIGHT);
-        equations.add_cell(s.first, t.first, &sum);
+        take(image.x - anchor.x, &value.map(|n| [n, 0.0]));
+        take(image.y - anchor.y, &value.map(|n| [0.0, n]));
+        take(self.sum(&s, &t, &value_s).y, &value_s.map(|n| [0.0, n]));
+    }
+
+    /// Halves the cells; the map stays the same.
+    ///
+    /// Lane & Riesenfeld, A theoretical development for the computer generation and display of piecewise polynomial
+    /// surfaces, IEEE Transactions on Pattern Analysis and Machine Intelligence 1980, for degree 3.
+    fn refine(&mut self) {
+        let columns = self.knots_s.control_points();
+        let wide: Vec<Vec<_>> = self.control.chunks(columns).map(halved).collect();
+        let tall: Vec<Vec<_>> = (0..wide[0].len())
+            .map(|column| halved(&wide.iter().map(|row| row[column]).collect::<Vec<_>>()))
+            .collect();
+        self.control = (0..tall[0].len()).flat_map(|row| tall.iter().map(move |line| line[row])).collect();
+        let halved_knots =
+            |knots: &UniformKnots| UniformKnots::new(knots.start(), knots.step() / 2.0, knots.spans() * 2);
+        (self.knots_s, self.knots_t) = (halved_knots(&self.knots_s), halved_knots(&self.knots_t));
+    }
+
+    /// A point of the view where the map turns the drawing over, if there is one.
+    fn fold(&self, surface: &NurbsSurface) -> Option<ViewPoint> {
+        // Four looks along a cell's side: between them a cubic with strains of less than 1 does not turn over unseen.
+        const LOOKS: usize = 4;
+        let bases = |knots: &UniformKnots| -> Vec<Basis> {
+            let looks = 0..=knots.spans() * LOOKS;
+            looks.map(|look| knots.basis(knots.start() + knots.step() * look as f64 / LOOKS as f64)).collect()
+        };
+        let (across, up) = (bases(&self.knots_s), bases(&self.knots_t));
+        for t in &up {
+            for s in &across {
+                let strain = self.strain(surface, &Sample::at(*s, *t));
+                if !(strain.area() > LEAST_AREA) {
+                    return Some(self.sum(s, t, &strain.basis[0]).into());
+                }
+            }
+        }
+        None
     }
 }
 
-/// The directions at 0°, 45°, 90° and 135°.
-const ALL_ROUND: [Vector2<f64>; 4] = {
-    const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-    [
-        Vector2::new(1.0, 0.0),
-        Vector2::new(DIAGONAL, DIAGONAL),
-        Vector2::new(0.0, 1.0),
-        Vector2::new(-DIAGONAL, DIAGONAL),
-    ]
-};
-
-impl Local {
-    /// Length on the surface for each length along a unit direction of the drawing.
-    fn stretch(&self, direction: &Vector2<f64>) -> f64 {
-        let image = self.by_s * direction.x + self.by_t * direction.y;
-        image.norm().hypot(self.jet.gradient.dot(&image))
+fn halved(line: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
+    let mut fine = Vec::with_capacity(2 * line.len());
+    for (index, pair) in line.windows(2).enumerate() {
+        if index > 0 {
+            fine.push((line[index - 1] + pair[0] * 6.0 + pair[1]) / 8.0);
+        }
+        fine.push((pair[0] + pair[1]) / 2.0);
     }
-
-    /// Area on the surface for each area of the drawing.
-    fn area(&self) -> f64 {
-        (1.0 + self.jet.gradient.norm_squared()).sqrt() * self.by_s.perp(&self.by_t)
-    }
-
-    fn observe_stretch(&self, direction: &Vector2<f64>, weight: f64, sum: &mut CellSum<2>) {
-        let SurfaceJet { gradient, hessian, .. } = &self.jet;
-        let image = self.by_s * direction.x + self.by_t * direction.y;
-        let climb = gradient.dot(&image);
-        let stretch = image.norm().hypot(climb);
-        let by_image = (image + gradient * climb) / stretch;
-        let by_place = hessian * image * (climb / stretch);
-        let row: CellRow<2> = std::array::from_fn(|local| {
-            let along = self.value_s[local] * direction.x + self.value_t[local] * direction.y;
-            (by_image * along + by_place * self.value[local]).into()
-        });
-        sum.add(&row, 1.0 - stretch, weight);
-    }
-
-    fn observe_area(&self, weight: f64, sum: &mut CellSum<2>) {
-        let SurfaceJet { gradient, hessian, .. } = &self.jet;
-        let lift = (1.0 + gradient.norm_squared()).sqrt();
-        let flat_area = self.by_s.perp(&self.by_t);
-        let by_place = hessian * gradient * (flat_area / lift);
-        let row: CellRow<2> = std::array::from_fn(|local| {
-            let (n, n_s, n_t) = (self.value[local], self.value_s[local], self.value_t[local]);
-            let by_x = lift * (n_s * self.by_t.y - n_t * self.by_s.y) + by_place.x * n;
-            let by_y = lift * (n_t * self.by_s.x - n_s * self.by_t.x) + by_place.y * n;
-            [by_x, by_y]
-        });
-        sum.add(&row, 1.0 - lift * flat_area, weight);
-    }
+    fine
 }
 
 /// The linear map from the drawing to the view that is isometric onto a tangent plane of this slope and keeps the x
@@ -351,11 +367,13 @@ pub(super) fn tangent_frame(gradient: &Vector2<f64>) -> Matrix2<f64> {
     Matrix2::new(right, across, 0.0, up)
 }
 
-fn grid_over(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, UniformKnots) {
+/// Knots over the drawing's box with cells of about twice the side that the options ask for.
+fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, UniformKnots) {
     let longest = extents.size().max();
     // A drawing that is a single line or dot gets a band round it.
-    let size = extents.size().map(|side| side.max(longest * 0.05).max(options.cell));
-    let cell = options.cell.max((size.x * size.y / options.most_cells as f64).sqrt());
+    let size = extents.size().map(|side| side.max(longest * 0.05).max(1e-3));
+    let [least, most] = options.cells.map(|cells| (size.x * size.y / cells as f64).sqrt());
+    let cell = 2.0 * options.cell.min(least).max(most);
     let along = |center: f64, length: f64| {
         let spans = (length / cell).round().max(2.0);
         UniformKnots::new(center - length / 2.0, length / spans, spans as usize)

@@ -1,0 +1,124 @@
+//! Geodesic parallel coordinates: where the search for the length-true map starts.
+
+use nalgebra::Vector2;
+
+use super::tangent_frame;
+use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::surface::knots::UniformKnots;
+use crate::geometry::surface::nurbs::NurbsSurface;
+
+/// Longest step along a geodesic, mm: shorter than what products bend over.
+const LONGEST_STEP: f64 = 2.0;
+/// Steps from one control point to the next at most.
+const MOST_STEPS: f64 = 100.0;
+
+/// A point of the view with two unit tangent vectors of the surface at right angles, as the view sees them.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    at: Vector2<f64>,
+    ahead: Vector2<f64>,
+    aside: Vector2<f64>,
+}
+
+/// Control points, row by row, of a map that takes the drawing's longer axis through the anchor to a geodesic of the
+/// surface and the lines across it to the geodesics at right angles, each by its length. Where the surface is developable
+/// the map is exact (do Carmo, Differential Geometry of Curves and Surfaces, 1976, section 4-6, exercise 6: E = 1, F = 0).
+pub(super) fn parallel_coordinates(
+    surface: &NurbsSurface,
+    anchor: FlatPoint,
+    knots_s: &UniformKnots,
+    knots_t: &UniformKnots,
+) -> Vec<Vector2<f64>> {
+    let directions = tangent_frame(&surface.jet(ViewPoint::from(anchor.coords())).gradient);
+    let (right, up) = (directions.column(0).into_owned(), directions.column(1).into_owned());
+    let (columns, rows) = (knots_s.control_points(), knots_t.control_points());
+    let mut points = vec![Vector2::zeros(); columns * rows];
+    if columns >= rows {
+        let start = Frame { at: anchor.coords(), ahead: right, aside: up };
+        for (column, foot) in walk(surface, start, knots_s, anchor.x).into_iter().enumerate() {
+            for (row, frame) in walk(surface, foot.turned(), knots_t, anchor.y).iter().enumerate() {
+                points[row * columns + column] = frame.at;
+            }
+        }
+    } else {
+        let start = Frame { at: anchor.coords(), ahead: up, aside: right };
+        for (row, foot) in walk(surface, start, knots_t, anchor.y).into_iter().enumerate() {
+            for (column, frame) in walk(surface, foot.turned(), knots_s, anchor.x).iter().enumerate() {
+                points[row * columns + column] = frame.at;
+            }
+        }
+    }
+    sharpen(&mut points, (columns, 1), (rows, columns));
+    sharpen(&mut points, (rows, columns), (columns, 1));
+    points
+}
+
+impl Frame {
+    fn turned(self) -> Self {
+        Self { ahead: self.aside, aside: self.ahead, ..self }
+    }
+
+    fn moved(&self, rate: &Self, length: f64) -> Self {
+        Self {
+            at: self.at + rate.at * length,
+            ahead: self.ahead + rate.ahead * length,
+            aside: self.aside + rate.aside * length,
+        }
+    }
+
+    /// How the frame changes along the geodesic: both vectors are carried parallel to themselves. On a graph the
+    /// Christoffel symbols are f_k f_ij / (1 + |∇f|²).
+    fn rate(&self, surface: &NurbsSurface) -> Self {
+        let jet = surface.jet(self.at.into());
+        let lift = 1.0 + jet.gradient.norm_squared();
+        let bend = jet.hessian * self.ahead;
+        Self {
+            at: self.ahead,
+            ahead: -jet.gradient * (bend.dot(&self.ahead) / lift),
+            aside: -jet.gradient * (bend.dot(&self.aside) / lift),
+        }
+    }
+
+    /// The frame after `length` mm along its geodesic (Runge and Kutta's method of order 4).
+    fn advanced(self, surface: &NurbsSurface, length: f64) -> Self {
+        let first = self.rate(surface);
+        let second = self.moved(&first, length / 2.0).rate(surface);
+        let third = self.moved(&second, length / 2.0).rate(surface);
+        let fourth = self.moved(&third, length).rate(surface);
+        let ends = self.moved(&first, length / 6.0).moved(&fourth, length / 6.0);
+        ends.moved(&second, length / 3.0).moved(&third, length / 3.0)
+    }
+}
+
+/// The frames over the Greville abscissae along the geodesic that passes `start` at the parameter `from`.
+fn walk(surface: &NurbsSurface, start: Frame, knots: &UniformKnots, from: f64) -> Vec<Frame> {
+    let mut frames = vec![start; knots.control_points()];
+    let ahead = (0..frames.len()).find(|&index| knots.greville(index) >= from).unwrap_or(frames.len());
+    let mut go = |indices: &mut dyn Iterator<Item = usize>| {
+        let (mut frame, mut here) = (start, from);
+        for index in indices {
+            let way = knots.greville(index) - here;
+            let steps = (way.abs() / LONGEST_STEP).ceil().clamp(1.0, MOST_STEPS);
+            (0..steps as usize).for_each(|_| frame = frame.advanced(surface, way / steps));
+            here = knots.greville(index);
+            frames[index] = frame;
+        }
+    };
+    go(&mut (ahead..knots.control_points()));
+    go(&mut (0..ahead).rev());
+    frames
+}
+
+/// Turns values at the Greville abscissae along one axis into control points whose spline passes them to fourth order
+/// (de Boor, A Practical Guide to Splines, 2001, chapter XII: the quasi-interpolant c = f − f″h²/6).
+fn sharpen(points: &mut [Vector2<f64>], (count, stride): (usize, usize), (lines, apart): (usize, usize)) {
+    for line in 0..lines {
+        let mut before = points[line * apart];
+        for index in 1..count - 1 {
+            let at = line * apart + index * stride;
+            let bend = before - points[at] * 2.0 + points[at + stride];
+            before = points[at];
+            points[at] -= bend / 6.0;
+        }
+    }
+}

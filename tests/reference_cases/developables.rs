@@ -1,0 +1,82 @@
+//! Surfaces that can be unrolled: there every length can be kept, and every method must do so.
+
+use std::f64::consts::TAU;
+
+use isomark::geometry::mapping::Method;
+
+use super::drawings::{grid, letters, square};
+use super::{Case, INK, UNIFORM, case};
+
+fn cylinder(x: f64, _y: f64) -> f64 {
+    (900.0 - x * x).max(0.0).sqrt()
+}
+
+/// The axis points 30° off y.
+fn turned_cylinder(x: f64, y: f64) -> f64 {
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    cylinder(x * cos + y * sin, 0.0)
+}
+
+/// The axis rises by 15° along y: x² + (z cos − y sin)² = R².
+fn tilted_cylinder(x: f64, y: f64) -> f64 {
+    let (sin, cos) = 15f64.to_radians().sin_cos();
+    (y * sin + cylinder(x, 0.0)) / cos
+}
+
+/// The axis along y, the apex at y = −100 mm, half angle 0.3 rad.
+fn cone(x: f64, y: f64) -> f64 {
+    let radius = (y + 100.0) * 0.3f64.tan();
+    (radius * radius - x * x).max(0.0).sqrt()
+}
+
+/// Waves of 25 mm and ±1.5 mm, running 20° off x: radii down to 10.6 mm.
+fn waves(x: f64, y: f64) -> f64 {
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    1.5 * (TAU / 25.0 * (x * cos + y * sin)).sin()
+}
+
+const CYLINDERS: [Case; 3] = [
+    case("cylinder", cylinder, [0.0, 0.0]),
+    case("turned cylinder", turned_cylinder, [1.0, 2.0]),
+    case("tilted cylinder", tilted_cylinder, [2.0, -1.0]),
+];
+const CONE: Case = case("cone", cone, [0.0, 0.0]);
+const WAVES: Case = case("waves", waves, [0.0, 0.0]);
+
+#[test]
+fn general_maps_keep_every_length_of_what_can_be_unrolled() {
+    for case in CYLINDERS.into_iter().chain([CONE, WAVES]) {
+        let surface = case.surface(28.5);
+        for (name, drawing) in [("letters", letters()), ("square", square())] {
+            for (weighting, method) in [("uniform", UNIFORM), ("ink", INK)] {
+                let found = case.judged(&surface, &drawing, &method);
+                found.print(case.name, name, weighting);
+                assert!(found.length_error() < 0.005, "{}: {found:?}", case.name);
+                assert!(found.area_error() < 1e-4 * found.figures.area, "{}: {found:?}", case.name);
+                assert!(found.isometric().settled && found.isometric().iterations.len() <= 6, "{found:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn exact_maps_keep_them_five_times_as_well() {
+    let methods = CYLINDERS.map(|case| (case, Method::Cylinder)).into_iter().chain([(CONE, Method::Cone)]);
+    for (case, method) in methods {
+        let found = case.judged(&case.surface(28.5), &letters(), &method);
+        found.print(case.name, "letters", "exact");
+        assert!(found.length_error() < 0.001, "{}: {found:?}", case.name);
+    }
+}
+
+#[test]
+fn a_drawing_may_reach_60_degrees_round_to_both_sides() {
+    // 62.4 mm on a radius of 30 mm; the box of the drawing ends at 59.6°.
+    let case = CYLINDERS[0];
+    let surface = case.surface(29.0);
+    for (weighting, method) in [("uniform", UNIFORM), ("ink", INK), ("exact", Method::Cylinder)] {
+        let found = case.judged(&surface, &grid(62.4, 13.0), &method);
+        found.print("120° round", "grid", weighting);
+        assert!(found.length_error() < 0.02 && found.figures.largest_stretch < 2e-3, "{found:?}");
+    }
+}

@@ -1,0 +1,51 @@
+//! The drawings of the reference cases, centred on the origin.
+
+use std::f64::consts::TAU;
+
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::pattern::{Affine, Color, Layer, Path, Pattern, Segment, Shape, Source};
+use isomark::geometry::space::FlatPoint;
+use nalgebra::Vector2;
+
+/// "A B C", 39 × 13 mm.
+pub(crate) fn letters() -> Pattern {
+    let bytes = include_bytes!("../../examples/patterns/letters.dxf");
+    let pattern = read(bytes, &PatternOptions::default()).unwrap().pattern;
+    pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.0, FlatPoint::new(0.0, 0.0)))
+}
+
+/// A grid of lines 1.3 mm apart, `width` × `height` mm.
+pub(crate) fn grid(width: f64, height: f64) -> Pattern {
+    let (right, top) = (width / 2.0, height / 2.0);
+    let at = |low: f64, step: usize| low + 1.3 * step as f64;
+    let columns = (0..=(width / 1.3).round() as usize).map(|step| at(-right, step));
+    let rows = (0..=(height / 1.3).round() as usize).map(|step| at(-top, step));
+    let upright = columns.map(|x| Shape::Open(vec![line([x, -top], [x, top])]));
+    let level = rows.map(|y| Shape::Open(vec![line([-right, y], [right, y])]));
+    drawing(upright.chain(level))
+}
+
+/// A filled square with sides of 30 mm.
+pub(crate) fn square() -> Pattern {
+    let corners = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]];
+    let sides = (0..4).map(|side| line(corners[side], corners[(side + 1) % 4]));
+    drawing([Shape::Closed(sides.collect())])
+}
+
+/// A filled disc of 30 mm across.
+pub(crate) fn disc() -> Pattern {
+    let (u, v) = (Vector2::new(15.0, 0.0), Vector2::new(0.0, 15.0));
+    let round = Segment::Arc { center: FlatPoint::new(0.0, 0.0), u, v, start: 0.0, sweep: TAU };
+    drawing([Shape::Closed(vec![round])])
+}
+
+fn line(from: [f64; 2], to: [f64; 2]) -> Segment {
+    Segment::Line { from: FlatPoint::new(from[0], from[1]), to: FlatPoint::new(to[0], to[1]) }
+}
+
+fn drawing(shapes: impl IntoIterator<Item = Shape>) -> Pattern {
+    let path =
+        |shape| Path { layer: 0, color: Color::ByLayer, shape, region: None, source: Source::default() };
+    let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
+    Pattern { layers, paths: shapes.into_iter().map(path).collect() }
+}
