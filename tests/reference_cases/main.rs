@@ -5,7 +5,7 @@
 //! 0.2 mm, the largest angular distortion over both. `cargo test --test reference_cases -- --nocapture --test-threads 1`
 //! prints the table of all of them.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 #![allow(clippy::print_stdout, reason = "the table of the figures")]
 
 mod developables;
