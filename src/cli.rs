@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
-use crate::config::{ConfigError, Sku, Station};
+use crate::config::{ConfigError, PatternSettings, Sku, Station};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::reason::Reason;
@@ -55,6 +55,30 @@ struct MeaningArguments {
     /// Unit of a drawing that names none: mm, in, px and others; default mm, or inches where the drawing hints at them.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<DrawingUnit>,
+    /// Width of a picture, mm; one side is enough. Without both, the resolution (dpi) that its file names.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing", value_parser = parse_side)]
+    width: Option<f64>,
+    /// Height of a picture, mm.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing", value_parser = parse_side)]
+    height: Option<f64>,
+    /// Pixels of a picture darker than this are marked: 0 is black, 100 white; default 50.
+    #[arg(long, value_name = "PERCENT", help_heading = "Part and drawing", value_parser = parse_threshold)]
+    threshold: Option<f64>,
+    /// Marks the light pixels of a picture instead of the dark ones.
+    #[arg(long, help_heading = "Part and drawing")]
+    invert: bool,
+}
+
+impl MeaningArguments {
+    /// The settings for drawings, with what was typed in their place.
+    fn apply(&self, to: &mut PatternSettings) {
+        to.unit_if_unitless = self.pattern_unit.or(to.unit_if_unitless);
+        if self.width.is_some() || self.height.is_some() {
+            (to.picture.width, to.picture.height) = (self.width, self.height);
+        }
+        to.picture.threshold = self.threshold.unwrap_or(to.picture.threshold);
+        to.picture.inverted |= self.invert;
+    }
 }
 
 /// What the program ends with.
@@ -243,6 +267,17 @@ fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Fa
             "Name one with `--cache`, or a station with `--station`.",
         )
     })
+}
+
+fn parse_side(text: &str) -> Result<f64, String> {
+    let side = text.trim().parse().ok().filter(|side| (0.01..=10_000.0).contains(side));
+    side.ok_or_else(|| "give a length in mm, from 0.01 to 10000".into())
+}
+
+fn parse_threshold(text: &str) -> Result<f64, String> {
+    let percent = text.trim().trim_end_matches('%').parse().ok();
+    let percent = percent.filter(|percent: &f64| (1.0..=99.0).contains(percent));
+    percent.map(|percent| percent / 100.0).ok_or_else(|| "give a number from 1 to 99".into())
 }
 
 fn parse_sku(text: &str) -> Result<Sku, Failure> {

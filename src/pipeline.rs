@@ -374,7 +374,11 @@ fn unknown_part_format(name: &str) -> Reason {
 }
 
 fn pattern_options(settings: &JobSettings) -> PatternOptions {
-    PatternOptions { unit_if_unitless: settings.pattern.unit_if_unitless, ..PatternOptions::default() }
+    PatternOptions {
+        unit_if_unitless: settings.pattern.unit_if_unitless,
+        picture: settings.pattern.picture,
+        ..PatternOptions::default()
+    }
 }
 
 fn method(settings: &JobSettings) -> Method {

@@ -44,6 +44,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("gltf_json", &["formats"]),
     ("tobj", &["formats"]),
     ("dxf", &["formats"]),
+    ("image", &["formats"]),
     ("encoding_rs", &["formats"]),
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),

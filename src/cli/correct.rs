@@ -25,7 +25,7 @@ const CORRECTION: &str = "Correction";
     override_usage = "isomark correct [OPTIONS] --out <OUT.dxf> <PART> <PATTERN>\n       isomark correct [OPTIONS] --out <OUT.dxf> --sku <SKU> <PATTERN>"
 )]
 pub(super) struct CorrectArguments {
-    /// The part (.glb, .gltf, .obj) and the drawing (.dxf); the part may be left out for a SKU whose surface is kept.
+    /// The part (.glb, .gltf, .obj) and the drawing (.dxf, .png, .bmp); the part may be left out for a SKU whose surface is kept.
     #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
     inputs: Vec<PathBuf>,
     /// The corrected drawing to write.
@@ -177,7 +177,7 @@ impl CorrectArguments {
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
         settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
         settings.part.up = self.meaning.part_up.or(settings.part.up);
-        settings.pattern.unit_if_unitless = self.meaning.pattern_unit.or(settings.pattern.unit_if_unitless);
+        self.meaning.apply(&mut settings.pattern);
         if self.ink_layers.is_some() {
             settings.pattern.ink_layers.clone_from(&self.ink_layers);
         }

@@ -7,6 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{Failure, MeaningArguments, Outcome, name_of, print, read_file, sibling_of};
+use crate::config::PatternSettings;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions};
 use crate::geometry::pattern::Pattern;
@@ -17,7 +18,7 @@ const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// A part (.glb, .gltf, .obj) or a drawing (.dxf).
+    /// A part (.glb, .gltf, .obj) or a drawing (.dxf, .png, .bmp).
     file: PathBuf,
     #[command(flatten)]
     meaning: MeaningArguments,
@@ -47,8 +48,10 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             (Inspection::Part(reading.facts), text)
         }
         None => {
-            let unit_if_unitless = arguments.meaning.pattern_unit;
-            let options = PatternOptions { unit_if_unitless, ..PatternOptions::default() };
+            let mut settings = PatternSettings::default();
+            arguments.meaning.apply(&mut settings);
+            let PatternSettings { unit_if_unitless, picture, .. } = settings;
+            let options = PatternOptions { unit_if_unitless, picture, ..PatternOptions::default() };
             let reading = pattern::read(&bytes, &options)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let text = pattern_text(&name, &reading.facts, &reading.pattern);
@@ -102,6 +105,12 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     line(&mut text, "size", &format!("{width:.2} x {height:.2} mm"));
     line(&mut text, "extents", &format!("x {left:.2} to {right:.2}, y {bottom:.2} to {top:.2} mm"));
     line(&mut text, "unit", &format!("{}, because {}", facts.unit, facts.unit_why));
+    if let Some(picture) = &facts.picture {
+        let ([columns, rows], [width, height]) = (picture.pixels, picture.size);
+        line(&mut text, "picture", &format!("{columns} x {rows} pixels on {width:.2} x {height:.2} mm"));
+        let side = if picture.inverted { "lighter" } else { "darker" };
+        line(&mut text, "marked", &format!("pixels {side} than {:.0} %", picture.threshold_percent));
+    }
     line(&mut text, "version", &facts.version);
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
     let contours = pattern.paths.iter().filter(|path| path.shape.is_closed()).count();

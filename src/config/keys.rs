@@ -41,6 +41,10 @@ pub(super) struct PartKeys {
 pub(super) struct PatternKeys {
     unit_if_unitless: Option<DrawingUnit>,
     ink_layers: Option<Spanned<Vec<String>>>,
+    width_mm: Option<Spanned<f64>>,
+    height_mm: Option<Spanned<f64>>,
+    threshold_percent: Option<Spanned<f64>>,
+    invert: Option<bool>,
 }
 
 #[derive(Default, Deserialize)]
@@ -128,6 +132,20 @@ impl PatternKeys {
             }
             to.pattern.ink_layers = Some(layers.into_inner());
         }
+        let picture = &mut to.pattern.picture;
+        // One side given for a SKU replaces both of the station's: the other one then follows from the picture.
+        if self.width_mm.is_some() || self.height_mm.is_some() {
+            let side = |key, given: Option<Spanned<f64>>| {
+                given.map(|given| text.number(key, &given, 0.01..=FARTHEST, "mm")).transpose()
+            };
+            picture.width = side("pattern.width_mm", self.width_mm)?;
+            picture.height = side("pattern.height_mm", self.height_mm)?;
+        }
+        if let Some(threshold) = self.threshold_percent {
+            let range = 1.0..=99.0;
+            picture.threshold = text.number("pattern.threshold_percent", &threshold, range, "%")? / 100.0;
+        }
+        picture.inverted = self.invert.unwrap_or(picture.inverted);
         Ok(())
     }
 }

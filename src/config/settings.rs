@@ -2,7 +2,7 @@
 
 use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting};
 use crate::formats::mesh::{LengthUnit, UpAxis};
-use crate::formats::pattern::DrawingUnit;
+use crate::formats::pattern::{DrawingUnit, PictureOptions};
 use crate::geometry::optics::{Fixture, Lens};
 use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
 use nalgebra::Vector2;
@@ -55,6 +55,8 @@ pub struct PatternSettings {
     /// The layers that are marked, compared without regard to case; `None` for all. Other layers are carried along
     /// without counting as ink.
     pub ink_layers: Option<Vec<String>>,
+    /// Size and threshold of a drawing that is a picture.
+    pub picture: PictureOptions,
 }
 
 impl PatternSettings {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::formats::mesh::LengthUnit;
+use crate::formats::pattern::PictureOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -59,6 +60,10 @@ fn a_sku_overrides_key_by_key() {
     let file = Path::new("skus/a.toml");
     let settings = station.settings.overridden_by(file, "[correction]\nmethod = \"none\"").unwrap();
     assert_eq!((settings.correction.method, settings.correction.tolerance), (Method::None, 0.02));
+    let station = with("[pattern]\nwidth_mm = 39\nheight_mm = 13\nthreshold_percent = 30").unwrap();
+    let settings = station.settings.overridden_by(file, "[pattern]\nheight_mm = 5\ninvert = true").unwrap();
+    let picture = PictureOptions { width: None, height: Some(5.0), threshold: 0.3, inverted: true };
+    assert_eq!(settings.pattern.picture, picture, "one side for a SKU keeps the picture's shape");
     let error = station.settings.overridden_by(file, "[folders]\nhot = \"x\"").unwrap_err();
     assert!(matches!(error, ConfigError::UnknownKey { .. }), "{error}");
 }
@@ -66,6 +71,7 @@ fn a_sku_overrides_key_by_key() {
 /// The text after [`NEEDED`] (whose last line is 9), what is said, and where.
 const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[watch]\nsetle_ms = 1", "There is no key `setle_ms` here. Did you mean `settle_ms`?", 11, 1),
+    ("[pattern]\nwidth_mm = 0", "`pattern.width_mm` cannot be 0 mm. Give a number from 0.01", 11, 12),
     ("[optic]\nkind = 1", "There is no key `optic` here. Did you mean `optics`?", 10, 2),
     (
         "[correction]\nmethod = \"isometrc\"",

@@ -3,7 +3,7 @@
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned};
 use crate::config::{JobSettings, PartSettings, Sku};
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
-use crate::formats::pattern::{self, PatternOptions, PatternReadError};
+use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
 use crate::reason::Reason;
 
@@ -116,9 +116,7 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
         return Completeness::Whole { companions: Vec::new() };
     }
     match pattern::read(bytes, &PatternOptions::default()) {
-        Err(error @ PatternReadError::Truncated { .. }) => {
-            Completeness::CutShort(error.reason().in_file(name))
-        }
+        Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
         // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
         Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
         _ => Completeness::Whole { companions: Vec::new() },
@@ -139,8 +137,10 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
         }
         MeshFormat::Gltf | MeshFormat::Glb => match mesh::siblings(bytes, format) {
             Ok(buffers) => {
-                let companion = |name| Companion { name, needed: true, bytes: 0 };
-                return Completeness::Whole { companions: buffers.into_iter().map(companion).collect() };
+                let named = |needed| move |name| Companion { name, needed, bytes: 0 };
+                let textures = mesh::textures(bytes, format).into_iter().map(named(false));
+                let companions = buffers.into_iter().map(named(true)).chain(textures).collect();
+                return Completeness::Whole { companions };
             }
             Err(error) if cut(&error) => return Completeness::CutShort(error.reason().in_file(name)),
             Err(_) => {}

@@ -10,6 +10,7 @@ use super::outcome::{folder_trouble, guarded};
 use super::settle::{Gap, Stamp, Verdict};
 use super::worker::Worker;
 use crate::files::is_plain;
+use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
 /// A drop as it was read.
@@ -95,10 +96,10 @@ impl<C: Corrector> Worker<'_, C> {
                 Some(_) => companions.push(path),
             }
         }
-        // A part or pattern that a part names is a drop of its own and does not go along.
+        // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
         companions.retain(|path| {
             let name = path.file_name().unwrap_or_default();
-            meaning(Path::new(name)) == Ok(Meaning::Companion)
+            meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
         });
         match missing {
             None => Ok(Some(Read { file, stamp, companions, absent })),

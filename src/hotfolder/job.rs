@@ -45,7 +45,7 @@ pub trait Corrector {
 /// A part or pattern as it was read.
 #[derive(Debug, Clone)]
 pub struct DroppedFile {
-    /// Its name, with extension; a pattern bears the name of its result.
+    /// Its name, with extension; a pattern is named after its SKU even if it lay in a folder.
     pub name: String,
     /// Where it lies.
     pub path: PathBuf,

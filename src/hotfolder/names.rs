@@ -3,10 +3,10 @@
 //! | in the hot folder | is |
 //! |---|---|
 //! | `<sku>.glb`, `.gltf`, `.obj` | a part; an `@…` before the extension is allowed and means nothing |
-//! | `<sku>.dxf`, `<sku>@<anything>.dxf` | a pattern, delivered under this very name |
+//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this very name, as `.dxf` |
 //! | `<sku>/<anything>.glb`, `.gltf`, `.obj` | a part |
-//! | `<sku>/<anything>.dxf` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
-//! | `.bin`, `.mtl` and pictures | companions: they travel with the part that names them |
+//! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
+//! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they travel with that part |
 //!
 //! Extensions may be written in any case. Temporary and system names are never touched ([`is_ignored`]).
 
@@ -14,10 +14,11 @@ use std::path::{Component, Path};
 
 use crate::config::Sku;
 use crate::formats::mesh::MeshFormat;
+use crate::formats::pattern::{is_drawing, is_picture};
 use crate::reason::Reason;
 
 /// Extensions of files that belong to a part, in lower case.
-const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "png", "jpg", "jpeg", "webp", "ktx2"];
+const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
 
 /// The longest file name that is taken, in bytes: file systems end at 255, and results need a suffix.
 const LONGEST_NAME: usize = 230;
@@ -64,11 +65,19 @@ pub enum Meaning {
     Pattern {
         /// The SKU it is for.
         sku: Sku,
-        /// The name of the result in the import folder.
-        delivered: String,
+        /// What the pattern is called; the result bears this name, as a DXF file ([`delivered_as`]).
+        name: String,
     },
     /// A file that belongs to a part.
     Companion,
+}
+
+/// The name in the import folder of the result of a pattern.
+pub fn delivered_as(pattern: &str) -> String {
+    match pattern.rsplit_once('.') {
+        Some((stem, _)) if is_picture(pattern) => format!("{stem}.dxf"),
+        _ => pattern.to_owned(),
+    }
 }
 
 /// Whether the name is a temporary, lock or system name, of a file or a folder, that is none of our business.
@@ -112,11 +121,12 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     }
     let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
     let extension = extension.to_lowercase();
-    if COMPANION_EXTENSIONS.contains(&extension.as_str()) {
+    // Nobody names a texture like a drawing for a SKU.
+    if COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@') {
         return Ok(Meaning::Companion);
     }
     let is_part = MeshFormat::from_name(name).is_some();
-    if !is_part && extension != "dxf" {
+    if !is_part && !is_drawing(name) {
         return Err(unknown_kind(&extension));
     }
     let sku_name = folder.unwrap_or_else(|| stem.split('@').next().unwrap_or(stem));
@@ -124,11 +134,11 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     if is_part {
         return Ok(Meaning::Part(sku));
     }
-    let delivered = match folder {
+    let name = match folder {
         Some(folder) if !names_sku(stem, &sku) => format!("{folder}@{name}"),
         _ => name.to_owned(),
     };
-    Ok(Meaning::Pattern { sku, delivered })
+    Ok(Meaning::Pattern { sku, name })
 }
 
 /// Whether a stem already says which SKU it is for.
@@ -141,7 +151,11 @@ fn unknown_kind(extension: &str) -> Reason {
         "" => "A file without an extension is neither a part nor a pattern.".to_owned(),
         other => format!("A .{other} file is neither a part nor a pattern."),
     };
-    Reason::new("unknown-kind", what, "Export the part as .glb, .gltf or .obj and the pattern as .dxf.")
+    Reason::new(
+        "unknown-kind",
+        what,
+        "Export the part as .glb, .gltf or .obj and the pattern as .dxf, .png or .bmp.",
+    )
 }
 
 fn unreadable_name() -> Reason {
@@ -186,8 +200,7 @@ mod tests {
     #[test]
     fn names_say_what_a_file_is() {
         let sku = |name: &str| name.parse::<Sku>().unwrap();
-        let pattern =
-            |name: &str, delivered: &str| Meaning::Pattern { sku: sku(name), delivered: delivered.into() };
+        let pattern = |name: &str, called: &str| Meaning::Pattern { sku: sku(name), name: called.into() };
         for (relative, expected) in [
             ("can-500.glb", Meaning::Part(sku("can-500"))),
             ("can-500@v2.OBJ", Meaning::Part(sku("can-500"))),
@@ -199,10 +212,26 @@ mod tests {
             ("can/can.dxf", pattern("can", "can.dxf")),
             ("can/canister.dxf", pattern("can", "can@canister.dxf")),
             ("can.v2.dxf", pattern("can.v2", "can.v2.dxf")),
+            ("can.png", pattern("can", "can.png")),
+            ("can@logo.BMP", pattern("can", "can@logo.BMP")),
+            ("can/logo.png", pattern("can", "can@logo.png")),
             ("can.bin", Meaning::Companion),
+            ("can.jpg", Meaning::Companion),
             ("can/can.mtl", Meaning::Companion),
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap(), expected, "{relative}");
+        }
+    }
+
+    #[test]
+    fn results_are_dxf_files() {
+        for (pattern, delivered) in [
+            ("can.dxf", "can.dxf"),
+            ("can@a.DXF", "can@a.DXF"),
+            ("can@a.b.Png", "can@a.b.dxf"),
+            ("can.bmp", "can.dxf"),
+        ] {
+            assert_eq!(delivered_as(pattern), delivered);
         }
     }
 
@@ -211,6 +240,7 @@ mod tests {
         let long = format!("{}.dxf", "x".repeat(240));
         for (relative, code) in [
             ("can.stl", "unknown-kind"),
+            ("can@logo.jpg", "unknown-kind"),
             ("can", "unknown-kind"),
             ("@date.dxf", "sku-name"),
             ("con.dxf", "sku-name"),

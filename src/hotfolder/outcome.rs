@@ -9,10 +9,11 @@ use super::filing::{self, Original, with_slashes};
 use super::folders;
 use super::intake::Read;
 use super::job::{Corrector, Delivery, DroppedFile, JobError, Mode, StationError};
-use super::names::Meaning;
+use super::names::{Meaning, delivered_as};
 use super::settle::Moment;
 use super::worker::Worker;
 use crate::config::{JobSettings, Sku};
+use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
 /// The pause after the first failure of something around a job; it doubles with each further failure.
@@ -28,30 +29,32 @@ impl<C: Corrector> Worker<'_, C> {
         self.refresh_settings();
         let Some(drop) = self.drops.get(path) else { return Ok(()) };
         let started = Instant::now();
-        let (sku, delivered) = match drop.meaning.clone() {
+        let meaning = if self.is_late_texture(path) { Ok(Meaning::Companion) } else { drop.meaning.clone() };
+        let (sku, pattern) = match meaning {
             Ok(Meaning::Companion) => {
                 self.companion(path);
                 return Ok(());
             }
             Ok(Meaning::Part(sku)) => (sku, None),
-            Ok(Meaning::Pattern { sku, delivered }) => (sku, Some(delivered)),
+            Ok(Meaning::Pattern { sku, name }) => (sku, Some(name)),
             Err(reason) => return self.fail(path, None, JobError::Rejected(reason)),
         };
-        let (settings, read) = match self.begin(path, &sku, delivered.as_deref()) {
+        let (settings, read) = match self.begin(path, &sku, pattern.as_deref()) {
             Ok(Some(begun)) => begun,
             Ok(None) => return Ok(()),
             Err(error) => return self.fail(path, None, error),
         };
-        let outcome = match delivered {
+        let outcome = match pattern {
             None => self.learn(path, &sku, &settings, &read, started),
             Some(_) => self.correct(path, &sku, &settings, &read, started),
         };
         match outcome {
             Ok(()) => {
                 self.done(path);
-                if delivered.is_none() {
+                if pattern.is_none() {
                     self.drops.release(&sku);
                 }
+                read.companions.iter().for_each(|companion| self.look_again(companion));
                 Ok(())
             }
             Err(error) => self.fail(path, Some(&read), error),
@@ -64,9 +67,9 @@ impl<C: Corrector> Worker<'_, C> {
         &mut self,
         path: &Path,
         sku: &Sku,
-        delivered: Option<&str>,
+        pattern: Option<&str>,
     ) -> Result<Option<(JobSettings, Read)>, JobError> {
-        if delivered.is_some() && self.drops.has_part(sku) {
+        if pattern.is_some() && self.drops.has_part(sku) {
             let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
             self.wait(
                 path,
@@ -76,13 +79,13 @@ impl<C: Corrector> Worker<'_, C> {
             return Ok(None);
         }
         let settings = self.job_settings(sku)?;
-        if delivered.is_some() && !self.has_surface(sku, &settings)? {
+        if pattern.is_some() && !self.has_surface(sku, &settings)? {
             let what = format!("The pattern waits for a part: no surface of {sku} is known.");
             let remedy = format!("Drop the part as {sku}.glb, .gltf or .obj.");
             self.wait(path, Block::UnknownSku, Reason::new("waits-for-part", what, remedy));
             return Ok(None);
         }
-        Ok(self.read(path, delivered)?.map(|read| (settings, read)))
+        Ok(self.read(path, pattern)?.map(|read| (settings, read)))
     }
 
     fn learn(
@@ -121,7 +124,7 @@ impl<C: Corrector> Worker<'_, C> {
         read: &Read,
         started: Instant,
     ) -> Result<(), JobError> {
-        let name = &read.file.name;
+        let name = &delivered_as(&read.file.name);
         let delivery = match self.delivered.remove(path) {
             Some((stamp, delivery)) if stamp == read.stamp => delivery,
             _ => {
@@ -199,6 +202,11 @@ impl<C: Corrector> Worker<'_, C> {
         let settings = self.settings.job(sku).map_err(|error| JobError::Retry(error.reason()));
         self.tell_settings_events();
         settings
+    }
+
+    /// Whether the picture belongs to a part that was done before it came, as one of its textures.
+    fn is_late_texture(&self, path: &Path) -> bool {
+        self.late_companions.contains_key(path) && is_picture(&path.to_string_lossy())
     }
 
     /// A companion has settled: its part may go on, or went on without it before.

@@ -58,6 +58,14 @@ pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, 
     Ok(names)
 }
 
+/// Names of the plain files beside it that a file takes its pictures from.
+pub(super) fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
+    let document = Container::split(bytes, format).and_then(|container| parse(&container.json));
+    let Ok(document) = document else { return Vec::new() };
+    let named = document.as_json().images.iter().filter_map(|image| image.uri.as_deref());
+    named.filter(|uri| !uri.starts_with("data:")).filter_map(|uri| sibling_name(uri).ok()).collect()
+}
+
 /// The two chunks of a GLB file, or the JSON alone.
 struct Container<'a> {
     json: Cow<'a, [u8]>,

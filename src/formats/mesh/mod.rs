@@ -135,6 +135,14 @@ pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshRea
     }
 }
 
+/// Names of the pictures beside a part that are its textures, as far as it can be read; they are not needed.
+pub fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
+    match format.of_content(bytes) {
+        format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::textures(bytes, format),
+        MeshFormat::Obj => Vec::new(),
+    }
+}
+
 impl MeshFormat {
     /// The format that a file name's ending stands for, in capitals or not.
     ///

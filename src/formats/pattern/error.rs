@@ -28,6 +28,36 @@ pub enum PatternReadError {
         /// Where the bytes end.
         spot: Spot,
     },
+    /// A picture has pixels, and nothing says how large they are.
+    #[error("the picture of {} x {} pixels has no size in mm", pixels[0], pixels[1])]
+    PictureWithoutSize {
+        /// Columns and rows of pixels.
+        pixels: [usize; 2],
+    },
+    /// A picture has more pixels than are read.
+    #[error("the picture has {} x {} pixels", pixels[0], pixels[1])]
+    PictureTooLarge {
+        /// Columns and rows of pixels.
+        pixels: [u32; 2],
+        /// The largest number of pixels of this kind that is read.
+        limit: u64,
+    },
+    /// A picture file does not reach to its end.
+    #[error("the {format} picture ends too early")]
+    PictureTruncated {
+        /// Its format.
+        format: &'static str,
+        /// Where the bytes end.
+        spot: Spot,
+    },
+    /// A picture cannot be decoded.
+    #[error("the {format} picture cannot be decoded: {what}")]
+    PictureDamaged {
+        /// Its format.
+        format: &'static str,
+        /// What is wrong.
+        what: String,
+    },
     /// A line that should hold a group code does not, or a binary group code does not exist.
     #[error("`{text}` is not a group code")]
     UnreadableGroupCode {
@@ -131,13 +161,19 @@ impl EntityName {
 }
 
 impl PatternReadError {
+    /// Whether the bytes end too early, so that more of them may still come.
+    pub fn is_cut_short(&self) -> bool {
+        matches!(self, Self::Truncated { .. } | Self::PictureTruncated { .. })
+    }
+
     /// The reason as people and machines are told.
     pub fn reason(&self) -> Reason {
         let told = |code: &str, remedy: &str| Reason::new(code, self.to_string(), remedy);
         match self {
-            Self::NotDxf { .. } => {
-                told("pattern-not-dxf", "Export the drawing as DXF (R12 to R2018, text or binary).")
-            }
+            Self::NotDxf { .. } => told(
+                "pattern-not-dxf",
+                "Export the drawing as DXF (R12 to R2018, text or binary), or save the picture as PNG.",
+            ),
             Self::FileTooLarge { bytes, limit } => told(
                 "pattern-too-large",
                 "Export only what is to be marked, with fewer points.",
@@ -148,6 +184,27 @@ impl PatternReadError {
                 "Copy or export the file again; it was probably read or cut off while it was being written.",
             )
             .at(spot.place()),
+            Self::PictureWithoutSize { .. } => told(
+                "picture-size",
+                "Give its width in mm: `--width` for one job, `width_mm` under [pattern] in the settings; or export it \
+                 with its resolution (dpi).",
+            ),
+            Self::PictureTooLarge { pixels, limit } => {
+                let count = pixels.map(f64::from).iter().product();
+                told(
+                    "picture-too-large",
+                    "Export it with fewer pixels; 600 to an inch are plenty for a laser.",
+                )
+                .with_number("pixels", count, "", Some(*limit as f64))
+            }
+            Self::PictureTruncated { spot, .. } => told(
+                "pattern-truncated",
+                "Copy or export the file again; it was probably read or cut off while it was being written.",
+            )
+            .at(spot.place()),
+            Self::PictureDamaged { .. } => {
+                told("picture-damaged", "Open it in a picture program and save it as PNG.")
+            }
             Self::UnreadableGroupCode { spot, .. } => {
                 told("pattern-group-code", "Export the drawing again; the file is damaged at this place.")
                     .at(spot.place())

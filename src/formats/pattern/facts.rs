@@ -34,6 +34,31 @@ pub struct PatternFacts {
     pub repairs: Vec<Notice>,
     /// What was assumed or looks unusual.
     pub notices: Vec<Notice>,
+    /// What is known of the picture, if the drawing is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PictureFacts>,
+}
+
+/// A picture and how it was read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PictureFacts {
+    /// Columns and rows of pixels.
+    pub pixels: [usize; 2],
+    /// Width and height of the whole picture with its blank border, mm.
+    #[serde(rename = "size_mm")]
+    pub size: [f64; 2],
+    /// What decided the size.
+    pub size_why: String,
+    /// Resolution along x and y that the file names, pixels to an inch.
+    pub dots_per_inch: Option<[f64; 2]>,
+    /// Pixels darker than this, from black at 0 to white at 100, are marked, or lighter ones if `inverted`.
+    pub threshold_percent: f64,
+    /// Whether light pixels are marked instead of dark ones.
+    pub inverted: bool,
+    /// Number of outlines, those of holes too.
+    pub contours: usize,
+    /// Number of their corners.
+    pub vertices: usize,
 }
 
 /// A layer of the file.

@@ -1,19 +1,27 @@
-//! Drawings to be marked: DXF bytes to a [`Pattern`] in mm and corrected drawings back to bytes.
+//! Drawings to be marked: DXF or picture bytes to a [`Pattern`] in mm and corrected drawings back to bytes.
 //!
 //! Read widely, write narrowly, drop nothing silently: what cannot be taken over is named in [`PatternFacts`].
 
 mod dxf;
 mod error;
 mod facts;
+mod picture;
 mod units;
 
-pub use dxf::scan::is_complete;
 pub use dxf::write::{DxfProfile, write};
 pub use error::{EntityName, PatternReadError, Spot};
-pub use facts::{LayerFacts, NotTaken, PatternFacts};
+pub use facts::{LayerFacts, NotTaken, PatternFacts, PictureFacts};
+pub use picture::PictureOptions;
 pub use units::{DrawingUnit, UnknownUnit};
 
 use crate::geometry::pattern::Pattern;
+use crate::reason::Notice;
+use picture::PictureFormat;
+
+/// Drawings outside this range of sizes, mm, are rarely meant: markers' fields are smaller, and so are no marks.
+const USUAL_SIZE: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
+/// Endings of drawings' names, in lower case.
+const ENDINGS: [&str; 3] = ["dxf", "png", "bmp"];
 
 /// How a drawing is read.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,11 +33,18 @@ pub struct PatternOptions {
     /// Ends of loose pieces no farther apart are joined, mm. Default 0.002: a hundred times the rounding of exporters
     /// and a tenth of a fine laser spot. 0 joins nothing.
     pub joining_tolerance: f64,
+    /// How a picture is read.
+    pub picture: PictureOptions,
 }
 
 impl Default for PatternOptions {
     fn default() -> Self {
-        Self { unit_if_unitless: None, unit: None, joining_tolerance: 0.002 }
+        Self {
+            unit_if_unitless: None,
+            unit: None,
+            joining_tolerance: 0.002,
+            picture: PictureOptions::default(),
+        }
     }
 }
 
@@ -42,11 +57,48 @@ pub struct PatternReading {
     pub facts: PatternFacts,
 }
 
-/// Reads a DXF drawing, text or binary.
+/// Reads a drawing: DXF, text or binary, or a PNG or BMP picture. The bytes decide, not the file's name.
 ///
 /// # Errors
-/// The bytes are no whole DXF file, a number is unreadable, the drawing unfolds to too much, or nothing in it can be
-/// marked.
+/// The bytes are no whole DXF file or picture, a number is unreadable, the drawing unfolds to too much, a picture has no
+/// size, or nothing in it can be marked.
 pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
-    dxf::read(bytes, options)
+    match PictureFormat::of(bytes) {
+        Some(format) => picture::read(bytes, format, options),
+        None => dxf::read(bytes, options),
+    }
+}
+
+/// Whether the bytes reach to the end that their format marks, that is, whether a writer has finished.
+pub fn is_complete(bytes: &[u8]) -> bool {
+    PictureFormat::of(bytes).map_or_else(|| dxf::scan::is_complete(bytes), |format| format.is_complete(bytes))
+}
+
+/// Whether a file of this name is a drawing, in capitals or not.
+///
+/// ```
+/// use isomark::formats::pattern::is_drawing;
+/// assert!(is_drawing("can@date.DXF") && is_drawing("can@logo.png") && !is_drawing("can.glb"));
+/// ```
+pub fn is_drawing(file_name: &str) -> bool {
+    ending(file_name).is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+}
+
+/// Whether a file of this name is a drawing that is given as a picture.
+pub fn is_picture(file_name: &str) -> bool {
+    ending(file_name).is_some_and(|ending| ENDINGS[1..].contains(&ending.as_str()))
+}
+
+fn ending(file_name: &str) -> Option<String> {
+    file_name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase())
+}
+
+/// A warning about a size that tells a wrong unit.
+fn size_notice(facts: &PatternFacts) -> Option<Notice> {
+    let [width, height] = facts.size;
+    let message = format!(
+        "the drawing is {width:.3} x {height:.3} mm, an unusual size; check its unit ({}: {}) and stray entities",
+        facts.unit, facts.unit_why
+    );
+    (!USUAL_SIZE.contains(&width.max(height))).then(|| Notice::warning("size-unusual", message))
 }

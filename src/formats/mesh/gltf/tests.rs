@@ -404,3 +404,12 @@ fn base64(bytes: &[u8]) -> String {
     }
     text
 }
+
+#[test]
+fn textures_beside_the_part_are_named() {
+    let images =
+        r#"[{"uri": "wood%20grain.png"}, {"uri": "data:image/png;base64,AA=="}, {"uri": "../x.png"}]"#;
+    let bytes = format!(r#"{{"asset": {{"version": "2.0"}}, "images": {images}}}"#);
+    assert_eq!(super::textures(bytes.as_bytes(), MeshFormat::Gltf), ["wood grain.png"]);
+    assert!(super::textures(b"no glTF", MeshFormat::Gltf).is_empty());
+}

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::error::PatternReadError;
 use super::super::facts::{LayerFacts, NotTaken, PatternFacts};
+use super::super::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
 use super::entities::{Remarks, SINGLE_VERTEX};
@@ -13,8 +14,6 @@ use crate::geometry::pattern::{Layer, Path, Shape};
 use crate::geometry::space::Extents;
 use crate::reason::Notice;
 
-/// Drawings outside this range of sizes, mm, are rarely meant: markers' fields are smaller, and so are no marks.
-const USUAL_SIZE: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
 /// Differences in height below this, mm, are rounding.
 const FLAT: f64 = 0.01;
 /// Gaps below this, mm, are rounding and not worth a word.
@@ -168,13 +167,7 @@ pub(super) fn size_notices(structure: &Structure, facts: &mut PatternFacts, opti
         );
         facts.notices.push(Notice::warning("unit-pixels", message));
     }
-    if !USUAL_SIZE.contains(&width.max(height)) {
-        let message = format!(
-            "the drawing is {size}, an unusual size; check its unit ({}: {}) and stray entities",
-            facts.unit, facts.unit_why
-        );
-        facts.notices.push(Notice::warning("size-unusual", message));
-    }
+    facts.notices.extend(size_notice(facts));
 }
 
 fn counted(count: usize, one: &str, more: &str) -> String {

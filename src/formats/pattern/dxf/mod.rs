@@ -60,6 +60,7 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         not_taken: unfolded.not_taken,
         repairs: findings::repairs(&joining, &remarks, options.joining_tolerance),
         notices: unit_notice.into_iter().collect(),
+        picture: None,
     };
     findings::size_notices(&structure, &mut facts, options);
     let wide = remarks.wide.intersection(&unfolded.drawn).count();

@@ -34,7 +34,7 @@ pub(super) struct Scan<'a> {
 
 /// Whether the bytes end in an `EOF` mark, that is, whether a writer has finished. Blanks, line ends, NUL and Ctrl-Z may
 /// follow it.
-pub fn is_complete(bytes: &[u8]) -> bool {
+pub(crate) fn is_complete(bytes: &[u8]) -> bool {
     if let Some(body) = bytes.strip_prefix(BINARY_MARK) {
         return body.ends_with(b"\0EOF\0");
     }
@@ -283,8 +283,12 @@ fn appearance(bytes: &[u8]) -> String {
         _ if text.starts_with(b"%PDF") => "a PDF file",
         _ if text.starts_with(b"%!PS") => "a PostScript file",
         _ if bytes.starts_with(b"PK\x03\x04") => "a zip archive",
-        _ if bytes.starts_with(b"\x89PNG") => "a PNG picture",
+        // A whole mark is a picture that is read.
+        _ if bytes.starts_with(b"\x89PNG") => "a PNG picture that a transfer as text has damaged",
         _ if bytes.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
+        _ if bytes.starts_with(b"GIF8") => "a GIF picture",
+        _ if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") => "a TIFF picture",
+        _ if bytes.starts_with(b"RIFF") && contains(bytes, b"WEBP") => "a WebP picture",
         _ if bytes.starts_with(b"glTF") => "a GLB part",
         _ if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") => "UTF-16 text",
         _ if text.starts_with(b"<") && contains(bytes, b"<svg") => "an SVG drawing",

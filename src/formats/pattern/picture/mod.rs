@@ -1,0 +1,303 @@
+//! Pictures as drawings: PNG and BMP bytes to the outlines of what is dark, in mm.
+//!
+//! A picture has pixels and no size. Its size comes from the settings, else from the resolution that the file names;
+//! without either it is refused, because a guess would be marked. The middle of the picture is the drawing's origin.
+
+use nalgebra::Vector2;
+
+use super::error::PatternReadError;
+use super::facts::{LayerFacts, PatternFacts, PictureFacts};
+use super::units::DrawingUnit;
+use super::{PatternOptions, PatternReading, size_notice};
+use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
+use crate::geometry::space::FlatPoint;
+use crate::reason::Notice;
+
+mod decode;
+mod trace;
+mod polygon;
+
+pub(super) use decode::PictureFormat;
+use decode::{Decoded, Picture};
+use polygon::{Fineness, Outline};
+
+/// The layer that all outlines of a picture lie on.
+const LAYER: &str = "PICTURE";
+const COLOR: Color = Color::Aci(7);
+/// Outlines of smooth edges stay this close to where the edge was found, pixels: as exactly as 8 bits and a program
+/// that draws smooth edges tell it.
+const PIXEL_TOLERANCE: f64 = 0.05;
+/// Closer than this, mm, no outline needs to be: a tenth of the usual tolerance of the corrected lines.
+const LEAST_TOLERANCE: f64 = 0.001;
+/// Hard-edged pixels this large, mm, are a drawing of squares, such as a code with one pixel for each module.
+const SQUARE_PIXEL: f64 = 0.2;
+/// Outlines with more corners than this in all are noise, not a drawing.
+const MOST_CORNERS: usize = 1_000_000;
+/// Outlines that enclose less than this, square pixels, are specks.
+const SPECK: f64 = 4.0;
+/// So many specks, and more of them than other outlines, are worth a word.
+const MANY_SPECKS: usize = 20;
+/// More grey pixels than this part of all are shades.
+const MANY_SHADES: f64 = 0.05;
+/// Grey that smooth edges explain: pixels for each side of a pixel on a border.
+const GREY_AT_EDGES: usize = 2;
+/// Pixels whose width and height differ by more than this part are told.
+const STRETCH: f64 = 0.01;
+/// Resolutions that programs write without being asked.
+const DEFAULT_DPI: [f64; 3] = [72.0, 90.0, 96.0];
+
+/// How pictures are read; drawings in other formats have a size and ink of their own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureOptions {
+    /// Width of the whole picture, mm. Without it, what the height or else the file's resolution gives.
+    pub width: Option<f64>,
+    /// Height of the whole picture, mm. Without it, what the width or else the file's resolution gives.
+    pub height: Option<f64>,
+    /// Pixels darker than this are marked: 0 is black, 1 is white.
+    pub threshold: f64,
+    /// Marks the pixels that are lighter instead.
+    pub inverted: bool,
+}
+
+impl Default for PictureOptions {
+    fn default() -> Self {
+        Self { width: None, height: None, threshold: 0.5, inverted: false }
+    }
+}
+
+/// Width and height of a picture, mm, and what decided them.
+struct Size {
+    size: Vector2<f64>,
+    why: String,
+}
+
+pub(super) fn read(
+    bytes: &[u8],
+    format: PictureFormat,
+    options: &PatternOptions,
+) -> Result<PatternReading, PatternReadError> {
+    let settings = &options.picture;
+    let decoded = decode::decode(bytes, format, settings.inverted)?;
+    let picture = &decoded.picture;
+    let pixels = Vector2::new(picture.width as f64, picture.height as f64);
+    let Size { size, why } = size(&decoded, settings)?;
+    let pixel = size.component_div(&pixels);
+    let fineness = Fineness {
+        tolerance: (LEAST_TOLERANCE / pixel.max()).clamp(PIXEL_TOLERANCE, 0.5),
+        pixels_are_squares: pixel.min() >= SQUARE_PIXEL,
+    };
+    let darkness = if settings.inverted { settings.threshold } else { 1.0 - settings.threshold };
+    // Half a step below, so that at 50 % the darker one of the two middle greys is ink.
+    let level = (darkness * f64::from(Picture::FULL) - 0.5).clamp(0.0, f64::from(Picture::FULL) - 1.0) as u16;
+    let blank = picture.ink.iter().filter(|ink| **ink <= level).count();
+    if blank == 0 || blank == picture.ink.len() {
+        return Err(nothing_to_mark(&decoded, settings, blank == 0));
+    }
+
+    let mut outlines: Vec<Outline> = Vec::new();
+    let (mut corners, mut sides) = (0, 0);
+    trace::borders(picture, level, |walk| {
+        let outline = polygon::outline(walk, &trace::places(picture, level, walk), &fineness);
+        sides += walk.len();
+        corners += outline.corners.len();
+        if corners > MOST_CORNERS {
+            return Err(PatternReadError::TooMany {
+                what: "corners in its outlines",
+                limit: MOST_CORNERS,
+                entity: None,
+            });
+        }
+        outlines.push(outline);
+        Ok(())
+    })?;
+
+    let place =
+        |at: &Vector2<f64>| FlatPoint::new(at.x * pixel.x - size.x / 2.0, size.y / 2.0 - at.y * pixel.y);
+    let paths: Vec<Path> = outlines
+        .iter()
+        .map(|outline| {
+            let points: Vec<FlatPoint> = outline.corners.iter().map(place).collect();
+            let ends = points.iter().zip(points.iter().cycle().skip(1));
+            Path {
+                layer: 0,
+                color: Color::ByLayer,
+                shape: Shape::Closed(ends.map(|(from, to)| Segment::Line { from: *from, to: *to }).collect()),
+                region: Some(0),
+                source: Source { entity: format.name().into(), handle: None },
+            }
+        })
+        .collect();
+    let pattern = Pattern { layers: vec![Layer { name: LAYER.into(), color: COLOR }], paths };
+
+    let notices = notices(&decoded, settings, &outlines, sides, pixel, blank);
+    let extents = pattern.extents();
+    let contours = pattern.paths.len();
+    let mut facts = PatternFacts {
+        producer: None,
+        version: format!("{} picture, {}", format.name(), decoded.colors),
+        unit: DrawingUnit::Millimetre,
+        unit_why: why.clone(),
+        size: extents.size().into(),
+        extents: [extents.min.x, extents.min.y, extents.max.x, extents.max.y],
+        entities: [("outline".into(), [(LAYER.into(), contours)].into())].into(),
+        layers: [(LAYER.into(), LayerFacts { color: COLOR.to_string(), paths: contours, hidden: None })]
+            .into(),
+        not_taken: Vec::new(),
+        repairs: Vec::new(),
+        notices,
+        picture: Some(PictureFacts {
+            pixels: [picture.width, picture.height],
+            size: size.into(),
+            size_why: why,
+            dots_per_inch: decoded.density.map(decode::dots_per_inch),
+            threshold_percent: settings.threshold * 100.0,
+            inverted: settings.inverted,
+            contours,
+            vertices: corners,
+        }),
+    };
+    facts.notices.extend(size_notice(&facts));
+    Ok(PatternReading { pattern, facts })
+}
+
+/// The size of the whole picture: what the settings say, else what the file says.
+fn size(decoded: &Decoded, settings: &PictureOptions) -> Result<Size, PatternReadError> {
+    let pixels = [decoded.picture.width, decoded.picture.height];
+    let [columns, rows] = pixels.map(|count| count as f64);
+    // A side that is not given follows from the other one and the shape of the pixels.
+    let ratio = rows / columns * decoded.pixel_aspect;
+    let (width, height, why) = match (settings.width, settings.height, decoded.density) {
+        (Some(width), Some(height), _) => {
+            (width, height, format!("the settings say {width} x {height} mm for the picture"))
+        }
+        (Some(width), None, _) => {
+            (width, width * ratio, format!("the settings say that the picture is {width} mm wide"))
+        }
+        (None, Some(height), _) => {
+            (height / ratio, height, format!("the settings say that the picture is {height} mm high"))
+        }
+        (None, None, Some(density)) => {
+            let [x, y] = decode::dots_per_inch(density);
+            let dpi = if x == y { format!("{x:.1}") } else { format!("{x:.1} x {y:.1}") };
+            (columns / density[0], rows / density[1], format!("the file says {dpi} pixels to an inch"))
+        }
+        (None, None, None) => return Err(PatternReadError::PictureWithoutSize { pixels }),
+    };
+    let size = Vector2::new(width, height);
+    let is_sensible = size.iter().all(|side| side.is_finite() && *side > 0.0);
+    if is_sensible { Ok(Size { size, why }) } else { Err(PatternReadError::PictureWithoutSize { pixels }) }
+}
+
+fn nothing_to_mark(decoded: &Decoded, settings: &PictureOptions, is_all_ink: bool) -> PatternReadError {
+    let percent = settings.threshold * 100.0;
+    let (side, other) =
+        if settings.inverted == is_all_ink { ("lighter", "lower") } else { ("darker", "raise") };
+    let found = format!(
+        "all of its pixels are {side} than the threshold of {percent} %{}",
+        if is_all_ink { ", so there is no outline" } else { "" }
+    );
+    let remedy = if !is_all_ink && decoded.has_transparency {
+        let (drawn, option) = if settings.inverted { ("dark", "without") } else { ("light", "with") };
+        format!(
+            "Transparent pixels are never marked; if the drawing is {drawn} on a transparent ground, read it {option} \
+             `--invert` (`invert` in the settings), otherwise change `--threshold`."
+        )
+    } else {
+        format!(
+            "Check that it is the right picture; if it is, {other} or change `--threshold` (`threshold_percent`)."
+        )
+    };
+    PatternReadError::NothingToMark { found, remedy }
+}
+
+fn notices(
+    decoded: &Decoded,
+    settings: &PictureOptions,
+    outlines: &[Outline],
+    sides: usize,
+    pixel: Vector2<f64>,
+    blank: usize,
+) -> Vec<Notice> {
+    let mut notices = Vec::new();
+    let ink = &decoded.picture.ink;
+    let (light, dark) = (Picture::FULL / 8, Picture::FULL - Picture::FULL / 8);
+    let grey = ink.iter().filter(|ink| (light..dark).contains(ink)).count();
+    if grey as f64 > MANY_SHADES * ink.len() as f64 && grey > GREY_AT_EDGES * sides {
+        let percent = 100.0 * grey as f64 / ink.len() as f64;
+        let message = format!(
+            "{percent:.0} % of the picture is neither dark nor light; only outlines at {:.0} % are marked, shades are \
+             not turned into dots",
+            settings.threshold * 100.0
+        );
+        notices.push(Notice::warning("picture-shades", message));
+    }
+    let specks = outlines.iter().filter(|outline| outline.area() < SPECK).count();
+    if specks >= MANY_SPECKS && 2 * specks > outlines.len() {
+        let message = format!(
+            "{specks} of {} outlines are specks of a few pixels; if they are noise, clean the picture or change the \
+             threshold",
+            outlines.len()
+        );
+        notices.push(Notice::warning("picture-specks", message));
+    }
+    let [columns, rows] = [decoded.picture.width, decoded.picture.height];
+    let stretch = pixel.y / pixel.x / decoded.pixel_aspect;
+    if (stretch - 1.0).abs() > STRETCH {
+        let message = format!(
+            "{columns} x {rows} pixels are drawn out to the given size: heights by {stretch:.3} against widths; give \
+             only one of width and height to keep the picture's shape"
+        );
+        notices.push(Notice::warning("picture-stretched", message));
+    }
+    if settings.width.is_none()
+        && settings.height.is_none()
+        && let Some(density) = decoded.density
+    {
+        let [x, _] = decode::dots_per_inch(density);
+        if let Some(dpi) = DEFAULT_DPI.iter().find(|dpi| (x - **dpi).abs() < 0.1) {
+            let message = format!(
+                "the size comes from the file's {dpi:.0} pixels to an inch, which many programs write without being \
+                 asked; give the width in mm if it is not meant"
+            );
+            notices.push(Notice::note("picture-resolution", message));
+        }
+    }
+    let hard = outlines.iter().filter(|outline| outline.is_hard && outline.corners.len() > 4).count();
+    if 2 * hard > outlines.len() {
+        let message = if pixel.min() >= SQUARE_PIXEL {
+            format!(
+                "the picture has hard edges and pixels of {:.3} mm; their squares are marked as they are",
+                pixel.max()
+            )
+        } else {
+            format!(
+                "the picture has hard edges, so outlines that slant are true only to half a pixel, {:.3} mm; a picture \
+                 with smooth edges tells more",
+                pixel.max() / 2.0
+            )
+        };
+        notices.push(Notice::note("picture-hard-edges", message));
+    }
+    if 2 * blank < ink.len() && ink_on_all_sides(&decoded.picture) {
+        let message = "most of the picture is marked and its border too; if the ground is meant to stay blank, read it \
+                       the other way round (`--invert`)";
+        notices.push(Notice::note("picture-ground", message));
+    }
+    if decoded.is_animated {
+        notices
+            .push(Notice::warning("picture-animated", "of an animated picture only the first one is read"));
+    }
+    if decoded.was_turned {
+        notices.push(Notice::note(
+            "picture-turned",
+            "the picture is turned as its file says (Exif orientation)",
+        ));
+    }
+    notices
+}
+
+fn ink_on_all_sides(picture: &Picture) -> bool {
+    let (width, height) = (picture.width as i64, picture.height as i64);
+    let corners = [(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)];
+    corners.iter().all(|(x, y)| picture.ink_at(*x, *y) > Picture::FULL / 2)
+}
