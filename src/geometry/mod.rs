@@ -4,6 +4,7 @@
 
 pub mod space;
 pub mod mesh;
+pub mod point_cloud;
 pub mod normals;
 pub mod curved_triangle;
 pub mod height_field;

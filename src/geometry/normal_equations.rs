@@ -208,6 +208,11 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         }
     }
 
+    /// The right side Aᵀb, row by row.
+    pub fn right(&self) -> &[[f64; COMPONENTS]] {
+        &self.right
+    }
+
     /// Adds `weight` times the square of the third difference along each row and column, for every component: it
     /// vanishes on quadratics, so it continues a surface smoothly where there are no data and hardly bends it where
     /// there are (Eilers & Marx, Flexible smoothing with B-splines and penalties, Statistical Science 1996, eq. 4).
@@ -237,6 +242,38 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         }
     }
 
+    /// Adds the square of the third derivative in every direction, in differences of the control points:
+    /// ∂³x² + 3 (∂²x ∂y)² + 3 (∂x ∂²y)² + ∂³y², for every component. It has no preferred direction and vanishes on
+    /// quadratics (Wahba, Spline models for observational data, 1990, eq. 2.4.9, for m = 3; as differences after
+    /// Eilers & Marx 1996). `weight` gives the weight at a place that is counted in control points along x and y.
+    pub fn add_roughness_penalty(&mut self, weight: impl Fn(f64, f64) -> f64) {
+        const DIFFERENCES: [&[f64]; 4] = [&[1.0], &[-1.0, 1.0], &[1.0, -2.0, 1.0], &[-1.0, 3.0, -3.0, 1.0]];
+        for (along, share) in [(3, 1.0), (2, 3.0), (1, 3.0), (0, 1.0)] {
+            let (across_columns, across_rows) = (DIFFERENCES[along], DIFFERENCES[3 - along]);
+            let points: Vec<(usize, usize, f64)> = (0..across_rows.len())
+                .flat_map(|row| (0..across_columns.len()).map(move |column| (column, row)))
+                .map(|(column, row)| (column, row, across_columns[column] * across_rows[row]))
+                .collect();
+            for row in 0..(self.rows + 1).saturating_sub(across_rows.len()) {
+                for column in 0..(self.columns + 1).saturating_sub(across_columns.len()) {
+                    let middle = |from: usize, differences: usize| from as f64 + differences as f64 / 2.0;
+                    let weight = share * weight(middle(column, along), middle(row, 3 - along));
+                    for (index, first) in points.iter().enumerate() {
+                        let point = (row + first.1) * self.columns + column + first.0;
+                        for second in &points[index..] {
+                            let (right, up) =
+                                (second.0 as isize - first.0 as isize, (second.1 - first.1) as isize);
+                            let block = &mut self.matrix[point * STENCIL.len() + stencil_index(right, up)];
+                            for component in 0..COMPONENTS {
+                                block[component][component] += weight * first.2 * second.2;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
     /// The control points that satisfy the equations, row by row.
     ///
     /// # Errors
@@ -245,6 +282,24 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// # Panics
     /// Never, if `solver` was made for the same grid.
     pub fn solve(&self, solver: &GridSolver<COMPONENTS>) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
+        let mut solution = [self.right.clone()];
+        self.solve_each(solver, &mut solution)?;
+        let [solution] = solution;
+        Ok(solution)
+    }
+
+    /// Replaces each of several right sides, row by row, by the control points that satisfy the equations with it.
+    ///
+    /// # Errors
+    /// See [`SolveError`]; the residual of every solution is checked.
+    ///
+    /// # Panics
+    /// Never, if `solver` was made for the same grid and each right side is as long as it.
+    pub fn solve_each(
+        &self,
+        solver: &GridSolver<COMPONENTS>,
+        rights: &mut [Vec<[f64; COMPONENTS]>],
+    ) -> Result<(), SolveError> {
         let unknowns = self.right.len() * COMPONENTS;
         assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "the solver is of another grid");
         let mut values = Vec::with_capacity(solver.row_indices.len());
@@ -261,37 +316,48 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         let matrix = SparseColMatRef::new(pattern, &values);
         let factor = Llt::try_new_with_symbolic(solver.symbolic.clone(), matrix, Side::Lower)
             .map_err(|_| SolveError::NotPositiveDefinite { unknowns })?;
-        let mut solution: Vec<f64> = self.right.iter().flatten().copied().collect();
-        factor.solve_in_place(faer::ColMut::from_slice_mut(&mut solution).as_mat_mut());
-        let residual = self.relative_residual(solver, &values, &solution);
-        // The matrix squares the condition of the observations; 1e-7 of the right side is far below 1e-6 mm.
-        if !(residual <= 1e-7) {
-            return Err(SolveError::Inaccurate { unknowns, residual });
+        for right in rights {
+            assert_eq!(right.len(), self.right.len(), "a right side is of another grid");
+            let mut solution: Vec<f64> = right.iter().flatten().copied().collect();
+            factor.solve_in_place(faer::ColMut::from_slice_mut(&mut solution).as_mat_mut());
+            let residual = relative_residual(right, solver, &values, &solution);
+            // The matrix squares the condition of the observations; 1e-7 of the right side is far below 1e-6 mm.
+            if !(residual <= 1e-7) {
+                return Err(SolveError::Inaccurate { unknowns, residual });
+            }
+            for (point, values) in right.iter_mut().zip(solution.chunks_exact(COMPONENTS)) {
+                point.copy_from_slice(values);
+            }
         }
-        let points = solution.chunks_exact(COMPONENTS);
-        Ok(points.map(|point| std::array::from_fn(|component| point[component])).collect())
+        Ok(())
     }
 
     /// How much a solution lowers the weighted sum of squares of the observations.
     pub fn gain(&self, solution: &[[f64; COMPONENTS]]) -> f64 {
         self.right.as_flattened().iter().zip(solution.as_flattened()).map(|(right, x)| right * x).sum()
     }
+}
 
-    fn relative_residual(&self, solver: &GridSolver<COMPONENTS>, values: &[f64], solution: &[f64]) -> f64 {
-        let mut rest: Vec<f64> = self.right.iter().flatten().copied().collect();
-        let scale = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
-        for column in 0..solution.len() {
-            for at in solver.column_starts[column]..solver.column_starts[column + 1] {
-                let row = solver.row_indices[at];
-                rest[row] -= values[at] * solution[column];
-                if row != column {
-                    rest[column] -= values[at] * solution[row];
-                }
+/// ‖Ax − b‖ / ‖b‖ for the lower triangle `values` of A.
+fn relative_residual<const COMPONENTS: usize>(
+    right: &[[f64; COMPONENTS]],
+    solver: &GridSolver<COMPONENTS>,
+    values: &[f64],
+    solution: &[f64],
+) -> f64 {
+    let mut rest: Vec<f64> = right.iter().flatten().copied().collect();
+    let scale = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
+    for column in 0..solution.len() {
+        for at in solver.column_starts[column]..solver.column_starts[column + 1] {
+            let row = solver.row_indices[at];
+            rest[row] -= values[at] * solution[column];
+            if row != column {
+                rest[column] -= values[at] * solution[row];
             }
         }
-        let norm = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if scale == 0.0 { norm } else { norm / scale }
     }
+    let norm = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
+    if scale == 0.0 { norm } else { norm / scale }
 }
 
 impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {

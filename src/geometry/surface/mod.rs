@@ -3,3 +3,4 @@
 pub mod knots;
 pub mod nurbs;
 pub mod fit;
+pub mod scan;

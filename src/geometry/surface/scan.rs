@@ -1,0 +1,278 @@
+//! From a scanner's points to a height field: what looks at the laser, smoothed as far as its noise asks for.
+//!
+//! A point cloud takes the way of a mesh (sampled heights, then [`FittedSurface::of_field`]); its samples are those of
+//! one penalised spline for each surface that it shows. Part and table are smoothed apart, and between them there is
+//! no surface. Chuang, Shape correction for laser marking, 2023, section 4.1.1, filters such a scan by a low pass with
+//! a quarter of the Nyquist frequency as its limit; [`Smoothing::LowPass`] is that filter.
+//!
+//! [`FittedSurface::of_field`]: super::fit::FittedSurface::of_field
+
+use nalgebra::{Point3, Vector2};
+
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
+use crate::geometry::normal_equations::SolveError;
+use crate::geometry::point_cloud::PointCloud;
+use crate::geometry::space::{Extents, View, ViewPoint};
+
+use penalised::Smoothed;
+use visible::{Cells, Region};
+
+mod visible;
+mod penalised;
+
+/// Nodes of the height field along its longer side at most, less one; as many as a mesh gets.
+const MOST_STEPS: f64 = 512.0;
+/// A node needs points on every side that are not further than this, distances between points: so gaps are bridged
+/// and rims are not.
+const REACH: f64 = 3.5;
+/// A node as near to a point as this needs no others, distances between points.
+const AT_POINT: f64 = 0.5;
+
+/// How noise is taken out of a scan.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum Smoothing {
+    /// As much as generalised cross validation finds in the points themselves.
+    #[default]
+    Auto,
+    /// Waves of this length are halved, shorter ones are taken out.
+    LowPass {
+        /// The wavelength, mm.
+        wavelength: f64,
+    },
+    /// Not at all: the surface follows the points. Outliers are dropped nevertheless.
+    None,
+}
+
+/// A smoothed scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SmoothedScan {
+    /// Heights of the smoothed surfaces; walls between two of them.
+    pub field: HeightField,
+    /// What was found in the points.
+    pub quality: ScanQuality,
+}
+
+/// What was found in the points of a scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScanQuality {
+    /// Number of points.
+    pub points: usize,
+    /// Number of points that shaped a surface.
+    pub used: usize,
+    /// Number of points that lie below or behind a surface, or look away from the laser.
+    pub hidden: usize,
+    /// Number of outliers, strays and debris.
+    pub dropped: usize,
+    /// Distance between points in the view, mm.
+    pub spacing: f64,
+    /// Distance between samples of the height field, mm.
+    pub step: f64,
+    /// Separate surfaces, the one with most points first.
+    pub regions: Vec<ScanRegion>,
+}
+
+/// One surface of a scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScanRegion {
+    /// Number of points that shaped it.
+    pub points: usize,
+    /// The rectangle round it in the view, mm.
+    pub extents: Extents,
+    /// Lowest and highest sample, mm.
+    pub heights: [f64; 2],
+    /// Standard deviation of its points from the smoothed surface, mm.
+    pub noise: f64,
+    /// Wavelength that the smoothing halves, mm; nothing without smoothing.
+    pub wavelength: Option<f64>,
+    /// Largest deviation, averaged over neighbouring points, that noise does not explain, mm: an edge that was rounded.
+    pub departure: f64,
+    /// Where that is.
+    pub departure_at: ViewPoint,
+}
+
+/// Why a scan gives no surface.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ScanError {
+    /// There are too few points.
+    #[error("the scan has {points} points that face the laser; a surface needs {needed}")]
+    TooFewPoints {
+        /// Number of points.
+        points: usize,
+        /// Fewest points of a surface.
+        needed: usize,
+    },
+    /// The points lie in one place or in one line as the laser sees them.
+    #[error("the points lie in a strip of {width} x {length} mm as the laser sees them")]
+    NoArea {
+        /// Width of the strip, mm.
+        width: f64,
+        /// Its length, mm.
+        length: f64,
+    },
+    /// No points hang together.
+    #[error("the {points} points of the scan form no surface: neighbours jump in height everywhere")]
+    NoSurface {
+        /// Number of points.
+        points: usize,
+    },
+    /// The equations could not be solved.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+impl Smoothing {
+    /// The wavelength of the thesis' filter, mm: a quarter of the Nyquist frequency of points 2 mm apart.
+    pub const THESIS_WAVELENGTH: f64 = 16.0;
+
+    fn follows_the_points(self) -> bool {
+        !matches!(self, Self::LowPass { .. })
+    }
+}
+
+impl SmoothedScan {
+    /// The surfaces of a scan that look at the laser, smoothed.
+    ///
+    /// Points whose own normals look away are left out; of several surfaces above one another the uppermost counts, as
+    /// far as more than single points show it. Outliers are dropped and small gaps bridged.
+    ///
+    /// # Errors
+    /// When the points are too few, lie in one line, or form no surface; see [`ScanError`].
+    pub fn new(cloud: &PointCloud, view: &View, smoothing: Smoothing) -> Result<Self, ScanError> {
+        let looks_away =
+            |at: usize| cloud.normals().get(at).is_some_and(|&normal| view.vector(normal).z < 0.0);
+        let points = cloud.points().iter().enumerate().filter(|(at, _)| !looks_away(*at));
+        let points: Vec<Point3<f64>> = points.map(|(_, &point)| view.point(point)).collect();
+        let away = cloud.points().len() - points.len();
+        let seen = visible::tell_apart(&points)?;
+        drop(points);
+        let smooth = |region: Region| -> Result<(Region, Smoothed), ScanError> {
+            let smoothed = penalised::smooth(&region, &seen.cells, smoothing)?;
+            Ok((region, smoothed))
+        };
+        let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;
+        let field = sampled(&surfaces, &seen.cells);
+        let regions = surfaces.iter().map(|(region, smoothed)| ScanRegion::new(region, smoothed, smoothing));
+        let regions: Vec<ScanRegion> = regions.collect();
+        let used = regions.iter().map(|region| region.points).sum();
+        let hidden = away + seen.hidden;
+        let quality = ScanQuality {
+            points: cloud.points().len(),
+            used,
+            hidden,
+            dropped: cloud.points().len() - used - hidden,
+            spacing: seen.cells.spacing(),
+            step: field.step(),
+            regions,
+        };
+        Ok(Self { field, quality })
+    }
+}
+
+impl ScanRegion {
+    fn new(region: &Region, smoothed: &Smoothed, smoothing: Smoothing) -> Self {
+        let counted = || region.points.iter().zip(&smoothed.counts).filter(|(_, counts)| **counts);
+        let heights = counted().map(|(point, _)| smoothed.nurbs.height(ViewPoint::new(point.x, point.y)));
+        let widen = |[low, high]: [f64; 2], height: f64| [low.min(height), high.max(height)];
+        Self {
+            points: smoothed.used,
+            extents: Extents::of(counted().map(|(point, _)| point.coords.xy())),
+            heights: heights.fold([f64::INFINITY, f64::NEG_INFINITY], widen),
+            noise: smoothed.noise,
+            wavelength: (smoothing != Smoothing::None).then_some(smoothed.wavelength),
+            departure: smoothed.departure.0,
+            departure_at: smoothed.departure.1,
+        }
+    }
+}
+
+/// The height field of all surfaces: nodes with points of a surface on every side of them.
+fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
+    let counted = |(region, smoothed): &(Region, Smoothed)| {
+        let points = region.points.iter().zip(&smoothed.counts);
+        points.filter(|(_, counts)| **counts).map(|(point, _)| point.coords.xy()).collect::<Vec<_>>()
+    };
+    let placed: Vec<Vec<Vector2<f64>>> = surfaces.iter().map(counted).collect();
+    let extents = Extents::of(placed.iter().flatten().copied());
+    let longer = extents.size().max();
+    // Two samples to a knot distance, as the fit takes them; but not more of them than a mesh gets.
+    let knots = surfaces.iter().map(|(_, smoothed)| smoothed.nurbs.knots().0.step());
+    let step = (knots.fold(f64::INFINITY, f64::min) / 2.0).max(longer / MOST_STEPS);
+    let first = (extents.min / step).map(f64::floor);
+    let last = (extents.max / step).map(f64::ceil);
+    let (columns, rows) = ((last.x - first.x) as usize + 1, (last.y - first.y) as usize + 1);
+    let origin = first * step;
+
+    let mut nodes = vec![Node::Empty; columns * rows];
+    let mut owners = vec![usize::MAX; columns * rows];
+    let mut sides = vec![0u8; columns * rows];
+    let spacing = cells.spacing();
+    for (owner, ((_, smoothed), points)) in surfaces.iter().zip(&placed).enumerate() {
+        sides.fill(0);
+        for point in points {
+            mark_sides(&mut sides, (point - origin) / step, [columns, rows], spacing / step);
+        }
+        for (index, _) in sides.iter().enumerate().filter(|(_, sides)| **sides == 0b1111) {
+            let at = origin + Vector2::new((index % columns) as f64, (index / columns) as f64) * step;
+            let jet = smoothed.nurbs.jet(at.into());
+            let node = match jet.tilt() <= STEEPEST_SURFACE {
+                true => Node::Surface(jet.height),
+                false => Node::Wall(jet.height),
+            };
+            if height(nodes[index]).is_none_or(|other| other < jet.height) {
+                (nodes[index], owners[index]) = (node, owner);
+            }
+        }
+    }
+    separate(&mut nodes, &owners, columns);
+    HeightField::new(origin, step, columns.max(2), rows.max(2), nodes)
+        .expect("a surface of 64 points that are not in line has columns and rows")
+}
+
+/// Notes at the nodes round a point, given in steps of the grid, on which side of them it lies: one bit for each
+/// quadrant.
+fn mark_sides(sides: &mut [u8], point: Vector2<f64>, [columns, rows]: [usize; 2], spacing: f64) {
+    let reach = (REACH * spacing).max(1.0);
+    let range = |at: f64, count: usize| {
+        let from = (at - reach).ceil().max(0.0) as usize;
+        let to = ((at + reach).floor() + 1.0).clamp(0.0, count as f64) as usize;
+        from..to
+    };
+    for row in range(point.y, rows) {
+        for column in range(point.x, columns) {
+            let away = point - Vector2::new(column as f64, row as f64);
+            let distance = away.norm();
+            let side = &mut sides[row * columns + column];
+            if distance <= AT_POINT * spacing {
+                *side = 0b1111;
+            } else if distance <= reach {
+                let (is_right, is_up) = (away.x >= 0.0, away.y >= 0.0);
+                *side |= 1 << (usize::from(is_right) + 2 * usize::from(is_up));
+            }
+        }
+    }
+}
+
+/// Where two surfaces meet there is a cliff, and no surface on either side of it.
+fn separate(nodes: &mut [Node], owners: &[usize], columns: usize) {
+    let mut wall = |first: usize, second: usize| {
+        let (Some(a), Some(b)) = (height(nodes[first]), height(nodes[second])) else { return };
+        if owners[first] != owners[second] {
+            (nodes[first], nodes[second]) = (Node::Wall(a), Node::Wall(b));
+        }
+    };
+    for index in 0..owners.len() {
+        if index % columns + 1 < columns {
+            wall(index, index + 1);
+        }
+        if index + columns < owners.len() {
+            wall(index, index + columns);
+        }
+    }
+}
+
+fn height(node: Node) -> Option<f64> {
+    match node {
+        Node::Empty => None,
+        Node::Wall(height) | Node::Surface(height) => Some(height),
+    }
+}

@@ -1,0 +1,378 @@
+//! Which points of a scan belong to surfaces that look at the laser, and to which one.
+//!
+//! The view is divided into square cells a little wider than the points lie apart. In every cell the uppermost points
+//! that their neighbourhood confirms are seen, what lies below them is hidden, and single points above are strays.
+//! Neighbouring cells belong to one region unless the height jumps between them: part and table, or two floors, are
+//! smoothed apart.
+
+use nalgebra::{Matrix2, Point3, Vector2};
+
+use super::ScanError;
+use crate::geometry::height_field::STEEPEST_SURFACE;
+use crate::geometry::space::Extents;
+
+/// Side of a cell in distances between points: any square lattice then has a point in every cell.
+const CELL: f64 = 1.5;
+/// Share of the points that may lie far outside at every side.
+const FAR: f64 = 0.01;
+/// Share of the neighbours of occupied cells that must be occupied too; else cells are widened. A small disc has 0.75.
+const FILLED: f64 = 0.7;
+/// Share of the points round a point that must lie near its height.
+const SUPPORT: f64 = 0.15;
+/// Fewest points of a region.
+pub(super) const FEWEST_POINTS: usize = 64;
+/// Most regions; smaller ones are debris.
+const MOST_REGIONS: usize = 16;
+/// Heights that scatter by more than this about their neighbours are no surface, sides of a cell.
+const ROUGHEST: f64 = 4.0;
+/// Deviations beyond this many standard deviations are no noise.
+const BEYOND_NOISE: f64 = 6.0;
+
+/// Square cells over the view with the points in each, the uppermost first.
+pub(super) struct Cells {
+    side: f64,
+    columns: usize,
+    rows: usize,
+    starts: Vec<usize>,
+    order: Vec<u32>,
+}
+
+/// Points of one surface, with those that may belong to it.
+pub(super) struct Region {
+    /// The points, mm.
+    pub(super) points: Vec<Point3<f64>>,
+    /// The cell of each.
+    pub(super) cells: Vec<usize>,
+    /// Whether the point certainly lies on the surface; the others are held against the fit.
+    pub(super) trusted: Vec<bool>,
+}
+
+/// The points of a scan, told apart.
+pub(super) struct Seen {
+    /// Surfaces that look at the laser, the one with most points first.
+    pub(super) regions: Vec<Region>,
+    pub(super) cells: Cells,
+    /// Number of points below a surface.
+    pub(super) hidden: usize,
+}
+
+/// What is known of a cell.
+#[derive(Clone, Copy)]
+struct Cell {
+    /// Height of the surface in it, mm; not a number in an empty cell.
+    height: f64,
+    /// Its slope, never larger than on its flatter side.
+    slope: f64,
+}
+
+impl Cells {
+    /// Distance between points, mm.
+    pub(super) fn spacing(&self) -> f64 {
+        self.side / CELL
+    }
+
+    /// Side of a cell, mm.
+    pub(super) fn side(&self) -> f64 {
+        self.side
+    }
+
+    /// Longer side of all cells together, mm.
+    pub(super) fn longer(&self) -> f64 {
+        self.side * self.columns.max(self.rows) as f64
+    }
+
+    /// Number of cells.
+    pub(super) fn count(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    fn points(&self, cell: usize) -> &[u32] {
+        &self.order[self.starts[cell]..self.starts[cell + 1]]
+    }
+
+    /// The cell `right` columns and `up` rows away.
+    fn neighbour(&self, cell: usize, right: isize, up: isize) -> Option<usize> {
+        let column = (cell % self.columns).checked_add_signed(right).filter(|&at| at < self.columns)?;
+        let row = (cell / self.columns).checked_add_signed(up).filter(|&at| at < self.rows)?;
+        Some(row * self.columns + column)
+    }
+
+    /// A cell and the eight round it, as far as there are any.
+    pub(super) fn window(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let offsets = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up)));
+        offsets.filter_map(move |(right, up)| self.neighbour(cell, right, up))
+    }
+}
+
+/// Tells the points apart, which are given as the laser sees them.
+pub(super) fn tell_apart(points: &[Point3<f64>]) -> Result<Seen, ScanError> {
+    if points.len() < FEWEST_POINTS {
+        return Err(ScanError::TooFewPoints { points: points.len(), needed: FEWEST_POINTS });
+    }
+    let extents = middle(points);
+    let inside: Vec<u32> =
+        (0..points.len() as u32).filter(|&at| extents.contains(points[at as usize].coords.xy())).collect();
+    has_area(points, &inside)?;
+    let cells = cells(points, inside);
+
+    let tops = |cell: usize| cells.points(cell).first().map_or(f64::NAN, |&at| points[at as usize].z);
+    let noise = roughness(&cells, &(0..cells.count()).map(tops).collect::<Vec<_>>());
+    if !(noise <= ROUGHEST * cells.side) {
+        return Err(ScanError::NoSurface { points: points.len() });
+    }
+    let surface_tops: Vec<f64> =
+        (0..cells.count()).map(|cell| supported_top(&cells, points, cell, noise)).collect();
+    let mut hidden = vec![false; points.len()];
+    let mut known = Vec::with_capacity(cells.count());
+    let mut seen = Vec::new();
+    for cell in 0..cells.count() {
+        let top = surface_tops[cell];
+        let [along, across] = slopes(&cells, &surface_tops, cell);
+        let lowest = top - (1.25 * (along + across) + 0.3) * cells.side - BEYOND_NOISE * noise;
+        seen.clear();
+        for &at in cells.points(cell) {
+            let height = points[at as usize].z;
+            if height < lowest {
+                hidden[at as usize] = true;
+            } else if height <= top {
+                seen.push(height);
+            }
+        }
+        known.push(seen.get(seen.len() / 2).copied().unwrap_or(f64::NAN));
+    }
+    let surface: Vec<Cell> = (0..cells.count())
+        .map(|cell| Cell {
+            height: known[cell],
+            slope: slopes(&cells, &known, cell).map(|s| s * s).iter().sum::<f64>().sqrt(),
+        })
+        .collect();
+    let labels = connected(&cells, &surface, noise);
+    let regions = regions(&cells, points, &labels, &surface_tops, &hidden);
+    if regions.is_empty() {
+        return Err(ScanError::NoSurface { points: points.len() });
+    }
+    let hidden = hidden.iter().filter(|hidden| **hidden).count();
+    Ok(Seen { regions, cells, hidden })
+}
+
+/// The rectangle that holds all points but a few far ones, with as much again on every side.
+fn middle(points: &[Point3<f64>]) -> Extents {
+    let rank = (points.len() as f64 * FAR) as usize;
+    let between = |axis: usize| {
+        let mut values: Vec<f64> = points.iter().map(|point| point[axis]).collect();
+        let low = *values.select_nth_unstable_by(rank, f64::total_cmp).1;
+        let high = *values.select_nth_unstable_by(points.len() - 1 - rank, f64::total_cmp).1;
+        [low - (high - low) / 2.0, high + (high - low) / 2.0]
+    };
+    let ([left, right], [bottom, top]) = (between(0), between(1));
+    Extents::of([Vector2::new(left, bottom), Vector2::new(right, top)])
+}
+
+/// Refuses points in one place or in one line.
+fn has_area(points: &[Point3<f64>], inside: &[u32]) -> Result<(), ScanError> {
+    let at = |index: &u32| points[*index as usize].coords.xy();
+    let mean = inside.iter().map(at).sum::<Vector2<f64>>() / inside.len() as f64;
+    let spread = inside.iter().map(|index| (at(index) - mean) * (at(index) - mean).transpose());
+    let spread = spread.sum::<Matrix2<f64>>() / inside.len() as f64;
+    let deviations = spread.symmetric_eigenvalues().map(|square| square.max(0.0).sqrt());
+    // An even distribution reaches √3 deviations to both sides.
+    let [width, length] = [deviations.min(), deviations.max()].map(|deviation| 2.0 * 3f64.sqrt() * deviation);
+    if width > length * 1e-3 && length > 1e-2 { Ok(()) } else { Err(ScanError::NoArea { width, length }) }
+}
+
+/// The points in cells so wide that few of them are empty between points.
+fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
+    let extents = Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9);
+    let (size, count) = (extents.size(), inside.len() as f64);
+    let grid = |side: f64| ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
+    let cell_of = |side: f64, columns: usize, at: u32| {
+        let place = (points[at as usize].coords.xy() - extents.min) / side;
+        place.y as usize * columns + place.x as usize
+    };
+    let occupied = |side: f64| {
+        let (columns, rows) = grid(side);
+        let mut occupied = vec![false; columns * rows];
+        inside.iter().for_each(|&at| occupied[cell_of(side, columns, at)] = true);
+        (occupied, columns, rows)
+    };
+    let mut side = CELL * (size.x * size.y / count).sqrt();
+    loop {
+        let filled = occupied(side).0.iter().filter(|occupied| **occupied).count() as f64;
+        let finer = CELL * side * (filled / count).sqrt();
+        let (columns, rows) = grid(finer);
+        if finer > 0.9 * side || columns.saturating_mul(rows) > 8 * inside.len() + 1000 {
+            break;
+        }
+        side = finer;
+    }
+    loop {
+        let (occupied, columns, rows) = occupied(side);
+        let (mut neighbours, mut filled) = (0usize, 0usize);
+        for row in 1..rows.saturating_sub(1) {
+            for column in 1..columns.saturating_sub(1) {
+                let at = row * columns + column;
+                if occupied[at] {
+                    neighbours += 4;
+                    let round = [at - 1, at + 1, at - columns, at + columns];
+                    filled += round.iter().filter(|&&cell| occupied[cell]).count();
+                }
+            }
+        }
+        if filled as f64 >= FILLED * neighbours as f64 {
+            break;
+        }
+        side *= 1.25;
+    }
+    let (columns, rows) = grid(side);
+    let mut starts = vec![0; columns * rows + 1];
+    inside.iter().for_each(|&at| starts[cell_of(side, columns, at) + 1] += 1);
+    (0..columns * rows).for_each(|cell| starts[cell + 1] += starts[cell]);
+    let (mut next, mut order) = (starts.clone(), vec![0; inside.len()]);
+    for at in inside {
+        let cell = cell_of(side, columns, at);
+        order[next[cell]] = at;
+        next[cell] += 1;
+    }
+    for cell in 0..columns * rows {
+        let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
+        order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
+    }
+    Cells { side, columns, rows, starts, order }
+}
+
+/// A robust measure of how far heights deviate from the middle of their neighbours, mm: no less than the noise.
+fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
+    let mut deviations = Vec::new();
+    for cell in 0..cells.count() {
+        for (right, up) in [(1, 0), (0, 1)] {
+            let before = cells.neighbour(cell, -right, -up);
+            let (Some(before), Some(after)) = (before, cells.neighbour(cell, right, up)) else { continue };
+            let deviation = heights[cell] - (heights[before] + heights[after]) / 2.0;
+            if deviation.is_finite() {
+                deviations.push(deviation.abs());
+            }
+        }
+    }
+    // Of three independent values of deviation 1, this combination has √1.5.
+    median(&mut deviations).map_or(0.0, |median| median * TO_DEVIATION / 1.5f64.sqrt())
+}
+
+/// Median of the absolute values of a normal distribution to its standard deviation.
+pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
+
+/// The upper median; nothing of no values.
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The uppermost point of a cell that enough points round it are near to; not a number if there is none.
+fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64) -> f64 {
+    let near = 1.2 * cells.side + BEYOND_NOISE * noise;
+    let around: usize = cells.window(cell).map(|cell| cells.points(cell).len()).sum();
+    let needed = (SUPPORT * around as f64).max(2.0);
+    let height = |at: u32| points[at as usize].z;
+    let is_supported = |&top: &f64| {
+        let supporters = cells.window(cell).map(|cell| {
+            let inside = cells.points(cell);
+            let above = inside.partition_point(|&at| height(at) > top + near);
+            inside.partition_point(|&at| height(at) >= top - near) - above
+        });
+        // The point finds itself too.
+        supporters.sum::<usize>() as f64 > needed
+    };
+    cells.points(cell).iter().map(|&at| height(at)).find(is_supported).unwrap_or(f64::NAN)
+}
+
+/// Slopes along x and y, each on the flatter side, so that a cliff beside the cell does not count; 0 if unknown.
+fn slopes(cells: &Cells, heights: &[f64], cell: usize) -> [f64; 2] {
+    [(1, 0), (0, 1)].map(|(right, up)| {
+        let sides = [(right, up), (-right, -up)];
+        let climbs = sides.into_iter().filter_map(|(right, up)| {
+            let climb = heights[cells.neighbour(cell, right, up)?] - heights[cell];
+            climb.is_finite().then(|| climb.abs() / cells.side)
+        });
+        climbs.reduce(f64::min).unwrap_or(0.0)
+    })
+}
+
+/// A number for each cell, from 1: cells of one surface have the same; 0 for cells without one.
+fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
+    // As between nodes of a height field: a smooth surface climbs no faster than its slopes, with room for curvature;
+    // than the smaller one, because an outlier is steep on all sides.
+    let joined = |a: Cell, b: Cell, distance: f64| {
+        let slope = a.slope.min(b.slope).min(STEEPEST_SURFACE.tan());
+        let climb = (2.0 * slope + 1.0) * distance * cells.side;
+        (a.height - b.height).abs() <= climb + BEYOND_NOISE * noise
+    };
+    let mut labels = vec![0; surface.len()];
+    let (mut last, mut open) = (0, Vec::new());
+    for start in 0..surface.len() {
+        if labels[start] != 0 || surface[start].height.is_nan() {
+            continue;
+        }
+        last += 1;
+        labels[start] = last;
+        open.push(start);
+        while let Some(cell) = open.pop() {
+            for (right, up) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
+                let near = cells.neighbour(cell, right, up).map(|near| (near, 1.0));
+                // An empty cell is a missing point, not a border.
+                let next = near
+                    .filter(|(near, _)| !surface[*near].height.is_nan())
+                    .or_else(|| cells.neighbour(cell, 2 * right, 2 * up).map(|far| (far, 2.0)));
+                let Some((next, distance)) = next else { continue };
+                if labels[next] == 0 && joined(surface[cell], surface[next], distance) {
+                    labels[next] = last;
+                    open.push(next);
+                }
+            }
+        }
+    }
+    labels
+}
+
+/// The regions with enough points, the largest first, each with the doubtful points in and beside its cells.
+fn regions(
+    cells: &Cells,
+    points: &[Point3<f64>],
+    labels: &[u32],
+    tops: &[f64],
+    hidden: &[bool],
+) -> Vec<Region> {
+    let trusted = |cell: usize, at: u32| !hidden[at as usize] && points[at as usize].z <= tops[cell];
+    let mut sizes = vec![(0usize, 0u32); labels.iter().max().map_or(0, |most| *most as usize + 1)];
+    for cell in 0..cells.count() {
+        let size = &mut sizes[labels[cell] as usize];
+        *size = (size.0 + cells.points(cell).iter().filter(|at| trusted(cell, **at)).count(), labels[cell]);
+    }
+    let mut largest: Vec<(usize, u32)> =
+        sizes.into_iter().filter(|(size, label)| *label != 0 && *size >= FEWEST_POINTS).collect();
+    largest.sort_by_key(|(size, label)| (std::cmp::Reverse(*size), *label));
+    largest.truncate(MOST_REGIONS);
+    let mut place = vec![usize::MAX; labels.iter().max().map_or(0, |most| *most as usize + 1)];
+    for (index, (_, label)) in largest.iter().enumerate() {
+        place[*label as usize] = index;
+    }
+    let region = |_| Region { points: Vec::new(), cells: Vec::new(), trusted: Vec::new() };
+    let mut regions: Vec<Region> = largest.iter().map(region).collect();
+    for cell in 0..cells.count() {
+        let own = place[labels[cell] as usize];
+        // A cell of debris is held against the largest surface beside it.
+        let nearest = || cells.window(cell).map(|near| place[labels[near] as usize]).min();
+        let index = if own == usize::MAX { nearest().unwrap_or(own) } else { own };
+        let Some(region) = regions.get_mut(index) else { continue };
+        let mut last = None;
+        for &at in cells.points(cell) {
+            let point = points[at as usize];
+            // The same point twice is one measurement.
+            if hidden[at as usize] || last.replace(point) == Some(point) {
+                continue;
+            }
+            region.points.push(point);
+            region.cells.push(cell);
+            region.trusted.push(own != usize::MAX && trusted(cell, at));
+        }
+    }
+    regions
+}
