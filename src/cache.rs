@@ -405,7 +405,7 @@ mod tests {
                 Err(io::ErrorKind::NotFound.into())
             })
             .unwrap();
-        let part = FacingPart::new(&reading.mesh, &View::top());
+        let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
         let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
         let origin = PartOrigin { file: "saddle.obj".into(), blake3: "00".into() };
         CachedSurface { origin, facts: reading.facts, surface }

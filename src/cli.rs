@@ -7,9 +7,10 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
-use crate::config::{ConfigError, PatternSettings, Sku, Station};
+use crate::config::{ConfigError, LOW_PASS, PatternSettings, Sku, Smoothing, Station};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
+use crate::geometry::surface::scan;
 use crate::reason::Reason;
 
 mod cache;
@@ -78,6 +79,35 @@ impl MeaningArguments {
         }
         to.picture.threshold = self.threshold.unwrap_or(to.picture.threshold);
         to.picture.inverted |= self.invert;
+    }
+}
+
+/// How a scan becomes a surface.
+#[derive(Debug, Args)]
+struct ScanArguments {
+    /// How noise is taken out of a scan: auto (as much as the points ask for, default), low-pass or none.
+    #[arg(long, value_name = "HOW", help_heading = "Part and drawing")]
+    smoothing: Option<Smoothing>,
+    /// Waves of this length are halved and shorter ones taken out, mm; with `--smoothing low-pass`, default 16.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing")]
+    low_pass: Option<f64>,
+}
+
+impl ScanArguments {
+    /// The smoothing, if it was given.
+    fn smoothing(&self) -> Result<Option<scan::Smoothing>, Failure> {
+        let named = self.smoothing.or(self.low_pass.map(|_| Smoothing::LowPass));
+        match self.low_pass {
+            Some(wavelength) if !LOW_PASS.contains(&wavelength) => Err(Failure::usage(
+                format!("A low pass of {wavelength} mm makes no sense."),
+                format!("Give `--low-pass` between {} and {} mm.", LOW_PASS.start(), LOW_PASS.end()),
+            )),
+            Some(_) if named != Some(Smoothing::LowPass) => Err(Failure::usage(
+                "`--low-pass` means nothing with another smoothing.",
+                "Leave out one of `--smoothing` and `--low-pass`.",
+            )),
+            wavelength => Ok(named.map(|named| named.with_wavelength(wavelength))),
+        }
     }
 }
 

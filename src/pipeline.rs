@@ -17,21 +17,23 @@ use crate::diff;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions};
 use crate::formats::pattern::{self, DxfProfile, PatternOptions, PatternReading};
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
-use crate::geometry::height_field::FacingPart;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
-use crate::geometry::space::{FlatPoint, View, ViewPoint};
+use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::reason::{Notice, Reason};
 use crate::report::{self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory};
 use crate::report::{PlacementStory, Quality, Report, Timing};
 
+mod scan;
 mod checks;
 mod picture;
+
+pub use scan::surface_of;
 
 /// A part file in memory, with a way to the files beside it.
 pub struct PartInput<'a> {
@@ -135,12 +137,11 @@ impl Pipeline {
         }
         let format = MeshFormat::from_name(part.name).ok_or_else(|| unknown_part_format(part.name))?;
         let options = MeshOptions { unit: settings.unit, up: settings.up };
-        let reading = mesh::read(part.bytes, format, &options, part.sibling)
+        let mut reading = mesh::read(part.bytes, format, &options, part.sibling)
             .map_err(|error| error.reason().in_file(part.name))?;
         clock.lap("read part");
-        let facing = FacingPart::new(&reading.mesh, &View::new(settings.facing, settings.roll));
-        let surface = FittedSurface::of_part(&facing, &self.fit)
-            .map_err(|error| checks::fit_reason(&error, settings).in_file(part.name))?;
+        let surface = surface_of(&reading.shape, &mut reading.facts, settings, &self.fit)
+            .map_err(|reason| reason.in_file(part.name))?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
         if let Some(cache) = &self.cache {
@@ -368,7 +369,7 @@ fn unknown_part_format(name: &str) -> Reason {
     Reason::new(
         "part-format-unknown",
         format!("\"{name}\" is no part that can be read."),
-        "Export the part as .glb, .gltf or .obj.",
+        format!("Export the part or scan as {}.", MeshFormat::ENDINGS),
     )
     .in_file(name)
 }

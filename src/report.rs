@@ -433,6 +433,9 @@ impl Report {
             self.part.residual.under_ink_mm,
             self.exposure.incidence_deg,
         );
+        if let Some(scan) = &self.part.facts.scan {
+            text += &format!(" The part is a scan: {}.", scan.summary());
+        }
         for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
             text += &format!("\n  warning: {}", notice.message);
         }

@@ -234,7 +234,7 @@ fn what_lies_there_at_the_start_is_done_and_counted() {
     line.drop("a.dxf", "pattern");
     line.drop("a.glb", "part");
     line.drop("b.dxf", "pattern");
-    line.drop("c.stl", "unknown");
+    line.drop("c.step", "unknown");
     line.drop("d.bin", "lonely");
     line.drop(".hidden.dxf", "not ours");
     fs::write(line.path("hot/e.glb"), "half a pa").unwrap();

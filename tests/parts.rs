@@ -32,10 +32,10 @@ fn read(name: &str) -> PartReading {
 /// Enclosed volume, mm³; positive if the triangles turn counter-clockwise seen from outside.
 fn volume(part: &PartReading) -> f64 {
     let of = |corners| {
-        let [a, b, c] = part.mesh.corners(corners);
+        let [a, b, c] = part.shape.mesh().unwrap().corners(corners);
         a.coords.dot(&b.coords.cross(&c.coords)) / 6.0
     };
-    part.mesh.triangles().iter().map(|&corners| of(corners)).sum()
+    part.shape.mesh().unwrap().triangles().iter().map(|&corners| of(corners)).sum()
 }
 
 /// True extents and volume, mm and mm³, from `truth.json`.
@@ -110,14 +110,14 @@ fn cad_parts_are_read_at_their_true_place_and_size() {
         let facts = &part.facts;
         assert_eq!((facts.unit.value, facts.up.value), (unit, up), "{name}");
         assert_eq!((facts.triangles, facts.normals), (triangles, normals), "{name}");
-        assert_eq!(part.mesh.normals().is_empty(), normals == FacetsOnly, "{name}");
+        assert_eq!(part.shape.mesh().unwrap().normals().is_empty(), normals == FacetsOnly, "{name}");
         assert!(!facts.unit.why.is_empty() && !facts.up.why.is_empty(), "{name}");
         assert!(facts.producer.is_some(), "{name}");
 
         // Exported with unit CM, which no reader can know, this can is ten times too large.
         let scale = if name.ends_with("-cm.gltf") { 10.0 } else { 1.0 };
         let (true_min, true_max, true_volume) = truth(name.split('/').next().unwrap());
-        let (min, max) = part.mesh.bounds();
+        let (min, max) = part.shape.mesh().unwrap().bounds();
         for axis in 0..3 {
             let off =
                 (min[axis] - scale * true_min[axis]).abs().max((max[axis] - scale * true_max[axis]).abs());
@@ -195,8 +195,8 @@ fn a_mirrored_plate_faces_where_blender_says() {
     let facing = nalgebra::Vector3::new(30f64.to_radians().cos(), 30f64.to_radians().sin(), 0.0);
     for name in ["vessel/bl52-native-apply.glb", "vessel/bl34-native.glb", "vessel/bl52-native.obj"] {
         let part = read(name);
-        let plates = part.mesh.triangles().iter().filter_map(|&corners| {
-            let [a, b, c] = part.mesh.corners(corners);
+        let plates = part.shape.mesh().unwrap().triangles().iter().filter_map(|&corners| {
+            let [a, b, c] = part.shape.mesh().unwrap().corners(corners);
             let from_axis = (a.coords - nalgebra::Vector3::new(100.0, 50.0, a.z)).dot(&facing).abs();
             // The hidden plate of the glTF files lies on the ground.
             (from_axis > 49.9 && a.z > 20.0).then(|| (b - a).cross(&(c - a)).normalize())
@@ -224,7 +224,9 @@ fn bodies_and_materials_keep_their_names() {
 fn placements_that_the_export_lost_stay_lost() {
     // The badge alone sits at the origin; the Arch export has the container's placement, the others have not.
     let badge = read("assembly/fc020-gui-badge.glb");
-    assert!((badge.facts.size[0] - 40.0).abs() < 1e-3 && badge.mesh.bounds().0.z.abs() < 1e-3);
+    assert!(
+        (badge.facts.size[0] - 40.0).abs() < 1e-3 && badge.shape.mesh().unwrap().bounds().0.z.abs() < 1e-3
+    );
     let arch = read("assembly/fc020-gui-arch.obj").facts.size;
     assert!((arch[0] - 88.406).abs() < 1e-2 && (arch[1] - 67.193).abs() < 1e-2, "{arch:?}");
 }

@@ -6,8 +6,8 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::{
-    Failure, MeaningArguments, Outcome, cache_of, file_trouble, name_of, parse_sku, print, read_file,
-    sibling_of, tell, write_file,
+    Failure, MeaningArguments, Outcome, ScanArguments, cache_of, file_trouble, name_of, parse_sku, print,
+    read_file, sibling_of, tell, write_file,
 };
 use crate::config::{Anchor, JobSettings, LiveSettings, Method, Sku, Vertices, Weighting, parse_facing};
 use crate::files::read_if_there;
@@ -25,7 +25,7 @@ const CORRECTION: &str = "Correction";
     override_usage = "isomark correct [OPTIONS] --out <OUT.dxf> <PART> <PATTERN>\n       isomark correct [OPTIONS] --out <OUT.dxf> --sku <SKU> <PATTERN>"
 )]
 pub(super) struct CorrectArguments {
-    /// The part (.glb, .gltf, .obj) and the drawing (.dxf, .png, .bmp); the part may be left out for a SKU whose surface is kept.
+    /// The part (.glb, .gltf, .obj, .stl, .ply), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .png, .bmp); the part may be left out for a SKU whose surface is kept.
     #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
     inputs: Vec<PathBuf>,
     /// The corrected drawing to write.
@@ -63,6 +63,8 @@ pub(super) struct CorrectArguments {
     rotate: Option<f64>,
     #[command(flatten)]
     meaning: MeaningArguments,
+    #[command(flatten)]
+    scan: ScanArguments,
     /// The layers that are marked; others are carried along without counting as ink. Default: all.
     #[arg(long, value_name = "A,B", help_heading = INPUT, value_delimiter = ',')]
     ink_layers: Option<Vec<String>>,
@@ -177,6 +179,7 @@ impl CorrectArguments {
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
         settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
         settings.part.up = self.meaning.part_up.or(settings.part.up);
+        settings.part.smoothing = self.scan.smoothing()?.unwrap_or(settings.part.smoothing);
         self.meaning.apply(&mut settings.pattern);
         if self.ink_layers.is_some() {
             settings.pattern.ink_layers.clone_from(&self.ink_layers);

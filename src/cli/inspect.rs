@@ -6,22 +6,30 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, MeaningArguments, Outcome, name_of, print, read_file, sibling_of};
-use crate::config::PatternSettings;
-use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts};
+use super::{Failure, MeaningArguments, Outcome, ScanArguments, name_of, print, read_file, sibling_of};
+use crate::config::{PartSettings, PatternSettings, parse_facing};
+use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, Shape};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions};
 use crate::geometry::pattern::Pattern;
-use crate::reason::{Notice, Severity};
+use crate::geometry::space::Facing;
+use crate::geometry::surface::fit::FitOptions;
+use crate::pipeline::surface_of;
+use crate::reason::{Notice, Reason, Severity};
 
 /// Entities that were not taken over are listed one by one up to this number.
 const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// A part (.glb, .gltf, .obj) or a drawing (.dxf, .png, .bmp).
+    /// A part (.glb, .gltf, .obj, .stl, .ply), a scan (.ply, .xyz, .csv, .txt) or a drawing (.dxf, .png, .bmp).
     file: PathBuf,
     #[command(flatten)]
     meaning: MeaningArguments,
+    /// The side of a scanned part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
+    #[arg(long, value_name = "SIDE", allow_hyphen_values = true, value_parser = parse_facing)]
+    facing: Option<Facing>,
+    #[command(flatten)]
+    scan: ScanArguments,
     /// Prints what was found as JSON.
     #[arg(long)]
     pub(super) json: bool,
@@ -42,8 +50,22 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
             let options = MeshOptions { unit: arguments.meaning.part_unit, up: arguments.meaning.part_up };
-            let reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
+            let mut reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
+            if matches!(reading.shape, Shape::Scan(_)) {
+                let mut settings = PartSettings {
+                    smoothing: arguments.scan.smoothing()?.unwrap_or_default(),
+                    ..PartSettings::default()
+                };
+                settings.facing = arguments.facing.unwrap_or(settings.facing);
+                let fitted =
+                    surface_of(&reading.shape, &mut reading.facts, &settings, &FitOptions::default());
+                // What the file holds is told even where it makes no surface.
+                let unfit = |reason: Reason| {
+                    Notice::warning(&reason.code, format!("{} {}", reason.what, reason.remedy))
+                };
+                reading.facts.notices.extend(fitted.err().map(unfit));
+            }
             let text = part_text(&name, &reading.facts);
             (Inspection::Part(reading.facts), text)
         }
@@ -80,13 +102,10 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
     line(&mut text, "up", &format!("{}, because {}", facts.up.value, facts.up.why));
     line(&mut text, "format", &facts.format.to_string());
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
-    line(&mut text, "mesh", &format!("{} triangles, {} vertices", facts.triangles, facts.vertices));
-    let normals = match facts.normals {
-        NormalsFound::Smooth => "follow the surface",
-        NormalsFound::FacetsOnly => "only repeat the facets; better ones are estimated from the mesh",
-        NormalsFound::None => "none; they are estimated from the mesh",
-    };
-    line(&mut text, "normals", normals);
+    match facts.triangles {
+        0 => scan_lines(&mut text, facts),
+        triangles => mesh_lines(&mut text, facts, triangles),
+    }
     for (label, names) in
         [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.not_taken)]
     {
@@ -96,6 +115,37 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
     }
     notices(&mut text, &facts.notices);
     text
+}
+
+fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {
+    line(text, "mesh", &format!("{triangles} triangles, {} vertices", facts.vertices));
+    let normals = match facts.normals {
+        NormalsFound::Smooth => "follow the surface",
+        NormalsFound::FacetsOnly => "only repeat the facets; better ones are estimated from the mesh",
+        NormalsFound::None => "none; they are estimated from the mesh",
+    };
+    line(text, "normals", normals);
+}
+
+fn scan_lines(text: &mut String, facts: &PartFacts) {
+    line(text, "scan", &format!("{} points", facts.vertices));
+    let Some(scan) = &facts.scan else { return };
+    line(text, "used", &format!("{} ({} hidden, {} outliers)", scan.used, scan.hidden, scan.dropped));
+    line(text, "spacing", &format!("{:.3} mm, sampled every {:.3} mm", scan.spacing_mm, scan.grid_step_mm));
+    for (surface, number) in scan.surfaces.iter().zip(1..) {
+        let label = if scan.surfaces.len() == 1 { "surface".to_owned() } else { format!("surface {number}") };
+        let ([left, bottom, right, top], [low, high]) = (surface.extents_mm, surface.heights_mm);
+        let smoothing = match surface.wavelength_mm {
+            Some(wavelength) => format!("smoothing {wavelength:.1} mm"),
+            None => "not smoothed".into(),
+        };
+        let said = format!(
+            "{} points, noise {:.4} mm, {smoothing}; x {left:.1} to {right:.1}, y {bottom:.1} to {top:.1}, z {low:.2} to \
+             {high:.2} mm",
+            surface.points, surface.noise_mm
+        );
+        line(text, &label, &said);
+    }
 }
 
 fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::text::{listed, nearest};
 use crate::geometry::space::Facing;
+use crate::geometry::surface::scan;
 
 /// A name that is none of the choices.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -106,6 +107,32 @@ choices! {
         Adaptive = "adaptive",
         /// Exactly the drawing's own, to compare with other tools.
         Keep = "keep",
+    }
+}
+
+choices! {
+    /// How noise is taken out of a scan.
+    Smoothing, "smoothing" {
+        /// As much as the points themselves ask for.
+        #[default]
+        Auto = "auto",
+        /// Waves shorter than a set length go.
+        LowPass = "low-pass",
+        /// Not at all.
+        None = "none",
+    }
+}
+
+impl Smoothing {
+    /// The smoothing with the wavelength (mm) that a low pass takes; without one, that of the thesis.
+    pub fn with_wavelength(self, wavelength: Option<f64>) -> scan::Smoothing {
+        match self {
+            Self::Auto => scan::Smoothing::Auto,
+            Self::None => scan::Smoothing::None,
+            Self::LowPass => scan::Smoothing::LowPass {
+                wavelength: wavelength.unwrap_or(scan::Smoothing::THESIS_WAVELENGTH),
+            },
+        }
     }
 }
 

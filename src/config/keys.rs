@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting, parse_facing};
+use super::choices::{DxfVersion, FieldOrigin, Method, Smoothing, Vertices, Weighting, parse_facing};
 use super::error::ConfigError;
 use super::settings::{Anchor, Field, IncidenceLimits, JobSettings};
 use super::text::SettingsText;
@@ -12,9 +12,13 @@ use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
+use crate::geometry::surface::scan;
 
 /// A coordinate no station reaches, mm; beyond it a unit was mistaken.
 const FARTHEST: f64 = 10_000.0;
+
+/// Wavelengths of a low pass that make sense, mm.
+pub const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 /// The tables that the station sets for all SKUs and a SKU file may override.
 #[derive(Default, Deserialize)]
@@ -34,6 +38,8 @@ pub(super) struct PartKeys {
     roll_deg: Option<Spanned<f64>>,
     unit: Option<LengthUnit>,
     up: Option<UpAxis>,
+    smoothing: Option<Spanned<Smoothing>>,
+    low_pass_mm: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -115,6 +121,29 @@ impl PartKeys {
         }
         to.part.unit = self.unit.or(to.part.unit);
         to.part.up = self.up.or(to.part.up);
+        let before = match to.part.smoothing {
+            scan::Smoothing::LowPass { wavelength } => Some(wavelength),
+            scan::Smoothing::Auto | scan::Smoothing::None => None,
+        };
+        let wavelength = match &self.low_pass_mm {
+            Some(given) => Some(text.number("part.low_pass_mm", given, LOW_PASS, "mm")?),
+            None => before,
+        };
+        match (self.smoothing, self.low_pass_mm) {
+            (Some(smoothing), Some(given)) if *smoothing.get_ref() != Smoothing::LowPass => {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&given.span()),
+                    what: format!(
+                        "`part.low_pass_mm` means nothing with smoothing \"{}\".",
+                        smoothing.get_ref()
+                    ),
+                    remedy: "Set `smoothing = \"low-pass\"`, or remove `low_pass_mm`.".into(),
+                });
+            }
+            (Some(smoothing), _) => to.part.smoothing = smoothing.get_ref().with_wavelength(wavelength),
+            (None, Some(_)) => to.part.smoothing = Smoothing::LowPass.with_wavelength(wavelength),
+            (None, None) => {}
+        }
         Ok(())
     }
 }

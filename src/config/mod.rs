@@ -19,9 +19,10 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DxfVersion, FieldOrigin, Method, UnknownChoice, Vertices, Weighting, parse_facing,
+    Backend, DxfVersion, FieldOrigin, Method, Smoothing, UnknownChoice, Vertices, Weighting, parse_facing,
 };
 pub use error::{ConfigError, Spot};
+pub use keys::LOW_PASS;
 pub use live::{LiveSettings, SettingsEvent};
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,

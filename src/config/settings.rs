@@ -5,6 +5,7 @@ use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PictureOptions};
 use crate::geometry::optics::{Fixture, Lens};
 use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
+use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
 
 /// All settings of one job; [`Default`] is what holds without any file or option.
@@ -39,11 +40,13 @@ pub struct PartSettings {
     pub unit: Option<LengthUnit>,
     /// Axis of the file that points up; `None` takes what the format and the producer say.
     pub up: Option<UpAxis>,
+    /// How noise is taken out of a scan; a mesh has none.
+    pub smoothing: Smoothing,
 }
 
 impl Default for PartSettings {
     fn default() -> Self {
-        Self { facing: Facing::TOP, roll: 0.0, unit: None, up: None }
+        Self { facing: Facing::TOP, roll: 0.0, unit: None, up: None, smoothing: Smoothing::Auto }
     }
 }
 

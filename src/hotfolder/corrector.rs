@@ -59,11 +59,15 @@ impl Corrector for PipelineCorrector {
         let learned = self.pipeline.learn(sku, input, &settings.part)?;
         let [x, y, z] = learned.kept.facts.size;
         let residual = &learned.kept.surface.residual;
+        let surface = match &learned.kept.facts.scan {
+            Some(scan) => scan.summary(),
+            None => {
+                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.most, residual.largest)
+            }
+        };
         let summary = format!(
-            "{}: {x:.1} x {y:.1} x {z:.1} mm, surface within {:.4} mm (95 %), {:.4} mm at most{}",
+            "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",
             part.name,
-            residual.most,
-            residual.largest,
             if learned.from_cache { ", already known" } else { "" }
         );
         self.last = Some((sku.clone(), settings.part.clone(), learned));
@@ -132,6 +136,11 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
         MeshFormat::Obj => {
             let reading = mesh::read(bytes, format, &MeshOptions::default(), &mut |_| Ok(Vec::new()));
             if let Some(error) = reading.err().filter(cut) {
+                return Completeness::CutShort(error.reason().in_file(name));
+            }
+        }
+        MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
+            if let Some(error) = mesh::is_whole(bytes, format).err().filter(cut) {
                 return Completeness::CutShort(error.reason().in_file(name));
             }
         }

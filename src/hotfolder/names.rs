@@ -2,9 +2,9 @@
 //!
 //! | in the hot folder | is |
 //! |---|---|
-//! | `<sku>.glb`, `.gltf`, `.obj` | a part; an `@…` before the extension is allowed and means nothing |
+//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and means nothing |
 //! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this very name, as `.dxf` |
-//! | `<sku>/<anything>.glb`, `.gltf`, `.obj` | a part |
+//! | `<sku>/<anything>.glb` and so on | a part or a scan |
 //! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they travel with that part |
 //!
@@ -154,7 +154,7 @@ fn unknown_kind(extension: &str) -> Reason {
     Reason::new(
         "unknown-kind",
         what,
-        "Export the part as .glb, .gltf or .obj and the pattern as .dxf, .png or .bmp.",
+        format!("Export the part as {} and the pattern as .dxf, .png or .bmp.", MeshFormat::ENDINGS),
     )
 }
 
@@ -204,6 +204,9 @@ mod tests {
         for (relative, expected) in [
             ("can-500.glb", Meaning::Part(sku("can-500"))),
             ("can-500@v2.OBJ", Meaning::Part(sku("can-500"))),
+            ("can.stl", Meaning::Part(sku("can"))),
+            ("can@scan-17.PLY", Meaning::Part(sku("can"))),
+            ("can/scan.csv", Meaning::Part(sku("can"))),
             ("can-500.dxf", pattern("can-500", "can-500.dxf")),
             ("can-500@date@2.DXF", pattern("can-500", "can-500@date@2.DXF")),
             ("can/whatever.gltf", Meaning::Part(sku("can"))),
@@ -239,7 +242,7 @@ mod tests {
     fn names_that_are_nothing_are_explained() {
         let long = format!("{}.dxf", "x".repeat(240));
         for (relative, code) in [
-            ("can.stl", "unknown-kind"),
+            ("can.step", "unknown-kind"),
             ("can@logo.jpg", "unknown-kind"),
             ("can", "unknown-kind"),
             ("@date.dxf", "sku-name"),
@@ -252,6 +255,6 @@ mod tests {
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
-        assert!(meaning(Path::new("can.stl")).unwrap_err().remedy.contains(".glb, .gltf or .obj"));
+        assert!(meaning(Path::new("can.step")).unwrap_err().remedy.contains(".glb, .gltf, .obj, .stl"));
     }
 }

@@ -13,6 +13,7 @@ use super::names::{Meaning, delivered_as};
 use super::settle::Moment;
 use super::worker::Worker;
 use crate::config::{JobSettings, Sku};
+use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
@@ -81,7 +82,7 @@ impl<C: Corrector> Worker<'_, C> {
         let settings = self.job_settings(sku)?;
         if pattern.is_some() && !self.has_surface(sku, &settings)? {
             let what = format!("The pattern waits for a part: no surface of {sku} is known.");
-            let remedy = format!("Drop the part as {sku}.glb, .gltf or .obj.");
+            let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             self.wait(path, Block::UnknownSku, Reason::new("waits-for-part", what, remedy));
             return Ok(None);
         }

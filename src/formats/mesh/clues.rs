@@ -23,7 +23,7 @@ const WORTH_A_LOOK: f64 = 500.0;
 #[derive(Debug, Clone)]
 pub(super) struct Clues {
     pub(super) format: MeshFormat,
-    /// glTF: the generator; OBJ: the first comment.
+    /// glTF: the generator; STL: its header; others: the first comment.
     pub(super) producer: Option<String>,
     /// A unit that the file's comments name.
     pub(super) stated_unit: Option<LengthUnit>,
@@ -160,7 +160,7 @@ impl Clues {
                  writes a scene in mm, or an OBJ imported in mm, this way"
             )
         };
-        if self.format != MeshFormat::Obj {
+        if matches!(self.format, MeshFormat::Gltf | MeshFormat::Glb) {
             return match diagonal > LONGEST_IN_METRES {
                 true => (Decision::new(Millimetre, too_long()), Footing::Guess),
                 false => (Decision::new(Metre, "glTF numbers are metres by its standard"), Footing::Certain),
@@ -172,21 +172,24 @@ impl Clues {
         if self.producer_says("FreeCAD") {
             return (Decision::new(Millimetre, "FreeCAD writes OBJ in mm"), Footing::Certain);
         }
-        if self.producer_says("Blender") {
+        if self.producer_says("Blender") && self.format == MeshFormat::Obj {
             return match diagonal > LONGEST_IN_METRES {
                 true => (Decision::new(Millimetre, too_long()), Footing::Guess),
                 false => (Decision::new(Metre, "Blender writes OBJ in metres by default"), Footing::Certain),
             };
         }
+        let format = self.format;
         let decision = match diagonal < SHORTEST_IN_MM {
             true => {
                 let why = format!(
-                    "OBJ has no unit, and a part with a diagonal of {diagonal:.3} mm is implausible while one of \
+                    "{format} has no unit, and a part with a diagonal of {diagonal:.3} mm is implausible while one of \
                      {diagonal:.3} m is usual"
                 );
                 Decision::new(Metre, why)
             }
-            false => Decision::new(Millimetre, "OBJ has no unit, and CAD programs write mm"),
+            false => {
+                Decision::new(Millimetre, format!("{format} has no unit, and {} write mm", self.writers()))
+            }
         };
         (decision, Footing::Guess)
     }
@@ -195,6 +198,18 @@ impl Clues {
         match self.format {
             MeshFormat::Gltf | MeshFormat::Glb => self.up_of_gltf(in_millimetres),
             MeshFormat::Obj => self.up_of_obj(corners, in_millimetres),
+            MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
+                let why = format!("{} has no up axis, and {} write Z up", self.format, self.writers());
+                (Decision::new(UpAxis::Z, why), Footing::Guess)
+            }
+        }
+    }
+
+    /// The programs that mostly write the format.
+    fn writers(&self) -> &'static str {
+        match self.format {
+            MeshFormat::Ply | MeshFormat::Xyz => "scanners",
+            _ => "CAD programs",
         }
     }
 
@@ -260,6 +275,27 @@ impl Clues {
     }
 }
 
+/// The unit that a comment states, as in `units: mm`.
+pub(super) fn stated_unit(comment: &str) -> Option<LengthUnit> {
+    let mut words = comment.split(|letter: char| !letter.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
+    words
+        .any(|word| word == "unit" || word == "units")
+        .then(|| words.find_map(|word| unit_word(&word)))
+        .flatten()
+}
+
+/// The unit that a word stands for.
+pub(super) fn unit_word(word: &str) -> Option<LengthUnit> {
+    match word {
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
+        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
+        "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
+        // Not "in", which stands before the unit in most sentences.
+        "inch" | "inches" => Some(LengthUnit::Inch),
+        _ => None,
+    }
+}
+
 fn notice(code: &str, footing: Footing, message: String, otherwise: &str) -> Option<Notice> {
     match footing {
         Footing::Settings => None,
@@ -278,19 +314,25 @@ pub(super) struct Corners {
 
 impl Corners {
     pub(super) fn of(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
+        let mut corners =
+            Self::of_points(triangles.iter().flatten().map(|&index| &positions[index as usize]));
+        // cos 90° is 4.4e-8 in single precision; OBJ files then have six decimals.
+        let largest_dust = corners.size.norm() * 2e-7;
+        let is_dust = |value: f64| value != 0.0 && value.abs() <= largest_dust;
+        corners.dust =
+            [0, 1, 2].map(|axis| positions.iter().filter(|position| is_dust(position[axis])).count());
+        corners
+    }
+
+    /// The same of points without triangles.
+    pub(super) fn of_points<'a>(points: impl IntoIterator<Item = &'a Point3<f64>>) -> Self {
         let mut min = Vector3::repeat(f64::INFINITY);
         let mut max = Vector3::repeat(f64::NEG_INFINITY);
-        for &index in triangles.iter().flatten() {
-            let position = positions[index as usize].coords;
-            min = min.inf(&position);
-            max = max.sup(&position);
+        for point in points {
+            min = min.inf(&point.coords);
+            max = max.sup(&point.coords);
         }
-        let size = max - min;
-        // cos 90° is 4.4e-8 in single precision; OBJ files then have six decimals.
-        let largest_dust = size.norm() * 2e-7;
-        let is_dust = |value: f64| value != 0.0 && value.abs() <= largest_dust;
-        let dust = [0, 1, 2].map(|axis| positions.iter().filter(|position| is_dust(position[axis])).count());
-        Self { min, size, dust }
+        Self { min, size: max - min, dust: [0; 3] }
     }
 
     fn stands_on(&self, axis: usize) -> bool {

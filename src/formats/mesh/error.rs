@@ -21,13 +21,35 @@ pub enum MeshReadError {
         /// Length it has, bytes.
         actual: u64,
     },
-    /// The last line of an OBJ file ends in the middle of a statement.
-    #[error("the OBJ file is cut: its last line is \"{text}\"")]
+    /// The last line of a text file ends in the middle of a statement.
+    #[error("the file is cut: its last line is \"{text}\"")]
     CutLine {
         /// Line, from 1.
         line: u64,
         /// Beginning of the line.
         text: String,
+    },
+    /// A text file has fewer entries than its header says.
+    #[error("the {format} file is cut: {actual} of {declared} {what} are there")]
+    CutShort {
+        /// The format read.
+        format: MeshFormat,
+        /// What there is too little of, such as `vertices`.
+        what: String,
+        /// How many the header says there are.
+        declared: u64,
+        /// How many there are.
+        actual: u64,
+    },
+    /// The header of a PLY file, or the head of a list of points, cannot be used.
+    #[error("the head of the {format} file cannot be used: {problem}")]
+    BadHeader {
+        /// The format read.
+        format: MeshFormat,
+        /// Line, from 1.
+        line: u64,
+        /// What is wrong with it.
+        problem: String,
     },
     /// The bytes are no file of this format.
     #[error("this is no {format} file: it begins with {found}")]
@@ -189,6 +211,12 @@ pub enum MeshReadError {
         /// The likely cause.
         cause: EmptyCause,
     },
+    /// There is no point.
+    #[error("the file holds no point{}", match missing { 0 => String::new(), missing => format!(", only {missing} that are marked as missing") })]
+    NoPoints {
+        /// Number of points that are marked as missing.
+        missing: usize,
+    },
     /// There is more than can be kept.
     #[error("the file has {count} {what}, more than {limit}")]
     TooLarge {
@@ -213,10 +241,17 @@ pub enum VertexPlace {
         /// Number of the vertex, or of the corner that names it, from 0.
         vertex: usize,
     },
-    /// In a line of an OBJ file.
+    /// In a line of a text file.
     Obj {
         /// Line, from 1.
         line: u64,
+    },
+    /// One of many in a binary file.
+    Numbered {
+        /// What it is, such as `facet`.
+        what: &'static str,
+        /// Its number, from 0.
+        number: usize,
     },
 }
 
@@ -252,6 +287,9 @@ impl MeshReadError {
             Self::Truncated { declared, actual, .. } | Self::BufferShort { declared, actual, .. } => {
                 reason.with_number("length", *actual as f64, "bytes", Some(*declared as f64))
             }
+            Self::CutShort { what, declared, actual, .. } => {
+                reason.with_number("count", *actual as f64, what, Some(*declared as f64))
+            }
             Self::DataBeyondBuffer { needed, available, .. } => {
                 reason.with_number("bytes needed", *needed as f64, "bytes", Some(*available as f64))
             }
@@ -274,7 +312,9 @@ impl MeshReadError {
 
     fn code(&self) -> &'static str {
         match self {
-            Self::Truncated { .. } | Self::CutLine { .. } => "mesh-truncated",
+            Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. } => "mesh-truncated",
+            Self::BadHeader { .. } => "mesh-header-invalid",
+            Self::NoPoints { .. } => "scan-empty",
             Self::NotThisFormat { .. } => "mesh-wrong-format",
             Self::Version { .. } => "mesh-version-unsupported",
             Self::BadJson { .. } => "mesh-json-invalid",
@@ -304,7 +344,9 @@ impl MeshReadError {
         let line = |line: u64| Place { line: Some(line), ..Place::default() };
         match self {
             Self::Truncated { actual, .. } => Place { byte: Some(*actual), ..Place::default() },
-            Self::CutLine { line: at, .. } | Self::BadLine { line: at, .. } => line(*at),
+            Self::CutLine { line: at, .. }
+            | Self::BadLine { line: at, .. }
+            | Self::BadHeader { line: at, .. } => line(*at),
             Self::BadJson { line, column, .. } => {
                 Place { line: Some(*line), column: Some(*column), ..Place::default() }
             }
@@ -330,17 +372,21 @@ impl MeshReadError {
             | Self::UnsupportedExtension { .. }
             | Self::Refused { .. }
             | Self::NoTriangles { .. }
+            | Self::NoPoints { .. }
+            | Self::CutShort { .. }
             | Self::TooLarge { .. } => Place::default(),
         }
     }
 
     fn remedy(&self) -> String {
         let fixed = match self {
-            Self::Truncated { .. } | Self::CutLine { .. } | Self::BufferShort { .. } => {
-                "copy the file again, and wait until the export has ended"
-            }
+            Self::Truncated { .. }
+            | Self::CutLine { .. }
+            | Self::CutShort { .. }
+            | Self::BufferShort { .. } => "copy the file again, and wait until the export has ended",
             Self::NotThisFormat { .. } => {
-                "export the part as GLB, as glTF with its .bin, or as OBJ, and keep the ending the program gave it"
+                "export the part as GLB, as glTF with its .bin, as OBJ, STL or PLY, or a scan as PLY or list of points, and keep \
+                 the ending the program gave it"
             }
             Self::Version { .. } => "export the part as glTF 2 (.glb) or OBJ",
             Self::BadJson { .. } | Self::BrokenReference { .. } | Self::DataBeyondBuffer { .. } => {
@@ -373,12 +419,18 @@ impl MeshReadError {
             Self::IndexOutOfRange { .. } => {
                 "export the part again; the file is damaged or was edited by hand"
             }
+            Self::BadHeader { .. } => {
+                "write the points as lines x, y, z, or the part or scan as PLY with the vertex properties x, y and z"
+            }
+            Self::NoPoints { .. } => "check that the scanner saw the part, and export the scan again",
             Self::BadLine { .. } => {
                 "correct this line, or export the part again with a point as decimal sign"
             }
             Self::Refused { .. } => "export the part as GLB instead",
             Self::NoTriangles { cause } => empty_remedy(cause),
-            Self::TooLarge { .. } => "reduce the mesh (decimate it, or export with a larger chord tolerance)",
+            Self::TooLarge { .. } => {
+                "reduce the mesh (decimate it, or export with a larger chord tolerance) or the scan (thin it out)"
+            }
         };
         fixed.into()
     }
@@ -409,6 +461,7 @@ impl fmt::Display for VertexPlace {
                 write!(out, "mesh \"{mesh}\", primitive {primitive}, vertex {vertex}")
             }
             Self::Obj { line } => write!(out, "line {line}"),
+            Self::Numbered { what, number } => write!(out, "{what} {number}"),
         }
     }
 }

@@ -1,10 +1,11 @@
-//! Parts as triangle meshes: glTF 2, GLB and OBJ become a [`TriMesh`] in mm with +Z up.
+//! Parts: glTF 2, GLB, OBJ, STL and PLY become a [`TriMesh`] in mm with +Z up, scans in PLY or lists of points a
+//! [`PointCloud`].
 //!
 //! No format says reliably in which unit and with which axis up its numbers were meant: glTF has a standard that
-//! programs break, OBJ has none. So the file's word is held against the sizes of products and its producer's habits;
+//! programs break, the others have none. So the file's word is held against the sizes of products and its producer's habits;
 //! [`PartFacts`] says what was decided and why, and [`MeshOptions`] overrides it.
 //!
-//! Point clouds, STL and STEP are not read here.
+//! STEP is not read here.
 
 use std::fmt;
 use std::io;
@@ -13,23 +14,32 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::mesh::{MeshError, TriMesh};
+use crate::geometry::point_cloud::PointCloud;
 use crate::reason::Notice;
 
 mod units;
 mod error;
 mod gltf;
 mod obj;
+mod stl;
+mod ply;
+mod points;
+mod text;
+mod scan_facts;
 mod polygon;
 mod normals;
 mod clues;
 
 pub use error::{EmptyCause, MeshReadError, VertexPlace};
+pub use scan_facts::{ScanFacts, ScanSurface};
 pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 
 use clues::{Clues, Corners};
 
 /// Most triangles a part may have; a million is already finer than any marking needs.
 const MOST_TRIANGLES: usize = 10_000_000;
+/// Most points a scan may have; a million is already finer than any marking needs.
+const MOST_POINTS: usize = 10_000_000;
 
 /// A format that parts can be read from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +51,12 @@ pub enum MeshFormat {
     Glb,
     /// Wavefront OBJ.
     Obj,
+    /// STL, text or binary.
+    Stl,
+    /// Polygon file format: a mesh if it has faces, otherwise a scan.
+    Ply,
+    /// Points as text, a line each: a scan.
+    Xyz,
 }
 
 /// What the settings say of a part file; `None` leaves it to the file.
@@ -56,9 +72,28 @@ pub struct MeshOptions {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartReading {
     /// The part, mm, +Z up.
-    pub mesh: TriMesh,
+    pub shape: Shape,
     /// What was found and decided.
     pub facts: PartFacts,
+}
+
+/// What a part is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// Triangles.
+    Mesh(TriMesh),
+    /// Measured points.
+    Scan(PointCloud),
+}
+
+impl Shape {
+    /// The mesh, if it is one.
+    pub fn mesh(&self) -> Option<&TriMesh> {
+        match self {
+            Self::Mesh(mesh) => Some(mesh),
+            Self::Scan(_) => None,
+        }
+    }
 }
 
 /// What was found in a part file, and how it was understood.
@@ -75,9 +110,9 @@ pub struct PartFacts {
     /// Extents of the part along x, y and z with +Z up, mm.
     #[serde(rename = "size_mm")]
     pub size: [f64; 3],
-    /// Number of triangles with an area.
+    /// Number of triangles with an area; 0 in a scan.
     pub triangles: usize,
-    /// Number of vertices in the mesh.
+    /// Number of vertices in the mesh, or of points in the scan.
     pub vertices: usize,
     /// What the file's normals are good for.
     pub normals: NormalsFound,
@@ -87,6 +122,9 @@ pub struct PartFacts {
     pub materials: Vec<String>,
     /// What the file holds besides and was left aside, such as `2 x camera`.
     pub not_taken: Vec<String>,
+    /// What was found in the points of a scan once it was smoothed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan: Option<ScanFacts>,
     /// What a person should know of this reading.
     pub notices: Vec<Notice>,
 }
@@ -120,6 +158,9 @@ pub fn read(
     let part = match format {
         MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, sibling)?,
         MeshFormat::Obj => obj::read(bytes)?,
+        MeshFormat::Stl => stl::read(bytes)?,
+        MeshFormat::Ply => ply::read(bytes)?,
+        MeshFormat::Xyz => points::read(bytes)?,
     };
     part.into_reading(options)
 }
@@ -131,7 +172,21 @@ pub fn read(
 pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshReadError> {
     match format.of_content(bytes) {
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::siblings(bytes, format),
-        MeshFormat::Obj => Ok(Vec::new()),
+        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Ok(Vec::new()),
+    }
+}
+
+/// Whether the bytes of an STL, PLY or list of points are whole, without reading them all; what is missing otherwise.
+/// The end of the other formats shows only when they are read.
+///
+/// # Errors
+/// When more bytes would help; see [`MeshReadError`].
+pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
+    match format.of_content(bytes) {
+        MeshFormat::Stl => stl::is_whole(bytes),
+        MeshFormat::Ply => ply::is_whole(bytes),
+        MeshFormat::Xyz => points::is_whole(bytes),
+        MeshFormat::Gltf | MeshFormat::Glb | MeshFormat::Obj => Ok(()),
     }
 }
 
@@ -139,11 +194,14 @@ pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshRea
 pub fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
     match format.of_content(bytes) {
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::textures(bytes, format),
-        MeshFormat::Obj => Vec::new(),
+        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Vec::new(),
     }
 }
 
 impl MeshFormat {
+    /// File name endings of parts, for people.
+    pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
+
     /// The format that a file name's ending stands for, in capitals or not.
     ///
     /// ```
@@ -157,6 +215,9 @@ impl MeshFormat {
             "gltf" => Some(Self::Gltf),
             "glb" => Some(Self::Glb),
             "obj" => Some(Self::Obj),
+            "stl" => Some(Self::Stl),
+            "ply" => Some(Self::Ply),
+            "xyz" | "csv" | "txt" | "asc" | "pts" => Some(Self::Xyz),
             _ => None,
         }
     }
@@ -194,6 +255,9 @@ impl fmt::Display for MeshFormat {
             Self::Gltf => "glTF",
             Self::Glb => "GLB",
             Self::Obj => "OBJ",
+            Self::Stl => "STL",
+            Self::Ply => "PLY",
+            Self::Xyz => "XYZ",
         })
     }
 }
@@ -206,6 +270,10 @@ struct RawPart {
     triangles: Vec<[u32; 3]>,
     normals_found: NormalsFound,
     clues: Clues,
+    /// Whether the positions are measured points; there are no triangles then.
+    is_scan: bool,
+    /// Number of points that the scanner marked as missing.
+    missing: usize,
     bodies: Vec<String>,
     materials: Vec<String>,
     not_taken: Vec<String>,
@@ -220,6 +288,8 @@ impl RawPart {
             triangles: Vec::new(),
             normals_found: NormalsFound::None,
             clues,
+            is_scan: false,
+            missing: 0,
             bodies: Vec::new(),
             materials: Vec::new(),
             not_taken: Vec::new(),
@@ -227,9 +297,20 @@ impl RawPart {
         }
     }
 
+    /// Makes it a scan of these points, with a normal for each or none at all.
+    fn set_scan(&mut self, points: Vec<Point3<f64>>, normals: Vec<Vector3<f64>>) {
+        self.is_scan = true;
+        self.normals_found = if normals.is_empty() { NormalsFound::None } else { NormalsFound::Smooth };
+        (self.positions, self.normals) = (points, normals);
+    }
+
     /// Decides unit and axis, and brings the part to mm with +Z up.
     fn into_reading(mut self, options: &MeshOptions) -> Result<PartReading, MeshReadError> {
-        let verdict = self.clues.judge(&Corners::of(&self.positions, &self.triangles), options);
+        let corners = match self.is_scan {
+            true => Corners::of_points(&self.positions),
+            false => Corners::of(&self.positions, &self.triangles),
+        };
+        let verdict = self.clues.judge(&corners, options);
         let (scale, up) = (verdict.unit.value.in_mm(), verdict.up.value);
         for position in &mut self.positions {
             *position = Point3::from(up.to_z_up(position.coords) * scale);
@@ -237,28 +318,43 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
-        let mesh =
-            TriMesh::new(self.positions, self.normals, self.triangles).map_err(|error| match error {
-                MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
-                _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
-            })?;
+        let shape =
+            match self.is_scan {
+                true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
+                false => Shape::Mesh(TriMesh::new(self.positions, self.normals, self.triangles).map_err(
+                    |error| match error {
+                        MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
+                        _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+                    },
+                )?),
+            };
+        let (size, triangles, vertices) = match &shape {
+            Shape::Mesh(mesh) => (mesh.size(), mesh.triangles().len(), mesh.positions().len()),
+            Shape::Scan(cloud) => (cloud.size(), 0, cloud.points().len()),
+        };
+        if vertices == 0 {
+            return Err(MeshReadError::NoPoints { missing: self.missing });
+        }
         self.notices.extend(verdict.notices);
-        self.notices.extend(self.normals_found.notice());
+        if !self.is_scan {
+            self.notices.extend(self.normals_found.notice());
+        }
         let facts = PartFacts {
             format: self.clues.format,
             producer: self.clues.producer,
             unit: verdict.unit,
             up: verdict.up,
-            size: mesh.size().into(),
-            triangles: mesh.triangles().len(),
-            vertices: mesh.positions().len(),
+            size: size.into(),
+            triangles,
+            vertices,
             normals: self.normals_found,
             bodies: self.bodies,
             materials: self.materials,
             not_taken: self.not_taken,
+            scan: None,
             notices: self.notices,
         };
-        Ok(PartReading { mesh, facts })
+        Ok(PartReading { shape, facts })
     }
 }
 

@@ -57,7 +57,7 @@ fn is_within(angle: f64, a: Vector3<f64>, b: Vector3<f64>) -> bool {
 }
 
 /// Merges vertices at exactly the same position; triangles keep their order and name the first of each.
-fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> IndexedTriangles {
+pub(super) fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> IndexedTriangles {
     const FREE: u32 = u32::MAX;
     // Open addressing with at most half the places taken; a std map would not keep the order of first appearance.
     let places = (positions.len() * 2).next_power_of_two().max(2);

@@ -64,10 +64,10 @@ fn read_with(change: impl FnOnce(&mut Value)) -> Result<PartReading, MeshReadErr
 /// The sum of the triangles' areas as vectors, m².
 fn area(part: &PartReading) -> Vector3<f64> {
     let of = |corners| {
-        let [a, b, c]: [Point3<f64>; 3] = part.mesh.corners(corners);
+        let [a, b, c]: [Point3<f64>; 3] = part.shape.mesh().unwrap().corners(corners);
         (b - a).cross(&(c - a)) / 2e6
     };
-    part.mesh.triangles().iter().map(|&corners| of(corners)).sum()
+    part.shape.mesh().unwrap().triangles().iter().map(|&corners| of(corners)).sum()
 }
 
 fn is_near(a: Vector3<f64>, b: [f64; 3]) -> bool {
@@ -79,7 +79,7 @@ fn metres_with_y_up_become_millimetres_with_z_up() {
     let part = read_with(|_| {}).unwrap();
     assert_eq!(part.facts.size, [1000.0, 0.0, 1000.0]);
     assert!(is_near(area(&part), [0.0, -0.5, 0.0]));
-    assert_eq!(part.mesh.normals()[0], -Vector3::y());
+    assert_eq!(part.shape.mesh().unwrap().normals()[0], -Vector3::y());
     assert_eq!(part.facts.bodies, ["Body"]);
     assert_eq!(part.facts.producer.as_deref(), Some("a test"));
 }
@@ -95,8 +95,8 @@ fn a_tree_of_nodes_is_composed_and_mirrors_turn_the_triangles() {
     .unwrap();
     // Mirrored in x and turned to y the triangle still faces +z of the file, which is -y here.
     assert!(is_near(area(&part), [0.0, -1.0, 0.0]), "{}", area(&part));
-    assert!((part.mesh.normals()[0] + Vector3::y()).norm() < 1e-9);
-    let (min, max) = part.mesh.bounds();
+    assert!((part.shape.mesh().unwrap().normals()[0] + Vector3::y()).norm() < 1e-9);
+    let (min, max) = part.shape.mesh().unwrap().bounds();
     assert!(is_near(min.coords / 1000.0, [0.0, -3.0, 0.0]), "{min}");
     assert!(is_near(max.coords / 1000.0, [1.0, -3.0, 2.0]), "{max}");
 }
@@ -107,8 +107,8 @@ fn normals_stay_upright_under_uneven_scale() {
         document["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 2, 0, 1, 0, 0, 0, 0, 1]);
     })
     .unwrap();
-    let normal = part.mesh.normals()[0];
-    let [a, b, c] = part.mesh.corners(part.mesh.triangles()[0]);
+    let normal = part.shape.mesh().unwrap().normals()[0];
+    let [a, b, c] = part.shape.mesh().unwrap().corners(part.shape.mesh().unwrap().triangles()[0]);
     assert!(normal.dot(&(b - a)).abs() < 1e-9 && normal.dot(&(c - a)).abs() < 1e-9);
 }
 

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::formats::mesh::clues::stated_unit;
 use crate::formats::mesh::error::VertexPlace;
 use crate::formats::mesh::{LengthUnit, MOST_TRIANGLES, MeshReadError, at_most};
 
@@ -147,10 +148,7 @@ impl Checked {
         if self.producer.is_none() && !text.is_empty() {
             self.producer = Some(text.chars().take(120).collect());
         }
-        let mut words = text.split(|letter: char| !letter.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
-        if words.any(|word| word == "unit" || word == "units") {
-            self.stated_unit = self.stated_unit.or(words.find_map(|word| unit_word(&word)));
-        }
+        self.stated_unit = self.stated_unit.or_else(|| stated_unit(text));
     }
 
     /// Takes the first three numbers; a fourth is a weight and six are a colour, and neither moves a polygon's corner.
@@ -261,17 +259,6 @@ fn whole_number(word: &[u8]) -> Option<i64> {
     // 18 digits fit without overflow; no index needs more.
     let fits = (1..=18).contains(&digits.len()) && digits.iter().all(u8::is_ascii_digit);
     fits.then(|| sign * digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
-}
-
-fn unit_word(word: &str) -> Option<LengthUnit> {
-    match word {
-        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
-        "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
-        "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
-        // Not "in", which stands before the unit in most sentences.
-        "inch" | "inches" => Some(LengthUnit::Inch),
-        _ => None,
-    }
 }
 
 fn beginning(text: &[u8]) -> String {

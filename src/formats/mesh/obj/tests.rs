@@ -16,10 +16,10 @@ fn plate(rest: &str) -> Result<PartReading, MeshReadError> {
 
 fn area(part: &PartReading) -> f64 {
     let of = |corners| {
-        let [a, b, c]: [Point3<f64>; 3] = part.mesh.corners(corners);
+        let [a, b, c]: [Point3<f64>; 3] = part.shape.mesh().unwrap().corners(corners);
         (b - a).cross(&(c - a)).z / 2.0
     };
-    part.mesh.triangles().iter().map(|&corners| of(corners)).sum()
+    part.shape.mesh().unwrap().triangles().iter().map(|&corners| of(corners)).sum()
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn every_way_to_write_a_face_is_understood() {
         for face in faces {
             let part = plate(&format!("{before}{face}\n")).unwrap();
             assert_eq!((part.facts.triangles, part.facts.vertices, area(&part)), (2, 4, 100.0), "{face}");
-            assert_eq!(part.mesh.normals().len(), normals, "{face}");
+            assert_eq!(part.shape.mesh().unwrap().normals().len(), normals, "{face}");
         }
     }
 }
@@ -41,7 +41,14 @@ fn every_way_to_write_a_face_is_understood() {
 fn concave_faces_are_cut_along_their_inside() {
     let part = read_obj("v 0 0 0\nv 4 -2 0\nv 1 0 0\nv 4 2 0\nf 2 3 4 1\n").unwrap();
     assert_eq!((part.facts.triangles, area(&part)), (2, 2.0));
-    for [a, b, c] in part.mesh.triangles().iter().map(|&corners| part.mesh.corners(corners)) {
+    for [a, b, c] in part
+        .shape
+        .mesh()
+        .unwrap()
+        .triangles()
+        .iter()
+        .map(|&corners| part.shape.mesh().unwrap().corners(corners))
+    {
         assert!((b - a).cross(&(c - a)).z > 0.0);
     }
 }
@@ -86,14 +93,15 @@ fn corners_that_share_position_and_normal_share_a_vertex() {
     let part = plate(&format!("{normals}f 1//1 2//2 3//1\nf 1//1 3//1 4//2\nf 3//2 2//2 1//1\n")).unwrap();
     assert_eq!(part.facts.vertices, 5);
     assert_eq!(part.facts.normals, NormalsFound::Smooth);
-    assert!((part.mesh.normals()[1].x - 0.1 / 1.01f64.sqrt()).abs() < 1e-12);
+    assert!((part.shape.mesh().unwrap().normals()[1].x - 0.1 / 1.01f64.sqrt()).abs() < 1e-12);
 }
 
 #[test]
 fn corners_without_a_normal_are_given_none() {
     let part = plate("vn 0 0.1 1\nf 1 2//1 -2\nf 1//1 3//1 4\n").unwrap();
     assert_eq!((part.facts.triangles, part.facts.vertices, area(&part)), (2, 6, 100.0));
-    let is_missing: Vec<bool> = part.mesh.normals().iter().map(|normal| normal.norm() == 0.0).collect();
+    let is_missing: Vec<bool> =
+        part.shape.mesh().unwrap().normals().iter().map(|normal| normal.norm() == 0.0).collect();
     assert_eq!(is_missing, [true, false, true, false, false, true]);
     assert_eq!(plate("vn 0 0 1\nf 1 2 3 4\n").unwrap().facts.normals, NormalsFound::None);
 }

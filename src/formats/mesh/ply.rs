@@ -1,0 +1,496 @@
+//! PLY, text and binary of both byte orders (Turk, The PLY polygon file format, 1994).
+//!
+//! Properties may come in any order and type and elements may be unknown, so every value is read by the header's
+//! word, and no count is believed before the bytes for it are there; a crate would leave exactly these checks to us. A
+//! file with faces is a mesh, one without a scan.
+
+use nalgebra::{Point3, Vector3};
+
+use super::clues::{Clues, stated_unit};
+use super::error::{EmptyCause, VertexPlace};
+use super::text::{number, without_mark, words};
+use super::{MOST_POINTS, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, gltf};
+use super::{normals, polygon};
+
+/// Longest header, bytes.
+const LONGEST_HEADER: usize = 1 << 16;
+/// No face of a product has more corners than this; cutting one into triangles takes up to the square of it.
+const MOST_CORNERS: usize = 10_000;
+const FORMAT: MeshFormat = MeshFormat::Ply;
+
+/// Reads a part or a scan from a PLY file.
+pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+    let header = Header::of(bytes)?;
+    header.check_length(bytes)?;
+    let mut body = Body::new(&header, bytes);
+    let mut found = Found::default();
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => found.vertices(element, &mut body)?,
+            "face" => found.faces(element, &mut body)?,
+            _ => body.pass(element)?,
+        }
+    }
+    found.into_part(header)
+}
+
+/// Whether all elements are there, as far as that is known without reading them.
+pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
+    Header::of(bytes)?.check_length(bytes)
+}
+
+/// How the values after the header are written.
+#[derive(Clone, Copy, PartialEq)]
+enum Encoding {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+/// The type of a value.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+struct Property {
+    name: String,
+    kind: Kind,
+    /// Type of the number of values, if it is a list.
+    list: Option<Kind>,
+}
+
+struct Element {
+    name: String,
+    count: u64,
+    properties: Vec<Property>,
+}
+
+struct Header {
+    encoding: Encoding,
+    elements: Vec<Element>,
+    comments: Vec<String>,
+    /// Where the values begin.
+    length: usize,
+    lines: u64,
+}
+
+impl Kind {
+    fn of(word: &[u8]) -> Option<Self> {
+        Some(match word {
+            b"char" | b"int8" => Self::I8,
+            b"uchar" | b"uint8" => Self::U8,
+            b"short" | b"int16" => Self::I16,
+            b"ushort" | b"uint16" => Self::U16,
+            b"int" | b"int32" => Self::I32,
+            b"uint" | b"uint32" => Self::U32,
+            b"float" | b"float32" => Self::F32,
+            b"double" | b"float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// The value of as many bytes as the type has, lowest first.
+    fn value(self, bytes: [u8; 8]) -> f64 {
+        let [a, b, c, d, ..] = bytes;
+        match self {
+            Self::I8 => f64::from(a as i8),
+            Self::U8 => f64::from(a),
+            Self::I16 => f64::from(i16::from_le_bytes([a, b])),
+            Self::U16 => f64::from(u16::from_le_bytes([a, b])),
+            Self::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
+            Self::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            Self::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
+            Self::F64 => f64::from_le_bytes(bytes),
+        }
+    }
+}
+
+impl Header {
+    fn of(bytes: &[u8]) -> Result<Self, MeshReadError> {
+        let skipped = bytes.len() - without_mark(bytes).len();
+        let not_ply = || MeshReadError::NotThisFormat { format: FORMAT, found: gltf::beginning(bytes) };
+        let text = &bytes[skipped..bytes.len().min(skipped + LONGEST_HEADER)];
+        if !(text.starts_with(b"ply\n") || text.starts_with(b"ply\r")) {
+            return Err(not_ply());
+        }
+        let mut header = Self {
+            encoding: Encoding::Text,
+            elements: Vec::new(),
+            comments: Vec::new(),
+            length: 0,
+            lines: 0,
+        };
+        let mut encoding = None;
+        let mut rest = text;
+        loop {
+            let Some(end) = rest.iter().position(|byte| matches!(byte, b'\n' | b'\r')) else {
+                let problem = "it has no end_header".into();
+                let line = header.lines + 1;
+                return Err(if bytes.len() < LONGEST_HEADER {
+                    MeshReadError::CutLine { line, text: super::text::beginning(rest) }
+                } else {
+                    MeshReadError::BadHeader { format: FORMAT, line, problem }
+                });
+            };
+            let line = &rest[..end];
+            let ends = if rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
+            rest = &rest[end + ends..];
+            header.lines += 1;
+            if line.trim_ascii() == b"end_header" {
+                break;
+            }
+            header.line(line, &mut encoding)?;
+        }
+        header.length = skipped + text.len() - rest.len();
+        header.encoding = encoding.ok_or_else(|| header.bad("it names no format"))?;
+        Ok(header)
+    }
+
+    fn bad(&self, problem: impl Into<String>) -> MeshReadError {
+        MeshReadError::BadHeader { format: FORMAT, line: self.lines, problem: problem.into() }
+    }
+
+    fn line(&mut self, line: &[u8], encoding: &mut Option<Encoding>) -> Result<(), MeshReadError> {
+        let text = |word: &[u8]| String::from_utf8_lossy(word).into_owned();
+        let words: Vec<&[u8]> = words(line).collect();
+        match words[..] {
+            [b"format", name, ..] => {
+                *encoding = Some(match name {
+                    b"ascii" => Encoding::Text,
+                    b"binary_little_endian" => Encoding::LittleEndian,
+                    b"binary_big_endian" => Encoding::BigEndian,
+                    _ => return Err(self.bad(format!("the format {} is not known", text(name)))),
+                });
+            }
+            [b"element", name, count] => {
+                let count = std::str::from_utf8(count).ok().and_then(|count| count.parse().ok());
+                let count = count.ok_or_else(|| self.bad("the number of elements is no whole number"))?;
+                self.elements.push(Element { name: text(name), count, properties: Vec::new() });
+            }
+            [b"property", b"list", count, kind, name] => {
+                let list = Kind::of(count).filter(|kind| !matches!(kind, Kind::F32 | Kind::F64));
+                self.property(
+                    name,
+                    kind,
+                    Some(list.ok_or_else(|| self.bad("a list is counted by no whole number"))?),
+                )?;
+            }
+            [b"property", kind, name] => self.property(name, kind, None)?,
+            [b"comment" | b"obj_info", ..] => {
+                let said = text(line.trim_ascii());
+                let (_, said) = said.split_once(|letter: char| letter.is_whitespace()).unwrap_or_default();
+                self.comments.push(said.trim().chars().take(120).collect());
+            }
+            [] | [b"ply"] => {}
+            _ => return Err(self.bad("it is no line of a PLY header")),
+        }
+        Ok(())
+    }
+
+    fn property(&mut self, name: &[u8], kind: &[u8], list: Option<Kind>) -> Result<(), MeshReadError> {
+        let said = String::from_utf8_lossy(kind).into_owned();
+        let kind = Kind::of(kind).ok_or_else(|| self.bad(format!("the type {said} is not known")))?;
+        let outside = self.bad("a property stands before the first element");
+        let element = self.elements.last_mut().ok_or(outside)?;
+        element.properties.push(Property { name: String::from_utf8_lossy(name).into_owned(), kind, list });
+        Ok(())
+    }
+
+    /// Refuses a file that is shorter than its elements need at least: lists may be empty.
+    fn check_length(&self, bytes: &[u8]) -> Result<(), MeshReadError> {
+        let least = |property: &Property| match self.encoding {
+            // A digit and a blank.
+            Encoding::Text => 2,
+            _ => property.list.unwrap_or(property.kind).bytes() as u64,
+        };
+        let element = |element: &Element| {
+            element.properties.iter().map(least).sum::<u64>().saturating_mul(element.count)
+        };
+        let needed = self.elements.iter().map(element).fold(0u64, u64::saturating_add);
+        let declared = needed.saturating_add(self.length as u64);
+        let actual = bytes.len() as u64;
+        // The last blank may be missing.
+        if actual.saturating_add(u64::from(self.encoding == Encoding::Text)) < declared {
+            return Err(match self.encoding {
+                Encoding::Text => self.cut_short(bytes),
+                _ => MeshReadError::Truncated { format: FORMAT, declared, actual },
+            });
+        }
+        Ok(())
+    }
+
+    fn cut_short(&self, bytes: &[u8]) -> MeshReadError {
+        let with_values = self.elements.iter().filter(|element| !element.properties.is_empty());
+        let declared = with_values.map(|element| element.count).fold(0u64, u64::saturating_add);
+        let lines = super::text::lines(&bytes[self.length..]).filter(|(_, line)| !line.is_empty());
+        MeshReadError::CutShort {
+            format: FORMAT,
+            what: "lines of elements".into(),
+            declared,
+            actual: (lines.count() as u64).min(declared),
+        }
+    }
+}
+
+/// The values after the header, one after the other.
+struct Body<'a> {
+    encoding: Encoding,
+    header: &'a Header,
+    file: &'a [u8],
+    rest: &'a [u8],
+    line: u64,
+}
+
+impl<'a> Body<'a> {
+    fn new(header: &'a Header, file: &'a [u8]) -> Self {
+        let rest = &file[header.length..];
+        Self { encoding: header.encoding, header, file, rest, line: header.lines + 1 }
+    }
+
+    fn next(&mut self, kind: Kind) -> Result<f64, MeshReadError> {
+        if self.encoding == Encoding::Text {
+            return self.next_word();
+        }
+        let Some((value, rest)) = self.rest.split_at_checked(kind.bytes()) else {
+            let actual = self.file.len() as u64;
+            return Err(MeshReadError::Truncated { format: FORMAT, declared: actual + 1, actual });
+        };
+        self.rest = rest;
+        let mut bytes = [0; 8];
+        bytes[..value.len()].copy_from_slice(value);
+        if self.encoding == Encoding::BigEndian {
+            bytes[..value.len()].reverse();
+        }
+        Ok(kind.value(bytes))
+    }
+
+    fn next_word(&mut self) -> Result<f64, MeshReadError> {
+        let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace());
+        let Some(start) = start else { return Err(self.header.cut_short(self.file)) };
+        self.line += self.rest[..start].iter().filter(|byte| **byte == b'\n').count() as u64;
+        let end = self.rest[start..].iter().position(u8::is_ascii_whitespace).map(|length| start + length);
+        let word = &self.rest[start..end.unwrap_or(self.rest.len())];
+        self.rest = &self.rest[end.unwrap_or(self.rest.len())..];
+        number(word).ok_or_else(|| super::text::bad_line(self.line, word, "a number cannot be read"))
+    }
+
+    /// The number of values of a list, which the bytes must suffice for.
+    fn list_length(&mut self, count: Kind, item: Kind) -> Result<usize, MeshReadError> {
+        let length = self.next(count)?;
+        if !(length >= 0.0 && length == length.trunc()) {
+            return Err(self.header.bad("a list has no whole number of values"));
+        }
+        let bytes = if self.encoding == Encoding::Text { 1 } else { item.bytes() as u64 };
+        let needed = (length as u64).saturating_mul(bytes);
+        if needed > self.rest.len() as u64 {
+            let actual = self.file.len() as u64;
+            let declared = (actual - self.rest.len() as u64).saturating_add(needed);
+            return Err(MeshReadError::Truncated { format: FORMAT, declared, actual });
+        }
+        Ok(length as usize)
+    }
+
+    /// Passes over an element that is not needed.
+    fn pass(&mut self, element: &Element) -> Result<(), MeshReadError> {
+        if element.properties.is_empty() {
+            return Ok(());
+        }
+        for _ in 0..element.count {
+            for property in &element.properties {
+                self.pass_property(property)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn pass_property(&mut self, property: &Property) -> Result<(), MeshReadError> {
+        let values = match property.list {
+            Some(count) => self.list_length(count, property.kind)?,
+            None => 1,
+        };
+        (0..values).try_for_each(|_| self.next(property.kind).map(|_| ()))
+    }
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Found {
+    points: Vec<Point3<f64>>,
+    normals: Vec<Vector3<f64>>,
+    /// Line or number of the first point that is not finite.
+    broken: Option<(VertexPlace, [f64; 3])>,
+    /// Corners of all faces, and how many each has.
+    corners: Vec<u32>,
+    arities: Vec<u32>,
+}
+
+impl Found {
+    fn vertices(&mut self, element: &Element, body: &mut Body<'_>) -> Result<(), MeshReadError> {
+        at_most(
+            "vertices",
+            usize::try_from(element.count).unwrap_or(usize::MAX),
+            MOST_POINTS.max(3 * MOST_TRIANGLES),
+        )?;
+        // The place of each property among x, y, z, nx, ny, nz.
+        let place = |property: &Property| {
+            let names = ["x", "y", "z", "nx", "ny", "nz"];
+            names
+                .iter()
+                .position(|name| property.name.eq_ignore_ascii_case(name))
+                .filter(|_| property.list.is_none())
+        };
+        let places: Vec<Option<usize>> = element.properties.iter().map(place).collect();
+        if let Some(missing) = (0..3).find(|axis| !places.contains(&Some(*axis))) {
+            let name = ["x", "y", "z"][missing];
+            return Err(body.header.bad(format!("its vertices have no property {name}")));
+        }
+        let with_normals = (3..6).all(|axis| places.contains(&Some(axis)));
+        self.points.reserve_exact(element.count as usize);
+        for index in 0..element.count as usize {
+            let mut values = [0.0; 6];
+            for (property, place) in element.properties.iter().zip(&places) {
+                match place {
+                    Some(place) => values[*place] = body.next(property.kind)?,
+                    None => body.pass_property(property)?,
+                }
+            }
+            let [x, y, z, ..] = values;
+            if self.broken.is_none() && ![x, y, z].iter().all(|value| value.is_finite()) {
+                let place = match body.encoding {
+                    Encoding::Text => VertexPlace::Obj { line: body.line },
+                    _ => VertexPlace::Numbered { what: "vertex", number: index },
+                };
+                self.broken = Some((place, [x, y, z]));
+            }
+            self.points.push(Point3::new(x, y, z));
+            if with_normals {
+                self.normals.push(Vector3::new(values[3], values[4], values[5]));
+            }
+        }
+        Ok(())
+    }
+
+    fn faces(&mut self, element: &Element, body: &mut Body<'_>) -> Result<(), MeshReadError> {
+        at_most("faces", usize::try_from(element.count).unwrap_or(usize::MAX), MOST_TRIANGLES)?;
+        let is_corners = |property: &Property| {
+            property.list.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
+        };
+        if element.count > 0 && !element.properties.iter().any(is_corners) {
+            return Err(body.header.bad("its faces have no list vertex_indices"));
+        }
+        for _ in 0..element.count {
+            for property in &element.properties {
+                match property.list.filter(|_| is_corners(property)) {
+                    Some(count) => self.face(count, property.kind, body)?,
+                    None => body.pass_property(property)?,
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn face(&mut self, count: Kind, kind: Kind, body: &mut Body<'_>) -> Result<(), MeshReadError> {
+        let arity = body.list_length(count, kind)?;
+        at_most("corners in one face", arity, MOST_CORNERS)?;
+        at_most("corners of faces", self.corners.len() + arity, 3 * MOST_TRIANGLES)?;
+        for _ in 0..arity {
+            let index = body.next(kind)?;
+            // Vertices may stand behind the faces; whether they are there is seen at the end.
+            if !(index >= 0.0 && index < f64::from(u32::MAX) && index == index.trunc()) {
+                let face = VertexPlace::Numbered { what: "face", number: self.arities.len() };
+                let count = self.points.len();
+                return Err(MeshReadError::IndexOutOfRange {
+                    face,
+                    kind: "vertex",
+                    index: index as i64,
+                    count,
+                });
+            }
+            self.corners.push(index as u32);
+        }
+        self.arities.push(arity as u32);
+        Ok(())
+    }
+
+    fn into_part(self, header: Header) -> Result<RawPart, MeshReadError> {
+        let mut clues = Clues::new(FORMAT, header.comments.first().cloned());
+        clues.stated_unit = header.comments.iter().find_map(|comment| stated_unit(comment));
+        let mut part = RawPart::new(clues);
+        let others =
+            header.elements.iter().filter(|element| !matches!(element.name.as_str(), "vertex" | "face"));
+        part.not_taken = others.map(|element| format!("{} x {}", element.count, element.name)).collect();
+        if self.arities.is_empty() {
+            if self.points.is_empty() && !part.not_taken.is_empty() {
+                return Err(MeshReadError::NoTriangles { cause: EmptyCause::OnlyOthers(part.not_taken) });
+            }
+            at_most("points", self.points.len(), MOST_POINTS)?;
+            part.set_scan(self.points, self.normals);
+            return Ok(part);
+        }
+        if let Some((vertex, coordinate)) = self.broken {
+            return Err(MeshReadError::NotFinite { vertex, coordinate });
+        }
+        self.into_mesh(&mut part)?;
+        Ok(part)
+    }
+
+    fn into_mesh(self, part: &mut RawPart) -> Result<(), MeshReadError> {
+        let (mut triangles, mut outline, mut rest) = (Vec::new(), Vec::new(), &self.corners[..]);
+        for (number, &arity) in self.arities.iter().enumerate() {
+            let (face, others) = rest.split_at(arity as usize);
+            rest = others;
+            if let Some(&index) = face.iter().find(|&&index| index as usize >= self.points.len()) {
+                let face = VertexPlace::Numbered { what: "face", number };
+                let (index, count) = (i64::from(index), self.points.len());
+                return Err(MeshReadError::IndexOutOfRange { face, kind: "vertex", index, count });
+            }
+            match *face {
+                [a, b, c] => triangles.push([a, b, c]),
+                [] | [_] | [_, _] => {}
+                _ => {
+                    outline.clear();
+                    outline.extend(face.iter().map(|&vertex| self.points[vertex as usize]));
+                    polygon::triangulate(&outline, |corners| {
+                        triangles.push(corners.map(|corner| face[corner]))
+                    });
+                }
+            }
+        }
+        let normal = |triangle: usize, corner: usize| {
+            let index: u32 = triangles[triangle][corner];
+            self.normals[index as usize]
+        };
+        if self.normals.is_empty() {
+            part.normals_found = NormalsFound::None;
+            // Without normals a vertex that is repeated at a face's border is still one.
+            (part.positions, part.triangles) = normals::weld(&self.points, &triangles);
+        } else if let Some(welded) = normals::weld_facets(&self.points, &triangles, normal) {
+            part.normals_found = NormalsFound::FacetsOnly;
+            (part.positions, part.triangles) = welded;
+        } else {
+            part.normals_found = NormalsFound::Smooth;
+            (part.positions, part.normals, part.triangles) = (self.points, self.normals, triangles);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,305 @@
+//! Points as text, a line each: x, y and z, and whatever stands behind them.
+//!
+//! There is no standard. Columns are parted by blanks, tabs, commas or semicolons, decimals by a point or a comma;
+//! names may stand above, and comments anywhere. All this is found in the file itself, which no CSV crate does.
+
+use nalgebra::{Point3, Vector3};
+
+use super::clues::{Clues, stated_unit, unit_word};
+use super::text::{bad_line, beginning, last_line, lines, number, without_mark};
+use super::{LengthUnit, MOST_POINTS, MeshFormat, MeshReadError, RawPart, at_most, gltf};
+use crate::reason::Notice;
+
+/// What comments begin with.
+const COMMENTS: [&[u8]; 4] = [b"#", b"//", b"%", b"!"];
+/// A list of points begins after at most so many lines of other text.
+const MOST_HEAD_LINES: usize = 100;
+/// Words for a value that was not measured, in lower case.
+const MISSING: [&[u8]; 12] =
+    [b"", b"nan", b"-nan", b"nan(ind)", b"-nan(ind)", b"null", b"none", b"na", b"n/a", b"#n/a", b"-", b"*"];
+/// Heights that stand for a value that was not measured (Esri's usual NODATA).
+const NO_DATA: [f64; 2] = [-9999.0, -99999.0];
+/// How far a normal's length may be from 1.
+const UNIT_LENGTH: f64 = 0.01;
+const FORMAT: MeshFormat = MeshFormat::Xyz;
+
+/// How numbers stand in a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Dialect {
+    /// What parts columns; blanks if nothing.
+    separator: Option<u8>,
+    decimal_comma: bool,
+}
+
+/// Which columns are read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Columns {
+    point: [usize; 3],
+    normal: Option<[usize; 3]>,
+}
+
+/// What the lines above the first point say.
+#[derive(Default)]
+struct Head {
+    producer: Option<String>,
+    unit: Option<LengthUnit>,
+    names: Option<Vec<String>>,
+}
+
+/// Reads a scan from a list of points.
+pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+    let text = checked(bytes)?;
+    let (head, dialect, columns, first) = head(text)?;
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    let (mut missing, mut origins) = (0, 0);
+    let last = columns.point.into_iter().chain(columns.normal.into_iter().flatten()).max().unwrap_or(2);
+    let needed = columns.point.into_iter().max().unwrap_or(2);
+    let mut fields = Vec::new();
+    for (line, text) in lines(text).skip(first).filter(|(_, text)| !is_aside(text)) {
+        dialect.split(text, &mut fields);
+        if fields.len() <= needed {
+            return Err(bad_line(line, text, "there are fewer columns than in the first line of numbers"));
+        }
+        let mut values = [f64::NAN; 3];
+        for (value, column) in values.iter_mut().zip(columns.point) {
+            *value = dialect
+                .value(fields[column])
+                .ok_or_else(|| bad_line(line, text, "a number cannot be read"))?;
+        }
+        let is_origin = values == [0.0; 3];
+        if !values.iter().all(|value| value.is_finite()) || NO_DATA.contains(&values[2]) {
+            missing += 1;
+            continue;
+        }
+        at_most("points", points.len() + 1, MOST_POINTS)?;
+        if let Some(normal) = columns.normal {
+            let value = |column: usize| fields.get(column).and_then(|field| dialect.value(field));
+            let normal = normal.map(|column| value(column).filter(|_| column <= last).unwrap_or(f64::NAN));
+            normals.push(Vector3::from(normal));
+        }
+        origins += usize::from(is_origin);
+        points.push(Point3::from(values));
+    }
+    let are_normals = |normals: &[Vector3<f64>]| {
+        normals.iter().all(|normal| (normal.norm() - 1.0).abs() <= UNIT_LENGTH || *normal == Vector3::zeros())
+    };
+    if normals.len() != points.len() || !are_normals(&normals) {
+        normals.clear();
+    }
+    // One point may lie in the origin; several are pixels that saw nothing.
+    if origins > 1 {
+        missing += origins;
+        let mut kept = points.iter().map(|point| *point != Point3::origin());
+        normals.retain(|_| kept.next().unwrap_or(true));
+        points.retain(|point| *point != Point3::origin());
+    }
+    let mut clues = Clues::new(FORMAT, head.producer);
+    clues.stated_unit = head.unit;
+    let mut part = RawPart::new(clues);
+    part.missing = missing;
+    if points.is_empty() {
+        return Err(MeshReadError::NoPoints { missing });
+    }
+    if missing > 0 {
+        let text = format!("{missing} points are marked as missing and were left out");
+        part.notices.push(Notice::note("scan-points-missing", text));
+    }
+    if !last_line(bytes).2 {
+        let text = "the last line does not end with a line break; if the file was cut there, its last point is wrong";
+        part.notices.push(Notice::note("last-line-open", text));
+    }
+    part.set_scan(points, normals);
+    Ok(part)
+}
+
+/// Whether the last line ends.
+pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
+    let text = checked(bytes)?;
+    let (line, last, ends) = last_line(text);
+    if ends || is_aside(last) {
+        return Ok(());
+    }
+    // Without a line break it ends where it has as many columns as the first.
+    let (_, dialect, _, first) = head(text)?;
+    let columns = |line: &[u8]| {
+        let mut fields = Vec::new();
+        dialect.split(line, &mut fields);
+        fields.len()
+    };
+    let expected = lines(text).nth(first).map_or(0, |(_, line)| columns(line));
+    if columns(last) >= expected {
+        Ok(())
+    } else {
+        Err(MeshReadError::CutLine { line, text: beginning(last) })
+    }
+}
+
+fn checked(bytes: &[u8]) -> Result<&[u8], MeshReadError> {
+    let text = without_mark(bytes);
+    // Text in 16 bits has zero bytes too.
+    if text.is_empty() || text[..text.len().min(4096)].contains(&0) {
+        return Err(MeshReadError::NotThisFormat { format: FORMAT, found: gltf::beginning(bytes) });
+    }
+    Ok(text)
+}
+
+/// Whether a line holds no point.
+fn is_aside(line: &[u8]) -> bool {
+    line.is_empty() || COMMENTS.iter().any(|comment| line.starts_with(comment))
+}
+
+/// What stands above the points, and how they are written; the last is the number of lines above them.
+fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
+    let mut head = Head::default();
+    let mut skipped = 0;
+    // Many a camera's first rows saw nothing at all.
+    let (mut first_missing, mut missing) = (None, 0);
+    for (line, text) in lines(text) {
+        if let Some(dialect) = Dialect::of(text).filter(|_| !is_aside(text)) {
+            let columns = Columns::of(head.names.as_deref(), dialect, text, line)?;
+            return Ok((head, dialect, columns, first_missing.unwrap_or(line) as usize - 1));
+        }
+        if text.is_empty() {
+            continue;
+        }
+        let separators = [b';', b',', b'\t', b' '];
+        if text.split(|byte| separators.contains(byte)).all(is_missing) {
+            first_missing.get_or_insert(line);
+            missing += 1;
+            continue;
+        }
+        skipped += 1;
+        if skipped > MOST_HEAD_LINES {
+            break;
+        }
+        head.read(text, line)?;
+    }
+    if missing > 0 {
+        return Err(MeshReadError::NoPoints { missing });
+    }
+    let first = lines(text).map(|(_, line)| line).find(|line| !is_aside(line)).unwrap_or_default();
+    let found = if first.is_empty() { "no line of numbers".into() } else { gltf::beginning(first) };
+    Err(MeshReadError::NotThisFormat { format: FORMAT, found })
+}
+
+impl Head {
+    fn read(&mut self, text: &[u8], line: u64) -> Result<(), MeshReadError> {
+        if text.to_ascii_lowercase().starts_with(b"ncols") {
+            let problem = "this is a grid of heights (ncols, nrows), not a list of points".into();
+            return Err(MeshReadError::BadHeader { format: FORMAT, line, problem });
+        }
+        let said = String::from_utf8_lossy(text);
+        let words = said.trim_start_matches(['#', '/', '%', '!']).trim();
+        self.unit = self.unit.or_else(|| stated_unit(words)).or_else(|| bracketed_unit(words));
+        let names: Vec<String> = words
+            .split([',', ';', '\t', ' '])
+            .map(|name| name.trim_matches(['"', '\'', ' ']).to_ascii_lowercase())
+            .filter(|name| !name.is_empty() && !name.starts_with(['[', '(']))
+            .collect();
+        if Columns::named(&names).is_some() {
+            self.names = Some(names);
+        } else if is_aside(text) && self.producer.is_none() && !words.is_empty() {
+            self.producer = Some(words.chars().take(120).collect());
+        }
+        Ok(())
+    }
+}
+
+/// The unit in `x [mm]` or `X(m)`.
+fn bracketed_unit(words: &str) -> Option<LengthUnit> {
+    let inside = words.split(['[', '(']).skip(1).filter_map(|rest| rest.split([']', ')']).next());
+    inside.map(|word| word.trim().to_ascii_lowercase()).find_map(|word| unit_word(&word))
+}
+
+impl Columns {
+    /// The columns of a file whose first line of numbers this is.
+    fn of(
+        names: Option<&[String]>,
+        dialect: Dialect,
+        first: &[u8],
+        line: u64,
+    ) -> Result<Self, MeshReadError> {
+        let mut fields = Vec::new();
+        dialect.split(first, &mut fields);
+        if let Some(columns) = names.and_then(Self::named) {
+            if columns.point.iter().any(|column| *column >= fields.len()) {
+                let problem = "there are fewer columns than names above them";
+                return Err(bad_line(line, first, problem));
+            }
+            return Ok(columns);
+        }
+        let normal = (fields.len() >= 6).then_some([3, 4, 5]);
+        Ok(Self { point: [0, 1, 2], normal })
+    }
+
+    fn named(names: &[String]) -> Option<Self> {
+        let plain = |name: &String| {
+            let name = name.split(['[', '(']).next().unwrap_or_default().trim_start_matches('/');
+            name.trim_end_matches("_mm").trim_end_matches("_m").to_owned()
+        };
+        let plain: Vec<String> = names.iter().map(plain).collect();
+        let find = |known: [&str; 4]| plain.iter().position(|name| known.contains(&name.as_str()));
+        let all = |[x, y, z]: [Option<usize>; 3]| Some([x?, y?, z?]);
+        let point = all([
+            find(["x", "points:0", "x-coordinate", "pos_x"]),
+            find(["y", "points:1", "y-coordinate", "pos_y"]),
+            find(["z", "points:2", "z-coordinate", "pos_z"]),
+        ])?;
+        let normal = all([
+            find(["nx", "normals:0", "normal_x", "normalx"]),
+            find(["ny", "normals:1", "normal_y", "normaly"]),
+            find(["nz", "normals:2", "normal_z", "normalz"]),
+        ]);
+        Some(Self { point, normal })
+    }
+}
+
+impl Dialect {
+    /// How the numbers of a line are written; nothing if it does not hold three.
+    fn of(line: &[u8]) -> Option<Self> {
+        let all = [(Some(b';'), true), (Some(b'\t'), true), (Some(b','), false), (None, false), (None, true)];
+        all.into_iter().map(|(separator, decimal_comma)| Self { separator, decimal_comma }).find(|dialect| {
+            let mut fields = Vec::new();
+            dialect.split(line, &mut fields);
+            // Where a comma may be either, it parts columns only if it leaves numbers between.
+            let numbers =
+                fields.iter().take(3).filter(|field| !is_missing(field) && dialect.value(field).is_some());
+            numbers.count() == 3 || (fields.len() >= 3 && dialect.all_values(&fields))
+        })
+    }
+
+    /// Whether the first three are values, measured or not, and one of them is a number.
+    fn all_values(self, fields: &[&[u8]]) -> bool {
+        let values: Vec<Option<f64>> = fields.iter().take(3).map(|field| self.value(field)).collect();
+        values.iter().all(Option::is_some) && values.iter().flatten().any(|value| value.is_finite())
+    }
+
+    fn split<'a>(self, line: &'a [u8], fields: &mut Vec<&'a [u8]>) {
+        fields.clear();
+        match self.separator {
+            Some(separator) => fields.extend(line.split(|&byte| byte == separator).map(<[u8]>::trim_ascii)),
+            None => fields.extend(super::text::words(line)),
+        }
+    }
+
+    /// The value of a field, not a number if it was not measured; nothing if it cannot be read.
+    fn value(self, field: &[u8]) -> Option<f64> {
+        let field = field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field);
+        if let Some(value) = number(field) {
+            return Some(value);
+        }
+        if is_missing(field) {
+            return Some(f64::NAN);
+        }
+        let with_point =
+            || field.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect::<Vec<u8>>();
+        self.decimal_comma.then(with_point).and_then(|field| number(&field))
+    }
+}
+
+fn is_missing(field: &[u8]) -> bool {
+    MISSING.iter().any(|missing| field.eq_ignore_ascii_case(missing))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,77 @@
+use super::*;
+
+fn points(text: &str) -> Vec<[f64; 3]> {
+    let part = read(text.as_bytes()).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+    part.positions.iter().map(|point| point.coords.into()).collect()
+}
+
+fn problem(text: impl AsRef<[u8]>) -> MeshReadError {
+    match read(text.as_ref()) {
+        Err(error) => error,
+        Ok(part) => panic!("{:?} were read", part.positions),
+    }
+}
+
+#[test]
+fn every_usual_way_to_write_points_is_understood() {
+    let expected = [[1.5, -2.0, 3.25], [4.0, 5.5, -6.0]];
+    for text in [
+        "1.5 -2 3.25\n4 5.5 -6\n",
+        "  1.5\t-2   3.25  \r\n\r\n4 5.5 -6",
+        "1.5,-2,3.25\n4,5.5,-6\n",
+        "1.5, -2, 3.25,\n4, 5.5, -6,\n",
+        "1,5;-2;3,25\n4;5,5;-6\n",
+        "1,5\t-2\t3,25\n4\t5,5\t-6\n",
+        "1,5 -2,0 3,25\n4,0 5,5 -6,0\n",
+        "\u{feff}x;y;z\n1.5;-2;3.25\n4;5.5;-6\n",
+        "# a comment\n// another\n1.5 -2 3.25 99\n% more\n4 5.5 -6 98\n",
+        "\"1.5\",\"-2\",\"3.25\"\n\"4\",\"5.5\",\"-6\"\n",
+        "2\n1.5 -2 3.25 -1200 255 0 10\n4 5.5 -6 7 1 2 3\n",
+        "1.5 -2 3.25\r4 5.5 -6\r",
+        "intensity,Z (mm),X (mm),Y (mm)\n7,3.25,1.5,-2\n8,-6,4,5.5\n",
+        "Points:0,Points:1,Points:2\n1.5,-2,3.25\n4,5.5,-6\n",
+        "1.5 -2 3.25\nnan nan nan\n4 5.5 -6\n1 2 -9999\n",
+        "1.5,-2,3.25\n1,2,\n4,5.5,-6\n",
+        "0 0 0\n1.5 -2 3.25\n0 0 0\n4 5.5 -6\n",
+    ] {
+        assert_eq!(points(text), expected, "{text:?}");
+    }
+}
+
+#[test]
+fn units_above_the_columns_and_in_comments_are_heard() {
+    let unit = |text: &str| read(text.as_bytes()).unwrap().clues.stated_unit;
+    assert_eq!(unit("X [m];Y [m];Z [m]\n1;2;3\n"), Some(LengthUnit::Metre));
+    assert_eq!(unit("# units: inches\n1 2 3\n"), Some(LengthUnit::Inch));
+    assert_eq!(unit("# made with care\n1 2 3\n"), None);
+}
+
+#[test]
+fn three_columns_of_unit_length_are_normals_and_colours_are_not() {
+    let normals = |text: &str| read(text.as_bytes()).unwrap().normals;
+    assert_eq!(normals("1 2 3 0 0 -1\n4 5 6 0.6 0 0.8\n").len(), 2);
+    assert_eq!(normals("1 2 3 0 0 1\n4 5 6 255 0 1\n").len(), 0);
+    assert_eq!(normals("x,y,z,i,nx,ny,nz\n1,2,3,7,0,0,1\n")[0], Vector3::z());
+}
+
+#[test]
+fn what_is_wrong_is_said_with_its_line() {
+    for (text, line) in [
+        ("1 2 3\n4 5\n6 7 8\n", 2),
+        ("# x\n1,2,3\n4,five,6\n", 3),
+        ("x y z i\n1 2 3 4\n1 2 3 4\n5 6\n7 8 9 1\n", 4),
+    ] {
+        let error = problem(text);
+        assert!(matches!(error, MeshReadError::BadLine { line: at, .. } if at == line), "{error}");
+    }
+    assert!(matches!(problem("1 2 3\n4 5"), MeshReadError::BadLine { line: 2, .. }));
+    assert!(matches!(is_whole(b"1 2 3\n4 5"), Err(MeshReadError::CutLine { line: 2, .. })));
+    assert!(is_whole(b"1 2 3\n4 5 6").is_ok() && is_whole(b"1 2 3\n4 5 6\n").is_ok());
+    assert!(matches!(problem("nan nan nan\n1 nan 2\n"), MeshReadError::NoPoints { missing: 2 }));
+    assert!(matches!(problem("ncols 3\nnrows 2\n1 2 3\n4 5 6\n"), MeshReadError::BadHeader { line: 1, .. }));
+    for text in ["", "\u{feff}", "name;price\nscrew;3\n", "\u{0}\u{1}", "hello world"] {
+        assert!(matches!(problem(text), MeshReadError::NotThisFormat { .. }), "{text:?}");
+    }
+    let wide: Vec<u8> = "1 2 3\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    assert!(matches!(problem([b"\xFF\xFE", &wide[..]].concat()), MeshReadError::NotThisFormat { .. }));
+}

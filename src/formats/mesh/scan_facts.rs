@@ -1,0 +1,105 @@
+//! What was found in the points of a scan, as reports keep it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::surface::scan::{ScanQuality, ScanRegion, Smoothing};
+
+/// What was found in the points of a scan, and what was done to them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScanFacts {
+    /// Number of points that were measured.
+    pub points: usize,
+    /// Number of points that shaped the surface.
+    pub used: usize,
+    /// Number of points below a surface or looking away from the laser.
+    pub hidden: usize,
+    /// Number of outliers and strays that were dropped.
+    pub dropped: usize,
+    /// Distance between points as the laser sees them, mm.
+    pub spacing_mm: f64,
+    /// Distance between the samples that the surface was fitted to, mm.
+    pub grid_step_mm: f64,
+    /// How it was smoothed: `auto`, `low-pass` or `none`.
+    pub smoothing: String,
+    /// Separate surfaces, the one with most points first; between two there is a cliff.
+    pub surfaces: Vec<ScanSurface>,
+}
+
+/// One surface of a scan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScanSurface {
+    /// Number of points that shaped it.
+    pub points: usize,
+    /// The rectangle round it in the view: left, bottom, right, top, mm.
+    pub extents_mm: [f64; 4],
+    /// Its lowest and highest point, mm.
+    pub heights_mm: [f64; 2],
+    /// Standard deviation of the points from the surface, mm.
+    pub noise_mm: f64,
+    /// Waves of this length were halved and shorter ones taken out, mm; absent without smoothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_mm: Option<f64>,
+    /// Largest departure of the surface from the points that noise does not explain, mm.
+    pub departure_mm: f64,
+    /// Where that is in the view, mm.
+    pub departure_at_mm: [f64; 2],
+}
+
+impl ScanFacts {
+    /// The facts of a smoothed scan.
+    pub fn new(quality: &ScanQuality, smoothing: Smoothing) -> Self {
+        let name = match smoothing {
+            Smoothing::Auto => "auto",
+            Smoothing::LowPass { .. } => "low-pass",
+            Smoothing::None => "none",
+        };
+        Self {
+            points: quality.points,
+            used: quality.used,
+            hidden: quality.hidden,
+            dropped: quality.dropped,
+            spacing_mm: quality.spacing,
+            grid_step_mm: quality.step,
+            smoothing: name.into(),
+            surfaces: quality.regions.iter().map(ScanSurface::new).collect(),
+        }
+    }
+}
+
+impl ScanFacts {
+    /// One sentence for people.
+    pub fn summary(&self) -> String {
+        let mut text = format!(
+            "a surface was laid through {} of {} points {:.2} mm apart",
+            self.used, self.points, self.spacing_mm
+        );
+        if self.hidden + self.dropped > 0 {
+            text += &format!(" ({} hidden, {} outliers)", self.hidden, self.dropped);
+        }
+        if let Some(surface) = self.surfaces.first() {
+            text += &format!("; they scatter by {:.3} mm", surface.noise_mm);
+            if let Some(wavelength) = surface.wavelength_mm {
+                text += &format!(", and waves shorter than {wavelength:.1} mm were taken for noise");
+            }
+        }
+        if self.surfaces.len() > 1 {
+            text += &format!("; cliffs part {} surfaces", self.surfaces.len());
+        }
+        text
+    }
+}
+
+impl ScanSurface {
+    fn new(region: &ScanRegion) -> Self {
+        let (min, max) = (region.extents.min, region.extents.max);
+        Self {
+            points: region.points,
+            extents_mm: [min.x, min.y, max.x, max.y],
+            heights_mm: region.heights,
+            noise_mm: region.noise,
+            wavelength_mm: region.wavelength,
+            departure_mm: region.departure,
+            departure_at_mm: region.departure_at.coords().into(),
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! STL, text and binary (3D Systems, StereoLithography interface specification, 1989).
+//!
+//! The format is so plain that a reader of our own is shorter than the checks that a crate's would need. A file is
+//! binary if it is exactly as long as its count of facets says, whatever its header begins with: many binary files
+//! begin with `solid`. Corners are welded where they agree to the bit; facet normals repeat the facets by definition.
+
+use nalgebra::Point3;
+
+use super::clues::Clues;
+use super::error::{EmptyCause, VertexPlace};
+use super::text::{bad_line, beginning, last_line, lines, number, without_mark, words};
+use super::{MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, gltf, normals};
+use crate::reason::Notice;
+
+const HEADER: usize = 80;
+/// Header and count.
+const PREAMBLE: usize = HEADER + 4;
+/// Normal, three corners, two bytes for what the maker likes.
+const FACET: usize = 50;
+
+/// Reads a part from an STL file.
+pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+    let (positions, mut part) = if is_text(bytes) { read_text(bytes)? } else { read_binary(bytes)? };
+    if positions.is_empty() {
+        return Err(MeshReadError::NoTriangles { cause: EmptyCause::Nothing });
+    }
+    let corners: Vec<[u32; 3]> =
+        (0..positions.len() as u32 / 3).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+    (part.positions, part.triangles) = normals::weld(&positions, &corners);
+    part.normals_found = NormalsFound::FacetsOnly;
+    Ok(part)
+}
+
+/// Whether all facets are there.
+pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
+    if !is_text(bytes) {
+        return binary_facets(bytes).map(|_| ());
+    }
+    let (line, last, _) = last_line(bytes);
+    let ends = words(last).next().is_some_and(|word| word.eq_ignore_ascii_case(b"endsolid"));
+    if ends { Ok(()) } else { Err(MeshReadError::CutLine { line, text: beginning(last) }) }
+}
+
+fn is_text(bytes: &[u8]) -> bool {
+    let begins = without_mark(bytes).trim_ascii_start();
+    let says_solid = begins.len() >= 5 && begins[..5].eq_ignore_ascii_case(b"solid");
+    let is_exact = count(bytes)
+        .is_some_and(|count| bytes.len() as u64 == PREAMBLE as u64 + u64::from(count) * FACET as u64);
+    says_solid && !is_exact && !begins[..begins.len().min(512)].contains(&0)
+}
+
+/// The number of facets that a binary file says it has.
+fn count(bytes: &[u8]) -> Option<u32> {
+    Some(u32::from_le_bytes(bytes.get(HEADER..PREAMBLE)?.try_into().ok()?))
+}
+
+fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
+    let is_word = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    if bytes[..bytes.len().min(PREAMBLE)].iter().all(is_word) {
+        return Err(MeshReadError::NotThisFormat { format: MeshFormat::Stl, found: gltf::beginning(bytes) });
+    }
+    let count = count(bytes).unwrap_or(0);
+    let declared = PREAMBLE as u64 + u64::from(count) * FACET as u64;
+    if (bytes.len() as u64) < declared {
+        return Err(MeshReadError::Truncated {
+            format: MeshFormat::Stl,
+            declared,
+            actual: bytes.len() as u64,
+        });
+    }
+    at_most("triangles", count as usize, MOST_TRIANGLES)?;
+    Ok(&bytes[PREAMBLE..].as_chunks().0[..count as usize])
+}
+
+/// The corners of all facets, one after the other.
+fn read_binary(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError> {
+    let facets = binary_facets(bytes)?;
+    let mut positions = Vec::with_capacity(facets.len() * 3);
+    for (facet, bytes) in facets.iter().enumerate() {
+        for corner in bytes[12..48].as_chunks::<12>().0 {
+            let values = corner.as_chunks::<4>().0;
+            let coordinate: [f64; 3] =
+                std::array::from_fn(|axis| f64::from(f32::from_le_bytes(values[axis])));
+            if !coordinate.iter().all(|value| value.is_finite()) {
+                let vertex = VertexPlace::Numbered { what: "facet", number: facet };
+                return Err(MeshReadError::NotFinite { vertex, coordinate });
+            }
+            positions.push(Point3::from(coordinate));
+        }
+    }
+    let header = String::from_utf8_lossy(&bytes[..HEADER]);
+    let header: String =
+        header.chars().filter(|letter| !letter.is_control() && *letter != '\u{FFFD}').collect();
+    let mut part = RawPart::new(clues(header.trim()));
+    let rest = bytes.len() - PREAMBLE - facets.len() * FACET;
+    if rest > 0 {
+        let text = format!("{rest} bytes after the last facet were not read");
+        part.notices.push(Notice::note("trailing-bytes", text));
+    }
+    Ok((positions, part))
+}
+
+fn clues(header: &str) -> Clues {
+    let mut clues = Clues::new(MeshFormat::Stl, (!header.is_empty()).then(|| header.to_owned()));
+    clues.stated_unit = super::clues::stated_unit(header);
+    clues
+}
+
+fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError> {
+    is_whole(bytes)?;
+    let (mut positions, mut in_facet, mut names) = (Vec::new(), 0, Vec::new());
+    for (line, text) in lines(without_mark(bytes)) {
+        let mut words = words(text);
+        let Some(keyword) = words.next() else { continue };
+        match keyword.to_ascii_lowercase().as_slice() {
+            b"vertex" => {
+                let mut coordinate = [0.0; 3];
+                for value in &mut coordinate {
+                    let word =
+                        words.next().ok_or_else(|| bad_line(line, text, "three numbers are needed"))?;
+                    *value = number(word).ok_or_else(|| bad_line(line, text, "a number cannot be read"))?;
+                }
+                if !coordinate.iter().all(|value| value.is_finite()) {
+                    return Err(MeshReadError::NotFinite { vertex: VertexPlace::Obj { line }, coordinate });
+                }
+                in_facet += 1;
+                positions.push(Point3::from(coordinate));
+            }
+            b"endfacet" => {
+                if in_facet != 3 {
+                    return Err(bad_line(line, text, "the facet before it has not three corners"));
+                }
+                in_facet = 0;
+                at_most("triangles", positions.len() / 3, MOST_TRIANGLES)?;
+            }
+            b"solid" => names.push(String::from_utf8_lossy(&text[5..]).trim().to_owned()),
+            b"facet" | b"outer" | b"endloop" => {}
+            b"endsolid" if in_facet == 0 => {}
+            b"endsolid" => return Err(bad_line(line, text, "the last facet does not end")),
+            _ => return Err(bad_line(line, text, "it begins with no word of the format")),
+        }
+    }
+    names.retain(|name| !name.is_empty());
+    let mut part = RawPart::new(clues(names.first().map_or("", String::as_str)));
+    part.bodies = names;
+    Ok((positions, part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TETRAHEDRON: [[f32; 3]; 4] =
+        [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+    const FACETS: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+
+    fn binary(header: &str) -> Vec<u8> {
+        let mut bytes = format!("{header:80}").into_bytes();
+        bytes.extend(4u32.to_le_bytes());
+        for facet in FACETS {
+            bytes.extend([0; 12]);
+            facet.iter().flat_map(|&at| TETRAHEDRON[at]).for_each(|value| bytes.extend(value.to_le_bytes()));
+            bytes.extend([7, 7]);
+        }
+        bytes
+    }
+
+    fn text() -> String {
+        let corner = |at: usize| TETRAHEDRON[at].map(|value| value.to_string()).join(" ");
+        let facet = |facet: &[usize; 3]| {
+            let corners = facet.map(|at| format!("      vertex {}\n", corner(at))).concat();
+            format!("  facet normal 0 0 0\n    outer loop\n{corners}    endloop\n  endfacet\n")
+        };
+        format!("solid Cone of mine\n{}endsolid Cone of mine\n", FACETS.iter().map(facet).collect::<String>())
+    }
+
+    #[test]
+    fn both_kinds_are_read_and_welded() {
+        for (bytes, name) in
+            [(binary("solid but binary"), "solid but binary"), (text().into_bytes(), "Cone of mine")]
+        {
+            let part = read(&bytes).unwrap();
+            assert_eq!((part.positions.len(), part.triangles.len()), (4, 4));
+            assert_eq!(part.clues.producer.as_deref(), Some(name));
+            assert!(is_whole(&bytes).is_ok());
+        }
+        let capitals = text().to_uppercase().replace('\n', "\r\n");
+        assert_eq!(read(capitals.as_bytes()).unwrap().triangles.len(), 4);
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let bytes = binary("x");
+        assert!(matches!(
+            read(&bytes[..200]),
+            Err(MeshReadError::Truncated { declared: 284, actual: 200, .. })
+        ));
+        let mut lying = bytes.clone();
+        lying[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(matches!(read(&lying), Err(MeshReadError::Truncated { .. })));
+        let mut broken = bytes.clone();
+        broken[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
+        let place = VertexPlace::Numbered { what: "facet", number: 1 };
+        assert!(matches!(read(&broken), Err(MeshReadError::NotFinite { vertex, .. }) if vertex == place));
+        assert!(matches!(read(b"no mesh"), Err(MeshReadError::NotThisFormat { .. })));
+        assert!(matches!(read(b""), Err(MeshReadError::NotThisFormat { .. })));
+        let text = text();
+        assert!(matches!(read(&text.as_bytes()[..300]), Err(MeshReadError::CutLine { .. })));
+        let wrong = text.replacen("vertex 10 0 0", "vertex 10 zero 0", 1);
+        assert!(matches!(read(wrong.as_bytes()), Err(MeshReadError::BadLine { line: 6, .. })));
+        assert!(matches!(read(b"solid\nendsolid\n"), Err(MeshReadError::NoTriangles { .. })));
+    }
+}
