@@ -166,7 +166,7 @@ fn files_of_other_kinds() {
     let desk = Desk::new();
     desk.write("part.step", "ISO-10303-21;");
     correct(&desk, "part.step", &drawing("abc"), "")
-        .refused(1, &["part.step", "remedy: Export the part as .glb, .gltf or .obj"]);
+        .refused(1, &["part.step", "remedy: Export the part or scan as .glb, .gltf, .obj, .stl, .ply"]);
     desk.write("logo.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>");
     correct(&desk, &part(MOUSE), "logo.svg", "")
         .refused(1, &["logo.svg", "not a DXF", "remedy: Export the drawing as DXF"]);
