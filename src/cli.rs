@@ -18,6 +18,7 @@ mod correct;
 mod demo;
 mod diff;
 mod inspect;
+mod job;
 mod watch;
 
 /// Bends flat drawings so that a galvo laser marks true lengths on curved parts.

@@ -80,6 +80,7 @@
 //! | word | means |
 //! |---|---|
 //! | part, mesh | the thing to be marked, and the triangles that describe it |
+//! | figure | a cylinder or cone given by its sizes, in place of a mesh |
 //! | SKU | a product's identity; it owns a fitted surface |
 //! | pattern, drawing | what is to be marked, flat, in true size |
 //! | ink | the lines and inked areas of a drawing that count |

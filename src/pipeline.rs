@@ -12,12 +12,16 @@ use std::io;
 use std::time::Instant;
 
 use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
-use crate::config::{Anchor, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting};
+use crate::config::{self, Anchor, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting};
 use crate::diff;
-use crate::formats::mesh::{self, MeshFormat, MeshOptions};
-use crate::formats::pattern::{self, DxfProfile, PatternOptions, PatternReading};
+use crate::formats::mesh::{
+    self, Decision, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartFacts, UpAxis,
+};
+use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, PatternReading};
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
+use crate::geometry::figure::{Figure, Form};
 use crate::geometry::ink::Ink;
+use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
@@ -122,6 +126,9 @@ impl Pipeline {
         part: PartInput<'_>,
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
+        if let Some(figure) = &settings.figure {
+            return Err(checks::part_not_needed(figure).in_file(part.name).into());
+        }
         let mut clock = Clock::start();
         let origin = origin_of(part.name, part.bytes, part.sibling)?;
         clock.lap("hash part");
@@ -152,10 +159,10 @@ impl Pipeline {
     }
 
     /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again). Damage to a
-    /// kept one goes to `notices`.
+    /// kept one goes to `notices`. A part that the settings give by its sizes is made and kept where it is not yet.
     ///
     /// # Errors
-    /// When the cache's folder fails.
+    /// When the cache's folder fails, or a part given by its sizes has no surface to mark.
     pub fn recall(
         &self,
         sku: &Sku,
@@ -166,8 +173,23 @@ impl Pipeline {
         let Some(key) = self.current_key(sku, settings)? else { return Ok(None) };
         let kept = self.look_up(sku, &key, notices)?;
         clock.lap("load surface");
+        let from_cache = kept.is_some();
+        let kept = match (kept, &settings.figure) {
+            (None, Some(figure)) => {
+                let surface = figure.surface().map_err(|error| checks::fit_reason(&error, settings))?;
+                let kept =
+                    CachedSurface { origin: figure_origin(figure), facts: figure_facts(figure), surface };
+                clock.lap("sample and fit");
+                if let Some(cache) = &self.cache {
+                    cache.put(sku, &key, &kept)?;
+                    clock.lap("keep surface");
+                }
+                Some(kept)
+            }
+            (kept, _) => kept,
+        };
         let timings = clock.laps;
-        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache: true, notices: Vec::new(), timings }))
+        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache, notices: Vec::new(), timings }))
     }
 
     /// The name that the surface of the SKU's current part has under these settings; `None` for an unknown SKU.
@@ -175,6 +197,9 @@ impl Pipeline {
     /// # Errors
     /// When the cache's folder fails.
     pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
+        if let Some(figure) = &settings.figure {
+            return Ok(Some(self.key(&figure_origin(figure), settings)));
+        }
         let Some(cache) = &self.cache else { return Ok(None) };
         Ok(cache.current(sku)?.map(|origin| self.key(&origin, settings)))
     }
@@ -217,17 +242,9 @@ impl Pipeline {
     ) -> Result<Corrected, PipelineError> {
         let mut clock = Clock::start();
         let surface = &learned.kept.surface;
-        let PatternReading { pattern, facts } = pattern::read(input.bytes, &pattern_options(settings))
-            .map_err(|error| error.reason().in_file(input.name))?;
-        clock.lap("read pattern");
-
         let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
-        let placing = Placing::new(&pattern, settings);
-        let placed = pattern.transformed(&placing.motion);
-        checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
-        let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
-        checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
-        clock.lap("place");
+        let PlacedPattern { pattern, facts, placing, placed, ink } =
+            place(input, surface, settings, &mut clock)?;
 
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
@@ -258,7 +275,7 @@ impl Pipeline {
         clock.lap("measure");
 
         checks::unrolled(&map, &mut notices);
-        checks::quality(&after, &mut notices);
+        checks::quality(&map, &after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let dxf = pattern::write(&drawing, profile(settings));
         clock.lap("write");
@@ -308,6 +325,34 @@ impl Pipeline {
         };
         Ok(Corrected { dxf, report, preview })
     }
+}
+
+/// A drawing as it was read and as it is placed.
+struct PlacedPattern {
+    pattern: Pattern,
+    facts: PatternFacts,
+    placing: Placing,
+    placed: Pattern,
+    ink: Ink,
+}
+
+fn place(
+    input: PatternInput<'_>,
+    surface: &FittedSurface,
+    settings: &JobSettings,
+    clock: &mut Clock,
+) -> Result<PlacedPattern, Reason> {
+    let PatternReading { pattern, facts } = pattern::read(input.bytes, &pattern_options(settings))
+        .map_err(|error| error.reason().in_file(input.name))?;
+    clock.lap("read pattern");
+    let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let placing = Placing::new(&pattern, settings);
+    let placed = pattern.transformed(&placing.motion);
+    checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
+    let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
+    checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
+    clock.lap("place");
+    Ok(PlacedPattern { pattern, facts, placing, placed, ink })
 }
 
 /// Where a drawing is put: its anchor, the anchor's place in the view, and the rigid motion between.
@@ -365,6 +410,31 @@ fn origin_of(
     Ok(PartOrigin { file: name.into(), blake3: hasher.finalize().to_hex().to_string() })
 }
 
+/// What stands for the file of a part that the settings give by its sizes.
+fn figure_origin(figure: &Figure) -> PartOrigin {
+    let [x, y, z] = (*figure.axis()).into();
+    PartOrigin { file: figure.to_string(), blake3: hash(format!("{figure} along {x},{y},{z}").as_bytes()) }
+}
+
+fn figure_facts(figure: &Figure) -> PartFacts {
+    let [min, max] = figure.bounds();
+    PartFacts {
+        format: None,
+        producer: None,
+        unit: Decision { value: LengthUnit::Millimetre, why: "the settings give its sizes in mm".into() },
+        up: Decision { value: UpAxis::Z, why: "the settings give it as the laser sees it".into() },
+        size: (max - min).into(),
+        triangles: 0,
+        vertices: 0,
+        normals: NormalsFound::Smooth,
+        bodies: Vec::new(),
+        materials: Vec::new(),
+        not_taken: Vec::new(),
+        scan: None,
+        notices: Vec::new(),
+    }
+}
+
 fn unknown_part_format(name: &str) -> Reason {
     Reason::new(
         "part-format-unknown",
@@ -383,18 +453,27 @@ fn pattern_options(settings: &JobSettings) -> PatternOptions {
 }
 
 fn method(settings: &JobSettings) -> Method {
-    let options = match settings.correction.weighting {
+    let JobSettings { part, correction, .. } = settings;
+    let options = match correction.weighting {
         Weighting::Ink => IsometricOptions::INK,
         Weighting::Uniform => IsometricOptions::UNIFORM,
     };
-    match settings.correction.method {
-        crate::config::Method::Auto => {
+    match (correction.method, part.figure.map(|figure| (figure, figure.form()))) {
+        (config::Method::Auto, Some((figure, _)))
+        | (config::Method::Cylinder, Some((figure, Form::Cylinder(_))))
+        | (config::Method::Cone, Some((figure, Form::Cone(_)))) => Method::Given(figure),
+        (config::Method::Auto, None) => {
             Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: options }
         }
-        crate::config::Method::Isometric => Method::Isometric(options),
-        crate::config::Method::Cylinder => Method::Cylinder,
-        crate::config::Method::Cone => Method::Cone,
-        crate::config::Method::None => Method::Plain,
+        (config::Method::Isometric, _) => Method::Isometric(options),
+        (config::Method::Cylinder, _) => Method::Cylinder,
+        (config::Method::Cone, _) => Method::Cone,
+        (config::Method::MappingDomain, _) => Method::MappingDomain(correction.mapping_domain),
+        (config::Method::Floater, _) => Method::Floater(match correction.floater_weights {
+            config::FloaterWeights::Uniform => FloaterWeights::Uniform,
+            config::FloaterWeights::MeanValue => FloaterWeights::MeanValue,
+        }),
+        (config::Method::None, _) => Method::Plain,
     }
 }
 

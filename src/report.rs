@@ -10,6 +10,8 @@ use crate::diff::DrawingDiff;
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::PatternFacts;
 use crate::geometry::correction::Exposure;
+use crate::geometry::mapping::floater::FloaterWeights;
+use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, isometric::Iteration};
 use crate::geometry::space::Extents;
@@ -157,6 +159,24 @@ pub enum MapStory {
         apex_mm: [f64; 3],
         /// Largest distance of the part from the cone under the drawing, mm.
         residual_mm: f64,
+    },
+    /// The thesis' own method, for comparison.
+    MappingDomain {
+        /// Cells along each side of the domain.
+        grid: usize,
+        /// Intervals of Simpson's rule along each side of a cell.
+        intervals: usize,
+        /// Largest distance between the samples of the surface, mm.
+        sample_step_mm: f64,
+        /// Slips that were kept as printed: `simpson-weights`, `diagonal-sums`, `knot-vectors`.
+        as_printed: Vec<String>,
+    },
+    /// The thesis' state of the art, for comparison.
+    Floater {
+        /// `uniform` or `mean-value`.
+        weights: String,
+        /// Sides of the square in the drawing, mm.
+        scale_mm: [f64; 2],
     },
     /// Plain projection.
     None,
@@ -306,6 +326,24 @@ impl MapStory {
                 apex_mm: map.cone.apex.coords.into(),
                 residual_mm: fit.residual,
             },
+            LengthTrueMap::MappingDomain(map) => {
+                let MappingDomainOptions { grid, intervals, sample_step, as_printed } = map.options;
+                let kept = [
+                    ("simpson-weights", as_printed.simpson_weights),
+                    ("diagonal-sums", as_printed.diagonal_sums),
+                    ("knot-vectors", as_printed.knot_vectors),
+                ];
+                let as_printed =
+                    kept.into_iter().filter(|(_, kept)| *kept).map(|(slip, _)| slip.to_owned()).collect();
+                Self::MappingDomain { grid, intervals, sample_step_mm: sample_step, as_printed }
+            }
+            LengthTrueMap::Floater(map) => Self::Floater {
+                weights: match map.weights {
+                    FloaterWeights::Uniform => "uniform".into(),
+                    FloaterWeights::MeanValue => "mean-value".into(),
+                },
+                scale_mm: map.scale.into(),
+            },
             LengthTrueMap::Plain => Self::None,
         }
     }
@@ -316,6 +354,8 @@ impl MapStory {
             Self::Isometric { .. } => "isometric",
             Self::Cylinder { .. } => "cylinder",
             Self::Cone { .. } => "cone",
+            Self::MappingDomain { .. } => "mapping-domain",
+            Self::Floater { .. } => "floater",
             Self::None => "none",
         }
     }

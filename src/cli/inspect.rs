@@ -100,7 +100,7 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
     line(&mut text, "size", &format!("{x:.2} x {y:.2} x {z:.2} mm (x, y, z; z up)"));
     line(&mut text, "unit", &format!("{}, because {}", facts.unit.value, facts.unit.why));
     line(&mut text, "up", &format!("{}, because {}", facts.up.value, facts.up.why));
-    line(&mut text, "format", &facts.format.to_string());
+    line(&mut text, "format", &facts.format.map_or("none".to_owned(), |format| format.to_string()));
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
     match facts.triangles {
         0 => scan_lines(&mut text, facts),

@@ -42,7 +42,9 @@ macro_rules! choices {
         }
 
         impl $kind {
-            /// The names of all choices, in the order they are explained.
+            /// All choices, in the order they are explained.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+            /// Their names.
             pub const NAMES: &'static [&'static str] = &[$($name),+];
 
             /// The name people write.
@@ -83,8 +85,49 @@ choices! {
         Cylinder = "cylinder",
         /// Exact unrolling of a cone.
         Cone = "cone",
+        /// The thesis' own method, to compare with.
+        MappingDomain = "mapping-domain",
+        /// The part laid on a square by convex combinations, to compare with.
+        Floater = "floater",
         /// Plain projection, to show what happens without a correction.
         None = "none",
+    }
+}
+
+choices! {
+    /// What `floater` makes of a vertex's neighbours.
+    FloaterWeights, "floater weights" {
+        /// All alike, as in the thesis.
+        #[default]
+        Uniform = "uniform",
+        /// Mean value coordinates, which follow the part's angles.
+        MeanValue = "mean-value",
+    }
+}
+
+choices! {
+    /// A slip of the thesis' printed algorithms that `mapping-domain` may keep.
+    Slip, "slip" {
+        /// Simpson's weights swapped (A.10 line 6).
+        #[default]
+        SimpsonWeights = "simpson-weights",
+        /// Lengths added up along diagonals (3.4 lines 18 to 29).
+        DiagonalSums = "diagonal-sums",
+        /// Knots that differ from row to row and move (A.8).
+        KnotVectors = "knot-vectors",
+    }
+}
+
+choices! {
+    /// What gives the shape of the part.
+    PartShape, "shape" {
+        /// A mesh in a file.
+        #[default]
+        Mesh = "mesh",
+        /// A cylinder given by its sizes.
+        Cylinder = "cylinder",
+        /// A cone given by its sizes.
+        Cone = "cone",
     }
 }
 
@@ -169,6 +212,7 @@ choices! {
     }
 }
 
+const AXES: &[&str] = &["x", "-x", "y", "-y", "X,Y,Z"];
 const FACINGS: &[&str] = &["+z", "-z", "+x", "-x", "+y", "-y", "X,Y,Z"];
 
 /// The side of the part that faces the laser, from `+z`, `-x` … or a direction `X,Y,Z` in the part frame.
@@ -193,6 +237,16 @@ pub fn parse_facing(text: &str) -> Result<Facing, UnknownChoice> {
         }
     };
     Facing::towards(direction).ok_or(UnknownChoice { what: "facing", given: text.into(), allowed: FACINGS })
+}
+
+/// The direction of a cylinder's or cone's axis as the laser sees it, from `x`, `-y` … or `X,Y,Z`.
+///
+/// # Errors
+/// When the text is neither, or the direction has no length.
+pub fn parse_axis(text: &str) -> Result<Vector3<f64>, UnknownChoice> {
+    let unknown = || UnknownChoice { what: "axis", given: text.into(), allowed: AXES };
+    let direction = parse_facing(text).map_err(|_| unknown())?.direction();
+    if direction.xy().norm() < 1e-3 { Err(unknown()) } else { Ok(direction) }
 }
 
 #[cfg(test)]

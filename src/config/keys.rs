@@ -1,15 +1,22 @@
 //! The keys of the files, as serde sees them, and what they change in a [`JobSettings`].
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::choices::{DxfVersion, FieldOrigin, Method, Smoothing, Vertices, Weighting, parse_facing};
+use super::choices::{
+    DxfVersion, FieldOrigin, FloaterWeights, Method, PartShape, Slip, Smoothing, Vertices, Weighting,
+    parse_axis, parse_facing,
+};
 use super::error::ConfigError;
 use super::settings::{Anchor, Field, IncidenceLimits, JobSettings};
 use super::text::SettingsText;
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
+use crate::geometry::figure::{Figure, Form};
+use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan;
@@ -36,10 +43,15 @@ pub(super) struct JobKeys {
 pub(super) struct PartKeys {
     facing: Option<Spanned<NameOr<[f64; 3]>>>,
     roll_deg: Option<Spanned<f64>>,
-    unit: Option<LengthUnit>,
-    up: Option<UpAxis>,
+    unit: Option<Spanned<LengthUnit>>,
+    up: Option<Spanned<UpAxis>>,
     smoothing: Option<Spanned<Smoothing>>,
     low_pass_mm: Option<Spanned<f64>>,
+    shape: Option<Spanned<PartShape>>,
+    diameter_mm: Option<Spanned<f64>>,
+    end_diameter_mm: Option<Spanned<f64>>,
+    length_mm: Option<Spanned<f64>>,
+    axis: Option<Spanned<NameOr<[f64; 3]>>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -66,6 +78,10 @@ pub(super) struct PlacementKeys {
 pub(super) struct CorrectionKeys {
     method: Option<Method>,
     weighting: Option<Weighting>,
+    floater_weights: Option<FloaterWeights>,
+    mapping_domain_grid: Option<Spanned<usize>>,
+    mapping_domain_intervals: Option<Spanned<usize>>,
+    mapping_domain_as_printed: Option<Vec<Slip>>,
     tolerance_mm: Option<Spanned<f64>>,
     vertices: Option<Vertices>,
     max_residual_mm: Option<Spanned<f64>>,
@@ -103,6 +119,17 @@ impl JobKeys {
 
 impl PartKeys {
     fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        to.part.figure = self.figure(text, to.part.figure)?;
+        if let (Some(figure), Some(span)) = (to.part.figure, self.way_of_a_mesh()) {
+            return Err(ConfigError::Contradiction {
+                spot: text.spot(&span),
+                what: format!(
+                    "The part is a {figure} as the laser sees it; no file is read or turned for it."
+                ),
+                remedy: "Say with `axis` how it lies, and remove what is said of a file: `facing`, `roll_deg`, `unit`, `up`, `smoothing`."
+                    .into(),
+            });
+        }
         if let Some(facing) = self.facing {
             to.part.facing = match facing.get_ref() {
                 NameOr::Name(name) => parse_facing(name).ok(),
@@ -119,8 +146,8 @@ impl PartKeys {
         if let Some(roll) = self.roll_deg {
             to.part.roll = text.number("part.roll_deg", &roll, -360.0..=360.0, "deg")?.to_radians();
         }
-        to.part.unit = self.unit.or(to.part.unit);
-        to.part.up = self.up.or(to.part.up);
+        to.part.unit = self.unit.map(Spanned::into_inner).or(to.part.unit);
+        to.part.up = self.up.map(Spanned::into_inner).or(to.part.up);
         let before = match to.part.smoothing {
             scan::Smoothing::LowPass { wavelength } => Some(wavelength),
             scan::Smoothing::Auto | scan::Smoothing::None => None,
@@ -145,6 +172,90 @@ impl PartKeys {
             (None, None) => {}
         }
         Ok(())
+    }
+
+    /// Where a key stands that means something only to a part from a file.
+    fn way_of_a_mesh(&self) -> Option<Range<usize>> {
+        let spans = [
+            self.facing.as_ref().map(Spanned::span),
+            self.roll_deg.as_ref().map(Spanned::span),
+            self.unit.as_ref().map(Spanned::span),
+            self.up.as_ref().map(Spanned::span),
+            self.smoothing.as_ref().map(Spanned::span),
+            self.low_pass_mm.as_ref().map(Spanned::span),
+        ];
+        spans.into_iter().flatten().next()
+    }
+
+    /// The cylinder or cone that the keys describe; sizes that are not named stay those of `old`.
+    fn figure(&self, text: &SettingsText, old: Option<Figure>) -> Result<Option<Figure>, ConfigError> {
+        let sizes = [&self.diameter_mm, &self.end_diameter_mm, &self.length_mm];
+        let spans = sizes.iter().filter_map(|size| size.as_ref().map(Spanned::span));
+        let mut spans = spans.chain(self.axis.as_ref().map(Spanned::span));
+        let contradiction = |span: Range<usize>, what: &str, remedy: &str| {
+            Err(ConfigError::Contradiction {
+                spot: text.spot(&span),
+                what: what.into(),
+                remedy: remedy.into(),
+            })
+        };
+        let inherited = old.map(|figure| match figure.form() {
+            Form::Cylinder(_) => PartShape::Cylinder,
+            Form::Cone(_) => PartShape::Cone,
+        });
+        let shape = self.shape.as_ref().map(|shape| *shape.get_ref()).or(inherited);
+        let shape = match (shape, spans.next()) {
+            (None | Some(PartShape::Mesh), None) => return Ok(None),
+            (None | Some(PartShape::Mesh), Some(span)) => {
+                return contradiction(
+                    span,
+                    "A part that comes from a mesh has its sizes from there.",
+                    "Set `shape = \"cylinder\"` or `\"cone\"`, or remove the sizes.",
+                );
+            }
+            (Some(shape), _) => shape,
+        };
+        // Sizes of another shape are none of this one's.
+        let old = old.filter(|_| inherited == Some(shape));
+        let span = self.shape.as_ref().map_or(0..0, Spanned::span);
+        let size = |index: usize, key: &str| match (sizes[index], old) {
+            (Some(given), _) => text.number(&format!("part.{key}"), given, 0.1..=FARTHEST, "mm"),
+            (None, Some(old)) => Ok(old.sizes()[index]),
+            (None, None) => Err(ConfigError::Missing { spot: text.spot(&span), key: key.into() }),
+        };
+        let diameter = size(0, "diameter_mm")?;
+        let end_diameter = match (shape, &self.end_diameter_mm) {
+            (PartShape::Cone, _) => size(1, "end_diameter_mm")?,
+            (_, None) => diameter,
+            (_, Some(given)) => {
+                return contradiction(
+                    given.span(),
+                    "A cylinder has one diameter.",
+                    "Set `shape = \"cone\"`, or remove `end_diameter_mm`.",
+                );
+            }
+        };
+        if shape == PartShape::Cone && diameter == end_diameter {
+            let what = "A cone has two diameters that differ.";
+            return contradiction(span, what, "Set `shape = \"cylinder\"`, or correct the diameters.");
+        }
+        let axis = match (&self.axis, old) {
+            (Some(given), _) => match given.get_ref() {
+                NameOr::Name(name) => parse_axis(name).ok(),
+                NameOr::Numbers(direction) => Some(Vector3::from(*direction)),
+            },
+            (None, Some(old)) => Some(*old.axis()),
+            (None, None) => Some(Vector3::y()),
+        };
+        let length = size(2, "length_mm")?;
+        match axis.and_then(|axis| Figure::new(diameter, end_diameter, length, axis)) {
+            Some(figure) => Ok(Some(figure)),
+            None => contradiction(
+                self.axis.as_ref().map_or(span, Spanned::span),
+                "`part.axis` names no direction across the laser's axis.",
+                "Give \"x\", \"-x\", \"y\", \"-y\" or a direction in the laser's view such as [0, 1, -0.1].",
+            ),
+        }
     }
 }
 
@@ -221,6 +332,28 @@ impl CorrectionKeys {
         correction.method = self.method.unwrap_or(correction.method);
         correction.weighting = self.weighting.unwrap_or(correction.weighting);
         correction.vertices = self.vertices.unwrap_or(correction.vertices);
+        correction.floater_weights = self.floater_weights.unwrap_or(correction.floater_weights);
+        let domain = &mut correction.mapping_domain;
+        if let Some(grid) = self.mapping_domain_grid {
+            domain.grid = text.count("correction.mapping_domain_grid", &grid, MappingDomainOptions::GRIDS)?;
+        }
+        if let Some(intervals) = self.mapping_domain_intervals {
+            let key = "correction.mapping_domain_intervals";
+            domain.intervals = text.count(key, &intervals, MappingDomainOptions::INTERVALS)?;
+            if domain.intervals % 2 == 1 {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&intervals.span()),
+                    what: format!(
+                        "Simpson's rule has no {} intervals: it takes them in pairs.",
+                        domain.intervals
+                    ),
+                    remedy: "Give an even number; the thesis has 50.".into(),
+                });
+            }
+        }
+        if let Some(slips) = self.mapping_domain_as_printed {
+            domain.as_printed = slips.into_iter().collect();
+        }
         if let Some(tolerance) = self.tolerance_mm {
             correction.tolerance = text.number("correction.tolerance_mm", &tolerance, 0.0001..=1.0, "mm")?;
         }

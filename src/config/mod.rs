@@ -19,7 +19,8 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DxfVersion, FieldOrigin, Method, Smoothing, UnknownChoice, Vertices, Weighting, parse_facing,
+    Backend, DxfVersion, FieldOrigin, FloaterWeights, Method, PartShape, Slip, Smoothing, UnknownChoice,
+    Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use error::{ConfigError, Spot};
 pub use keys::LOW_PASS;

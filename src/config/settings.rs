@@ -1,8 +1,10 @@
 //! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
 
-use super::choices::{DxfVersion, FieldOrigin, Method, Vertices, Weighting};
+use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Method, Slip, Vertices, Weighting};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PictureOptions};
+use crate::geometry::figure::Figure;
+use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens};
 use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
@@ -42,11 +44,20 @@ pub struct PartSettings {
     pub up: Option<UpAxis>,
     /// How noise is taken out of a scan; a mesh has none.
     pub smoothing: Smoothing,
+    /// The cylinder or cone that the part is, in the laser's view; `None` takes the part from a file.
+    pub figure: Option<Figure>,
 }
 
 impl Default for PartSettings {
     fn default() -> Self {
-        Self { facing: Facing::TOP, roll: 0.0, unit: None, up: None, smoothing: Smoothing::Auto }
+        Self {
+            facing: Facing::TOP,
+            roll: 0.0,
+            unit: None,
+            up: None,
+            smoothing: Smoothing::Auto,
+            figure: None,
+        }
     }
 }
 
@@ -100,6 +111,10 @@ pub struct CorrectionSettings {
     pub method: Method,
     /// Where lengths are kept first.
     pub weighting: Weighting,
+    /// What `floater` makes of a vertex's neighbours.
+    pub floater_weights: FloaterWeights,
+    /// How fine `mapping-domain` is.
+    pub mapping_domain: MappingDomainOptions,
     /// Greatest distance between the corrected polyline and the true curve, mm.
     pub tolerance: f64,
     /// Which points of the drawing are carried over.
@@ -113,10 +128,22 @@ impl Default for CorrectionSettings {
         Self {
             method: Method::default(),
             weighting: Weighting::default(),
+            floater_weights: FloaterWeights::default(),
+            mapping_domain: MappingDomainOptions::THESIS,
             tolerance: 0.01,
             vertices: Vertices::default(),
             max_residual: 0.1,
         }
+    }
+}
+
+impl FromIterator<Slip> for AsPrinted {
+    fn from_iter<Slips: IntoIterator<Item = Slip>>(slips: Slips) -> Self {
+        slips.into_iter().fold(Self::NOTHING, |kept, slip| match slip {
+            Slip::SimpsonWeights => Self { simpson_weights: true, ..kept },
+            Slip::DiagonalSums => Self { diagonal_sums: true, ..kept },
+            Slip::KnotVectors => Self { knot_vectors: true, ..kept },
+        })
     }
 }
 

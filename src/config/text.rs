@@ -61,6 +61,18 @@ impl SettingsText {
         Ok(*given.get_ref())
     }
 
+    /// The count, if it lies in its range.
+    pub(super) fn count(
+        &self,
+        key: &str,
+        given: &Spanned<usize>,
+        range: RangeInclusive<usize>,
+    ) -> Result<usize, ConfigError> {
+        let (low, high) = (*range.start() as f64, *range.end() as f64);
+        self.in_range(key, *given.get_ref() as f64, &given.span(), low..=high, "")?;
+        Ok(*given.get_ref())
+    }
+
     pub(super) fn in_range(
         &self,
         key: &str,

@@ -1,7 +1,8 @@
 //! Surfaces with a formula, and their meshes: the yardsticks of the tests and benchmarks, in mm.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector2};
 
+use super::height_field::{HeightField, Node, STEEPEST_SURFACE};
 use super::mesh::TriMesh;
 
 /// A sphere of radius 30 mm about the origin, z = √(900 − x² − y²).
@@ -61,6 +62,27 @@ pub fn torus(x: f64, y: f64) -> f64 {
 /// An ellipsoid with semi-axes of 45, 30 and 22 mm along x, y and z.
 pub fn ellipsoid(x: f64, y: f64) -> f64 {
     22.0 * (1.0 - (x / 45.0).powi(2) - (y / 30.0).powi(2)).max(0.0).sqrt()
+}
+
+/// The whole part that stands under `height` on a table at z = 0, over ± `half` mm in x and y, its heights exact and `step`
+/// mm apart. Beside the part there is nothing.
+pub fn standing(half: [f64; 2], step: f64, height: impl Fn(f64, f64) -> f64) -> HeightField {
+    let [columns, rows] = half.map(|half| (2.0 * half / step).round() as usize + 1);
+    let node = |index: usize| {
+        let (x, y) = ((index % columns) as f64 * step - half[0], (index / columns) as f64 * step - half[1]);
+        let (z, h) = (height(x, y), 1e-4);
+        let slope = (height(x + h, y) - z).hypot(height(x, y + h) - z) / h;
+        if z <= 0.0 {
+            Node::Empty
+        } else if slope > STEEPEST_SURFACE.tan() {
+            Node::Wall(z)
+        } else {
+            Node::Surface(z)
+        }
+    };
+    let nodes = (0..columns * rows).map(node).collect();
+    HeightField::new(-Vector2::from(half), step, columns, rows, nodes)
+        .expect("a part larger than a step has a grid")
 }
 
 /// The graph of `height` over a disc of radius `radius` mm as a mesh of nearly equilateral triangles with edges of

@@ -5,9 +5,12 @@ use super::{
     Placing,
 };
 use crate::geometry::correction::AboveLens;
+use crate::geometry::figure::Figure;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
+use crate::geometry::mapping::floater::FloaterError;
+use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::pattern::Shape;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
@@ -22,6 +25,15 @@ const LONGEST_INK: f64 = 5e6;
 const NOTABLE_STRETCH: f64 = 0.02;
 /// A drawing so many times as long as the part holds stray lines or has another unit.
 const STRAY: f64 = 3.0;
+
+/// A file came for a part that needs none.
+pub(super) fn part_not_needed(figure: &Figure) -> Reason {
+    Reason::new(
+        "part-not-needed",
+        format!("The settings give this part as a {figure}; no file is read for it."),
+        "Leave the part away, or set `shape = \"mesh\"` in the SKU's settings to take its part from files.",
+    )
+}
 
 pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     let facing = settings.facing.direction();
@@ -145,6 +157,28 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
                 ConeError::AnchorBeside { .. } | ConeError::ApexInDrawing { .. } => PLACE_ANCHOR,
             };
             Reason::new("no-cone", format!("The part cannot be unrolled as a cone: {error}."), remedy)
+        }
+        MapError::MappingDomain(error) => {
+            let remedy = match error {
+                MappingDomainError::Outside { .. } => PLACE_ON_PART,
+                MappingDomainError::AnchorNotMet { .. } => OTHER_METHOD,
+            };
+            Reason::new(
+                "no-mapping-domain",
+                format!("There is no mapping domain for the drawing: {error}."),
+                remedy,
+            )
+        }
+        MapError::Floater(error) => {
+            let remedy = match error {
+                FloaterError::NoOutline { .. } | FloaterError::Outside { .. } => PLACE_ON_PART,
+                FloaterError::Unsolved { .. } => OTHER_METHOD,
+            };
+            Reason::new(
+                "no-parametrisation",
+                format!("The part cannot be laid on a square: {error}."),
+                remedy,
+            )
         }
     };
     reason.at(Place { coordinate: Some(middle.coords().iter().copied().collect()), ..Place::default() })
@@ -316,9 +350,17 @@ pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
     }
 }
 
-/// Warns of what even the best map leaves.
-pub(super) fn quality(after: &Distortion, notices: &mut Vec<Notice>) {
-    if after.largest_stretch > NOTABLE_STRETCH {
+/// Warns of what even the best map leaves, and of maps that are not the best.
+pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec<Notice>) {
+    if map.is_for_comparison() {
+        notices.push(Notice::warning(
+            "not-length-true",
+            format!(
+                "the method is there to be compared with; lines stay up to {:.1} % off their lengths, and `auto` keeps them better",
+                after.largest_stretch * 100.0
+            ),
+        ));
+    } else if after.largest_stretch > NOTABLE_STRETCH {
         let at = after.largest_stretch_at;
         notices.push(Notice::warning(
             "stretch-remains",

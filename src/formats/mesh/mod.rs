@@ -99,8 +99,10 @@ impl Shape {
 /// What was found in a part file, and how it was understood.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartFacts {
-    /// The format the bytes were in, whatever the file's name says.
-    pub format: MeshFormat,
+    /// The format the bytes were in, whatever the file's name says; absent for a part that the settings give by its
+    /// sizes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub format: Option<MeshFormat>,
     /// The program that wrote the file, in its own words; for OBJ the first comment.
     pub producer: Option<String>,
     /// Unit of the file's numbers.
@@ -340,7 +342,7 @@ impl RawPart {
             self.notices.extend(self.normals_found.notice());
         }
         let facts = PartFacts {
-            format: self.clues.format,
+            format: Some(self.clues.format),
             producer: self.clues.producer,
             unit: verdict.unit,
             up: verdict.up,

@@ -7,14 +7,19 @@ pub mod isometric;
 pub mod patch;
 pub mod cylinder;
 pub mod cone;
+pub mod mapping_domain;
+pub mod floater;
 pub mod quality;
 
 use nalgebra::Vector3;
 
 use self::cone::{ConeError, ConeFit, ConeMap};
 use self::cylinder::{CylinderError, CylinderFit, CylinderMap};
+use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{IsometricError, IsometricMap, IsometricOptions};
+use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
 use self::patch::{SampledPatch, TooFewPoints};
+use super::figure::{Figure, Form};
 use super::ink::Ink;
 use super::pattern::Pattern;
 use super::space::{Extents, FlatPoint, ViewPoint};
@@ -37,6 +42,12 @@ pub enum Method {
     Cylinder,
     /// Exact unrolling of the cone that fits best.
     Cone,
+    /// Exact unrolling of the figure that the part is known to be.
+    Given(Figure),
+    /// The thesis' own method, for comparison.
+    MappingDomain(MappingDomainOptions),
+    /// The thesis' state of the art, for comparison.
+    Floater(FloaterWeights),
     /// Plain projection along the laser's axis: what comes out without a correction.
     Plain,
 }
@@ -56,6 +67,10 @@ pub enum LengthTrueMap {
     Cylinder(CylinderMap, CylinderFit),
     /// Exact unrolling.
     Cone(ConeMap, ConeFit),
+    /// Found by [`MappingDomainMap::find`].
+    MappingDomain(MappingDomainMap),
+    /// Found by [`FloaterMap::find`].
+    Floater(FloaterMap),
     /// No correction.
     Plain,
 }
@@ -72,11 +87,17 @@ pub enum MapError {
     /// The part is no cone where the drawing lies.
     #[error(transparent)]
     Cone(#[from] ConeError),
+    /// The drawing has no place in the thesis' mapping domain.
+    #[error(transparent)]
+    MappingDomain(#[from] MappingDomainError),
+    /// The part could not be laid on a square.
+    #[error(transparent)]
+    Floater(#[from] FloaterError),
 }
 
 impl LengthTrueMap {
     /// The map for a placed drawing; the anchor keeps its place in the view, and the drawing's x direction there its
-    /// direction.
+    /// direction (but for [`Method::MappingDomain`] and [`Method::Floater`], which have directions of their own).
     ///
     /// # Errors
     /// See [`MapError`]. [`Method::Auto`] never fails for want of a cylinder.
@@ -91,6 +112,27 @@ impl LengthTrueMap {
             Method::Plain => Ok(Self::Plain),
             Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, counts), anchor),
             Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, counts), anchor),
+            Method::Given(figure) => {
+                let ink = coarse_ink(pattern, counts);
+                let height = figure.height(anchor.coords().into()).unwrap_or(0.0);
+                match figure.form() {
+                    Form::Cylinder(cylinder) => {
+                        let map = CylinderMap::new(cylinder, anchor, height)?;
+                        Ok(Self::Cylinder(map, CylinderFit { cylinder, residual: 0.0 }))
+                    }
+                    Form::Cone(cone) => {
+                        let map = ConeMap::new(cone, anchor, height, reach(&ink, anchor))?;
+                        Ok(Self::Cone(map, ConeFit { cone, residual: 0.0 }))
+                    }
+                }
+            }
+            Method::MappingDomain(options) => {
+                let ink = coarse_ink(pattern, counts);
+                Ok(Self::MappingDomain(MappingDomainMap::find(surface, &ink, anchor, options)?))
+            }
+            Method::Floater(weights) => {
+                Ok(Self::Floater(FloaterMap::find(surface, &coarse_ink(pattern, counts), anchor, *weights)?))
+            }
             Method::Isometric(options) => {
                 let map = IsometricMap::solve(&surface.nurbs, &coarse_ink(pattern, counts), anchor, options)?;
                 Ok(Self::Isometric(map))
@@ -120,9 +162,7 @@ impl LengthTrueMap {
 
     fn unroll_cone(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
         let height = surface.nurbs.height(anchor.coords().into());
-        let corners = [ink.extents.min, ink.extents.max];
-        let from_anchor = |x: usize, y: usize| (corners[x].x - anchor.x).hypot(corners[y].y - anchor.y);
-        let reach = from_anchor(0, 0).max(from_anchor(0, 1)).max(from_anchor(1, 0)).max(from_anchor(1, 1));
+        let reach = reach(ink, anchor);
         unroll(surface, ink, |patch| {
             let fit = ConeFit::to(&patch.map_err(ConeError::from)?)?;
             Ok(Self::Cone(ConeMap::new(fit.cone, anchor, height, reach)?, fit))
@@ -134,8 +174,13 @@ impl LengthTrueMap {
         match self {
             Self::Cylinder(_, fit) => Some(fit.residual),
             Self::Cone(_, fit) => Some(fit.residual),
-            Self::Isometric(_) | Self::Plain => None,
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => None,
         }
+    }
+
+    /// Whether the map is there to be compared with, and not made to keep lengths as well as can be.
+    pub fn is_for_comparison(&self) -> bool {
+        matches!(self, Self::MappingDomain(_) | Self::Floater(_) | Self::Plain)
     }
 
     /// The image of a point of the drawing in the view.
@@ -144,6 +189,8 @@ impl LengthTrueMap {
             Self::Isometric(map) => map.point(at),
             Self::Cylinder(map, _) => map.point(at),
             Self::Cone(map, _) => map.point(at),
+            Self::MappingDomain(map) => map.point(at),
+            Self::Floater(map) => map.point(at),
             Self::Plain => at.coords().into(),
         }
     }
@@ -155,7 +202,7 @@ impl LengthTrueMap {
         match self {
             Self::Cylinder(map, _) => map.normal(at),
             Self::Cone(map, _) => map.normal(at),
-            Self::Isometric(_) | Self::Plain => {
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => {
                 let gradient = surface.jet(self.point(at)).gradient;
                 Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
             }
@@ -174,6 +221,12 @@ fn unroll(
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]).chain(ink.dots.iter().copied());
     let reached = Extents::of(ends.map(|end| rough.point(end).coords()));
     find(SampledPatch::under(surface, &reached))
+}
+
+/// Distance from the anchor to the farthest corner of the drawing, mm.
+fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
+    let farthest = (ink.extents.max - anchor.coords()).sup(&(anchor.coords() - ink.extents.min));
+    farthest.norm()
 }
 
 /// Samples for the solver: half as dense as those of the quality figures along each direction, which is enough for the

@@ -1,0 +1,216 @@
+//! A part that needs no mesh: a cylinder or cone given by its sizes, as the laser sees it.
+
+use nalgebra::{Point3, Unit, Vector2, Vector3};
+
+use super::height_field::{HeightField, Node, STEEPEST_SURFACE};
+use super::mapping::cone::Cone;
+use super::mapping::cylinder::Cylinder;
+use super::space::ViewPoint;
+use super::surface::fit::{FitError, FittedSurface};
+
+/// A round bar, straight or tapered, that lies before the laser: the middle of its crest, the line nearest to the laser,
+/// is the origin of the view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figure {
+    start_diameter: f64,
+    end_diameter: f64,
+    length: f64,
+    axis: Unit<Vector3<f64>>,
+    /// Where the axis is at half the length, mm.
+    middle: Point3<f64>,
+}
+
+/// What a [`Figure`] unrolls as.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Form {
+    /// Both ends are alike.
+    Cylinder(Cylinder),
+    /// It is tapered.
+    Cone(Cone),
+}
+
+/// A taper below this, rad, is that of a cylinder: it moves no line by a micrometre.
+const LEAST_TAPER: f64 = 1e-6;
+/// Steps of the sampling along the longer side: as fine as the finest fit of a mesh.
+const STEPS: f64 = 256.0;
+
+impl Figure {
+    /// The figure with these diameters at its two ends (mm, positive) and this length along its axis (mm, positive);
+    /// `axis` points from the first end to the other, in the frame of the view. `None` for sizes that are none, a
+    /// cone that would end in its apex, or an axis that points at the laser.
+    pub fn new(start_diameter: f64, end_diameter: f64, length: f64, axis: Vector3<f64>) -> Option<Self> {
+        let sizes = [start_diameter, end_diameter, length];
+        let axis = Unit::try_new(axis, 1e-9).filter(|axis| axis.iter().all(|part| part.is_finite()))?;
+        let crest = Vector3::z() - *axis * axis.z;
+        if !sizes.iter().all(|size| *size > 0.0 && size.is_finite()) || crest.norm() < 1e-3 {
+            return None;
+        }
+        let middle = Point3::from(-crest.normalize() * (start_diameter + end_diameter) / 4.0);
+        Some(Self { start_diameter, end_diameter, length, axis, middle })
+    }
+
+    /// Diameters at both ends and length, mm.
+    pub fn sizes(&self) -> [f64; 3] {
+        [self.start_diameter, self.end_diameter, self.length]
+    }
+
+    /// Direction of the axis in the view, from the first end to the other.
+    pub fn axis(&self) -> Unit<Vector3<f64>> {
+        self.axis
+    }
+
+    /// Growth of the radius for each length along the axis.
+    fn taper(&self) -> f64 {
+        (self.end_diameter - self.start_diameter) / (2.0 * self.length)
+    }
+
+    fn middle_radius(&self) -> f64 {
+        (self.start_diameter + self.end_diameter) / 4.0
+    }
+
+    /// The cylinder or cone itself.
+    pub fn form(&self) -> Form {
+        let (taper, radius) = (self.taper(), self.middle_radius());
+        if taper.abs() < LEAST_TAPER {
+            return Form::Cylinder(Cylinder { center: self.middle, axis: self.axis, radius });
+        }
+        let axis = if taper > 0.0 { self.axis } else { -self.axis };
+        Form::Cone(Cone {
+            apex: self.middle - *self.axis * (radius / taper),
+            axis,
+            half_angle: taper.abs().atan(),
+        })
+    }
+
+    /// Height over a point of the view, mm; `None` beside the figure and over its ends.
+    pub fn height(&self, at: ViewPoint) -> Option<f64> {
+        self.hit(at).map(|(height, _)| height)
+    }
+
+    /// Height and unit normal where the line of sight first meets the round side.
+    fn hit(&self, at: ViewPoint) -> Option<(f64, Vector3<f64>)> {
+        // |q|² − (q·a)² = (r + k·(q·a))² for q = from + z·ẑ, measured from the middle.
+        let (taper, radius) = (self.taper(), self.middle_radius());
+        let from = Point3::new(at.x, at.y, 0.0) - self.middle;
+        let (along, rise) = (from.dot(&self.axis), self.axis.z);
+        let a = 1.0 - rise * rise * (1.0 + taper * taper);
+        let b = from.z - rise * along - taper * rise * (radius + taper * along);
+        let c = from.norm_squared() - along * along - (radius + taper * along).powi(2);
+        let height = (-b + (b * b - a * c).sqrt()) / a;
+        let reached = along + rise * height;
+        if !(a > 0.0 && height.is_finite() && reached.abs() <= self.length / 2.0) {
+            return None;
+        }
+        let outwards = from + Vector3::z() * height - *self.axis * reached;
+        Some((height, (outwards.normalize() - *self.axis * taper).normalize()))
+    }
+
+    /// The smallest upright box round the figure: its lowest and its highest corner, mm, in the frame of the view.
+    pub fn bounds(&self) -> [Vector3<f64>; 2] {
+        // An end is a circle, which reaches along each axis by its radius times the sine of the angle to it.
+        let reach = self.axis.map(|part| (1.0 - part * part).max(0.0).sqrt());
+        let end = |share: f64, diameter: f64, side: f64| {
+            self.middle.coords + *self.axis * (share * self.length) + reach * (side * diameter / 2.0)
+        };
+        let (start, far) = (self.start_diameter, self.end_diameter);
+        [end(-0.5, start, -1.0).inf(&end(0.5, far, -1.0)), end(-0.5, start, 1.0).sup(&end(0.5, far, 1.0))]
+    }
+
+    /// The figure as a fitted surface with exact samples, for checks, pictures and every general method.
+    ///
+    /// # Errors
+    /// When hardly anything of it faces the laser, or it is a thousand times as long as thick.
+    pub fn surface(&self) -> Result<FittedSurface, FitError> {
+        let [min, max] = self.bounds().map(|corner| corner.xy());
+        let size = max - min;
+        let too_small = FitError::TooSmall { width: size.x, height: size.y };
+        if size.min() < size.max() * 1e-3 {
+            return Err(too_small);
+        }
+        let step = size.max() / STEPS;
+        let count = size.map(|side| (side / step).ceil() as usize + 1);
+        let node = |index: usize| {
+            let place = Vector2::new((index % count.x) as f64, (index / count.x) as f64);
+            match self.hit((min + place * step).into()) {
+                None => Node::Empty,
+                Some((height, normal)) if normal.z >= STEEPEST_SURFACE.cos() => Node::Surface(height),
+                Some((height, _)) => Node::Wall(height),
+            }
+        };
+        let nodes = (0..count.x * count.y).map(node).collect();
+        let field = HeightField::new(min, step, count.x, count.y, nodes).ok_or(too_small)?;
+        FittedSurface::of_field(field)
+    }
+}
+
+impl std::fmt::Display for Figure {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { start_diameter, end_diameter, length, .. } = self;
+        match self.form() {
+            Form::Cylinder(_) => write!(out, "cylinder {start_diameter} x {length} mm"),
+            Form::Cone(_) => write!(out, "cone {start_diameter} to {end_diameter} x {length} mm"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_lie_on_the_cylinder_or_cone_and_the_crest_is_at_zero() {
+        for (sizes, axis) in [
+            ([73.0, 73.0, 180.0], Vector3::x()),
+            ([73.0, 73.0, 180.0], Vector3::new(0.3, -1.0, 0.2)),
+            ([60.0, 85.0, 120.0], Vector3::y()),
+            ([85.0, 60.0, 120.0], Vector3::new(1.0, 0.4, -0.1)),
+        ] {
+            let figure = Figure::new(sizes[0], sizes[1], sizes[2], axis).unwrap();
+            assert!(figure.height(ViewPoint::new(0.0, 0.0)).unwrap().abs() < 1e-9);
+            let surface = figure.surface().unwrap();
+            let mut met = 0;
+            for (column, row, height) in surface.field.surface_nodes() {
+                let at = surface.field.position(column, row);
+                let point = Point3::new(at.x, at.y, height);
+                let distance = match figure.form() {
+                    Form::Cylinder(cylinder) => cylinder.distance(&point),
+                    Form::Cone(cone) => cone.distance(&point),
+                };
+                assert!(distance.abs() < 1e-9, "{distance} mm at {at:?}");
+                assert!(height <= 1e-9 + 0.3 * at.coords().norm());
+                met += 1;
+            }
+            assert!(met > 10_000);
+            // Between the nodes the fit and its linear remainder stand for the figure.
+            let worst = (0..500).map(|step| {
+                let at = ViewPoint::new(0.06 * f64::from(step) - 15.0, 0.031 * f64::from(step) - 7.0);
+                (surface.sampled_height(at).unwrap() - figure.height(at).unwrap()).abs()
+            });
+            assert!(worst.fold(0.0, f64::max) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn what_is_no_figure_is_none() {
+        for (sizes, axis) in [
+            ([0.0, 73.0, 180.0], Vector3::x()),
+            ([73.0, f64::NAN, 180.0], Vector3::x()),
+            ([73.0, 73.0, -1.0], Vector3::x()),
+            ([73.0, 73.0, 180.0], Vector3::zeros()),
+            ([73.0, 73.0, 180.0], Vector3::z()),
+        ] {
+            assert_eq!(Figure::new(sizes[0], sizes[1], sizes[2], axis), None);
+        }
+    }
+
+    #[test]
+    fn ends_are_no_surface() {
+        let figure = Figure::new(40.0, 40.0, 100.0, Vector3::x()).unwrap();
+        assert!(figure.height(ViewPoint::new(49.9, 0.0)).is_some());
+        assert!(figure.height(ViewPoint::new(50.1, 0.0)).is_none());
+        assert!(figure.height(ViewPoint::new(0.0, 20.1)).is_none());
+        let [min, max] = figure.bounds();
+        assert!((min + Vector3::new(50.0, 20.0, 40.0)).norm() < 1e-12);
+        assert!((max - Vector3::new(50.0, 20.0, 0.0)).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,472 @@
+//! The state of the art that the thesis compares itself with, for comparison: the part's surface as a triangle mesh whose
+//! outline is laid on the unit square, its inner vertices on convex combinations of their neighbours, and the drawing
+//! scaled into it (Chuang, Shape correction for laser marking, 2023, section 1.2.1; Floater, Parametrization and smooth
+//! approximation of surface triangulations, 1997).
+//!
+//! The square knows nothing of the part's size, so the drawing is scaled along each side of it; the thesis fills the
+//! square with it, here the scales are those with the smallest length error. The method's limit stays: lengths
+//! differ from place to place.
+
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+use faer::linalg::solvers::Solve;
+use faer::sparse::{SparseColMat, Triplet};
+use nalgebra::{Point3, Vector2, Vector3};
+
+use crate::geometry::ink::{Ink, Piece};
+use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
+
+/// What a vertex makes of its neighbours.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum FloaterWeights {
+    /// All neighbours alike, as in the thesis. The result is that of the mesh as a graph; the part's shape hardly counts.
+    #[default]
+    Uniform,
+    /// Mean value coordinates, which follow the angles on the part (Floater, Mean value coordinates, 2003).
+    MeanValue,
+}
+
+/// Why the part could not be laid on the square for a drawing.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum FloaterError {
+    /// No surface lies round the middle of the part, nor round the anchor.
+    #[error("no surface lies round the anchor at ({:.2}, {:.2}) mm", at.x, at.y)]
+    NoOutline {
+        /// Where the anchor is.
+        at: ViewPoint,
+    },
+    /// The equations could not be solved.
+    #[error("the {unknowns} equations of the parametrisation could not be solved")]
+    Unsolved {
+        /// Number of inner vertices.
+        unknowns: usize,
+    },
+    /// The drawing does not fit into the square.
+    #[error("({:.2}, {:.2}) mm of the placed drawing lies outside the part's square, {:.1} by {:.1} mm at the drawing's scale",
+        at.x, at.y, scale.x, scale.y)]
+    Outside {
+        /// The first point of the ink that lies outside.
+        at: FlatPoint,
+        /// Sides of the square in the drawing, mm.
+        scale: Vector2<f64>,
+    },
+}
+
+/// A part laid on the unit square, with the place and scale of a drawing in it: from the drawing to the view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloaterMap {
+    /// The weights it was made with.
+    pub weights: FloaterWeights,
+    /// Sides of the square in the drawing, mm.
+    pub scale: Vector2<f64>,
+    mesh: SquareMesh,
+    anchor: FlatPoint,
+    /// The anchor's place in the square.
+    start: Vector2<f64>,
+}
+
+/// A triangulated part with the places of its vertices in the unit square.
+#[derive(Debug, Clone, PartialEq)]
+struct SquareMesh {
+    /// On the part, mm.
+    vertices: Vec<Point3<f64>>,
+    /// In the square.
+    places: Vec<Vector2<f64>>,
+    triangles: Vec<[usize; 3]>,
+    /// The triangles that reach into each of `side` × `side` squares of the square: those of one from
+    /// `starts[square]` to `starts[square + 1]` of `found`.
+    side: usize,
+    starts: Vec<usize>,
+    found: Vec<usize>,
+}
+
+/// Edges of the mesh, mm, unless the part is so small or large that there would be fewer or more than these cells.
+const EDGE: f64 = 0.75;
+const CELLS: std::ops::RangeInclusive<f64> = 60.0..=150.0;
+/// Rays that look for the part's outline.
+const RAYS: usize = 720;
+/// Rays on both sides that an outline is smoothed over, three times.
+const SMOOTHED: usize = 6;
+/// The first and the last step, as a share, in which the scales are sought.
+const FIRST_SCALE_STEP: f64 = 0.16;
+const LAST_SCALE_STEP: f64 = 1e-4;
+
+impl FloaterMap {
+    /// Lays the part on the square and the ink of a placed drawing into it; `anchor` keeps its place in the view, and the
+    /// drawing's axes are those of the square.
+    ///
+    /// The mesh covers the whole side of the part that faces the laser, as far as rays from its middle (from the anchor,
+    /// where the middle is a hole) find surface; holes on the way are bridged by the fit. It has as many rows and columns
+    /// as fit along its extents, drawn out to the outline so that squares about the middle become copies of it, and its
+    /// four corners lie on the diagonals.
+    ///
+    /// # Errors
+    /// See [`FloaterError`].
+    pub fn find(
+        part: &FittedSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        weights: FloaterWeights,
+    ) -> Result<Self, FloaterError> {
+        let mesh = SquareMesh::over(part, anchor, weights)?;
+        let start = mesh.place_of(anchor.coords().into());
+        let mut map = Self { weights, scale: Vector2::zeros(), mesh, anchor, start };
+        map.scale = map.best_scale(part, ink);
+        let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+        let mut samples = ends.chain(ink.squares.iter().chain(&ink.dots).copied());
+        let unit = Extents { min: Vector2::zeros(), max: Vector2::new(1.0, 1.0) };
+        match samples.find(|at| !unit.grown(1e-9).contains(map.place(*at, map.scale))) {
+            Some(at) => Err(FloaterError::Outside { at, scale: map.scale }),
+            None => Ok(map),
+        }
+    }
+
+    /// The image of a point of the drawing in the view; outside the square the nearest triangle is continued.
+    pub fn point(&self, at: FlatPoint) -> ViewPoint {
+        self.mesh.seen(self.place(at, self.scale))
+    }
+
+    fn place(&self, at: FlatPoint, scale: Vector2<f64>) -> Vector2<f64> {
+        self.start + (at - self.anchor).component_div(&scale)
+    }
+
+    /// The scales with the smallest sum of |length on the part − length drawn|, from those that are right at the anchor: a
+    /// search along and across the axes whose steps are halved where none helps (Kolda, Lewis & Torczon, Optimization by
+    /// direct search, 2003), because the sum has kinks everywhere.
+    fn best_scale(&self, part: &FittedSurface, ink: &Ink) -> Vector2<f64> {
+        let lift = |place: Vector2<f64>| {
+            let at = self.mesh.seen(place);
+            Point3::new(at.x, at.y, part.nurbs.height(at))
+        };
+        let length_error = |scale: Vector2<f64>| -> f64 {
+            let error = |piece: &Piece| {
+                let [from, to] = [piece.from, piece.to].map(|end| lift(self.place(end, scale)));
+                ((to - from).norm() - piece.length()).abs()
+            };
+            ink.pieces.iter().map(error).sum()
+        };
+        let side = |step: Vector2<f64>| (lift(self.start + step) - lift(self.start - step)).norm() / 0.02;
+        let mut scale = Vector2::new(side(Vector2::new(0.01, 0.0)), side(Vector2::new(0.0, 0.01)));
+        let mut reached = length_error(scale);
+        let mut step = FIRST_SCALE_STEP;
+        while step > LAST_SCALE_STEP {
+            let turns = (0..8).map(|turn| direction(f64::from(turn) * FRAC_PI_4));
+            let next = turns.map(|turn| scale.component_mul(&turn.map(|share| 1.0 + step * share)));
+            let best = next.map(|next| (next, length_error(next))).min_by(|(_, a), (_, b)| a.total_cmp(b));
+            match best.filter(|(_, error)| *error < reached) {
+                Some((next, error)) => (scale, reached) = (next, error),
+                None => step /= 2.0,
+            }
+        }
+        scale
+    }
+}
+
+impl SquareMesh {
+    fn over(part: &FittedSurface, anchor: FlatPoint, weights: FloaterWeights) -> Result<Self, FloaterError> {
+        let nodes = part.field.surface_nodes();
+        let covered = Extents::of(nodes.map(|(column, row, _)| part.field.position(column, row).coords()));
+        let outline =
+            [covered.center(), anchor.coords()].into_iter().find_map(|middle| Outline::of(part, middle));
+        let outline = outline.ok_or(FloaterError::NoOutline { at: anchor.coords().into() })?;
+        let size = outline.extents().size();
+        let edge = EDGE.clamp(size.max() / CELLS.end(), size.max() / CELLS.start());
+        let [columns, rows] = [size.x, size.y].map(|side| 2 * (side / edge / 2.0).round().max(2.0) as usize);
+        let width = columns + 1;
+        let vertices: Vec<Point3<f64>> = (0..width * (rows + 1))
+            .map(|index| {
+                let across = 2.0 * (index % width) as f64 / columns as f64 - 1.0;
+                let up = 2.0 * (index / width) as f64 / rows as f64 - 1.0;
+                let at = outline.point(across, up, size);
+                Point3::new(at.x, at.y, part.nurbs.height(at))
+            })
+            .collect();
+        let mut triangles = Vec::with_capacity(2 * columns * rows);
+        for row in 0..rows {
+            for column in 0..columns {
+                let [a, b] = [row * width + column, (row + 1) * width + column];
+                // Diagonals take turns, so that none cuts off a corner of the square, whose sides the outline straightens.
+                triangles.extend(if (row + column) % 2 == 0 {
+                    [[a, a + 1, b + 1], [a, b + 1, b]]
+                } else {
+                    [[a, a + 1, b], [a + 1, b + 1, b]]
+                });
+            }
+        }
+        let border = border(columns, rows);
+        let places = parametrise(&vertices, &triangles, &border, weights)?;
+        Ok(Self::new(vertices, places, triangles))
+    }
+
+    fn new(vertices: Vec<Point3<f64>>, places: Vec<Vector2<f64>>, triangles: Vec<[usize; 3]>) -> Self {
+        let side = ((triangles.len() as f64 / 2.0).sqrt() as usize).max(1);
+        let squares = |triangle: &[usize; 3]| {
+            let extents = Extents::of(triangle.map(|corner| places[corner]));
+            let index = |place: f64| ((place * side as f64) as usize).min(side - 1);
+            let columns = index(extents.min.x)..index(extents.max.x) + 1;
+            let rows = index(extents.min.y)..index(extents.max.y) + 1;
+            rows.flat_map(move |row| columns.clone().map(move |column| row * side + column))
+        };
+        let mut starts = vec![0; side * side + 1];
+        triangles.iter().flat_map(squares).for_each(|square| starts[square + 1] += 1);
+        (0..side * side).for_each(|square| starts[square + 1] += starts[square]);
+        let mut next = starts.clone();
+        let mut found = vec![0; starts[side * side]];
+        for (index, triangle) in triangles.iter().enumerate() {
+            for square in squares(triangle) {
+                found[next[square]] = index;
+                next[square] += 1;
+            }
+        }
+        Self { vertices, places, triangles, side, starts, found }
+    }
+
+    /// The point of the view over a place in the square.
+    fn seen(&self, place: Vector2<f64>) -> ViewPoint {
+        let index = place.map(|value| ((value * self.side as f64) as usize).min(self.side - 1));
+        let square = index.y * self.side + index.x;
+        let inside = place.map(|value| value.clamp(0.0, 1.0));
+        let candidates = &self.found[self.starts[square]..self.starts[square + 1]];
+        let best = candidates
+            .iter()
+            .map(|&triangle| {
+                (triangle, barycentric(self.triangles[triangle].map(|corner| self.places[corner]), inside))
+            })
+            .max_by(|(_, a), (_, b)| a.min().total_cmp(&b.min()));
+        let Some((triangle, _)) = best else { return ViewPoint::new(f64::NAN, f64::NAN) };
+        let corners = self.triangles[triangle];
+        let shares = barycentric(corners.map(|corner| self.places[corner]), place);
+        let points = corners.map(|corner| self.vertices[corner].coords.xy());
+        (points[0] * shares[0] + points[1] * shares[1] + points[2] * shares[2]).into()
+    }
+
+    /// The place in the square of a point of the view.
+    fn place_of(&self, at: ViewPoint) -> Vector2<f64> {
+        let shares = |triangle: &[usize; 3]| {
+            barycentric(triangle.map(|corner| self.vertices[corner].coords.xy()), at.coords())
+        };
+        let nearest = self.triangles.iter().max_by(|a, b| shares(a).min().total_cmp(&shares(b).min()));
+        nearest.map_or(Vector2::new(0.5, 0.5), |triangle| {
+            let places = triangle.map(|corner| self.places[corner]);
+            let shares = shares(triangle);
+            places[0] * shares[0] + places[1] * shares[1] + places[2] * shares[2]
+        })
+    }
+}
+
+/// The shares of a triangle's corners in a point; negative beyond the opposite side, −∞ in a triangle without area.
+fn barycentric([a, b, c]: [Vector2<f64>; 3], at: Vector2<f64>) -> Vector3<f64> {
+    let area = (b - a).perp(&(c - a));
+    if area == 0.0 {
+        return Vector3::repeat(f64::NEG_INFINITY);
+    }
+    let (second, third) = ((at - a).perp(&(c - a)) / area, (b - a).perp(&(at - a)) / area);
+    Vector3::new(1.0 - second - third, second, third)
+}
+
+/// How far the part reaches from a point of it, in all directions.
+struct Outline {
+    middle: Vector2<f64>,
+    reach: Vec<f64>,
+}
+
+impl Outline {
+    /// The outline about `middle`; `None` where there is no surface.
+    fn of(part: &FittedSurface, middle: Vector2<f64>) -> Option<Self> {
+        let step = part.field.step();
+        let (columns, rows) = part.field.size();
+        let most = columns + rows;
+        let is_surface = |at: Vector2<f64>| part.field.is_surface(at.into());
+        if !is_surface(middle) {
+            return None;
+        }
+        let farthest = |ray: usize| {
+            let direction = direction(ray as f64 / RAYS as f64 * TAU);
+            let reach = |steps: usize| steps as f64 * step / 2.0;
+            let last = (0..2 * most).rev().find(|steps| is_surface(middle + direction * reach(*steps)));
+            reach(last.unwrap_or(0)).max(step / 2.0)
+        };
+        let mut reach: Vec<f64> = (0..RAYS).map(farthest).collect();
+        // The field knows the outline in stairs of its step; chords along stairs would be too long.
+        for _ in 0..3 {
+            let stairs = reach.clone();
+            let mean = |ray: usize| {
+                let near = (0..=2 * SMOOTHED).map(|shift| stairs[(ray + RAYS + shift - SMOOTHED) % RAYS]);
+                near.sum::<f64>() / (2 * SMOOTHED + 1) as f64
+            };
+            reach = (0..RAYS).map(mean).collect();
+        }
+        Some(Self { middle, reach })
+    }
+
+    fn extents(&self) -> Extents {
+        let ends = self.reach.iter().enumerate();
+        Extents::of(ends.map(|(ray, reach)| self.middle + direction(ray as f64 / RAYS as f64 * TAU) * *reach))
+    }
+
+    /// The place of a point of the square −1 to 1: squares about the middle become copies of the outline, and what is an
+    /// even step along a side is an even step of the angle (Shirley & Chiu, A low distortion map between disk and square,
+    /// 1997), in the outline's extents `size`.
+    fn point(&self, across: f64, up: f64, size: Vector2<f64>) -> ViewPoint {
+        let out = across.abs().max(up.abs());
+        if out == 0.0 {
+            return self.middle.into();
+        }
+        let turn = if across.abs() >= up.abs() {
+            FRAC_PI_4 * up / across + if across < 0.0 { std::f64::consts::PI } else { 0.0 }
+        } else {
+            2.0 * FRAC_PI_4 * up.signum() - FRAC_PI_4 * across / up
+        };
+        // In a long part the diagonals of its extents, not those at 45°, go to the corners.
+        let along = direction(turn).component_mul(&size);
+        let direction = along.normalize();
+        let angle = direction.y.atan2(direction.x).rem_euclid(TAU);
+        let ray = angle / TAU * RAYS as f64;
+        let (low, share) = (ray as usize % RAYS, ray.fract());
+        let reach = self.reach[low] * (1.0 - share) + self.reach[(low + 1) % RAYS] * share;
+        (self.middle + direction * (reach * out)).into()
+    }
+}
+
+fn direction(angle: f64) -> Vector2<f64> {
+    let (sin, cos) = angle.sin_cos();
+    Vector2::new(cos, sin)
+}
+
+/// The vertices round a grid, each side in a list of its own with both of its corners, counter-clockwise from the lower
+/// left.
+fn border(columns: usize, rows: usize) -> [Vec<usize>; 4] {
+    let width = columns + 1;
+    let at = |column: usize, row: usize| row * width + column;
+    [
+        (0..=columns).map(|column| at(column, 0)).collect(),
+        (0..=rows).map(|row| at(columns, row)).collect(),
+        (0..=columns).rev().map(|column| at(column, rows)).collect(),
+        (0..=rows).rev().map(|row| at(0, row)).collect(),
+    ]
+}
+
+/// Places in the unit square: the border on its sides by chord length, every inner vertex on the weighted mean of its
+/// neighbours (Floater, 1997, section 3).
+fn parametrise(
+    vertices: &[Point3<f64>],
+    triangles: &[[usize; 3]],
+    border: &[Vec<usize>; 4],
+    weights: FloaterWeights,
+) -> Result<Vec<Vector2<f64>>, FloaterError> {
+    let mut places = vec![Vector2::zeros(); vertices.len()];
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]].map(Vector2::from);
+    let mut unknown = vec![0; vertices.len()];
+    for (side, line) in border.iter().enumerate() {
+        let chords = line.windows(2).map(|pair| (vertices[pair[1]] - vertices[pair[0]]).norm());
+        let whole: f64 = chords.clone().sum();
+        let mut way = 0.0;
+        for (vertex, chord) in line.iter().zip(std::iter::once(0.0).chain(chords)) {
+            way += chord;
+            places[*vertex] = corners[side].lerp(&corners[side + 1], (way / whole).min(1.0));
+            unknown[*vertex] = usize::MAX;
+        }
+    }
+    let inner: Vec<usize> = (0..vertices.len()).filter(|vertex| unknown[*vertex] == 0).collect();
+    inner.iter().enumerate().for_each(|(index, vertex)| unknown[*vertex] = index);
+    let unknowns = inner.len();
+    let unsolved = FloaterError::Unsolved { unknowns };
+    // Row by row: Σ weight · (place of the neighbour − own place) = 0; what the border adds goes to the right side.
+    let mut entries = Vec::with_capacity(triangles.len() * 12);
+    let mut right = vec![0.0; 2 * unknowns];
+    let mut meet = |vertex: usize, neighbour: usize, weight: f64| {
+        let row = unknown[vertex];
+        if row == usize::MAX {
+            return;
+        }
+        entries.push(Triplet::new(row, row, weight));
+        match unknown[neighbour] {
+            usize::MAX => {
+                (0..2).for_each(|axis| right[axis * unknowns + row] += weight * places[neighbour][axis])
+            }
+            column => entries.push(Triplet::new(row, column, -weight)),
+        }
+    };
+    for corners in triangles {
+        for turn in 0..3 {
+            let [here, next, last] = [0, 1, 2].map(|step| corners[(turn + step) % 3]);
+            let (to_next, to_last) = (vertices[next] - vertices[here], vertices[last] - vertices[here]);
+            let (near, far) = (to_next.norm(), to_last.norm());
+            // Each neighbour is met in two triangles; uniform weights count it once.
+            let [weight_next, weight_last] = match weights {
+                FloaterWeights::Uniform => [0.5, 0.5],
+                FloaterWeights::MeanValue => {
+                    let half = to_next.cross(&to_last).norm() / (near * far + to_next.dot(&to_last));
+                    [half / near, half / far]
+                }
+            };
+            meet(here, next, weight_next);
+            meet(here, last, weight_last);
+        }
+    }
+    let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(unknowns, unknowns, &entries);
+    let factor = matrix.ok().and_then(|matrix| matrix.sp_lu().ok()).ok_or(unsolved)?;
+    factor.solve_in_place(faer::MatMut::from_column_major_slice_mut(&mut right, unknowns, 2));
+    // Convex combinations stay inside the square; anything else is no solution.
+    if !right.iter().all(|place| (-1e-9..=1.0 + 1e-9).contains(place)) {
+        return Err(unsolved);
+    }
+    for (index, vertex) in inner.iter().enumerate() {
+        places[*vertex] = Vector2::new(right[index], right[unknowns + index]);
+    }
+    Ok(places)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid whose inner vertices are pushed aside, lifted by `height`.
+    fn grid(height: impl Fn(f64, f64) -> f64) -> (Vec<Point3<f64>>, Vec<[usize; 3]>) {
+        let (columns, rows) = (12, 10);
+        let vertex = |index: usize| {
+            let (column, row) = (index % (columns + 1), index / (columns + 1));
+            let inner = column % columns != 0 && row % rows != 0;
+            let push = if inner { 0.25 * (index as f64 * 2.4).sin() } else { 0.0 };
+            let (x, y) = (column as f64 + push, row as f64 - push);
+            Point3::new(x, y, height(x, y))
+        };
+        let vertices = (0..(columns + 1) * (rows + 1)).map(vertex).collect();
+        let cell = |index: usize| {
+            let a = index / columns * (columns + 1) + index % columns;
+            let b = a + columns + 1;
+            [[a, a + 1, b + 1], [a, b + 1, b]]
+        };
+        (vertices, (0..columns * rows).flat_map(cell).collect())
+    }
+
+    #[test]
+    fn mean_values_keep_what_is_flat_to_scale() {
+        let (vertices, triangles) = grid(|_, _| 0.0);
+        let places = parametrise(&vertices, &triangles, &border(12, 10), FloaterWeights::MeanValue).unwrap();
+        for (vertex, place) in vertices.iter().zip(&places) {
+            assert!((place.x * 12.0 - vertex.x).abs() < 1e-9 && (place.y * 10.0 - vertex.y).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn no_triangle_turns_over() {
+        let (vertices, triangles) = grid(|x, y| 4.0 * (0.7 * x).sin() * (0.9 * y).cos());
+        for weights in [FloaterWeights::Uniform, FloaterWeights::MeanValue] {
+            let places = parametrise(&vertices, &triangles, &border(12, 10), weights).unwrap();
+            let mesh = SquareMesh::new(vertices.clone(), places, triangles.clone());
+            let mut whole = 0.0;
+            for corners in &mesh.triangles {
+                let [a, b, c] = corners.map(|corner| mesh.places[corner]);
+                assert!((b - a).perp(&(c - a)) > 0.0);
+                whole += (b - a).perp(&(c - a)) / 2.0;
+            }
+            assert!((whole - 1.0).abs() < 1e-9);
+            // Every place is found in the triangle it lies in.
+            for at in [[3.3, 4.1], [0.0, 0.0], [11.9, 9.7]].map(|[x, y]| ViewPoint::new(x, y)) {
+                assert!(mesh.seen(mesh.place_of(at)).distance(at) < 1e-9);
+            }
+        }
+    }
+}

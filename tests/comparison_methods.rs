@@ -1,0 +1,162 @@
+//! The methods that are there to be compared with, held against figures computed independently (numpy, libigl): letters
+//! of 39 × 13 mm on surfaces with a formula, e_l over pieces of at most 0.25 mm, e_a over squares of 0.2 mm.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
+
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::ink::Ink;
+use isomark::geometry::mapping::floater::{FloaterError, FloaterWeights};
+use isomark::geometry::mapping::isometric::IsometricOptions;
+use isomark::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainError, MappingDomainOptions};
+use isomark::geometry::mapping::quality::{self, Distortion};
+use isomark::geometry::mapping::{LengthTrueMap, MapError, Method};
+use isomark::geometry::pattern::{Affine, Pattern};
+use isomark::geometry::shapes;
+use isomark::geometry::space::FlatPoint;
+use isomark::geometry::surface::fit::FittedSurface;
+
+type Height = fn(f64, f64) -> f64;
+
+fn letters(at: FlatPoint) -> Pattern {
+    let bytes = include_bytes!("../examples/patterns/letters.dxf");
+    let pattern = read(bytes, &PatternOptions::default()).unwrap().pattern;
+    pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.0, at))
+}
+
+fn whole(height: Height, half: [f64; 2]) -> FittedSurface {
+    FittedSurface::of_field(shapes::standing(half, 0.5, height)).unwrap()
+}
+
+const SPHERE: (Height, [f64; 2], FlatPoint) = (shapes::sphere, [30.0, 30.0], FlatPoint::new(0.0, 0.0));
+const MANDARIN: (Height, [f64; 2], FlatPoint) = (shapes::mandarin, [30.0, 30.0], FlatPoint::new(0.0, 3.0));
+const MOUSE: (Height, [f64; 2], FlatPoint) = (shapes::mouse, [30.0, 55.0], FlatPoint::new(0.0, 8.0));
+
+/// The figures of the letters on the true surface.
+fn judged((height, half, at): (Height, [f64; 2], FlatPoint), method: Method) -> Distortion {
+    let (surface, pattern) = (whole(height, half), letters(at));
+    let map = LengthTrueMap::find(&surface, &pattern, |_| true, at, &method).unwrap();
+    assert!((map.point(at) - at.coords().into()).norm() < 1e-6, "the anchor keeps its place");
+    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    quality::measure(&ink, |at| map.point(at), |at| Some(height(at.x, at.y))).unwrap()
+}
+
+fn domain(as_printed: AsPrinted) -> Method {
+    Method::MappingDomain(MappingDomainOptions { as_printed, ..MappingDomainOptions::THESIS })
+}
+
+#[track_caller]
+fn assert_within(found: f64, expected: f64, share: f64) {
+    assert!((found / expected - 1.0).abs() < share, "{found} is not {expected} within {} %", share * 100.0);
+}
+
+/// The reference leaves the margin beside the part and the grid of samples open; both move the knots a little.
+#[test]
+fn the_mapping_domain_as_printed_has_the_figures_of_the_reference() {
+    for (case, length, area) in [(SPHERE, 2.61, 2.55), (MANDARIN, 2.17, 2.61), (MOUSE, 6.64, 2.99)] {
+        let found = judged(case, domain(AsPrinted::EVERYTHING));
+        assert_within(found.length_error, length, 0.05);
+        assert_within(found.area_error, area, 0.16);
+    }
+    let angle = |case| judged(case, domain(AsPrinted::EVERYTHING)).largest_angle_error.to_degrees();
+    assert!((angle(MANDARIN) - 6.7).abs() < 0.5 && (angle(MOUSE) - 14.8).abs() < 0.7);
+}
+
+#[test]
+fn with_simpsons_weights_right_it_has_those_of_the_reference_too() {
+    let method = domain(AsPrinted { simpson_weights: false, ..AsPrinted::EVERYTHING });
+    for (case, length, area) in [(SPHERE, 1.38, 0.90), (MANDARIN, 1.08, 1.06), (MOUSE, 4.98, 0.51)] {
+        let found = judged(case, method);
+        assert_within(found.length_error, length, 0.05);
+        assert_within(found.area_error, area, 0.1);
+    }
+}
+
+#[test]
+fn isometric_is_ten_times_as_true_as_the_mended_thesis() {
+    for case in [SPHERE, MANDARIN, MOUSE] {
+        let thesis = judged(case, domain(AsPrinted::NOTHING));
+        let ours = judged(case, Method::Isometric(IsometricOptions::INK));
+        let times = thesis.length_error / ours.length_error;
+        assert!(times > 10.0, "{} mm against {} mm: {times} times", thesis.length_error, ours.length_error);
+    }
+}
+
+#[test]
+fn straight_parameter_lines_mend_the_mouse() {
+    // The notes give 1.2 mm with straight parameter lines and 5.1 mm with those of A.8.
+    let (mended, bent) = (
+        judged(MOUSE, domain(AsPrinted::NOTHING)),
+        judged(MOUSE, domain(AsPrinted { knot_vectors: true, ..AsPrinted::NOTHING })),
+    );
+    assert!(mended.length_error < 1.6 && bent.length_error > 4.5, "{mended:?} {bent:?}");
+    assert!(mended.largest_angle_error < bent.largest_angle_error / 2.0);
+}
+
+#[test]
+fn on_a_plane_nothing_is_left_but_simpsons_slip() {
+    let plane: (Height, [f64; 2], FlatPoint) = (|_, _| 5.0, [30.0, 30.0], FlatPoint::new(2.0, 3.0));
+    let mended = judged(plane, domain(AsPrinted::NOTHING));
+    assert!(mended.length_error < 1e-6 && mended.largest_angle_error < 1e-6, "{mended:?}");
+    for intervals in [10, 50] {
+        let options = MappingDomainOptions {
+            intervals,
+            as_printed: AsPrinted::SIMPSON,
+            ..MappingDomainOptions::THESIS
+        };
+        let found = judged(plane, Method::MappingDomain(options));
+        // Weights 1 2 4 2 … 4 2 1 add up to 3s − 2 instead of 3s, so lengths count short and the drawing comes out long.
+        let short = 1.0 - 2.0 / (3.0 * intervals as f64);
+        assert_within(found.length_error / found.length, 1.0 / short - 1.0, 1e-6);
+    }
+}
+
+#[test]
+fn across_a_cylinder_the_mapping_domain_is_nearly_exact() {
+    // A ridge along y: the parameter lines meet at right angles there, and only the cells' own straightness is left.
+    let cylinder: (Height, [f64; 2], FlatPoint) = (shapes::cylinder, [30.0, 30.0], FlatPoint::new(0.0, 0.0));
+    let found = judged(cylinder, domain(AsPrinted::NOTHING));
+    assert!(found.length_error < 0.1 && found.largest_angle_error.to_degrees() < 0.2, "{found:?}");
+}
+
+#[test]
+fn a_drawing_beyond_the_domain_or_the_square_is_refused() {
+    let (surface, at) = (whole(shapes::sphere, [30.0, 30.0]), FlatPoint::new(0.0, 20.0));
+    let mut pattern = letters(at);
+    let copies = [[30.0, 0.0], [60.0, 0.0], [90.0, 0.0]].map(|[x, y]| letters(FlatPoint::new(x, 20.0 + y)));
+    pattern.paths.extend(copies.into_iter().flat_map(|copy| copy.paths));
+    let refusal = |method| LengthTrueMap::find(&surface, &pattern, |_| true, at, &method).unwrap_err();
+    let error = refusal(domain(AsPrinted::NOTHING));
+    assert!(matches!(error, MapError::MappingDomain(MappingDomainError::Outside { .. })), "{error}");
+    let error = refusal(Method::Floater(FloaterWeights::MeanValue));
+    assert!(matches!(error, MapError::Floater(FloaterError::Outside { .. })), "{error}");
+}
+
+/// The reference's meshes end where the part is cut off at nine tenths of its radius.
+fn cut(height: Height, [x, y]: [f64; 2]) -> f64 {
+    if x.hypot(y) <= 27.4 { height(x, y) } else { 0.0 }
+}
+
+#[test]
+fn convex_combinations_have_the_figures_of_the_reference() {
+    let sphere: Height = |x, y| cut(shapes::sphere, [x, y]);
+    let mandarin: Height = |x, y| cut(shapes::mandarin, [x, y]);
+    for ((height, (_, half, at)), weights, length, area) in [
+        ((sphere, SPHERE), FloaterWeights::Uniform, 26.7, 10.8),
+        ((mandarin, MANDARIN), FloaterWeights::Uniform, 24.3, 7.32),
+        ((sphere, SPHERE), FloaterWeights::MeanValue, 5.87, 7.00),
+        ((mandarin, MANDARIN), FloaterWeights::MeanValue, 5.91, 4.83),
+    ] {
+        let found = judged((height, half, at), Method::Floater(weights));
+        assert_within(found.length_error, length, 0.03);
+        // The scale is the one with the smallest e_l, where e_l is flat: 1 % of it is up to 2.5 mm² of e_a.
+        assert_within(found.area_error, area, 0.15);
+    }
+}
+
+#[test]
+fn mean_values_see_the_mouse_and_uniform_weights_do_not() {
+    // The reference, 43.2 mm and 2.79 mm, has the corners elsewhere on the outline, which the first of them feels most.
+    let [uniform, mean_value] = [FloaterWeights::Uniform, FloaterWeights::MeanValue]
+        .map(|weights| judged(MOUSE, Method::Floater(weights)).length_error);
+    assert!(uniform > 15.0 && mean_value < 5.0, "{uniform} mm, {mean_value} mm");
+}
