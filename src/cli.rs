@@ -17,6 +17,7 @@ mod cache;
 mod correct;
 mod demo;
 mod diff;
+mod evaluate;
 mod inspect;
 mod job;
 mod watch;
@@ -33,6 +34,8 @@ struct CommandLine {
 enum Command {
     /// Corrects one drawing for one part.
     Correct(Box<correct::CorrectArguments>),
+    /// Says how true each method would be for one drawing on one part, side by side.
+    Evaluate(Box<evaluate::EvaluateArguments>),
     /// Runs a station: drops of parts and patterns become corrected drawings.
     Watch(watch::WatchArguments),
     /// Says what isomark sees in a part or a drawing, and what it assumes.
@@ -148,6 +151,7 @@ pub fn main() -> ExitCode {
     };
     let (outcome, json) = match line.command {
         Command::Correct(arguments) => (correct::run(&arguments), arguments.json),
+        Command::Evaluate(arguments) => (evaluate::run(&arguments), arguments.json),
         Command::Watch(arguments) => (watch::run(&arguments), false),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),

@@ -35,9 +35,11 @@ use crate::report::{PlacementStory, Quality, Report, Timing};
 
 mod scan;
 mod checks;
+mod evaluate;
 mod picture;
 
 pub use scan::surface_of;
+pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 
 /// A part file in memory, with a way to the files beside it.
 pub struct PartInput<'a> {

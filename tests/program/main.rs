@@ -18,3 +18,4 @@ mod cache;
 mod inspect_and_diff;
 mod station;
 mod demo;
+mod evaluate;

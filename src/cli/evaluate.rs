@@ -1,0 +1,95 @@
+//! `isomark evaluate`: every method for one drawing on one part, side by side.
+
+use std::fmt::Write;
+
+use clap::Args;
+
+use super::job::{Job, JobArguments};
+use super::{Failure, Outcome, name_of, print};
+use crate::config::Method;
+use crate::pipeline::{Evaluation, EvaluationRow, PatternInput};
+
+#[derive(Debug, Args)]
+#[command(
+    override_usage = "isomark evaluate [OPTIONS] <PART> <PATTERN>\n       isomark evaluate [OPTIONS] --sku <SKU> <PATTERN>\n       isomark evaluate [OPTIONS] --cylinder <D,LENGTH> <PATTERN>"
+)]
+pub(super) struct EvaluateArguments {
+    #[command(flatten)]
+    job: JobArguments,
+    /// The methods to compare: all (default), or names as `correct` knows them.
+    #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = parse_methods, default_value = "all")]
+    method: Vec<Methods>,
+    /// Prints the figures as JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Methods {
+    All,
+    One(Method),
+}
+
+fn parse_methods(text: &str) -> Result<Methods, crate::config::UnknownChoice> {
+    if text == "all" { Ok(Methods::All) } else { text.parse().map(Methods::One) }
+}
+
+pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
+    let Job { sku, settings, pipeline, learned, pattern, drawing } = arguments.job.prepare(|_| Ok(()))?;
+    let asked = |method: &Method| {
+        arguments.method.iter().any(|named| match named {
+            // `auto` always comes down to one of the others.
+            Methods::All => *method != Method::Auto,
+            Methods::One(named) => named == method,
+        })
+    };
+    let methods: Vec<Method> = Method::ALL.iter().copied().filter(asked).collect();
+    let input = PatternInput { name: &name_of(pattern)?, bytes: &drawing, previous: None };
+    let evaluation = pipeline.evaluate(&sku, &learned, input, &settings, &methods)?;
+    if arguments.json {
+        let json =
+            serde_json::to_string_pretty(&evaluation).map_err(|error| Failure::environment(&error.into()))?;
+        print(&(json + "\n"));
+    } else {
+        print(&table(&evaluation));
+    }
+    Ok(())
+}
+
+fn table(evaluation: &Evaluation) -> String {
+    let Evaluation { pattern, part, size_mm: [width, height], length_mm, area_mm2, .. } = evaluation;
+    let mut text = format!(
+        "{pattern} ({width:.1} x {height:.1} mm, {length_mm:.1} mm of lines, {area_mm2:.1} mm2) on {}\n\n",
+        part.file
+    );
+    let label = |row: &EvaluationRow| match row.variant.as_str() {
+        "" => row.method.clone(),
+        variant => format!("{}, {variant}", row.method),
+    };
+    let widest = evaluation.rows.iter().map(|row| label(row).len()).max().unwrap_or(0).max("method".len());
+    let heads = ["e_l mm", "e_a mm2", "e_l %", "stretch %", "angle deg", "time ms"];
+    let _ = write!(text, "{:<widest$}", "method");
+    heads.iter().for_each(|head| text += &format!("  {head:>9}"));
+    text.push('\n');
+    for row in &evaluation.rows {
+        let _ = write!(text, "{:<widest$}", label(row));
+        if let Some(quality) = &row.quality {
+            let _ = write!(
+                text,
+                "  {:>9.3}  {:>9.3}  {:>9.3}  {:>9.2}  {:>9.2}  {:>9.1}",
+                quality.length_error_mm,
+                quality.area_error_mm2,
+                quality.length_error_relative * 100.0,
+                quality.largest_stretch * 100.0,
+                quality.largest_angle_error_deg,
+                row.map_ms,
+            );
+        }
+        let words = row.reason.as_ref().map(|reason| reason.what.as_str()).or(row.note.as_deref());
+        if let Some(words) = words {
+            let _ = write!(text, "  {words}");
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,180 @@
+//! Every method for one drawing on one part, side by side.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern};
+use super::{checks, hash, method, place, program};
+use crate::cache::PartOrigin;
+use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
+use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
+use crate::geometry::mapping::{self, LengthTrueMap, quality};
+use crate::reason::Reason;
+use crate::report::{DistortionStory, MapStory, PlacementStory, Timing};
+
+/// Name and version of the JSON form of an [`Evaluation`].
+pub const EVALUATION_SCHEMA: &str = "isomark.evaluate/1";
+
+/// How true each method is for a drawing on a part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// [`EVALUATION_SCHEMA`].
+    pub schema: String,
+    /// Name and version of the program.
+    pub program: String,
+    /// The product.
+    pub sku: String,
+    /// The part's file and hash.
+    pub part: PartOrigin,
+    /// The drawing's file.
+    pub pattern: String,
+    /// BLAKE3 hash of its bytes, in hexadecimal.
+    pub pattern_blake3: String,
+    /// Width and height of the drawing, mm.
+    pub size_mm: [f64; 2],
+    /// Length of all its lines, mm.
+    pub length_mm: f64,
+    /// Its inked area, mm².
+    pub area_mm2: f64,
+    /// Where it was put.
+    pub placement: PlacementStory,
+    /// A row for each method and choice.
+    pub rows: Vec<EvaluationRow>,
+    /// How long each stage took.
+    pub timings: Vec<Timing>,
+}
+
+/// One method with its choices.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationRow {
+    /// The method's name, as in the settings.
+    pub method: String,
+    /// What was chosen besides, in words; empty for methods without choices.
+    pub variant: String,
+    /// Time to find the map, ms.
+    pub map_ms: f64,
+    /// How the drawing would be bent; absent where the method cannot be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<MapStory>,
+    /// How true it would be on the part itself; absent where the method cannot be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality: Option<DistortionStory>,
+    /// Why the method cannot be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<Reason>,
+    /// What to know of the figures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+impl Pipeline {
+    /// Finds and measures the map of each of `methods`, with all their choices.
+    ///
+    /// # Errors
+    /// When the pattern cannot be read, or has nothing to mark within reach of the part. A method that fails is no error;
+    /// its row says why.
+    pub fn evaluate(
+        &self,
+        sku: &Sku,
+        learned: &LearnedPart,
+        input: PatternInput<'_>,
+        settings: &JobSettings,
+        methods: &[Method],
+    ) -> Result<Evaluation, PipelineError> {
+        let mut clock = Clock::start();
+        let surface = &learned.kept.surface;
+        let placed = place(input, surface, settings, &mut clock)?;
+        let contenders = methods.iter().flat_map(|method| choices(*method, &settings.correction));
+        let rows = contenders
+            .map(|(variant, correction)| {
+                let settings = JobSettings { correction, ..settings.clone() };
+                row(learned, &placed, variant, &settings, &mut clock)
+            })
+            .collect();
+        let mut timings = learned.timings.clone();
+        timings.append(&mut clock.laps);
+        Ok(Evaluation {
+            schema: EVALUATION_SCHEMA.into(),
+            program: program(),
+            sku: sku.to_string(),
+            part: learned.kept.origin.clone(),
+            pattern: input.name.into(),
+            pattern_blake3: hash(input.bytes),
+            size_mm: placed.facts.size,
+            length_mm: placed.ink.length(),
+            area_mm2: placed.ink.area(),
+            placement: placed.placing.story(settings),
+            rows,
+            timings,
+        })
+    }
+}
+
+/// A method with each of its choices, in words.
+fn choices(method: Method, given: &CorrectionSettings) -> Vec<(String, CorrectionSettings)> {
+    let given = CorrectionSettings { method, ..given.clone() };
+    let domain = |words: &str, as_printed: AsPrinted| {
+        let mapping_domain = MappingDomainOptions { as_printed, ..given.mapping_domain };
+        (words.to_owned(), CorrectionSettings { mapping_domain, ..given.clone() })
+    };
+    match method {
+        Method::Isometric => [Weighting::Ink, Weighting::Uniform]
+            .map(|weighting| (weighting.to_string(), CorrectionSettings { weighting, ..given.clone() }))
+            .into(),
+        Method::MappingDomain => vec![
+            domain("mended", AsPrinted::NOTHING),
+            domain("Simpson as printed", AsPrinted::SIMPSON),
+            domain("all as printed", AsPrinted::EVERYTHING),
+        ],
+        Method::Floater => [FloaterWeights::Uniform, FloaterWeights::MeanValue]
+            .map(|floater_weights| {
+                (floater_weights.to_string(), CorrectionSettings { floater_weights, ..given.clone() })
+            })
+            .into(),
+        Method::Auto | Method::Cylinder | Method::Cone | Method::None => vec![(String::new(), given)],
+    }
+}
+
+fn row(
+    learned: &LearnedPart,
+    placed: &PlacedPattern,
+    variant: String,
+    settings: &JobSettings,
+    clock: &mut Clock,
+) -> EvaluationRow {
+    let surface = &learned.kept.surface;
+    let PlacedPattern { placed: pattern, placing, ink, .. } = placed;
+    let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let name = settings.correction.method.name();
+    let label = if variant.is_empty() { name.to_owned() } else { format!("{name}, {variant}") };
+    clock.lap("measure");
+    let map = LengthTrueMap::find(surface, pattern, counts, placing.place, &method(settings));
+    clock.lap(&format!("map {label}"));
+    let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
+    let empty = EvaluationRow {
+        method: name.into(),
+        variant,
+        map_ms,
+        map: None,
+        quality: None,
+        reason: None,
+        note: None,
+    };
+    let measured = map.map_err(|error| checks::map_reason(&error, placing, surface, ink)).and_then(|map| {
+        quality::measure(ink, |at| map.point(at), |at| surface.sampled_height(at))
+            .map(|distortion| (map, distortion))
+            .map_err(|at| checks::off_surface(at, surface, &ink.extents))
+    });
+    match measured {
+        Err(reason) => EvaluationRow { reason: Some(reason), ..empty },
+        Ok((map, distortion)) => {
+            let limit = mapping::Method::EXACT_TOLERANCE;
+            let far = map.fit_residual().filter(|residual| *residual > limit);
+            EvaluationRow {
+                note: far.map(|residual| format!("the part is up to {residual:.3} mm from this {name}")),
+                map: Some(MapStory::new(&map, settings.correction.weighting.name())),
+                quality: Some((&distortion).into()),
+                ..empty
+            }
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! `isomark evaluate`, and parts that are given by their sizes.
+
+use serde_json::Value;
+
+use crate::desk::{Desk, Said, assert_near, drawing, notices, number, numbers, part};
+
+fn evaluated(desk: &Desk, inputs: &[&str], options: &str) -> Value {
+    let arguments = [&["evaluate", "--json"], inputs].concat();
+    let said = desk.isomark(&arguments.into_iter().chain(options.split_whitespace()).collect::<Vec<_>>());
+    assert_eq!(said.code, 0, "{}", said.err);
+    let evaluation: Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(evaluation["schema"], "isomark.evaluate/1");
+    evaluation
+}
+
+/// The row of a method and its variant.
+#[track_caller]
+fn row<'a>(evaluation: &'a Value, method: &str, variant: &str) -> &'a Value {
+    let rows = evaluation["rows"].as_array().unwrap();
+    let found = rows.iter().find(|row| row["method"] == method && row["variant"] == variant);
+    found.unwrap_or_else(|| panic!("no {method}, {variant} in {evaluation:#}"))
+}
+
+#[test]
+fn every_method_is_measured_on_the_mouse_or_says_why_not() {
+    let desk = Desk::new();
+    let evaluation = evaluated(&desk, &[&part("mouse/fc020-gui.glb"), &drawing("abc")], "--place 0,8");
+    let length =
+        |method: &str, variant: &str| number(row(&evaluation, method, variant), "/quality/length_error_mm");
+    assert_near(
+        &[number(&evaluation, "/length_mm"), number(&evaluation, "/area_mm2")],
+        &[181.96, 126.6],
+        0.1,
+    );
+    // The order of the reference: `isometric` below everything, ten times below the thesis, which is below its own
+    // state of the art.
+    let (ink, uniform, thesis) =
+        (length("isometric", "ink"), length("isometric", "uniform"), length("mapping-domain", "mended"));
+    assert!(ink < uniform && uniform < thesis && 10.0 * ink < thesis, "{ink} {uniform} {thesis}");
+    assert!(thesis < length("mapping-domain", "Simpson as printed"));
+    assert!(length("mapping-domain", "Simpson as printed") < length("mapping-domain", "all as printed"));
+    assert!(length("floater", "mean-value") < length("floater", "uniform"));
+    assert!(length("none", "") > uniform);
+    for method in ["cylinder", "cone"] {
+        let row = row(&evaluation, method, "");
+        let words = row.get("reason").map_or(&row["note"], |reason| &reason["what"]);
+        assert!(words.as_str().is_some_and(|words| words.contains(method)), "{row:#}");
+    }
+    // The same figures as the job's own report.
+    let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--place 0,8 --method floater");
+    let quality = &row(&evaluation, "floater", "uniform")["quality"];
+    assert_eq!(&report["quality"]["after"], quality);
+    assert_eq!(&report["map"], &row(&evaluation, "floater", "uniform")["map"]);
+    assert!(notices(&report).contains(&"not-length-true"), "{report:#}");
+}
+
+#[test]
+fn the_table_has_a_line_for_each_method_and_aligned_columns() {
+    let desk = Desk::new();
+    let arguments =
+        ["evaluate", &part("can/fc020-gui.glb"), &drawing("abc"), "--facing", "-y", "--place", "0,60"];
+    let Said { code, out, err } = desk.isomark(&arguments);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let mut lines = out.lines();
+    let first = lines.next().unwrap();
+    assert!(
+        first.starts_with("abc.dxf (39.0 x 13.0 mm, 182.0 mm of lines, 126.6 mm2) on fc020-gui.glb"),
+        "{out}"
+    );
+    assert_eq!(lines.next(), Some(""));
+    let head = lines.next().unwrap();
+    for column in ["method", "e_l mm", "e_a mm2", "e_l %", "stretch %", "angle deg", "time ms"] {
+        assert!(head.contains(column), "{out}");
+    }
+    let rows: Vec<&str> = lines.collect();
+    assert_eq!(rows.len(), 10, "{out}");
+    // Figures end under the last letter of their heading.
+    let end = head.find("e_l mm").unwrap() + "e_l mm".len();
+    for row in rows.iter().filter(|row| !row.contains("The part cannot")) {
+        let figure: f64 = row[..end].rsplit(' ').next().unwrap().parse().unwrap();
+        assert!(figure >= 0.0, "{out}");
+    }
+    let cylinder = rows.iter().find(|row| row.starts_with("cylinder")).unwrap();
+    assert!(cylinder.contains("0.000"), "{out}");
+}
+
+#[test]
+fn methods_can_be_chosen_and_wrong_ones_are_named() {
+    let desk = Desk::new();
+    let inputs = [part("mouse/fc020-gui.glb"), drawing("abc")];
+    let inputs = [inputs[0].as_str(), inputs[1].as_str()];
+    let options = "--method mapping-domain,none --mapping-domain-grid 10 --mapping-domain-intervals 20";
+    let evaluation = evaluated(&desk, &inputs, options);
+    assert_eq!(evaluation["rows"].as_array().unwrap().len(), 4);
+    let map = &row(&evaluation, "mapping-domain", "all as printed")["map"];
+    assert_eq!((map["grid"].as_u64(), map["intervals"].as_u64()), (Some(10), Some(20)));
+    assert_eq!(map["as_printed"].as_array().unwrap().len(), 3);
+    desk.isomark(&["evaluate", inputs[0], inputs[1], "--method", "floatr"])
+        .refused(2, &["did you mean `floater`"]);
+    desk.isomark(&["evaluate", inputs[0], inputs[1], "--mapping-domain-intervals", "7"])
+        .refused(2, &["even"]);
+}
+
+#[test]
+fn a_cylinder_given_by_its_sizes_needs_no_part() {
+    let desk = Desk::new();
+    let report = desk.correct_to("out.dxf", &[&drawing("abc")], "--cylinder 73,180 --axis x --rotate 90");
+    assert_eq!((&report["map"]["method"], &report["sku"]), (&"cylinder".into(), &"cylinder".into()));
+    assert_eq!(number(&report, "/map/radius_mm"), 36.5);
+    assert_eq!(number(&report, "/map/residual_mm"), 0.0);
+    assert!(number(&report, "/quality/after/length_error_mm") < 1e-3, "{report:#}");
+    assert!(number(&report, "/quality/before/length_error_mm") > 1.0);
+    // Turned by 90°, 39 mm of letters go round the axis: ±19.5 mm of arc reach y = 36.5·sin(19.5/36.5).
+    let [_, bottom, _, top]: [f64; 4] = numbers(&report, "/output/extents_mm").try_into().unwrap();
+    let reach = 36.5 * (19.5f64 / 36.5).sin();
+    assert_near(&[bottom, top], &[-reach, reach], 1e-3);
+    assert_eq!(report["part"]["file"], "cylinder 73 x 180 mm");
+    assert!(report["part"]["facts"].get("format").is_none());
+    desk.isomark(&["correct", &drawing("abc"), "--cylinder", "73,30", "--axis", "x", "-o", "no.dxf"])
+        .refused(1, &["beyond the part"]);
+    desk.isomark(&["correct", &drawing("abc"), "--axis", "x", "--sku", "a", "-o", "no.dxf"])
+        .refused(2, &["--cylinder"]);
+    desk.isomark(&["correct", &drawing("abc"), "--cylinder", "73", "-o", "no.dxf"]).refused(2, &["12.5,-3"]);
+}
+
+#[test]
+fn a_cone_given_by_its_sizes_unrolls_exactly_whichever_way_it_lies() {
+    let desk = Desk::new();
+    for axis in ["y", "-y", "x", "0.3,1,-0.1"] {
+        let report =
+            desk.correct_to("out.dxf", &[&drawing("abc")], &format!("--cone 60,85,120 --axis {axis}"));
+        assert_eq!(report["map"]["method"], "cone");
+        let half_angle = (12.5f64 / 120.0).atan().to_degrees();
+        assert_near(&[number(&report, "/map/half_angle_deg")], &[half_angle], 1e-9);
+        assert!(number(&report, "/quality/after/length_error_mm") < 1e-3, "{axis}: {report:#}");
+    }
+}
+
+#[test]
+fn a_station_takes_patterns_without_a_part_and_refuses_a_part_for_a_sku_given_by_sizes() {
+    let desk = Desk::new();
+    let station = "[station]\nname = \"Tumblers\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\nheight_mm = 110\n";
+    desk.write("station.toml", station);
+    desk.write(
+        "skus/tumbler.toml",
+        "[part]\nshape = \"cylinder\"\ndiameter_mm = 73\nlength_mm = 180\naxis = \"x\"\n",
+    );
+    std::fs::create_dir_all(desk.path("import")).unwrap();
+    let letters = std::fs::read(drawing("abc")).unwrap();
+    desk.write("hot/tumbler@first.dxf", &letters);
+    let said = desk.isomark(&["watch", "station.toml", "--once"]);
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(desk.path("import/tumbler@first.dxf").is_file(), "{}", said.err);
+
+    desk.write("hot/tumbler.glb", std::fs::read(part("can/fc020-gui.glb")).unwrap());
+    desk.write("hot/tumbler@second.dxf", &letters);
+    let said = desk.isomark(&["watch", "station.toml", "--once"]);
+    assert!(desk.path("import/tumbler@second.dxf").is_file(), "{}", said.err);
+    let reason = desk.text("rejected/tumbler.glb.reason.txt");
+    assert!(reason.contains("cylinder 73 x 180 mm") && reason.contains("shape = \"mesh\""), "{reason}");
+}
