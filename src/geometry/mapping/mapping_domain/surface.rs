@@ -36,9 +36,9 @@ impl ChordSurface {
     ///
     /// Rows are fitted first, then the columns of their control points (algorithms A.3, A.4 and A.5). All rows share the
     /// means of their parameters, and all columns of theirs (Piegl & Tiller, The NURBS Book, 1997, algorithms A9.3 and
-    /// A9.4), so that the parameter lines of samples in straight rows are straight. `as_printed` leaves each row and
-    /// column its own and takes knots between two of them, as algorithm A.8 does: as if rows lay at v = j/n, and
-    /// with derivatives as if the knots stood still.
+    /// A9.4), so that the parameter lines of samples in straight rows are straight, and across a cylinder still follow
+    /// the arc. `as_printed` leaves each row and column its own and takes knots between two of them, as algorithm A.8
+    /// does: as if rows lay at v = j/n, and with derivatives as if the knots stood still.
     pub(super) fn through(samples: &[Vector3<f64>], columns: usize, as_printed: bool) -> Self {
         let rows = samples.len() / columns;
         let mut in_rows: Vec<_> =
