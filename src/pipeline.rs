@@ -38,8 +38,8 @@ mod checks;
 mod evaluate;
 mod picture;
 
-pub use scan::surface_of;
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub use scan::surface_of;
 
 /// A part file in memory, with a way to the files beside it.
 pub struct PartInput<'a> {

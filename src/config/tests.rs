@@ -99,7 +99,37 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[output]\ndxf = \"R2004\"", "Did you mean `R2000`?", 11, 7),
     ("[watch]\nrescan_s = 0", "cannot be 0 s", 11, 12),
     ("[output]\ncomments = \"\\i\"", "forward slashes", 11, 14),
+    ("[part]\ndiameter_mm = 73", "has its sizes from there", 11, 15),
+    ("[part]\nshape = \"cylinder\"\nlength_mm = 9", "`diameter_mm` is missing", 11, 9),
+    ("[part]\nshape = \"cone\"\ndiameter_mm = 9\nend_diameter_mm = 9\nlength_mm = 9", "that differ", 11, 9),
+    (
+        "[part]\nshape = \"cylinder\"\ndiameter_mm = 9\nlength_mm = 9\naxis = \"z\"",
+        "names no direction",
+        14,
+        8,
+    ),
+    ("[part]\nshape = \"cylinder\"\ndiameter_mm = 9\nlength_mm = 9\nup = \"z\"", "no file is read", 14, 6),
+    ("[correction]\nmapping_domain_intervals = 7", "takes them in pairs", 11, 28),
+    ("[correction]\nmapping_domain_grid = 1", "cannot be 1", 11, 23),
+    ("[correction]\nmapping_domain_as_printed = [\"simpson\"]", "none of the choices", 11, 30),
 ];
+
+#[test]
+fn a_sku_changes_one_size_of_a_figure_or_goes_back_to_a_mesh() {
+    let station = with(
+        "[part]\nshape = \"cone\"\ndiameter_mm = 60\nend_diameter_mm = 85\nlength_mm = 120\naxis = \"x\"",
+    )
+    .unwrap();
+    let sku = |text| station.settings.overridden_by(Path::new("skus/a.toml"), text);
+    let figure = sku("[part]\nend_diameter_mm = 80").unwrap().part.figure.unwrap();
+    assert_eq!((figure.sizes(), figure.axis().x), ([60.0, 80.0, 120.0], 1.0));
+    assert_eq!(sku("[part]\nshape = \"mesh\"\nfacing = \"-y\"").unwrap().part.figure, None);
+    let error = sku("[part]\nshape = \"cylinder\"").unwrap_err();
+    assert!(
+        error.to_string().contains("`diameter_mm` is missing"),
+        "a cone's sizes are none of a cylinder: {error}"
+    );
+}
 
 #[test]
 fn mistakes_are_told_with_place_and_remedy() {
