@@ -11,6 +11,7 @@
 //! - 3.5: the sign in equation 3.1, the cell found by the sign of an offset, a division by an exact zero,
 //! - A.4 and A.6: one knot too many, and no basis function at u = 1,
 //! - A.10: a sum that forgot what it had summed,
+//! - A.3 line 10, A.5 lines 6 and 10, 3.3 lines 7 and 8, equations 2.1, 2.8, 2.15 and 2.16: indices, brackets and signs,
 //!
 //! and, unless asked for as printed ([`AsPrinted`]), those slips that shape the result.
 
