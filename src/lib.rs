@@ -22,6 +22,7 @@
 //! | [`Projection::bend`](geometry::correction::Projection::bend) | [`MarkingDrawing`](geometry::marking::MarkingDrawing) | map, surface, fixture and lens |
 //! | [`quality::measure`](geometry::mapping::quality::measure) | [`Distortion`](geometry::mapping::quality::Distortion) | map and sampled part |
 //! | [`formats::pattern::write`] | DXF bytes | the marking drawing |
+//! | [`formats::surface::write`] | STEP or OBJ bytes | the fitted surface |
 //!
 //! [`Pipeline`](pipeline::Pipeline) walks the whole way, with the [`Cache`](cache::Cache) and the
 //! [`Report`](report::Report); [`hotfolder::run`] does it for every drop.

@@ -6,15 +6,19 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, MeaningArguments, Outcome, ScanArguments, name_of, print, read_file, sibling_of};
+use super::{
+    Failure, MeaningArguments, Outcome, ScanArguments, name_of, print, read_file, sibling_of, write_file,
+};
 use crate::config::{PartSettings, PatternSettings, parse_facing};
-use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, Shape};
+use crate::formats;
+use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions};
+use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
-use crate::geometry::space::Facing;
-use crate::geometry::surface::fit::FitOptions;
+use crate::geometry::space::{Facing, View};
+use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::pipeline::surface_of;
-use crate::reason::{Notice, Reason, Severity};
+use crate::reason::{Notice, Severity};
 
 /// Entities that were not taken over are listed one by one up to this number.
 const MOST_LISTED: usize = 12;
@@ -25,11 +29,14 @@ pub(super) struct InspectArguments {
     file: PathBuf,
     #[command(flatten)]
     meaning: MeaningArguments,
-    /// The side of a scanned part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
+    /// The side of the part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
     #[arg(long, value_name = "SIDE", allow_hyphen_values = true, value_parser = parse_facing)]
     facing: Option<Facing>,
     #[command(flatten)]
     scan: ScanArguments,
+    /// Writes the surface that is fitted to this side, in the part's own frame: .step (the spline) or .obj (triangles).
+    #[arg(long, value_name = "FILE")]
+    surface: Option<PathBuf>,
     /// Prints what was found as JSON.
     #[arg(long)]
     pub(super) json: bool,
@@ -52,22 +59,24 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             let options = MeshOptions { unit: arguments.meaning.part_unit, up: arguments.meaning.part_up };
             let mut reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
-            if matches!(reading.shape, Shape::Scan(_)) {
-                let mut settings = PartSettings {
-                    smoothing: arguments.scan.smoothing()?.unwrap_or_default(),
-                    ..PartSettings::default()
-                };
-                settings.facing = arguments.facing.unwrap_or(settings.facing);
-                let fitted =
-                    surface_of(&reading.shape, &mut reading.facts, &settings, &FitOptions::default());
-                // What the file holds is told even where it makes no surface.
-                let unfit = |reason: Reason| {
-                    Notice::warning(&reason.code, format!("{} {}", reason.what, reason.remedy))
-                };
-                reading.facts.notices.extend(fitted.err().map(unfit));
+            let is_asked = arguments.surface.is_some() || arguments.facing.is_some();
+            let fitted = if is_asked || matches!(reading.shape, Shape::Scan(_)) {
+                fit(arguments, &name, &mut reading)?
+            } else {
+                None
+            };
+            let mut text = part_text(&name, &reading.facts);
+            if let Some(surface) = &fitted {
+                surface_line(&mut text, surface);
             }
-            let text = part_text(&name, &reading.facts);
+            notices(&mut text, &reading.facts.notices);
             (Inspection::Part(reading.facts), text)
+        }
+        None if arguments.surface.is_some() => {
+            return Err(Failure::usage(
+                format!("\"{name}\" is no part, so there is no surface of it to write."),
+                "Name the part, or leave out `--surface`.",
+            ));
         }
         None => {
             let mut settings = PatternSettings::default();
@@ -88,6 +97,43 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         print(&text);
     }
     Ok(())
+}
+
+/// Fits the side that faces the laser and writes the surface if that was asked for. Without that, a part that makes no
+/// surface is told with a notice, because what the file holds is worth knowing all the same.
+fn fit(
+    arguments: &InspectArguments,
+    name: &str,
+    reading: &mut PartReading,
+) -> Result<Option<FittedSurface>, Failure> {
+    let facing = arguments.facing.unwrap_or(Facing::TOP);
+    let settings = PartSettings {
+        smoothing: arguments.scan.smoothing()?.unwrap_or_default(),
+        facing,
+        ..PartSettings::default()
+    };
+    let fitted = surface_of(&reading.shape, &mut reading.facts, &settings, &FitOptions::default());
+    match (fitted, &arguments.surface) {
+        (Ok(surface), Some(path)) => {
+            let file = name_of(path)?;
+            let format = SurfaceFormat::from_name(&file).ok_or_else(|| {
+                Failure::usage(
+                    format!("\"{file}\" names no format for a surface."),
+                    format!("Let the name end in {}.", SurfaceFormat::ENDINGS),
+                )
+            })?;
+            let view = View::new(settings.facing, settings.roll);
+            write_file(path, &formats::surface::write(&surface, &view, name, format))?;
+            Ok(Some(surface))
+        }
+        (Ok(surface), None) => Ok(Some(surface)),
+        (Err(reason), Some(_)) => Err(Failure::rejected(reason.in_file(name))),
+        (Err(reason), None) => {
+            let told = format!("{} {}", reason.what, reason.remedy);
+            reading.facts.notices.push(Notice::warning(&reason.code, told));
+            Ok(None)
+        }
+    }
 }
 
 fn line(text: &mut String, label: &str, value: &str) {
@@ -113,8 +159,22 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
             line(&mut text, label, &names.join(", "));
         }
     }
-    notices(&mut text, &facts.notices);
     text
+}
+
+fn surface_line(text: &mut String, surface: &FittedSurface) {
+    let residual = &surface.residual;
+    let (across, upwards) = surface.nurbs.knots();
+    let said = format!(
+        "{} x {} spans, within {:.4} mm (95 %), {:.4} mm at most, at ({:.1}, {:.1}) mm of the view",
+        across.spans(),
+        upwards.spans(),
+        residual.most,
+        residual.largest,
+        residual.at.x,
+        residual.at.y
+    );
+    line(text, "fit", &said);
 }
 
 fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {

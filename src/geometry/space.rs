@@ -226,6 +226,16 @@ impl View {
         Point3::from(self.rotation * part.coords)
     }
 
+    /// A point of the view, mm, in the part frame.
+    pub fn part_point(&self, view: Point3<f64>) -> Point3<f64> {
+        Point3::from(self.rotation.tr_mul(&view.coords))
+    }
+
+    /// A direction of the view in the part frame.
+    pub fn part_vector(&self, view: Vector3<f64>) -> Vector3<f64> {
+        self.rotation.tr_mul(&view)
+    }
+
     /// A direction of the part in the view.
     pub fn vector(&self, part: Vector3<f64>) -> Vector3<f64> {
         self.rotation * part
@@ -259,6 +269,9 @@ mod tests {
             assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
             let out = view.vector(Vector3::from(side).normalize());
             assert!((out - Vector3::z()).norm() < 1e-12);
+            let point = Point3::new(1.0, -2.0, 3.0);
+            assert!((view.part_point(view.point(point)) - point).norm() < 1e-12);
+            assert!((view.part_vector(out) - Vector3::from(side).normalize()).norm() < 1e-12);
         }
     }
 

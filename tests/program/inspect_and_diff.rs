@@ -15,6 +15,31 @@ fn json(text: &str) -> Value {
 }
 
 #[test]
+fn the_fitted_surface_is_written_for_cad() {
+    let desk = Desk::new();
+    let can = part("can/fc020-gui.glb");
+    let said = desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "front.step"]);
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.out.contains("spans, within 0.0"), "{}", said.out);
+    let step = desk.text("front.step");
+    assert!(step.starts_with("ISO-10303-21;") && step.ends_with("END-ISO-10303-21;\n"));
+    desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "again.step"]);
+    assert_eq!(step, desk.text("again.step"), "the same part gives the same bytes");
+    // The front as a part of its own, in mm with z up, lies where the can's front lies.
+    desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "front.obj"]);
+    let options = ["inspect", "front.obj", "--part-unit", "mm", "--part-up", "z", "--json"];
+    let front = json(&desk.isomark(&options).out);
+    let whole = json(&desk.isomark(&["inspect", &can, "--json"]).out);
+    let height = |part: &Value| [part["size_mm"][2].as_f64().unwrap()];
+    assert_near(&height(&front), &height(&whole), 2.0);
+
+    desk.isomark(&["inspect", &can, "--surface", "front.iges"])
+        .refused(2, &["front.iges", "names no format", "remedy: Let the name end in .step or .obj"]);
+    desk.isomark(&["inspect", &can, "--surface", "no/front.step"]).refused(3, &["no folder", "remedy"]);
+    assert_eq!(desk.isomark(&["inspect", &drawing("abc"), "--surface", "x.step"]).code, 2);
+}
+
+#[test]
 fn a_part_is_told_with_size_unit_and_axis() {
     let text = inspect(&part("can/fc020-gui.glb"), &[]);
     for words in [

@@ -68,6 +68,25 @@ impl UniformKnots {
         self.start + self.step * (control_point as f64 - 1.0)
     }
 
+    /// The control values of the same spline with each end knot four times, as CAD programs expect it: `values` are the
+    /// control values, one for each control point. Only the outer two at each end change: they are the blossom
+    /// at the repeated knot (Ramshaw, Blossoms are polar forms, 1989; for the knots used here
+    /// f(a, a, a) = (d₀ + 4 d₁ + d₂)/6 and f(a, a, a + h) = (2 d₁ + d₂)/3).
+    ///
+    /// # Panics
+    /// When there is not one value for each control point.
+    pub fn clamped(&self, values: &[f64]) -> Vec<f64> {
+        assert_eq!(values.len(), self.control_points(), "one value for each control point");
+        let mut clamped = values.to_vec();
+        let last = values.len() - 1;
+        let ends = [[0, 1, 2], [last, last - 1, last - 2]];
+        for [outer, middle, inner] in ends {
+            clamped[outer] = (values[outer] + 4.0 * values[middle] + values[inner]) / 6.0;
+            clamped[middle] = (2.0 * values[middle] + values[inner]) / 3.0;
+        }
+        clamped
+    }
+
     /// The span that holds `parameter` (mm); the first or last one for a parameter outside.
     pub fn span(&self, parameter: f64) -> usize {
         // A cast saturates, so a parameter before the start (or NaN) gives span 0.

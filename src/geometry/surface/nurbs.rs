@@ -62,6 +62,28 @@ impl NurbsSurface {
         points.collect()
     }
 
+    /// The control net of the same surface with clamped knots, mm, row by row: the outer points lie on its corners.
+    /// Each knot counts once, but the first and the last one four times; see [`UniformKnots::clamped`].
+    pub fn clamped_net(&self) -> Vec<Point3<f64>> {
+        let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
+        let abscissae = |knots: UniformKnots| {
+            let greville: Vec<f64> = (0..knots.control_points()).map(|index| knots.greville(index)).collect();
+            knots.clamped(&greville)
+        };
+        let (across, upwards) = (abscissae(self.knots_x), abscissae(self.knots_y));
+        let mut net: Vec<Point3<f64>> = Vec::with_capacity(columns * rows);
+        for (row, y) in self.heights.chunks_exact(columns).zip(&upwards) {
+            let heights = self.knots_x.clamped(row);
+            net.extend(heights.into_iter().zip(&across).map(|(z, x)| Point3::new(*x, *y, z)));
+        }
+        for column in 0..columns {
+            let line: Vec<f64> = net.iter().skip(column).step_by(columns).map(|point| point.z).collect();
+            let clamped = self.knots_y.clamped(&line);
+            net.iter_mut().skip(column).step_by(columns).zip(clamped).for_each(|(point, z)| point.z = z);
+        }
+        net
+    }
+
     /// The rectangle over which the surface is defined, mm.
     pub fn domain(&self) -> Extents {
         Extents {
@@ -76,8 +98,24 @@ impl NurbsSurface {
         self.sum(&x, &y, &x.value, &y.value)
     }
 
-    /// Height, gradient and second derivatives at a point of the view
-    /// (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
+    /// Height, gradient and second derivatives at a point of the view; outside the domain the border polynomials are
+    /// continued (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
+    ///
+    /// ```
+    /// use isomark::geometry::space::ViewPoint;
+    /// use isomark::geometry::surface::knots::UniformKnots;
+    /// use isomark::geometry::surface::nurbs::NurbsSurface;
+    ///
+    /// // Control points on the plane z = 2 + x/2 make that plane.
+    /// let knots = UniformKnots::new(0.0, 5.0, 4);
+    /// let count = knots.control_points();
+    /// let heights = (0..count * count).map(|index| 2.0 + knots.greville(index % count) / 2.0).collect();
+    /// let surface = NurbsSurface::new(knots, knots, heights).expect("one finite height for each control point");
+    /// let jet = surface.jet(ViewPoint::new(10.0, 7.0));
+    /// assert!((jet.height - 7.0).abs() < 1e-12);
+    /// assert!((jet.gradient.x - 0.5).abs() < 1e-12 && jet.gradient.y.abs() < 1e-12);
+    /// assert!(jet.gaussian_curvature().abs() < 1e-12);
+    /// ```
     pub fn jet(&self, at: ViewPoint) -> SurfaceJet {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
         let mixed = self.sum(&x, &y, &x.slope, &y.slope);
@@ -109,6 +147,24 @@ impl NurbsSurface {
 }
 
 impl SurfaceJet {
+    /// The first fundamental form (E, F; F, G) of the surface over the view, no unit: a step d of the view is
+    /// √(dᵀ·I·d) long on the surface (do Carmo, Differential Geometry of Curves and Surfaces, section 2-5, for a graph).
+    ///
+    /// ```
+    /// use isomark::geometry::surface::nurbs::SurfaceJet;
+    /// use nalgebra::{Matrix2, Vector2};
+    ///
+    /// // On a slope of 45 degrees along x, a step of 1 mm along x is √2 mm long.
+    /// let slope = SurfaceJet { height: 0.0, gradient: Vector2::new(1.0, 0.0), hessian: Matrix2::zeros() };
+    /// let form = slope.first_fundamental_form();
+    /// let step = Vector2::new(1.0, 0.0);
+    /// assert!(((step.transpose() * form * step).x.sqrt() - 2f64.sqrt()).abs() < 1e-15);
+    /// assert!((form.determinant().sqrt() - 2f64.sqrt()).abs() < 1e-15);
+    /// ```
+    pub fn first_fundamental_form(&self) -> Matrix2<f64> {
+        Matrix2::identity() + self.gradient * self.gradient.transpose()
+    }
+
     /// Gaussian curvature, 1/mm² (do Carmo, Differential Geometry of Curves and Surfaces, section 3-3, example 5).
     pub fn gaussian_curvature(&self) -> f64 {
         self.hessian.determinant() / (1.0 + self.gradient.norm_squared()).powi(2)

@@ -1,0 +1,30 @@
+//! A length-true map from a drawing to a part, and how true it is: `cargo run --release --example map`.
+
+#![allow(clippy::print_stdout, reason = "an example shows what it finds")]
+
+use std::fs;
+
+use isomark::formats::pattern::{self, PatternOptions};
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::ink::Ink;
+use isomark::geometry::mapping::isometric::IsometricOptions;
+use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
+use isomark::geometry::shapes;
+use isomark::geometry::space::{FlatPoint, View};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let ball = shapes::graph(27.0, 0.75, shapes::sphere);
+    let surface = FittedSurface::of_part(&FacingPart::new(&ball, &View::top()), &FitOptions::default())?;
+    let letters =
+        pattern::read(&fs::read("examples/patterns/letters.dxf")?, &PatternOptions::default())?.pattern;
+    let ink = Ink::sample(&letters, |_| true, quality::PIECE, quality::SQUARE);
+    for method in [Method::Plain, Method::Isometric(IsometricOptions::INK)] {
+        let map = LengthTrueMap::find(&surface, &letters, |_| true, FlatPoint::new(0.0, 0.0), &method)?;
+        println!("(20, 0) mm of the drawing goes to {:?} of the view", map.point(FlatPoint::new(20.0, 0.0)));
+        let found = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at));
+        let found = found.map_err(|at| format!("the part ends at {at:?}"))?;
+        println!("of {:.1} mm of lines, {:.3} mm are wrong", found.length, found.length_error);
+    }
+    Ok(())
+}
