@@ -9,7 +9,7 @@ use crate::geometry::surface::fit::FittedSurface;
 /// A format that surfaces can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SurfaceFormat {
-    /// STEP AP214: the spline itself, one face over its whole rectangle; beside the part it goes on smoothly.
+    /// STEP AP214: the spline itself, one face over the whole rectangle that was fitted; beside the part it just goes on.
     Step,
     /// Wavefront OBJ: triangles with normals, only where the part was seen.
     Obj,
@@ -40,7 +40,7 @@ impl SurfaceFormat {
 /// surface was fitted in.
 pub fn write(surface: &FittedSurface, view: &View, part: &str, format: SurfaceFormat) -> Vec<u8> {
     match format {
-        SurfaceFormat::Step => step::write(&surface.nurbs, view, part),
+        SurfaceFormat::Step => step::write(&surface.calmed(), view, part),
         SurfaceFormat::Obj => obj::write(surface, view, part),
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::knots::UniformKnots;
+use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::height_field::{FacingPart, HeightField, Node};
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
@@ -197,6 +197,27 @@ impl FittedSurface {
         Some(self.nurbs.height(at) + self.difference(at))
     }
 
+    /// The surface with its smooth continuation beside the part held between the lowest and the highest node: control
+    /// points that no node on the surface depends on may otherwise stand far off. Where the part was seen nothing changes.
+    pub fn calmed(&self) -> NurbsSurface {
+        let (knots_x, knots_y) = self.nurbs.knots();
+        let columns = knots_x.control_points();
+        let mut needed = vec![false; self.nurbs.heights().len()];
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (column, row, height) in self.field.surface_nodes() {
+            let at = self.field.position(column, row);
+            let (first_column, first_row) = (knots_x.span(at.x), knots_y.span(at.y));
+            for row in first_row..=first_row + DEGREE {
+                needed[row * columns + first_column..=row * columns + first_column + DEGREE].fill(true);
+            }
+            (lowest, highest) = (lowest.min(height), highest.max(height));
+        }
+        let heights = self.nurbs.heights().iter().zip(needed);
+        let calm =
+            heights.map(|(height, needed)| if needed { *height } else { height.max(lowest).min(highest) });
+        NurbsSurface::new(knots_x, knots_y, calm.collect()).unwrap_or_else(|| self.nurbs.clone())
+    }
+
     /// Height of the sampled part less height of the fit, mm; 0 off the surface.
     pub fn difference(&self, at: ViewPoint) -> f64 {
         let Some((column, row, place)) = self.field.cell(at) else { return 0.0 };
@@ -254,6 +275,23 @@ mod tests {
             let height = fitted.nurbs.height(ViewPoint::new(at.0, at.1));
             assert!((height - expected).abs() < 0.1, "{at:?}: {height} for {expected}");
         }
+    }
+
+    #[test]
+    fn a_calmed_surface_differs_only_beside_the_part() {
+        // A cap whose steep rim runs on downwards beside it.
+        let mesh = shapes::graph(28.5, 0.75, shapes::sphere);
+        let fitted =
+            FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
+        let calm = fitted.calmed();
+        for (column, row, _) in fitted.field.surface_nodes() {
+            let at = fitted.field.position(column, row);
+            assert_eq!(calm.height(at), fitted.nurbs.height(at));
+        }
+        let lowest = |surface: &NurbsSurface| surface.heights().iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(lowest(&fitted.nurbs) < lowest(&calm), "there is something to calm");
+        let corner = calm.height(ViewPoint::new(-28.4, -28.4));
+        assert!((0.0..30.0).contains(&corner), "{corner} mm");
     }
 
     #[test]
