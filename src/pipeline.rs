@@ -12,7 +12,9 @@ use std::io;
 use std::time::Instant;
 
 use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
-use crate::config::{self, Anchor, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting};
+use crate::config::{
+    self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting,
+};
 use crate::diff;
 use crate::formats::mesh::{
     self, Decision, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartFacts, UpAxis,
@@ -30,7 +32,9 @@ use crate::geometry::pattern::{Affine, Pattern};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::reason::{Notice, Reason};
-use crate::report::{self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory};
+use crate::report::{
+    self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory, WeightsStory,
+};
 use crate::report::{PlacementStory, Quality, Report, Timing};
 
 mod scan;
@@ -276,7 +280,9 @@ impl Pipeline {
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
+        let story = MapStory::new(&map, weights(&settings.correction));
         checks::unrolled(&map, &mut notices);
+        checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let dxf = pattern::write(&drawing, profile(settings));
@@ -284,7 +290,7 @@ impl Pipeline {
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_preview.then(|| {
-            let title = format!("{sku} · {} · {}", input.name, MapStory::new(&map, "").method());
+            let title = format!("{sku} · {} · {}", input.name, story.method());
             picture::draw(title, &placed, &map, surface, settings, before.as_ref(), &after)
         });
         if with_preview {
@@ -317,7 +323,7 @@ impl Pipeline {
                 ink_layers: settings.pattern.ink_layers.clone(),
             },
             placement: placing.story(settings),
-            map: MapStory::new(&map, settings.correction.weighting.name()),
+            map: story,
             quality: Quality { before: before.as_ref().map(DistortionStory::from), after: (&after).into() },
             exposure: (&exposure).into(),
             output: output_story(&dxf, &drawing, settings),
@@ -454,10 +460,18 @@ fn pattern_options(settings: &JobSettings) -> PatternOptions {
     }
 }
 
+fn weights(settings: &CorrectionSettings) -> WeightsStory {
+    WeightsStory {
+        weighting: settings.weighting.name().into(),
+        length_weight: settings.length_weight,
+        angle_weight: settings.angle_weight,
+    }
+}
+
 fn method(settings: &JobSettings) -> Method {
     let JobSettings { part, correction, .. } = settings;
     let options = match correction.weighting {
-        Weighting::Ink => IsometricOptions::INK,
+        Weighting::Ink => IsometricOptions::INK.emphasised(correction.length_weight, correction.angle_weight),
         Weighting::Uniform => IsometricOptions::UNIFORM,
     };
     match (correction.method, part.figure.map(|figure| (figure, figure.form()))) {

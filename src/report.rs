@@ -10,10 +10,10 @@ use crate::diff::DrawingDiff;
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::PatternFacts;
 use crate::geometry::correction::Exposure;
+use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::mapping::quality::Distortion;
-use crate::geometry::mapping::{LengthTrueMap, isometric::Iteration};
 use crate::geometry::space::Extents;
 use crate::geometry::surface::fit::FittedSurface;
 use crate::reason::{Notice, Severity};
@@ -131,11 +131,16 @@ pub struct PlacementStory {
 pub enum MapStory {
     /// The map of least strain.
     Isometric {
-        /// What was weighted: `ink` or `uniform`.
-        weighting: String,
+        /// What was weighted.
+        #[serde(flatten)]
+        weights: WeightsStory,
         /// Number of steps of the solver.
         iterations: usize,
-        /// Weighted mean squared strain before the first and before the last step.
+        /// Whether the last step left nothing to gain.
+        settled: bool,
+        /// Largest shift of a control point in the last step, mm.
+        last_step_mm: f64,
+        /// Weighted mean squared strain before the first and after the last step on the finest grid.
         energy: [f64; 2],
     },
     /// Exact unrolling.
@@ -180,6 +185,17 @@ pub enum MapStory {
     },
     /// Plain projection.
     None,
+}
+
+/// What the map of least strain was asked to keep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WeightsStory {
+    /// `ink` or `uniform`.
+    pub weighting: String,
+    /// How many times as much the lengths of lines counted.
+    pub length_weight: f64,
+    /// How many times as much angles counted.
+    pub angle_weight: f64,
 }
 
 /// How true the drawing is on the part, measured on the sampled part.
@@ -302,16 +318,21 @@ impl PartStory {
 }
 
 impl MapStory {
-    /// The story of a map; `weighting` is what the isometric one was weighted by.
-    pub fn new(map: &LengthTrueMap, weighting: &str) -> Self {
+    /// The story of a map; `weights` are those that an isometric one was asked for with.
+    pub fn new(map: &LengthTrueMap, weights: WeightsStory) -> Self {
         match map {
             LengthTrueMap::Isometric(map) => {
-                let energy =
-                    |iteration: Option<&Iteration>| iteration.map_or(0.0, |iteration| iteration.energy);
+                let finest = map.iterations.last().map_or(0, |last| last.cells);
+                let first = map.iterations.iter().find(|step| step.cells == finest);
                 Self::Isometric {
-                    weighting: weighting.into(),
+                    weights,
                     iterations: map.iterations.len(),
-                    energy: [energy(map.iterations.first()), energy(map.iterations.last())],
+                    settled: map.settled,
+                    last_step_mm: map.iterations.last().map_or(0.0, |step| step.step),
+                    energy: [
+                        first.map_or(0.0, |step| step.energy),
+                        map.iterations.last().map_or(0.0, |step| step.reached),
+                    ],
                 }
             }
             LengthTrueMap::Cylinder(map, fit) => Self::Cylinder {

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::job::{Job, JobArguments, set};
 use super::{Failure, Outcome, file_trouble, name_of, print, tell, write_file};
-use crate::config::{JobSettings, Method, Vertices, Weighting};
+use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
 
@@ -29,6 +29,12 @@ pub(super) struct CorrectArguments {
     /// Where `isometric` keeps lengths first: on the ink (default), or uniform over the drawing's rectangle.
     #[arg(long, help_heading = CORRECTION)]
     weighting: Option<Weighting>,
+    /// How many times as much the lengths of lines count when the ink does, 0.1 to 10.
+    #[arg(long, value_name = "TIMES", help_heading = CORRECTION)]
+    length_weight: Option<f64>,
+    /// How many times as much angles count when the ink does, 0.1 to 10: shapes get truer, lengths less so.
+    #[arg(long, value_name = "TIMES", help_heading = CORRECTION)]
+    angle_weight: Option<f64>,
     /// Points of the corrected lines: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
     #[arg(long, value_name = "WHICH", help_heading = CORRECTION)]
     vertices: Option<Vertices>,
@@ -73,6 +79,16 @@ impl CorrectArguments {
     fn apply(&self, settings: &mut JobSettings) -> Outcome {
         set(&mut settings.correction.method, self.method.as_ref());
         set(&mut settings.correction.weighting, self.weighting.as_ref());
+        set(&mut settings.correction.length_weight, self.length_weight.as_ref());
+        set(&mut settings.correction.angle_weight, self.angle_weight.as_ref());
+        for weight in [settings.correction.length_weight, settings.correction.angle_weight] {
+            if !CorrectionSettings::WEIGHTS.contains(&weight) {
+                return Err(Failure::usage(
+                    format!("A weight of {weight} is out of range."),
+                    "Give `--length-weight` and `--angle-weight` between 0.1 and 10; 1 is usual.",
+                ));
+            }
+        }
         set(&mut settings.correction.vertices, self.vertices.as_ref());
         set(&mut settings.correction.tolerance, self.tolerance.as_ref());
         let tolerance = settings.correction.tolerance;

@@ -11,7 +11,7 @@ use super::choices::{
     parse_axis, parse_facing,
 };
 use super::error::ConfigError;
-use super::settings::{Anchor, Field, IncidenceLimits, JobSettings};
+use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings};
 use super::text::SettingsText;
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
@@ -82,6 +82,8 @@ pub(super) struct CorrectionKeys {
     mapping_domain_grid: Option<Spanned<usize>>,
     mapping_domain_intervals: Option<Spanned<usize>>,
     mapping_domain_as_printed: Option<Vec<Slip>>,
+    length_weight: Option<Spanned<f64>>,
+    angle_weight: Option<Spanned<f64>>,
     tolerance_mm: Option<Spanned<f64>>,
     vertices: Option<Vertices>,
     max_residual_mm: Option<Spanned<f64>>,
@@ -353,6 +355,14 @@ impl CorrectionKeys {
         }
         if let Some(slips) = self.mapping_domain_as_printed {
             domain.as_printed = slips.into_iter().collect();
+        }
+        if let Some(weight) = self.length_weight {
+            let range = CorrectionSettings::WEIGHTS;
+            correction.length_weight = text.number("correction.length_weight", &weight, range, "times")?;
+        }
+        if let Some(weight) = self.angle_weight {
+            let range = CorrectionSettings::WEIGHTS;
+            correction.angle_weight = text.number("correction.angle_weight", &weight, range, "times")?;
         }
         if let Some(tolerance) = self.tolerance_mm {
             correction.tolerance = text.number("correction.tolerance_mm", &tolerance, 0.0001..=1.0, "mm")?;

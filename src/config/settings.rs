@@ -115,12 +115,21 @@ pub struct CorrectionSettings {
     pub floater_weights: FloaterWeights,
     /// How fine `mapping-domain` is.
     pub mapping_domain: MappingDomainOptions,
+    /// How many times as much the lengths of lines count under [`Weighting::Ink`].
+    pub length_weight: f64,
+    /// How many times as much angles count under [`Weighting::Ink`].
+    pub angle_weight: f64,
     /// Greatest distance between the corrected polyline and the true curve, mm.
     pub tolerance: f64,
     /// Which points of the drawing are carried over.
     pub vertices: Vertices,
     /// Greatest distance between the part and the fitted surface, mm; above it the part is refused.
     pub max_residual: f64,
+}
+
+impl CorrectionSettings {
+    /// What [`Self::length_weight`] and [`Self::angle_weight`] may be.
+    pub const WEIGHTS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 }
 
 impl Default for CorrectionSettings {
@@ -130,6 +139,8 @@ impl Default for CorrectionSettings {
             weighting: Weighting::default(),
             floater_weights: FloaterWeights::default(),
             mapping_domain: MappingDomainOptions::THESIS,
+            length_weight: 1.0,
+            angle_weight: 1.0,
             tolerance: 0.01,
             vertices: Vertices::default(),
             max_residual: 0.1,

@@ -80,6 +80,12 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         10,
     ),
     (
+        "[correction]\nlength_weight = 50",
+        "`correction.length_weight` cannot be 50 times. Give a number from 0.1",
+        11,
+        17,
+    ),
+    (
         "[correction]\ntolerance_mm = 5",
         "`correction.tolerance_mm` cannot be 5 mm. Give a number from 0.0001",
         11,

@@ -1,8 +1,8 @@
 //! What stands between a drawing and the laser: every refusal and every warning of a job, with its number and remedy.
 
 use super::{
-    Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap, Method, PartSettings, Pattern,
-    Placing,
+    CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap, Method,
+    PartSettings, Pattern, Placing, Sku, Weighting,
 };
 use crate::geometry::correction::AboveLens;
 use crate::geometry::figure::Figure;
@@ -10,6 +10,7 @@ use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
 use crate::geometry::mapping::floater::FloaterError;
+use crate::geometry::mapping::isometric::IsometricError;
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::pattern::Shape;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
@@ -137,6 +138,17 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
         );
     }
     let reason = match error {
+        MapError::Isometric(IsometricError::Folded { at }) => {
+            return Reason::new(
+                "map-folded",
+                format!(
+                    "The drawing would lie folded over itself on the part near ({:.1}, {:.1}) mm.",
+                    at.x, at.y
+                ),
+                "Make the drawing smaller, or place it where the part is less strongly curved.",
+            )
+            .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() });
+        }
         MapError::Isometric(error) => Reason::new(
             "map-not-found",
             format!("No length-true map was found for the drawing: {error}."),
@@ -336,6 +348,38 @@ fn residual(
         ));
     }
     Ok(())
+}
+
+/// Steps that the length-true map takes at most on smooth parts.
+const USUAL_STEPS: usize = 6;
+
+/// Logs a length-true map that was hard to find, warns where its solver had to stop early, and tells of weights that
+/// nothing was weighted by.
+pub(super) fn settled(sku: &Sku, map: &LengthTrueMap, settings: &JobSettings, notices: &mut Vec<Notice>) {
+    let LengthTrueMap::Isometric(map) = map else { return };
+    let steps = map.iterations.len();
+    if steps > USUAL_STEPS {
+        tracing::info!("{sku}: the length-true map took {steps} steps: {:?}", map.iterations);
+    }
+    if !map.settled {
+        let last = map.iterations.last();
+        let text = format!(
+            "the search for the length-true map stopped early, after {steps} steps: the last one still moved it by {:.4} mm and left a mean strain of {:.2e}. The part is rough under the drawing, and a truer map may exist",
+            last.map_or(0.0, |last| last.step),
+            last.map_or(0.0, |last| last.reached.sqrt()),
+        );
+        tracing::warn!("{sku}: {text}");
+        notices.push(Notice::warning("map-unsettled", text));
+    }
+    let CorrectionSettings { weighting, length_weight, angle_weight, .. } = settings.correction;
+    if weighting == Weighting::Uniform && (length_weight, angle_weight) != (1.0, 1.0) {
+        notices.push(Notice::warning(
+            "weights-unused",
+            format!(
+                "the length weight of {length_weight} and the angle weight of {angle_weight} change nothing with the weighting `uniform`; they belong to `ink`"
+            ),
+        ));
+    }
 }
 
 /// Warns of a cylinder or cone that was asked for where the part is none.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern};
-use super::{checks, hash, method, place, program};
+use super::{checks, hash, method, place, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
@@ -171,7 +171,7 @@ fn row(
             let far = map.fit_residual().filter(|residual| *residual > limit);
             EvaluationRow {
                 note: far.map(|residual| format!("the part is up to {residual:.3} mm from this {name}")),
-                map: Some(MapStory::new(&map, settings.correction.weighting.name())),
+                map: Some(MapStory::new(&map, weights(&settings.correction))),
                 quality: Some((&distortion).into()),
                 ..empty
             }

@@ -211,6 +211,13 @@ fn methods_and_weightings_do_what_they_say() {
     let (ink, uniform, none) = (job(""), job("--weighting uniform"), job("--method none"));
     assert_eq!((&ink["map"]["weighting"], &uniform["map"]["weighting"]), (&"ink".into(), &"uniform".into()));
     assert!(error(&ink) < error(&uniform) && error(&uniform) * 3.0 < error(&none));
+    let angle = |report: &Value| number(report, "/quality/after/largest_angle_error_deg");
+    let (long, right) = (job("--length-weight 4"), job("--angle-weight 4"));
+    assert_eq!([&long["map"]["length_weight"], &long["map"]["angle_weight"]], [4.0, 1.0]);
+    assert!(error(&long) < error(&ink) && error(&ink) < error(&right));
+    assert!(angle(&right) < angle(&ink));
+    assert!(!notices(&right).contains(&"weights-unused"));
+    assert!(notices(&job("--weighting uniform --angle-weight 4")).contains(&"weights-unused"));
     let forced = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--method cylinder");
     assert!(notices(&forced).contains(&"no-true-figure"));
 }

@@ -147,6 +147,8 @@ fn wrong_usage() {
         ("--part-unit furlong", ["furlong", "--part-unit", "mm"]),
         ("--tolerance 0", ["tolerance of 0 mm", "remedy: Give", "0.0001 and 10 mm"]),
         ("--tolerance nan", ["tolerance of NaN mm", "remedy: Give", "0.0001 and 10 mm"]),
+        ("--length-weight 50", ["weight of 50", "--length-weight", "between 0.1 and 10"]),
+        ("--angle-weight nan", ["weight of NaN", "--angle-weight", "between 0.1 and 10"]),
         ("--rotate inf", ["angle", "remedy: Give", "degrees"]),
         ("--sku a/b", ["`a/b`", "'/'", "remedy: Rename it"]),
         ("--unheard-of", ["--unheard-of", "Usage", "--help"]),

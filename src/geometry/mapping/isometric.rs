@@ -5,6 +5,7 @@
 //! inked areas and their shapes; the paper between them is not seen, so it may give way: it keeps a small weight that
 //! holds the parts of the drawing in their places.
 
+mod fold;
 mod geodesics;
 mod strain;
 
@@ -63,6 +64,16 @@ impl IsometricOptions {
         angle_cap: 1.0,
         ..Self::UNIFORM
     };
+
+    /// The same with lines that count `lengths` times and shapes that count `angles` times as much.
+    pub fn emphasised(self, lengths: f64, angles: f64) -> Self {
+        Self {
+            line_weight: self.line_weight * lengths,
+            shape_weight: self.shape_weight * angles,
+            box_weight: self.box_weight * angles,
+            ..self
+        }
+    }
 
     fn is_even(&self) -> bool {
         self.line_weight == 0.0 && self.area_weight == 0.0 && self.shape_weight == 0.0
@@ -130,8 +141,6 @@ const SHORTEST: f64 = 1.0 / 64.0;
 const LOOSE: f64 = 0.05;
 /// Weight of the pin against the mean strain's of 1: it holds the anchor far below what a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
-/// The least area on the part for an area of the drawing; below it the map is about to fold.
-const LEAST_AREA: f64 = 0.05;
 
 /// What a map is sought for.
 struct Task<'a> {
@@ -185,7 +194,7 @@ impl IsometricMap {
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= LOOSE) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
         }
-        match map.fold(surface) {
+        match map.fold(surface, ink) {
             Some(at) => Err(IsometricError::Folded { at }),
             None => Ok(map),
         }
@@ -239,6 +248,7 @@ impl IsometricMap {
             };
             if !(reached <= energy + NO_STRAIN) {
                 self.control = start;
+                self.iterations.push(Iteration { cells, energy, reached: energy, step: 0.0 });
                 return Ok(false);
             }
             let largest = shifts.iter().map(|&shift| Vector2::from(shift).norm()).fold(0.0, f64::max);
@@ -323,26 +333,6 @@ impl IsometricMap {
             |knots: &UniformKnots| UniformKnots::new(knots.start(), knots.step() / 2.0, knots.spans() * 2);
         (self.knots_s, self.knots_t) = (halved_knots(&self.knots_s), halved_knots(&self.knots_t));
     }
-
-    /// A point of the view where the map turns the drawing over, if there is one.
-    fn fold(&self, surface: &NurbsSurface) -> Option<ViewPoint> {
-        // Four looks along a cell's side: between them a cubic with strains of less than 1 does not turn over unseen.
-        const LOOKS: usize = 4;
-        let bases = |knots: &UniformKnots| -> Vec<Basis> {
-            let looks = 0..=knots.spans() * LOOKS;
-            looks.map(|look| knots.basis(knots.start() + knots.step() * look as f64 / LOOKS as f64)).collect()
-        };
-        let (across, up) = (bases(&self.knots_s), bases(&self.knots_t));
-        for t in &up {
-            for s in &across {
-                let strain = self.strain(surface, &Sample::at(*s, *t));
-                if !(strain.area() > LEAST_AREA) {
-                    return Some(self.sum(s, t, &strain.basis[0]).into());
-                }
-            }
-        }
-        None
-    }
 }
 
 fn halved(line: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
@@ -384,3 +374,6 @@ fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, 
 fn products(s: &[f64; 4], t: &[f64; 4]) -> [f64; 16] {
     std::array::from_fn(|local| s[local % 4] * t[local / 4])
 }
+
+#[cfg(test)]
+mod tests;

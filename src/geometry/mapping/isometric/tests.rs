@@ -1,0 +1,119 @@
+use super::*;
+use crate::geometry::ink::Piece;
+
+/// z = f(x, y) over ±40 mm, interpolated to fourth order.
+fn graph(height: impl Fn(f64, f64) -> f64) -> NurbsSurface {
+    let knots = UniformKnots::new(-40.0, 0.5, 160);
+    let count = knots.control_points();
+    let mut heights = Vec::with_capacity(count * count);
+    for index in 0..count * count {
+        let (x, y) = (knots.greville(index % count), knots.greville(index / count));
+        let round = height(x + 0.5, y) + height(x - 0.5, y) + height(x, y + 0.5) + height(x, y - 0.5);
+        heights.push(height(x, y) - (round - 4.0 * height(x, y)) / 6.0);
+    }
+    NurbsSurface::new(knots, knots, heights).unwrap()
+}
+
+/// Lines along the sides of a rectangle round the origin.
+fn frame(width: f64, height: f64) -> Ink {
+    let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+        .map(|[x, y]| FlatPoint::new(x * width, y * height));
+    let side = |side: usize| {
+        let (from, to) = (corners[side], corners[(side + 1) % 4]);
+        (0..40).map(move |part| Piece {
+            from: from.lerp(to, f64::from(part) / 40.0),
+            to: from.lerp(to, f64::from(part + 1) / 40.0),
+        })
+    };
+    let extents = Extents::of(corners.map(FlatPoint::coords));
+    Ink { pieces: (0..4).flat_map(side).collect(), dots: Vec::new(), squares: Vec::new(), side: 0.4, extents }
+}
+
+const MIDDLE: FlatPoint = FlatPoint::new(0.0, 0.0);
+
+#[test]
+fn derivatives_are_those_of_the_residuals() {
+    let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
+    let ink = frame(30.0, 20.0);
+    let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
+    let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK);
+    let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 };
+    // The slope of the energy along a random shift is −2 times the right side times the shift.
+    let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
+    let shift: Vec<[f64; 2]> =
+        (0..columns * rows).map(|index| [(index as f64).sin(), (index as f64 * 1.7).cos()]).collect();
+    let expected = -2.0 * map.linearised(&task).gain(&shift);
+    let start = map.control.clone();
+    let mut energy_at = |length: f64| {
+        for (point, (old, shift)) in map.control.iter_mut().zip(start.iter().zip(&shift)) {
+            *point = old + Vector2::from(*shift) * length;
+        }
+        map.energy(&task)
+    };
+    let found = (energy_at(1e-6) - energy_at(-1e-6)) / 2e-6;
+    assert!((found / expected - 1.0).abs() < 1e-5, "{found} for {expected}");
+}
+
+#[test]
+fn halving_the_cells_leaves_the_map_as_it_is() {
+    let surface = graph(|x, y| (x * x - y * y) / 60.0);
+    let mut map = IsometricMap::solve(&surface, &frame(30.0, 12.0), MIDDLE, &IsometricOptions::INK).unwrap();
+    let places = [[-15.0, -6.0], [3.3, 1.7], [14.9, 5.9]].map(|[x, y]| FlatPoint::new(x, y));
+    let before = places.map(|place| map.point(place));
+    map.refine();
+    for (place, before) in places.into_iter().zip(before) {
+        assert!(map.point(place).distance(before) < 1e-12);
+    }
+}
+
+#[test]
+fn on_what_can_be_unrolled_the_search_starts_at_its_end() {
+    let surface = graph(|x, _| (900.0 - x * x).max(0.0).sqrt());
+    let map = IsometricMap::solve(&surface, &frame(40.0, 12.0), MIDDLE, &IsometricOptions::UNIFORM).unwrap();
+    assert!(map.iterations[0].energy < 1e-5 && map.iterations.len() <= 3, "{:?}", map.iterations);
+    let end = map.point(FlatPoint::new(20.0, 0.0));
+    assert!((end.x - 30.0 * (20.0f64 / 30.0).sin()).abs() < 1e-3, "{end:?}");
+}
+
+#[test]
+fn a_map_that_turns_over_is_noticed_where_there_is_ink() {
+    let surface = graph(|_, _| 0.0);
+    let ink = frame(30.0, 12.0);
+    let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::UNIFORM).unwrap();
+    assert_eq!(map.fold(&surface, &ink), None);
+    // The middle control points trade places.
+    let columns = map.knots_s.control_points();
+    let middle = (map.knots_t.control_points() / 2) * columns + columns / 2;
+    map.control.swap(middle, middle + 2);
+    assert!(map.fold(&surface, &ink).is_some());
+    // A drawing of which nothing lies there does not mind.
+    let aside = Ink { pieces: ink.pieces.into_iter().filter(|piece| piece.to.x < -10.0).collect(), ..ink };
+    assert_eq!(map.fold(&surface, &aside), None);
+}
+
+#[test]
+fn a_spike_under_the_drawing_gives_a_sound_map_or_a_reason() {
+    for (height, width) in [(4.0, 2.0), (10.0, 1.5), (30.0, 3.0), (-20.0, 1.0)] {
+        let surface = graph(|x, y| height * (-((x - 4.0).powi(2) + y * y) / (width * width)).exp());
+        let ink = frame(30.0, 12.0);
+        match IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK) {
+            Ok(map) => assert_eq!(map.fold(&surface, &ink), None),
+            Err(error) => {
+                assert!(matches!(error, IsometricError::Folded { .. } | IsometricError::NotConverged { .. }));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_drawing_round_the_horizon_ends_with_an_answer() {
+    // 200 mm on a sphere of 30 mm reach once round it; the surface goes on flat beyond 28 mm.
+    let surface = graph(|x, y| (900.0 - x * x - y * y).max(100.0).sqrt());
+    for width in [80.0, 200.0] {
+        let found = IsometricMap::solve(&surface, &frame(width, 12.0), MIDDLE, &IsometricOptions::INK);
+        if let Ok(map) = found {
+            let end = map.point(FlatPoint::new(width / 2.0, 0.0));
+            assert!(end.is_finite() && end.x.abs() < width);
+        }
+    }
+}
