@@ -11,6 +11,7 @@
 mod developables;
 mod drawings;
 mod every_surface;
+mod far_round;
 mod springs;
 
 use isomark::geometry::height_field::FacingPart;
@@ -18,6 +19,7 @@ use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::{IsometricMap, IsometricOptions};
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
+use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::pattern::{Affine, Pattern};
 use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
@@ -55,8 +57,7 @@ impl Case {
 
     /// The surface from a mesh with edges of 0.75 mm over a disc of `radius` mm.
     fn surface(&self, radius: f64) -> FittedSurface {
-        let mesh = shapes::graph(radius, 0.75, self.height);
-        FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap()
+        fitted(&shapes::graph(radius, 0.75, self.height))
     }
 
     /// The drawing, centred on the origin, at its place.
@@ -82,6 +83,10 @@ impl Case {
     fn measure(&self, ink: &Ink, map: impl Fn(FlatPoint) -> ViewPoint) -> Distortion {
         quality::measure(ink, map, |at: ViewPoint| Some((self.height)(at.x, at.y))).unwrap()
     }
+}
+
+fn fitted(mesh: &TriMesh) -> FittedSurface {
+    FittedSurface::of_part(&FacingPart::new(mesh, &View::top()), &FitOptions::default()).unwrap()
 }
 
 fn fine_ink(placed: &Pattern) -> Ink {

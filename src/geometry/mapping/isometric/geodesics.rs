@@ -12,12 +12,15 @@ const LONGEST_STEP: f64 = 2.0;
 /// Steps from one control point to the next at most.
 const MOST_STEPS: f64 = 100.0;
 
-/// A point of the view with two unit tangent vectors of the surface at right angles, as the view sees them.
+/// A step that comes further in the view than this share of its length has not followed the surface: no path is longer
+/// in the view than on the part.
+const FOLLOWED: f64 = 1.001;
+
+/// A point of the view with a unit tangent vector of the surface, as the view sees it.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
+struct Heading {
     at: Vector2<f64>,
     ahead: Vector2<f64>,
-    aside: Vector2<f64>,
 }
 
 /// Control points, row by row, of a map that takes the drawing's longer axis through the anchor to a geodesic of the
@@ -30,21 +33,22 @@ pub(super) fn parallel_coordinates(
     knots_t: &UniformKnots,
 ) -> Vec<Vector2<f64>> {
     let directions = tangent_frame(&surface.jet(ViewPoint::from(anchor.coords())).gradient);
-    let (right, up) = (directions.column(0).into_owned(), directions.column(1).into_owned());
     let (columns, rows) = (knots_s.control_points(), knots_t.control_points());
     let mut points = vec![Vector2::zeros(); columns * rows];
     if columns >= rows {
-        let start = Frame { at: anchor.coords(), ahead: right, aside: up };
+        let start = Heading { at: anchor.coords(), ahead: directions.column(0).into_owned() };
         for (column, foot) in walk(surface, start, knots_s, anchor.x).into_iter().enumerate() {
-            for (row, frame) in walk(surface, foot.turned(), knots_t, anchor.y).iter().enumerate() {
-                points[row * columns + column] = frame.at;
+            for (row, place) in walk(surface, foot.to_the_left(surface), knots_t, anchor.y).iter().enumerate()
+            {
+                points[row * columns + column] = place.at;
             }
         }
     } else {
-        let start = Frame { at: anchor.coords(), ahead: up, aside: right };
+        let start = Heading { at: anchor.coords(), ahead: directions.column(1).into_owned() };
         for (row, foot) in walk(surface, start, knots_t, anchor.y).into_iter().enumerate() {
-            for (column, frame) in walk(surface, foot.turned(), knots_s, anchor.x).iter().enumerate() {
-                points[row * columns + column] = frame.at;
+            let to_the_right = Heading { ahead: -foot.to_the_left(surface).ahead, ..foot };
+            for (column, place) in walk(surface, to_the_right, knots_s, anchor.x).iter().enumerate() {
+                points[row * columns + column] = place.at;
             }
         }
     }
@@ -53,60 +57,60 @@ pub(super) fn parallel_coordinates(
     points
 }
 
-impl Frame {
-    fn turned(self) -> Self {
-        Self { ahead: self.aside, aside: self.ahead, ..self }
+impl Heading {
+    /// At right angles on the surface, counter-clockwise for the laser.
+    fn to_the_left(self, surface: &NurbsSurface) -> Self {
+        let gradient = surface.jet(self.at.into()).gradient;
+        let metric = self.ahead + gradient * gradient.dot(&self.ahead);
+        let lift = (1.0 + gradient.norm_squared()).sqrt();
+        Self { ahead: Vector2::new(-metric.y, metric.x) / lift, ..self }
     }
 
     fn moved(&self, rate: &Self, length: f64) -> Self {
-        Self {
-            at: self.at + rate.at * length,
-            ahead: self.ahead + rate.ahead * length,
-            aside: self.aside + rate.aside * length,
-        }
+        Self { at: self.at + rate.at * length, ahead: self.ahead + rate.ahead * length }
     }
 
-    /// How the frame changes along the geodesic: both vectors are carried parallel to themselves. On a graph the
-    /// Christoffel symbols are f_k f_ij / (1 + |∇f|²).
+    /// How it changes along the geodesic: on a graph the Christoffel symbols are f_k f_ij / (1 + |∇f|²).
     fn rate(&self, surface: &NurbsSurface) -> Self {
         let jet = surface.jet(self.at.into());
-        let lift = 1.0 + jet.gradient.norm_squared();
-        let bend = jet.hessian * self.ahead;
-        Self {
-            at: self.ahead,
-            ahead: -jet.gradient * (bend.dot(&self.ahead) / lift),
-            aside: -jet.gradient * (bend.dot(&self.aside) / lift),
-        }
+        let bend = (jet.hessian * self.ahead).dot(&self.ahead) / (1.0 + jet.gradient.norm_squared());
+        Self { at: self.ahead, ahead: -jet.gradient * bend }
     }
 
-    /// The frame after `length` mm along its geodesic (Runge and Kutta's method of order 4).
+    /// What it is after `length` mm along its geodesic (Runge and Kutta's method of order 4); straight on where the
+    /// surface bends more sharply than that follows, as beyond the rim of a part.
     fn advanced(self, surface: &NurbsSurface, length: f64) -> Self {
         let first = self.rate(surface);
         let second = self.moved(&first, length / 2.0).rate(surface);
         let third = self.moved(&second, length / 2.0).rate(surface);
         let fourth = self.moved(&third, length).rate(surface);
         let ends = self.moved(&first, length / 6.0).moved(&fourth, length / 6.0);
-        ends.moved(&second, length / 3.0).moved(&third, length / 3.0)
+        let mut next = ends.moved(&second, length / 3.0).moved(&third, length / 3.0);
+        if !((next.at - self.at).norm() <= length.abs() * FOLLOWED) {
+            next = Self { at: self.at + self.ahead * length, ..self };
+        }
+        let climb = surface.jet(next.at.into()).gradient.dot(&next.ahead);
+        Self { ahead: next.ahead / next.ahead.norm().hypot(climb), ..next }
     }
 }
 
-/// The frames over the Greville abscissae along the geodesic that passes `start` at the parameter `from`.
-fn walk(surface: &NurbsSurface, start: Frame, knots: &UniformKnots, from: f64) -> Vec<Frame> {
-    let mut frames = vec![start; knots.control_points()];
-    let ahead = (0..frames.len()).find(|&index| knots.greville(index) >= from).unwrap_or(frames.len());
+/// The places over the Greville abscissae along the geodesic that passes `start` at the parameter `from`.
+fn walk(surface: &NurbsSurface, start: Heading, knots: &UniformKnots, from: f64) -> Vec<Heading> {
+    let mut places = vec![start; knots.control_points()];
+    let ahead = (0..places.len()).find(|&index| knots.greville(index) >= from).unwrap_or(places.len());
     let mut go = |indices: &mut dyn Iterator<Item = usize>| {
-        let (mut frame, mut here) = (start, from);
+        let (mut place, mut here) = (start, from);
         for index in indices {
             let way = knots.greville(index) - here;
             let steps = (way.abs() / LONGEST_STEP).ceil().clamp(1.0, MOST_STEPS);
-            (0..steps as usize).for_each(|_| frame = frame.advanced(surface, way / steps));
+            (0..steps as usize).for_each(|_| place = place.advanced(surface, way / steps));
             here = knots.greville(index);
-            frames[index] = frame;
+            places[index] = place;
         }
     };
     go(&mut (ahead..knots.control_points()));
     go(&mut (0..ahead).rev());
-    frames
+    places
 }
 
 /// Turns values at the Greville abscissae along one axis into control points whose spline passes them to fourth order

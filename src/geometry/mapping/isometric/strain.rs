@@ -169,7 +169,7 @@ impl Strain {
         let SurfaceJet { gradient, hessian, .. } = &self.jet;
         let image = self.by_s * direction.x + self.by_t * direction.y;
         let climb = gradient.dot(&image);
-        let stretch = image.norm().hypot(climb);
+        let stretch = (image.norm_squared() + climb * climb).sqrt();
         let by_image = (image + gradient * climb) / stretch;
         let by_place = hessian * image * (climb / stretch);
         (stretch - 1.0, [by_place.into(), (by_image * direction.x).into(), (by_image * direction.y).into()])
