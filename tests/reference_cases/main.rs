@@ -200,6 +200,24 @@ fn ink_weighting_beats_every_known_figure_in_lengths_areas_and_angles_together()
 }
 
 #[test]
+fn extra_weights_make_lengths_or_angles_truer_and_never_shear_more_than_the_even_map() {
+    for case in [SPHERE, MANDARIN, MOUSE] {
+        let emphasised = |lengths, angles| {
+            letters_on(case, &Method::Isometric(IsometricOptions::INK.emphasised(lengths, angles)))
+        };
+        let (plain, even) = (letters_on(case, &INK), letters_on(case, &UNIFORM));
+        let (longer, squarer) = (emphasised(10.0, 1.0), emphasised(1.0, 10.0));
+        assert!(longer.length_error() < 0.6 * plain.length_error(), "{longer:?}");
+        assert!(squarer.over_squares < 0.8 * plain.over_squares, "{squarer:?}");
+        for found in [longer, squarer, emphasised(0.1, 1.0), emphasised(1.0, 0.1), emphasised(10.0, 0.1)] {
+            assert!(found.over_squares < even.over_squares + 0.1, "{found:?}");
+            assert!(found.length_error() < even.length_error(), "{found:?}");
+            assert!(found.isometric().settled && found.isometric().iterations.len() <= 6, "{found:?}");
+        }
+    }
+}
+
+#[test]
 fn on_a_cylinder_the_exact_map_is_chosen_and_is_exact() {
     let found = letters_on(CYLINDER, &AUTOMATIC);
     assert!(matches!(found.map, LengthTrueMap::Cylinder(..)));
