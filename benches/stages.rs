@@ -7,7 +7,7 @@ use isomark::cache::Cache;
 use isomark::config::{JobSettings, Sku};
 use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
 use isomark::geometry::correction::{Projection, Subdivision};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::height_field::{FacingPart, Grid};
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
@@ -60,7 +60,10 @@ fn sample_and_fit(bencher: Bencher, edge: f64) {
 #[divan::bench(args = [0.75, 0.27])]
 fn sample_only(bencher: Bencher, edge: f64) {
     let mesh = mesh(edge);
-    bencher.bench(|| FacingPart::new(black_box(&mesh), &View::top()).sample(0.75));
+    bencher.bench(|| {
+        let part = FacingPart::new(black_box(&mesh), &View::top());
+        part.sample(&Grid::over(&part.extents(), 0.75))
+    });
 }
 
 /// Reading a whole file is the least a pattern reader must do.

@@ -4,6 +4,10 @@ use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 /// A normal that leans further than this from its facet, as a cosine, is damage; the facet's own normal is used instead.
 const LEAST_AGREEMENT: f64 = 0.5;
+/// Of two handles that share a turn none gets less than this share of the mean: beyond, the side is no arc.
+const LEAST_SHARE: f64 = 0.25;
+/// How sharply sides along a ruling are told from sides across it: by this power of the squared cosine between them.
+const ALONG_POWER: i32 = 8;
 /// Barycentric coordinates may be this much below 0, so that no node on the border of two triangles is lost.
 const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
@@ -26,10 +30,17 @@ pub struct CurvedTriangle {
 pub struct Hit {
     /// Height z, mm.
     pub height: f64,
-    /// Tangent of the angle between surface normal and laser axis (infinite for a wall).
-    pub steepness: f64,
+    /// (∂z/∂x, ∂z/∂y), no unit; infinite for a wall.
+    pub gradient: Vector2<f64>,
     /// Whether the curved patch was met; otherwise only its flat facet was, beside a neighbour that bulges over it.
     pub on_patch: bool,
+}
+
+impl Hit {
+    /// Tangent of the angle between surface normal and laser axis (infinite for a wall).
+    pub fn steepness(&self) -> f64 {
+        self.gradient.norm()
+    }
 }
 
 impl CurvedTriangle {
@@ -41,14 +52,8 @@ impl CurvedTriangle {
         // Only the tangent plane counts, so normals of a part that was turned inside out serve as well.
         let normals =
             normals.map(|normal| if normal.dot(&facet).abs() < LEAST_AGREEMENT { facet } else { normal });
-        let edge = |from: usize, to: usize| {
-            let along = corners[to] - corners[from];
-            let tangent = along - normals[from] * along.dot(&normals[from]);
-            // Handles of this length make an edge of constant curvature, as on cylinders, cones and spheres, nearly a
-            // circular arc; the paper's are shorter by this factor. A straight edge stays straight.
-            let half_turn = (normals[from].dot(&normals[to]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
-            tangent * (2.0 / (3.0 * (1.0 + half_turn) * half_turn)) - along / 3.0
-        };
+        let edge =
+            |from: usize, to: usize| handle([corners[from], corners[to]], [normals[from], normals[to]]);
         let edges = [edge(0, 1), edge(1, 0), edge(1, 2), edge(2, 1), edge(2, 0), edge(0, 2)];
         // The middle point makes the patch exact for quadratics: b111 = E + (E − V)/2, and V has no bulge.
         let middle = edges.iter().sum::<Vector3<f64>>() / 4.0;
@@ -99,7 +104,7 @@ impl CurvedTriangle {
             let (point, by_v, by_w) = (a + ab * start.x + ac * start.y, ab, ac);
             inside(start.x, start.y).then(|| Hit {
                 height: point.z,
-                steepness: steepness(&by_v.cross(&by_w)),
+                gradient: gradient(&by_v.cross(&by_w)),
                 on_patch: self.flat,
             })
         };
@@ -115,8 +120,7 @@ impl CurvedTriangle {
                 if !inside(parameter.x, parameter.y) {
                     break;
                 }
-                let steepness = steepness(&by_v.cross(&by_w));
-                return Some(Hit { height: point.z, steepness, on_patch: true });
+                return Some(Hit { height: point.z, gradient: gradient(&by_v.cross(&by_w)), on_patch: true });
             }
             let Some(inverse) = Matrix2::new(by_v.x, by_w.x, by_v.y, by_w.y).try_inverse() else { break };
             let step = inverse * miss;
@@ -129,8 +133,29 @@ impl CurvedTriangle {
     }
 }
 
-fn steepness(normal: &Vector3<f64>) -> f64 {
-    normal.xy().norm() / normal.z.abs()
+/// The control point next to the first of two `ends`, less that of the straight side.
+fn handle(ends: [Point3<f64>; 2], normals: [Vector3<f64>; 2]) -> Vector3<f64> {
+    let along = ends[1] - ends[0];
+    let mut tangent = along - normals[0] * along.dot(&normals[0]);
+    // How far each end lies below the tangent plane of the other.
+    let falls = [-along.dot(&normals[0]), along.dot(&normals[1])];
+    let turn = normals[1] - normals[0] * normals[0].dot(&normals[1]);
+    if falls[0] * falls[1] > 0.0 && turn != Vector3::zeros() {
+        // A long side along a cone turns by the same angle at a smaller radius: the part of the handle along the turn
+        // is longer where the surface is flatter. A side along the turn itself has no second radius to tell.
+        let across = tangent.dot(&turn).powi(2) / (tangent.norm_squared() * turn.norm_squared());
+        let share = (2.0 * falls[1] / (falls[0] + falls[1])).clamp(LEAST_SHARE, 2.0 - LEAST_SHARE);
+        let change = (share - 1.0) * (1.0 - across).powi(ALONG_POWER);
+        tangent += turn * (tangent.dot(&turn) / turn.norm_squared() * change);
+    }
+    // Handles of this length make an edge of constant curvature, as on cylinders, cones and spheres, nearly a circular
+    // arc; the paper's are shorter by this factor. A straight edge stays straight.
+    let half_turn = (normals[0].dot(&normals[1]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
+    tangent * (2.0 / (3.0 * (1.0 + half_turn) * half_turn)) - along / 3.0
+}
+
+fn gradient(normal: &Vector3<f64>) -> Vector2<f64> {
+    if normal.z == 0.0 { Vector2::new(f64::INFINITY, 0.0) } else { -normal.xy() / normal.z }
 }
 
 #[cfg(test)]
@@ -158,7 +183,7 @@ mod tests {
         let corners = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]].map(Point3::from);
         let patch = CurvedTriangle::new(corners, [Vector3::x(), Vector3::zeros(), Vector3::z()]);
         let hit = patch.hit(Vector2::new(0.2, 0.3)).unwrap();
-        assert_eq!((hit.height, hit.steepness, hit.on_patch), (1.0, 0.0, true));
+        assert_eq!((hit.height, hit.steepness(), hit.on_patch), (1.0, 0.0, true));
         assert_eq!(patch.hit(Vector2::new(0.8, 0.3)), None);
     }
 }

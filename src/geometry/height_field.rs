@@ -1,15 +1,19 @@
 //! What the laser sees: the height of the part over a grid of the view.
 
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
-use super::curved_triangle::CurvedTriangle;
+use super::curved_triangle::{CurvedTriangle, Hit};
 use super::mesh::TriMesh;
-use super::normals::estimate_corner_normals;
+use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::space::{Extents, View, ViewPoint};
 
 /// Surface that leans further than this from the laser's axis is not marked, rad. The limit for marking is lower
 /// (60° unless set otherwise); what lies between serves the fit as a border.
 pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
+
+/// Two sides of the part whose meshes are not joined continue each other where their heights differ by less than this
+/// share of the distance between nodes from what their slopes say.
+const OFFSET: f64 = 0.1;
 
 /// What lies under a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,179 +26,54 @@ pub enum Node {
     Surface(f64),
 }
 
+/// A square grid over the view, mm; its nodes lie at whole multiples of the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// The lower left node.
+    pub origin: Vector2<f64>,
+    /// Distance between nodes, mm.
+    pub step: f64,
+    /// Nodes along x.
+    pub columns: usize,
+    /// Nodes along y.
+    pub rows: usize,
+}
+
 /// Heights of the part's side that faces the laser, on a square grid of the view, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeightField {
-    origin: Vector2<f64>,
-    step: f64,
-    columns: usize,
-    rows: usize,
+    grid: Grid,
     nodes: Vec<Node>,
 }
 
 /// A part turned to the laser and ready to be sampled at any spacing.
 #[derive(Debug, Clone)]
 pub struct FacingPart {
-    positions: Vec<Point3<f64>>,
-    triangles: Vec<[u32; 3]>,
-    /// One for each corner of each triangle, or one for each vertex.
-    normals: CornerNormals,
+    mesh: SmoothMesh,
     extents: Extents,
 }
 
-#[derive(Debug, Clone)]
-enum CornerNormals {
-    OfVertices(Vec<Vector3<f64>>),
-    OfCorners(Vec<[Vector3<f64>; 3]>),
+/// A sampled part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartSamples {
+    /// The heights.
+    pub field: HeightField,
+    /// For each node whether an edge of the part runs beside it, between two of its smooth sides.
+    pub is_at_edge: Vec<bool>,
 }
 
-impl FacingPart {
-    /// The part as `view` shows it. Normals of the file are used; a mesh without any gets estimated ones
-    /// ([`estimate_corner_normals`]).
-    pub fn new(mesh: &TriMesh, view: &View) -> Self {
-        let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
-        let triangles = mesh.triangles().to_vec();
-        let normals = if mesh.normals().is_empty() {
-            CornerNormals::OfCorners(estimate_corner_normals(&positions, &triangles))
-        } else {
-            CornerNormals::OfVertices(mesh.normals().iter().map(|&normal| view.vector(normal)).collect())
-        };
-        let extents =
-            Extents::of(triangles.iter().flatten().map(|&index| positions[index as usize].coords.xy()));
-        Self { positions, triangles, normals, extents }
+impl Grid {
+    /// The grid over `extents`, with an odd number of nodes along both sides, so that [`Grid::halved`] covers the same.
+    pub fn over(extents: &Extents, step: f64) -> Self {
+        let first = (extents.min / step).map(f64::floor);
+        let count = (extents.max / step).map(f64::ceil) - first;
+        let odd = |count: f64| (count as usize).next_multiple_of(2) + 1;
+        Self { origin: first * step, step, columns: odd(count.x), rows: odd(count.y) }
     }
 
-    /// The rectangle of the view that the part fills, mm.
-    pub fn extents(&self) -> Extents {
-        self.extents
-    }
-
-    /// The height field with `step` mm between nodes: for every node the point of the part nearest to the laser, on
-    /// the curved triangles. Nodes lie at whole multiples of the step.
-    pub fn sample(&self, step: f64) -> HeightField {
-        let first = (self.extents.min / step).map(f64::floor);
-        let last = (self.extents.max / step).map(f64::ceil);
-        let (columns, rows) = ((last.x - first.x) as usize + 1, (last.y - first.y) as usize + 1);
-        let origin = first * step;
-        let mut hits: Vec<Option<super::curved_triangle::Hit>> = vec![None; columns * rows];
-        for (triangle, corners) in self.triangles.iter().enumerate() {
-            let points = corners.map(|index| self.positions[index as usize]);
-            let extents = Extents::of(points.map(|point| point.coords.xy()));
-            // An edge between normals 90° apart bulges by less than a quarter of its length.
-            let reach = extents.size().norm() * 0.25;
-            let grown = extents.grown(reach);
-            let range = |low: f64, high: f64, count: usize| {
-                let from = (low / step).ceil().max(0.0) as usize;
-                let to = ((high / step).floor() + 1.0).clamp(0.0, count as f64) as usize;
-                from..to
-            };
-            let in_columns = range(grown.min.x - origin.x, grown.max.x - origin.x, columns);
-            let in_rows = range(grown.min.y - origin.y, grown.max.y - origin.y, rows);
-            if in_columns.is_empty() || in_rows.is_empty() {
-                continue;
-            }
-            let normals = match &self.normals {
-                CornerNormals::OfVertices(normals) => corners.map(|index| normals[index as usize]),
-                CornerNormals::OfCorners(normals) => normals[triangle],
-            };
-            let patch = CurvedTriangle::new(points, normals);
-            let bulge = patch.largest_bulge();
-            let near = extents.grown(bulge);
-            for row in in_rows {
-                for column in in_columns.clone() {
-                    let at = origin + Vector2::new(column as f64, row as f64) * step;
-                    if !near.contains(at) {
-                        continue;
-                    }
-                    let Some(hit) = patch.hit(at) else { continue };
-                    let seen = &mut hits[row * columns + column];
-                    // A bare facet under a neighbour's bulge must not win over the true surface by its sagitta.
-                    let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
-                    match seen {
-                        Some(old) if old.on_patch && hit.height <= old.height + lead => {}
-                        Some(old) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
-                        Some(old) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
-                        _ => *seen = Some(hit),
-                    }
-                }
-            }
-        }
-        HeightField::from_hits(origin, step, columns, rows, &hits)
-    }
-}
-
-impl HeightField {
-    /// A height field from its nodes, row by row; `None` if their number does not fit or the grid is no grid.
-    pub fn new(
-        origin: Vector2<f64>,
-        step: f64,
-        columns: usize,
-        rows: usize,
-        nodes: Vec<Node>,
-    ) -> Option<Self> {
-        let fits = columns.checked_mul(rows) == Some(nodes.len()) && columns > 1 && rows > 1;
-        (fits && step > 0.0 && step.is_finite() && origin.iter().all(|value| value.is_finite()))
-            .then_some(Self { origin, step, columns, rows, nodes })
-    }
-
-    fn from_hits(
-        origin: Vector2<f64>,
-        step: f64,
-        columns: usize,
-        rows: usize,
-        hits: &[Option<super::curved_triangle::Hit>],
-    ) -> Self {
-        let steepest = STEEPEST_SURFACE.tan();
-        let mut nodes: Vec<Node> = hits
-            .iter()
-            .map(|hit| match hit {
-                None => Node::Empty,
-                Some(hit) if hit.steepness <= steepest => Node::Surface(hit.height),
-                Some(hit) => Node::Wall(hit.height),
-            })
-            .collect();
-        let steepness = |index: usize| hits[index].map_or(0.0, |hit| hit.steepness.min(steepest));
-        let mut brink = |first: usize, second: usize| {
-            let (Some(a), Some(b)) = (hits[first], hits[second]) else { return };
-            // Between two nodes a smooth surface climbs no faster than its slopes there, with room for curvature.
-            let climb = 2.0 * steepness(first).max(steepness(second)) + 1.0;
-            if (a.height - b.height).abs() > climb * step {
-                nodes[first] = Node::Wall(a.height);
-                nodes[second] = Node::Wall(b.height);
-            }
-        };
-        for row in 0..rows {
-            for column in 0..columns {
-                let here = row * columns + column;
-                if column + 1 < columns {
-                    brink(here, here + 1);
-                }
-                if row + 1 < rows {
-                    brink(here, here + columns);
-                }
-            }
-        }
-        Self { origin, step, columns, rows, nodes }
-    }
-
-    /// The lower left node, mm.
-    pub fn origin(&self) -> Vector2<f64> {
-        self.origin
-    }
-
-    /// Distance between nodes, mm.
-    pub fn step(&self) -> f64 {
-        self.step
-    }
-
-    /// Number of columns and rows.
-    pub fn size(&self) -> (usize, usize) {
-        (self.columns, self.rows)
-    }
-
-    /// The nodes, row by row from the lower left.
-    pub fn nodes(&self) -> &[Node] {
-        &self.nodes
+    /// The grid over the same rectangle with half the step.
+    pub fn halved(&self) -> Self {
+        Self { step: self.step / 2.0, columns: 2 * self.columns - 1, rows: 2 * self.rows - 1, ..*self }
     }
 
     /// Where a node lies.
@@ -202,12 +81,9 @@ impl HeightField {
         (self.origin + Vector2::new(column as f64, row as f64) * self.step).into()
     }
 
-    /// All nodes on the smooth surface: (column, row, height in mm).
-    pub fn surface_nodes(&self) -> impl Iterator<Item = (usize, usize, f64)> {
-        self.nodes.iter().enumerate().filter_map(|(index, node)| match node {
-            Node::Surface(height) => Some((index % self.columns, index / self.columns, *height)),
-            _ => None,
-        })
+    /// Number of nodes.
+    pub fn count(&self) -> usize {
+        self.columns * self.rows
     }
 
     /// The grid cell that holds a point and the point's place in it, 0 to 1 along x and y.
@@ -227,6 +103,183 @@ impl HeightField {
         [lower, lower + 1, lower + self.columns, lower + self.columns + 1]
     }
 
+    /// The nodes from `low` to `high` along a side of `count` nodes that starts at `start`.
+    fn range(&self, low: f64, high: f64, start: f64, count: usize) -> std::ops::Range<usize> {
+        let from = ((low - start) / self.step).ceil().max(0.0) as usize;
+        let to = (((high - start) / self.step).floor() + 1.0).clamp(0.0, count as f64) as usize;
+        from..to
+    }
+}
+
+impl FacingPart {
+    /// The part as `view` shows it. Normals of the file are used; a mesh without any gets estimated ones
+    /// ([`SmoothMesh::new`]).
+    pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        let mesh = SmoothMesh::new(mesh, view);
+        let corners = mesh.triangles.iter().flatten();
+        let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
+        Self { mesh, extents }
+    }
+
+    /// The rectangle of the view that the part fills, mm.
+    pub fn extents(&self) -> Extents {
+        self.extents
+    }
+
+    /// For every node of the grid the point of the part nearest to the laser, on the curved triangles.
+    pub fn sample(&self, grid: &Grid) -> PartSamples {
+        let hits = self.hits(grid);
+        let field = HeightField::from_hits(grid, &hits);
+        let is_at_edge = self.edges(&field, &hits);
+        PartSamples { field, is_at_edge }
+    }
+
+    /// For every node the triangle that is met there, and where.
+    fn hits(&self, grid: &Grid) -> Vec<Option<(u32, Hit)>> {
+        let mut hits: Vec<Option<(u32, Hit)>> = vec![None; grid.count()];
+        for triangle in 0..self.mesh.triangles.len() {
+            let (points, normals) = self.mesh.corners(triangle);
+            let extents = Extents::of(points.map(|point| point.coords.xy()));
+            // An edge between normals 90° apart bulges by less than a quarter of its length.
+            let grown = extents.grown(extents.size().norm() * 0.25);
+            let in_columns = grid.range(grown.min.x, grown.max.x, grid.origin.x, grid.columns);
+            let in_rows = grid.range(grown.min.y, grown.max.y, grid.origin.y, grid.rows);
+            if in_columns.is_empty() || in_rows.is_empty() {
+                continue;
+            }
+            let patch = CurvedTriangle::new(points, normals);
+            let bulge = patch.largest_bulge();
+            let near = extents.grown(bulge);
+            for row in in_rows {
+                for column in in_columns.clone() {
+                    let at = grid.position(column, row).coords();
+                    if !near.contains(at) {
+                        continue;
+                    }
+                    let Some(hit) = patch.hit(at) else { continue };
+                    let seen = &mut hits[row * grid.columns + column];
+                    // A bare facet under a neighbour's bulge must not win over the true surface by its sagitta.
+                    let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
+                    match seen {
+                        Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
+                        Some((_, old)) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
+                        Some((_, old)) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
+                        _ => *seen = Some((triangle as u32, hit)),
+                    }
+                }
+            }
+        }
+        hits
+    }
+
+    /// For each node whether it and a neighbour lie on two smooth sides of the part that do not continue each other.
+    fn edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>]) -> Vec<bool> {
+        let mut is_at_edge = vec![false; hits.len()];
+        for_each_side(&field.grid, |first, second, step| {
+            let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
+            let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
+            let (one, other) = (self.mesh.regions[one as usize], self.mesh.regions[other as usize]);
+            if one == other || !is_surface(first) || !is_surface(second) {
+                return;
+            }
+            let normal = |hit: &Hit| Vector3::new(-hit.gradient.x, -hit.gradient.y, 1.0).normalize();
+            let climb = (a.gradient + b.gradient).dot(&step) / 2.0;
+            let is_smooth = normal(&a).dot(&normal(&b)) > NORMAL_TOLERANCE.cos()
+                && (b.height - a.height - climb).abs() < OFFSET * field.grid.step;
+            if !is_smooth {
+                (is_at_edge[first], is_at_edge[second]) = (true, true);
+            }
+        });
+        is_at_edge
+    }
+}
+
+impl HeightField {
+    /// A height field from its nodes, row by row; `None` if their number does not fit or the grid
+    /// is no grid.
+    pub fn new(
+        origin: Vector2<f64>,
+        step: f64,
+        columns: usize,
+        rows: usize,
+        nodes: Vec<Node>,
+    ) -> Option<Self> {
+        let fits = columns.checked_mul(rows) == Some(nodes.len()) && columns > 1 && rows > 1;
+        (fits && step > 0.0 && step.is_finite() && origin.iter().all(|value| value.is_finite()))
+            .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
+    }
+
+    fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> Self {
+        let steepest = STEEPEST_SURFACE.tan();
+        let mut nodes: Vec<Node> = hits
+            .iter()
+            .map(|hit| match hit {
+                None => Node::Empty,
+                Some((_, hit)) if hit.steepness() <= steepest => Node::Surface(hit.height),
+                Some((_, hit)) => Node::Wall(hit.height),
+            })
+            .collect();
+        let steepness = |index: usize| hits[index].map_or(0.0, |(_, hit)| hit.steepness().min(steepest));
+        for_each_side(grid, |first, second, _| {
+            let (Some((_, a)), Some((_, b))) = (hits[first], hits[second]) else { return };
+            // Between two nodes a smooth surface climbs no faster than its slopes there, with room for curvature.
+            let climb = 2.0 * steepness(first).max(steepness(second)) + 1.0;
+            if (a.height - b.height).abs() > climb * grid.step {
+                nodes[first] = Node::Wall(a.height);
+                nodes[second] = Node::Wall(b.height);
+            }
+        });
+        Self { grid: *grid, nodes }
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The lower left node, mm.
+    pub fn origin(&self) -> Vector2<f64> {
+        self.grid.origin
+    }
+
+    /// Distance between nodes, mm.
+    pub fn step(&self) -> f64 {
+        self.grid.step
+    }
+
+    /// Number of columns and rows.
+    pub fn size(&self) -> (usize, usize) {
+        (self.grid.columns, self.grid.rows)
+    }
+
+    /// The nodes, row by row from the lower left.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// Where a node lies.
+    pub fn position(&self, column: usize, row: usize) -> ViewPoint {
+        self.grid.position(column, row)
+    }
+
+    /// All nodes on the smooth surface: (column, row, height in mm).
+    pub fn surface_nodes(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.nodes.iter().enumerate().filter_map(|(index, node)| match node {
+            Node::Surface(height) => Some((index % self.grid.columns, index / self.grid.columns, *height)),
+            _ => None,
+        })
+    }
+
+    /// The grid cell that holds a point and the point's place in it, 0 to 1 along x and y.
+    pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
+        self.grid.cell(at)
+    }
+
+    /// The four nodes round a cell: lower left, lower right, upper left, upper right.
+    pub fn cell_nodes(&self, column: usize, row: usize) -> [usize; 4] {
+        self.grid.cell_nodes(column, row)
+    }
+
     /// Whether the point lies on the smooth surface: all four nodes round it do.
     pub fn is_surface(&self, at: ViewPoint) -> bool {
         self.cell(at).is_some_and(|(column, row, _)| {
@@ -235,10 +288,32 @@ impl HeightField {
     }
 }
 
+/// Visits every two nodes that are neighbours along x or y, with the step from the first to the second, mm.
+fn for_each_side(grid: &Grid, mut visit: impl FnMut(usize, usize, Vector2<f64>)) {
+    for row in 0..grid.rows {
+        for column in 0..grid.columns {
+            let here = row * grid.columns + column;
+            if column + 1 < grid.columns {
+                visit(here, here + 1, Vector2::new(grid.step, 0.0));
+            }
+            if row + 1 < grid.rows {
+                visit(here, here + grid.columns, Vector2::new(0.0, grid.step));
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::space::Facing;
+    use nalgebra::Point3;
+
+    impl FacingPart {
+        fn sampled(&self, step: f64) -> HeightField {
+            self.sample(&Grid::over(&self.extents, step)).field
+        }
+    }
 
     fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> TriMesh {
         TriMesh::new(positions.iter().map(|&p| Point3::from(p)).collect(), Vec::new(), triangles.to_vec())
@@ -255,7 +330,7 @@ mod tests {
 
     #[test]
     fn the_side_nearest_to_the_laser_is_seen_and_cliffs_are_walls() {
-        let field = FacingPart::new(&two_floors(), &View::top()).sample(0.5);
+        let field = FacingPart::new(&two_floors(), &View::top()).sampled(0.5);
         let node = |x: f64, y: f64| {
             let (column, row, _) = field.cell(ViewPoint::new(x, y)).unwrap();
             field.nodes()[field.cell_nodes(column, row)[0]]
@@ -270,7 +345,7 @@ mod tests {
     #[test]
     fn from_below_the_other_side_is_seen() {
         let below = View::new(Facing::towards(-Vector3::z()).unwrap(), 0.0);
-        let field = FacingPart::new(&two_floors(), &below).sample(1.0);
+        let field = FacingPart::new(&two_floors(), &below).sampled(1.0);
         assert!(field.surface_nodes().all(|(_, _, height)| height.abs() < 1e-12));
         assert_eq!(field.surface_nodes().count(), 121);
     }
@@ -290,7 +365,7 @@ mod tests {
             ],
             &[[0, 1, 5], [0, 5, 4], [1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]],
         );
-        let field = FacingPart::new(&ring, &View::top()).sample(0.5);
+        let field = FacingPart::new(&ring, &View::top()).sampled(0.5);
         assert!(!field.is_surface(ViewPoint::new(0.1, 0.1)) && field.is_surface(ViewPoint::new(2.1, 2.1)));
     }
 }

@@ -5,7 +5,8 @@
 pub mod space;
 pub mod mesh;
 pub mod point_cloud;
-pub mod normals;
+pub mod smooth_mesh;
+mod osculating_jet;
 pub mod curved_triangle;
 pub mod height_field;
 pub mod normal_equations;

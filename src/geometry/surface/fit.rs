@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
-use crate::geometry::height_field::{FacingPart, HeightField, Node};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE};
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::ViewPoint;
 
@@ -15,6 +15,12 @@ const NODES_PER_SPAN: usize = 2;
 /// Weight of the smoothness penalty against one node's weight of 1: so little that it decides only where there are no
 /// nodes.
 const SMOOTHNESS: f64 = 1e-6;
+
+/// Nodes so near to an edge of the part do not count: the spline needs a span to turn there.
+const EDGE_REACH: usize = 2;
+
+/// Nodes needed at least.
+const LEAST_NODES: usize = 64;
 
 /// How the surface is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,9 +93,19 @@ pub enum FitError {
     Solve(#[from] SolveError),
 }
 
+/// What a surface is fitted to: the nodes that count.
+struct Data<'a> {
+    field: &'a HeightField,
+    counts: Vec<bool>,
+}
+
 impl FittedSurface {
-    /// Samples and fits a part, halving the spacing until 95 % of the residuals are within the tolerance, the spans
-    /// are used up, or halving no longer helps (creases do not get smoother).
+    /// Samples and fits a part. Where 95 % of the residuals are not within the tolerance, the spacing is halved and the
+    /// surface made finer in the places that need it, until they are, the spans are used up, or halving no longer helps
+    /// (facets do not get smoother).
+    ///
+    /// Nodes beside an edge of the part do not count, because no smooth surface runs through them; what the surface
+    /// leaves there shows in the residual.
     ///
     /// # Errors
     /// When hardly anything of the part faces the laser, when it is thinner than 1/1000 of its length as the laser sees
@@ -101,17 +117,21 @@ impl FittedSurface {
             return Err(FitError::TooSmall { width: size.x, height: size.y });
         }
         let mut spans = options.first_spans;
-        let mut fitted = Self::of_field(part.sample(longer / (spans * NODES_PER_SPAN) as f64))?;
-        while fitted.residual.most > options.tolerance && spans * 2 <= options.most_spans {
+        let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
+        let data = Data::of(&samples)?;
+        let mut nurbs = data.fit()?;
+        let mut left = data.most(&nurbs);
+        while left > options.tolerance && spans * 2 <= options.most_spans {
             spans *= 2;
-            let finer = Self::of_field(part.sample(longer / (spans * NODES_PER_SPAN) as f64))?;
-            let gain = fitted.residual.most / finer.residual.most;
-            fitted = finer;
-            if gain < 2.0 {
+            samples = part.sample(&samples.field.grid().halved());
+            let data = Data::of(&samples)?;
+            nurbs = data.correct(nurbs.halved(), options.tolerance)?;
+            let before = std::mem::replace(&mut left, data.most(&nurbs));
+            if before < 2.0 * left {
                 break;
             }
         }
-        Ok(fitted)
+        Ok(Self::compare(nurbs, samples.field))
     }
 
     /// Fits a height field by least squares, one span for every two nodes; where there is no surface it is continued
@@ -120,44 +140,7 @@ impl FittedSurface {
     /// # Errors
     /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
     pub fn of_field(field: HeightField) -> Result<Self, FitError> {
-        let nodes = field.surface_nodes().count();
-        if nodes < 64 {
-            let limit = crate::geometry::height_field::STEEPEST_SURFACE;
-            return Err(FitError::NoSurface { nodes, all: field.nodes().len(), limit });
-        }
-        let (columns, rows) = field.size();
-        let along = |start: f64, nodes: usize| {
-            let span = field.step() * NODES_PER_SPAN as f64;
-            UniformKnots::new(start, span, (nodes - 1).div_ceil(NODES_PER_SPAN))
-        };
-        let (knots_x, knots_y) = (along(field.origin().x, columns), along(field.origin().y, rows));
-        let mut equations = NormalEquations::<1>::new(knots_x.control_points(), knots_y.control_points());
-        let basis_x: Vec<_> = (0..columns).map(|column| knots_x.basis(field.position(column, 0).x)).collect();
-        let basis_y: Vec<_> = (0..rows).map(|row| knots_y.basis(field.position(0, row).y)).collect();
-        // Heights are fitted from their mean, so that a part far from the origin loses no digits.
-        let mean = field.surface_nodes().map(|(_, _, height)| height).sum::<f64>() / nodes as f64;
-        for (in_rows, row_span) in spans_of(&basis_y) {
-            for (in_columns, column_span) in spans_of(&basis_x) {
-                let mut sum = CellSum::default();
-                for row in in_rows.clone() {
-                    for column in in_columns.clone() {
-                        if let Node::Surface(height) = field.nodes()[row * columns + column] {
-                            let (x, y) = (&basis_x[column].value, &basis_y[row].value);
-                            let weights: CellRow<1> =
-                                std::array::from_fn(|local| [x[local % 4] * y[local / 4]]);
-                            sum.add(&weights, height - mean, 1.0);
-                        }
-                    }
-                }
-                equations.add_cell(column_span, row_span, &sum);
-            }
-        }
-        equations.add_third_difference_penalty(SMOOTHNESS);
-        let solver = GridSolver::new(knots_x.control_points(), knots_y.control_points())?;
-        let heights = equations.solve(&solver)?.into_iter().map(|[height]| height + mean).collect();
-        let nurbs = NurbsSurface::new(knots_x, knots_y, heights).ok_or(SolveError::NotPositiveDefinite {
-            unknowns: knots_x.control_points() * knots_y.control_points(),
-        })?;
+        let nurbs = Data::new(&field, |_| true)?.fit()?;
         Ok(Self::compare(nurbs, field))
     }
 
@@ -177,10 +160,9 @@ impl FittedSurface {
             }
         }
         let nodes = sizes.len();
-        let most =
-            if nodes == 0 { 0.0 } else { *sizes.select_nth_unstable_by(nodes * 95 / 100, f64::total_cmp).1 };
         let rms = (squares / nodes.max(1) as f64).sqrt();
-        Self { nurbs, field, residual: Residual { largest, at, rms, most, nodes }, differences }
+        let residual = Residual { largest, at, rms, most: most(sizes), nodes };
+        Self { nurbs, field, residual, differences }
     }
 
     /// Height, slope and curvature of the fit.
@@ -225,6 +207,146 @@ impl FittedSurface {
         let (left, right) = (Vector2::new(1.0 - place.x, place.x), Vector2::new(1.0 - place.y, place.y));
         right.x * (left.x * a + left.y * b) + right.y * (left.x * c + left.y * d)
     }
+}
+
+impl<'a> Data<'a> {
+    /// All but the nodes near an edge.
+    fn of(samples: &'a PartSamples) -> Result<Self, FitError> {
+        let near = grown(&samples.is_at_edge, samples.field.size().0, EDGE_REACH - 1);
+        let data = Self::new(&samples.field, |node| !near[node])?;
+        if data.counts.iter().filter(|counts| **counts).count() < LEAST_NODES {
+            // A part of nothing but edges is fitted as it is; the residual tells.
+            return Self::new(&samples.field, |_| true);
+        }
+        Ok(data)
+    }
+
+    fn new(field: &'a HeightField, counts: impl Fn(usize) -> bool) -> Result<Self, FitError> {
+        let is_surface = |node: &Node| matches!(node, Node::Surface(_));
+        let nodes = field.nodes().iter().filter(|node| is_surface(node)).count();
+        if nodes < LEAST_NODES {
+            return Err(FitError::NoSurface { nodes, all: field.nodes().len(), limit: STEEPEST_SURFACE });
+        }
+        let counted = field.nodes().iter().enumerate().map(|(index, node)| is_surface(node) && counts(index));
+        Ok(Self { field, counts: counted.collect() })
+    }
+
+    /// The nodes that count: place and height, mm.
+    fn known(&self) -> impl Iterator<Item = (ViewPoint, f64)> {
+        let columns = self.field.size().0;
+        let counted = move |(column, row, _): &(usize, usize, f64)| self.counts[row * columns + column];
+        let nodes = self.field.surface_nodes().filter(counted);
+        nodes.map(|(column, row, height)| (self.field.position(column, row), height))
+    }
+
+    /// The distance that 95 % of the nodes that count stay below, mm.
+    fn most(&self, nurbs: &NurbsSurface) -> f64 {
+        most(self.known().map(|(at, height)| (height - nurbs.height(at)).abs()).collect())
+    }
+
+    /// The least-squares surface, one span for every two nodes.
+    fn fit(&self) -> Result<NurbsSurface, FitError> {
+        let (columns, rows) = self.field.size();
+        let along = |start: f64, nodes: usize| {
+            let span = self.field.step() * NODES_PER_SPAN as f64;
+            UniformKnots::new(start, span, (nodes - 1).div_ceil(NODES_PER_SPAN))
+        };
+        let origin = self.field.origin();
+        let (knots_x, knots_y) = (along(origin.x, columns), along(origin.y, rows));
+        // Heights are fitted from their mean, so that a part far from the origin loses no digits.
+        let heights = || self.field.surface_nodes().map(|(_, _, height)| height);
+        let mean = heights().sum::<f64>() / heights().count().max(1) as f64;
+        let count = knots_x.control_points() * knots_y.control_points();
+        let level = NurbsSurface::new(knots_x, knots_y, vec![mean; count])
+            .ok_or(SolveError::NotPositiveDefinite { unknowns: count })?;
+        self.move_towards(level, |_| true)
+    }
+
+    /// The surface corrected where it misses nodes that count by more than a quarter of `tolerance`, mm, and left alone
+    /// elsewhere.
+    fn correct(&self, nurbs: NurbsSurface, tolerance: f64) -> Result<NurbsSurface, FitError> {
+        let (knots_x, knots_y) = nurbs.knots();
+        let (columns, rows) = (knots_x.control_points(), knots_y.control_points());
+        let mut wanted = vec![false; columns * rows];
+        for (at, height) in self.known() {
+            if (height - nurbs.height(at)).abs() > tolerance / 4.0 {
+                // The 4 × 4 control points that shape the cell, and one more round it.
+                let (first_x, first_y) = (knots_x.span(at.x), knots_y.span(at.y));
+                for row in first_y.saturating_sub(1)..(first_y + 5).min(rows) {
+                    wanted[row * columns + first_x.saturating_sub(1)
+                        ..row * columns + (first_x + 5).min(columns)]
+                        .fill(true);
+                }
+            }
+        }
+        self.move_towards(nurbs, |point| wanted[point])
+    }
+
+    /// The surface with the `wanted` control points moved by least squares.
+    fn move_towards(
+        &self,
+        nurbs: NurbsSurface,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<NurbsSurface, FitError> {
+        let field = self.field;
+        let (knots_x, knots_y) = nurbs.knots();
+        let (columns, rows) = field.size();
+        let width = knots_x.control_points();
+        let basis_x: Vec<_> = (0..columns).map(|column| knots_x.basis(field.position(column, 0).x)).collect();
+        let basis_y: Vec<_> = (0..rows).map(|row| knots_y.basis(field.position(0, row).y)).collect();
+        let is_wanted = |column: usize, row: usize| {
+            (0..16).any(|local| wanted((row + local / 4) * width + column + local % 4))
+        };
+        let mut equations = NormalEquations::<1>::new(width, knots_y.control_points());
+        for (in_rows, row_span) in spans_of(&basis_y) {
+            for (in_columns, column_span) in spans_of(&basis_x) {
+                if !is_wanted(column_span, row_span) {
+                    continue;
+                }
+                let mut sum = CellSum::default();
+                for row in in_rows.clone() {
+                    for column in in_columns.clone() {
+                        let node = row * columns + column;
+                        if let Node::Surface(height) = field.nodes()[node]
+                            && self.counts[node]
+                        {
+                            let (x, y) = (&basis_x[column].value, &basis_y[row].value);
+                            let shares: CellRow<1> =
+                                std::array::from_fn(|local| [x[local % 4] * y[local / 4]]);
+                            sum.add(&shares, height - nurbs.height(field.position(column, row)), 1.0);
+                        }
+                    }
+                }
+                equations.add_cell(column_span, row_span, &sum);
+            }
+        }
+        equations.add_third_difference_penalty(SMOOTHNESS);
+        let solver = GridSolver::for_some(width, knots_y.control_points(), wanted)?;
+        let steps = equations.solve(&solver)?;
+        Ok(nurbs.moved(steps.into_iter().map(|[step]| step)))
+    }
+}
+
+/// The marked nodes and those within `reach` nodes of them, on rows of `columns` nodes.
+fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
+    let mut marked = marked.to_vec();
+    for _ in 0..reach {
+        let seeds: Vec<usize> = (0..marked.len()).filter(|&node| marked[node]).collect();
+        for node in seeds {
+            let (column, row) = (node % columns, node / columns);
+            for row in row.saturating_sub(1)..(row + 2).min(marked.len() / columns) {
+                marked[row * columns + column.saturating_sub(1)..row * columns + (column + 2).min(columns)]
+                    .fill(true);
+            }
+        }
+    }
+    marked
+}
+
+/// The size that 95 % stay below.
+fn most(mut sizes: Vec<f64>) -> f64 {
+    let nodes = sizes.len();
+    if nodes == 0 { 0.0 } else { *sizes.select_nth_unstable_by(nodes * 95 / 100, f64::total_cmp).1 }
 }
 
 /// Runs of nodes that lie in the same span, with the span's first control point.

@@ -32,6 +32,11 @@ impl UniformKnots {
         Self { start, step, spans }
     }
 
+    /// The same interval with twice the spans.
+    pub fn halved(&self) -> Self {
+        Self { start: self.start, step: self.step / 2.0, spans: self.spans * 2 }
+    }
+
     /// Number of control points: spans + 3.
     pub fn control_points(&self) -> usize {
         self.spans + DEGREE

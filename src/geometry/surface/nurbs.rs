@@ -39,6 +39,37 @@ impl NurbsSurface {
         })
     }
 
+    /// The same surface with every span halved (Lane & Riesenfeld, A theoretical development for the computer generation
+    /// and display of piecewise polynomial surfaces, IEEE PAMI 2(1), 1980).
+    pub fn halved(&self) -> Self {
+        let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
+        let (knots_x, knots_y) = (self.knots_x.halved(), self.knots_y.halved());
+        let finer = |count: usize, at: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            (0..2 * (count - 3) + 3)
+                .map(|index| match (index / 2, index % 2) {
+                    (left, 0) => (at(left) + at(left + 1)) / 2.0,
+                    (left, _) => (at(left) + 6.0 * at(left + 1) + at(left + 2)) / 8.0,
+                })
+                .collect()
+        };
+        let lines: Vec<Vec<f64>> =
+            (0..rows).map(|row| finer(columns, &|column| self.heights[row * columns + column])).collect();
+        let width = knots_x.control_points();
+        let mut heights = vec![0.0; width * knots_y.control_points()];
+        for column in 0..width {
+            for (row, height) in finer(rows, &|row| lines[row][column]).into_iter().enumerate() {
+                heights[row * width + column] = height;
+            }
+        }
+        Self { knots_x, knots_y, heights }
+    }
+
+    /// The surface with its control heights changed by `steps`, mm, row by row.
+    pub(super) fn moved(mut self, steps: impl IntoIterator<Item = f64>) -> Self {
+        self.heights.iter_mut().zip(steps).for_each(|(height, step)| *height += step);
+        self
+    }
+
     /// Knots along x and along y.
     pub fn knots(&self) -> (UniformKnots, UniformKnots) {
         (self.knots_x, self.knots_y)
@@ -193,8 +224,11 @@ mod tests {
             }
         }
         let surface = NurbsSurface::new(knots, knots, heights).unwrap();
+        let halved = surface.halved();
+        assert_eq!(halved.knots().0.step(), 0.25);
         for (x, y) in [(-2.0, -2.0), (0.3, -1.2), (1.99, 2.0)] {
             let jet = surface.jet(ViewPoint::new(x, y));
+            assert!((halved.height(ViewPoint::new(x, y)) - jet.height).abs() < 1e-12);
             assert!((jet.height - (3.0 * x * x - y * y + 0.5 * x * y + x)).abs() < 1e-12);
             assert!(
                 (jet.gradient - Vector2::new(6.0 * x + 0.5 * y + 1.0, -2.0 * y + 0.5 * x)).norm() < 1e-11

@@ -1,0 +1,96 @@
+//! Normals of a surface from the vertices of its mesh alone.
+
+use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
+
+use super::smooth_mesh::Neighbours;
+
+/// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
+const COEFFICIENTS: usize = 9;
+
+/// A vertex whose sides leave the surface by less than this, mm, keeps its normal: an estimate is wrong by some per cent of
+/// it, and finely cut meshes have many vertices.
+const PLAIN: f64 = 1e-3;
+
+/// Vertices looked at round one at most.
+const MOST_NEIGHBOURS: usize = 64;
+
+/// What is known beforehand (standard deviations, the radius of curvature taken as the unit of length): the slope that a
+/// first estimate is wrong by, against the distance of the nearest vertex; second derivatives; third derivatives times
+/// that distance; and the height that a cubic leaves, against the fourth power of a vertex's distance, times the square
+/// of that distance, but at least [`FLOOR`].
+const SLOPE: f64 = 0.5;
+const SECOND: f64 = 4.0;
+const THIRD: f64 = 0.6;
+const FOURTH: f64 = 0.01;
+const FLOOR: f64 = 1e-6;
+
+/// A better normal at a vertex whose `normals` are first estimates, unit vectors: that of the cubic, over the estimated
+/// tangent plane, that goes through the vertices round it and round its neighbours (Cazals & Pouget, Estimating
+/// differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design 22(2), 2005).
+///
+/// Each vertex counts by what a cubic leaves at its distance, and no derivative is expected to be far beyond the radius of
+/// curvature, so that the few, far vertices of long strips leave the estimate where it is. Second derivatives are taken
+/// along chords instead of their projections, which makes spheres exact. A vertex without neighbours, or on a flat part,
+/// keeps its estimate.
+pub(super) fn refined_normal(
+    positions: &[Point3<f64>],
+    normals: &[Vector3<f64>],
+    around: &Neighbours,
+    vertex: usize,
+) -> Vector3<f64> {
+    let (here, normal) = (positions[vertex], normals[vertex]);
+    let ring = around.of_vertex(vertex);
+    let (mut radius, mut nearest, mut rise) = (f64::INFINITY, f64::INFINITY, 0.0f64);
+    for &other in ring {
+        let distance = (positions[other as usize] - here).norm();
+        let turn = (normals[other as usize] - normal).norm();
+        nearest = nearest.min(distance);
+        rise = rise.max(distance * turn / 8.0);
+        if turn > 0.0 {
+            radius = radius.min(distance / turn);
+        }
+    }
+    if !(rise > PLAIN && nearest > 0.0 && normal != Vector3::zeros()) {
+        return normal;
+    }
+    let mut known: Vec<u32> =
+        ring.iter().flat_map(|&other| around.of_vertex(other as usize)).chain(ring).copied().collect();
+    known.sort_unstable();
+    known.dedup();
+
+    let across = normal.cross(&if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+    let plane = Matrix2x3::from_rows(&[across.transpose(), normal.cross(&across).transpose()]);
+    let near = nearest / radius;
+    let (slope, third, fourth) = (SLOPE * near, THIRD / near, FOURTH / (near * near));
+    let usual = [slope, slope, SECOND, SECOND, SECOND, third, third, third, third];
+    let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
+    let mut matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_diagonal(&expected);
+    let mut right = SVector::<f64, COEFFICIENTS>::zeros();
+    for &other in known.iter().filter(|&&other| other as usize != vertex).take(MOST_NEIGHBOURS) {
+        let step = (positions[other as usize] - here) / radius;
+        let (at, height) = (plane * step, normal.dot(&step));
+        let (flat, square) = (at.norm_squared(), step.norm_squared());
+        if !(flat > 0.0) || normals[other as usize].dot(&normal) <= 0.0 {
+            continue;
+        }
+        let (x, y, chord) = (at.x, at.y, square / flat);
+        let row = SVector::<f64, COEFFICIENTS>::from([
+            x,
+            y,
+            chord * x * x / 2.0,
+            chord * x * y,
+            chord * y * y / 2.0,
+            x * x * x / 6.0,
+            x * x * y / 2.0,
+            x * y * y / 2.0,
+            y * y * y / 6.0,
+        ]);
+        let weight = (fourth * square * square + FLOOR).powi(-2);
+        matrix += row * row.transpose() * weight;
+        right += row * (height * weight);
+    }
+    let Some(factor) = matrix.cholesky() else { return normal };
+    let jet = factor.solve(&right);
+    let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
+    (normal - tilt).try_normalize(0.0).unwrap_or(normal)
+}

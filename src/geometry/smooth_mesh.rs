@@ -1,0 +1,405 @@
+//! A mesh that knows where it is smooth: one vertex with one normal where facets continue each other, several where
+//! they meet at an edge of the part.
+
+use nalgebra::{Point3, Vector3};
+
+use super::mesh::TriMesh;
+use super::osculating_jet::refined_normal;
+use super::space::View;
+
+/// Facets that meet at a larger angle than this, rad, are taken for the two sides of an edge of the part when the file
+/// has no normals. CAD tessellations turn by up to 28.6° (0.5 rad) from facet to facet of one face; chamfers by 45°.
+pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
+
+/// Normals of the file that differ by more than this, rad, at one place are those of two sides of an edge of the part.
+/// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
+pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
+
+/// Positions closer together than this, mm, are one vertex: exporters repeat vertices at face borders, and a float
+/// holds a 200 mm part to 0.00002 mm.
+const WELD_DISTANCE: f64 = 1e-4;
+
+/// No side.
+const NONE: u32 = u32::MAX;
+
+/// Triangles over shared vertices, in the frame of a view, mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SmoothMesh {
+    /// Positions; a place on an edge of the part has one vertex for each smooth side.
+    pub positions: Vec<Point3<f64>>,
+    /// Unit normals, one for each vertex.
+    pub normals: Vec<Vector3<f64>>,
+    /// Three vertices each.
+    pub triangles: Vec<[u32; 3]>,
+    /// For each triangle the smooth region it belongs to: those that can be reached without crossing an edge of the
+    /// part.
+    pub regions: Vec<u32>,
+}
+
+impl SmoothMesh {
+    /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
+    /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
+    /// less than [`CREASE_ANGLE`].
+    ///
+    /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
+    /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
+    /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
+    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically.
+    pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
+        let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
+        let corners = mesh.triangles();
+        let welded = weld(&positions);
+        let places: Vec<[u32; 3]> =
+            corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
+        let opposite = opposite_sides(&places);
+        let facet = |triangle: usize| facet_normal(corners[triangle].map(|index| positions[index as usize]));
+        let normal = |corner: usize| {
+            given.get(corners[corner / 3][corner % 3] as usize).copied().unwrap_or_else(Vector3::zeros)
+        };
+        let (same_normal, same_region) = (NORMAL_TOLERANCE.cos(), CREASE_ANGLE.cos());
+
+        let mut vertex_sets = DisjointSets::new(places.len() * 3);
+        let mut region_sets = DisjointSets::new(places.len());
+        for side in 0..opposite.len() {
+            let other = opposite[side] as usize;
+            // Each pair once; NONE is larger than any side.
+            if opposite[side] == NONE || other < side {
+                continue;
+            }
+            let (here, there) = (side / 3, other / 3);
+            let ends = [side, here * 3 + (side + 1 - here * 3) % 3];
+            let facing = [other, there * 3 + (other + 1 - there * 3) % 3];
+            let place = |corner: usize| places[corner / 3][corner % 3];
+            // Neighbours that are wound alike run along their common side in opposite directions.
+            let facing = if place(ends[0]) == place(facing[0]) { facing } else { [facing[1], facing[0]] };
+            let pairs = [(ends[0], facing[0]), (ends[1], facing[1])];
+            let is_given =
+                |&(a, b): &(usize, usize)| normal(a) != Vector3::zeros() && normal(b) != Vector3::zeros();
+            let is_smooth = if pairs.iter().all(is_given) {
+                pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal)
+            } else {
+                let wound_alike = place(ends[0]) != place(other);
+                let cosine = facet(here).dot(&facet(there));
+                (if wound_alike { cosine } else { -cosine }) >= same_region
+            };
+            if is_smooth {
+                pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
+                region_sets.join(here, there);
+            }
+        }
+
+        let (vertices, count) = vertex_sets.numbered();
+        let (regions, _) = region_sets.numbered();
+        let mut shared = vec![Point3::origin(); count];
+        let mut normals = vec![Vector3::zeros(); count];
+        for (corner, &vertex) in vertices.iter().enumerate() {
+            shared[vertex as usize] = positions[corners[corner / 3][corner % 3] as usize];
+            normals[vertex as usize] += normal(corner);
+        }
+        let mut smooth = Self {
+            positions: shared,
+            normals,
+            triangles: vertices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
+            regions,
+        };
+        smooth.complete_normals();
+        smooth
+    }
+
+    /// Makes the summed normals unit vectors; where there is none it is estimated.
+    fn complete_normals(&mut self) {
+        let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
+        if is_missing.contains(&true) {
+            for triangle in &self.triangles {
+                for corner in 0..3 {
+                    let vertex = triangle[corner] as usize;
+                    let [here, one, two] =
+                        [0, 1, 2].map(|turn| self.positions[triangle[(corner + turn) % 3] as usize]);
+                    let (first, second) = (one - here, two - here);
+                    let lengths = first.norm_squared() * second.norm_squared();
+                    if is_missing[vertex] && lengths > 0.0 {
+                        self.normals[vertex] += first.cross(&second) / lengths;
+                    }
+                }
+            }
+        }
+        for normal in &mut self.normals {
+            *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        }
+        if is_missing.contains(&true) {
+            let around = Neighbours::of(&self.triangles, self.positions.len());
+            let estimated = |vertex: usize| {
+                if !is_missing[vertex] {
+                    return self.normals[vertex];
+                }
+                refined_normal(&self.positions, &self.normals, &around, vertex)
+            };
+            self.normals = (0..self.normals.len()).map(estimated).collect();
+        }
+    }
+
+    /// The corners of a triangle and their normals.
+    pub fn corners(&self, triangle: usize) -> ([Point3<f64>; 3], [Vector3<f64>; 3]) {
+        let corners = self.triangles[triangle];
+        (
+            corners.map(|index| self.positions[index as usize]),
+            corners.map(|index| self.normals[index as usize]),
+        )
+    }
+}
+
+/// For each vertex those that share a side with it.
+pub(super) struct Neighbours {
+    starts: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+impl Neighbours {
+    fn of(triangles: &[[u32; 3]], count: usize) -> Self {
+        let sides =
+            || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
+        let mut starts = vec![0u32; count + 1];
+        sides().for_each(|(from, _)| starts[from as usize + 1] += 1);
+        (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+        let mut next = starts.clone();
+        let mut all = vec![0u32; triangles.len() * 6];
+        for (from, to) in sides() {
+            all[next[from as usize] as usize] = to;
+            next[from as usize] += 1;
+        }
+        // Inner sides were met from both of their triangles.
+        let mut vertices = Vec::with_capacity(all.len() / 2 + count);
+        let mut unique_starts = vec![0u32; count + 1];
+        for vertex in 0..count {
+            let around = &mut all[starts[vertex] as usize..starts[vertex + 1] as usize];
+            around.sort_unstable();
+            vertices.extend(around.chunk_by(|a, b| a == b).map(|run| run[0]));
+            unique_starts[vertex + 1] = vertices.len() as u32;
+        }
+        Self { starts: unique_starts, vertices }
+    }
+
+    /// Those round a vertex, ascending.
+    pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
+        &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+}
+
+fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
+    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+}
+
+/// For each position the number of its place, from 0 in the order of first appearance; positions within a weld cell
+/// share one.
+fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
+    let cell = |position: &Point3<f64>| position.coords.map(|value| (value / WELD_DISTANCE).round() as i64);
+    // Open addressing with at most half the slots taken; each slot names the first position of its place.
+    let slots = (positions.len() * 2).next_power_of_two();
+    let mut first = vec![NONE; slots];
+    let mut places = vec![0; positions.len()];
+    let mut count = 0;
+    for (index, position) in positions.iter().enumerate() {
+        let here = cell(position);
+        let mixed = here.iter().fold(0u64, |sum, &value| {
+            (sum.rotate_left(23) ^ value as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        });
+        let mut slot = (mixed >> 20) as usize & (slots - 1);
+        while first[slot] != NONE && cell(&positions[first[slot] as usize]) != here {
+            slot = (slot + 1) & (slots - 1);
+        }
+        if first[slot] == NONE {
+            first[slot] = index as u32;
+            places[index] = count;
+            count += 1;
+        } else {
+            places[index] = places[first[slot] as usize];
+        }
+    }
+    places
+}
+
+/// For each side of each triangle (side 3·t + k runs from corner k to the next) the one other side over the same two
+/// vertices; [`NONE`] at a border and where more than two triangles meet.
+fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let count = triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+    let ends = |side: usize| {
+        let (from, to) = (triangles[side / 3][side % 3], triangles[side / 3][(side + 1) % 3]);
+        // (side + 1) % 3 is the next corner only because 3·t drops out of it.
+        (from.min(to), from.max(to))
+    };
+    let sides = triangles.len() * 3;
+    let mut starts = vec![0u32; count + 1];
+    (0..sides).for_each(|side| starts[ends(side).0 as usize + 1] += 1);
+    (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+    let mut next = starts.clone();
+    let mut sorted = vec![(0u32, 0u32); sides];
+    for side in 0..sides {
+        let (lower, upper) = ends(side);
+        sorted[next[lower as usize] as usize] = (upper, side as u32);
+        next[lower as usize] += 1;
+    }
+    let mut opposite = vec![NONE; sides];
+    for vertex in 0..count {
+        let around = &mut sorted[starts[vertex] as usize..starts[vertex + 1] as usize];
+        around.sort_unstable();
+        for run in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(upper, one), (_, two)] = *run
+                && upper != vertex as u32
+            {
+                (opposite[one as usize], opposite[two as usize]) = (two, one);
+            }
+        }
+    }
+    opposite
+}
+
+/// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
+struct DisjointSets {
+    parents: Vec<u32>,
+}
+
+impl DisjointSets {
+    /// `count` sets of one element each.
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count as u32).collect() }
+    }
+
+    fn root(&mut self, element: usize) -> usize {
+        let mut at = element;
+        while self.parents[at] as usize != at {
+            let parent = self.parents[at] as usize;
+            self.parents[at] = self.parents[parent];
+            at = parent;
+        }
+        at
+    }
+
+    /// Joins the sets of two elements; the smaller root stays, so that numbers do not depend on the order.
+    fn join(&mut self, one: usize, two: usize) {
+        let (one, two) = (self.root(one), self.root(two));
+        self.parents[one.max(two)] = one.min(two) as u32;
+    }
+
+    /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
+    fn numbered(mut self) -> (Vec<u32>, usize) {
+        let mut numbers = vec![0; self.parents.len()];
+        let mut count = 0;
+        for element in 0..self.parents.len() {
+            let root = self.root(element);
+            if root == element {
+                numbers[element] = count;
+                count += 1;
+            } else {
+                // The root is the smallest element of its set, so it has its number already.
+                numbers[element] = numbers[root];
+            }
+        }
+        (numbers, count as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn smooth(
+        positions: Vec<Point3<f64>>,
+        normals: Vec<Vector3<f64>>,
+        triangles: Vec<[u32; 3]>,
+    ) -> SmoothMesh {
+        SmoothMesh::new(&TriMesh::new(positions, normals, triangles).unwrap(), &View::top())
+    }
+
+    /// The sides of an n-sided prism of radius 1 and height 1; every facet has vertices of its own.
+    fn prism(sides: usize) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let rim = |side: usize, z: f64| {
+            let angle = side as f64 / sides as f64 * std::f64::consts::TAU;
+            Point3::new(angle.cos(), angle.sin(), z)
+        };
+        for side in 0..sides {
+            let first = positions.len() as u32;
+            positions.extend([rim(side, 0.0), rim(side + 1, 0.0), rim(side + 1, 1.0), rim(side, 1.0)]);
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        (positions, triangles)
+    }
+
+    #[test]
+    fn a_fine_prism_is_a_cylinder_and_a_coarse_one_has_edges() {
+        let (positions, triangles) = prism(16);
+        let round = smooth(positions, Vec::new(), triangles);
+        assert_eq!((round.positions.len(), round.regions.iter().max()), (32, Some(&0)));
+        for (position, normal) in round.positions.iter().zip(&round.normals) {
+            // Both quadrangles at a vertex look alike, but for their diagonals.
+            let radial = position.coords.xy().normalize();
+            assert!((normal.xy() - radial).norm() < 1e-3 && normal.z.abs() < 1e-3, "{normal:?}");
+        }
+        let (positions, triangles) = prism(6);
+        let edged = smooth(positions, Vec::new(), triangles);
+        assert_eq!((edged.positions.len(), edged.regions.iter().max()), (24, Some(&5)));
+        for triangle in 0..edged.triangles.len() {
+            let (corners, normals) = edged.corners(triangle);
+            assert!(normals.iter().all(|normal| (normal - facet_normal(corners)).norm() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn normals_of_the_file_tell_edges_however_flat() {
+        let (positions, triangles) = prism(16);
+        let facets = |positions: &[Point3<f64>], corners: &[u32; 3]| {
+            facet_normal(corners.map(|index| positions[index as usize]))
+        };
+        // Four vertices to a facet, of two triangles.
+        let normals: Vec<_> =
+            (0..positions.len()).map(|vertex| facets(&positions, &triangles[vertex / 4 * 2])).collect();
+        let edged = smooth(positions.clone(), normals, triangles.clone());
+        assert_eq!(edged.regions.iter().max(), Some(&15));
+        let radial = positions.iter().map(|at| Vector3::new(at.x, at.y, 0.0)).collect();
+        let round = smooth(positions, radial, triangles);
+        assert_eq!((round.positions.len(), round.regions.iter().max()), (32, Some(&0)));
+    }
+
+    #[test]
+    fn the_normal_of_an_uneven_fan_on_a_sphere_is_that_of_the_sphere() {
+        let mut positions = vec![Point3::new(0.0, 0.0, 5.0)];
+        for (azimuth, polar) in [(0.0, 0.2), (1.1, 0.12), (2.9, 0.25), (3.6, 0.1), (5.0, 0.18)] {
+            let (sin, cos) = f64::sin_cos(polar);
+            positions.push(Point3::new(sin * f64::cos(azimuth), sin * f64::sin(azimuth), cos) * 5.0);
+        }
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1]];
+        let fan = smooth(positions, Vec::new(), triangles);
+        assert!((fan.normals[0] - Vector3::z()).norm() < 1e-3, "{:?}", fan.normals[0]);
+    }
+
+    #[test]
+    fn normals_of_a_quadric_are_found_where_its_vertices_lie_at_random() {
+        let height = |x: f64, y: f64| 0.02 * x * x - 0.01 * y * y + 0.015 * x * y;
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        for row in 0..9 {
+            for column in 0..9 {
+                let (x, y) =
+                    (f64::from(column) * 2.0 - 8.0 + random(), f64::from(row) * 2.0 - 8.0 + random());
+                positions.push(Point3::new(x, y, height(x, y)));
+                if row > 0 && column > 0 {
+                    let upper = (row * 9 + column) as u32;
+                    triangles.extend([[upper - 10, upper - 9, upper], [upper - 10, upper, upper - 1]]);
+                }
+            }
+        }
+        let quadric = smooth(positions, Vec::new(), triangles);
+        for (at, normal) in quadric.positions.iter().zip(&quadric.normals) {
+            let slope = [0.04 * at.x + 0.015 * at.y, -0.02 * at.y + 0.015 * at.x];
+            let exact = Vector3::new(-slope[0], -slope[1], 1.0).normalize();
+            // At the rim the vertices lie on one side only.
+            let limit = if at.x.abs().max(at.y.abs()) < 6.0 { 0.002 } else { 0.06 };
+            assert!((normal - exact).norm() < limit, "{at:?}: {normal:?} for {exact:?}");
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! The surface is the CAD surface and not its facets: coarse tessellations against closed forms.
+//!
+//! `cargo test --test true_surface -- --nocapture --test-threads 1` prints the table of all figures.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
+#![allow(clippy::print_stdout, reason = "the table of the figures")]
+
+mod forms;
+
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::space::{View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+
+use self::forms::{ALL, Form, Normals};
+
+/// Surface that leans further than this from the laser is not marked, as the cosine.
+const MARKED: f64 = 0.5;
+
+fn fitted(form: &Form, sag: f64, normals: Normals) -> FittedSurface {
+    let mesh = form.mesh(sag, normals);
+    FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap()
+}
+
+/// The largest distance of the fitted surface from the form along its normal, mm, and where: over what can be marked and
+/// is `margins` (a share of the range of each parameter) away from the mesh's rims.
+fn largest_miss(form: &Form, surface: &FittedSurface, margins: [f64; 2]) -> (f64, ViewPoint) {
+    let mut worst = (0.0, ViewPoint::new(0.0, 0.0));
+    for row in 0..=120 {
+        for column in 0..=120 {
+            let along = |side: usize, index: i32| {
+                let [from, to] = form.range[side];
+                let share = f64::from(index) / 120.0;
+                from + (to - from) * (margins[side] + (1.0 - 2.0 * margins[side]) * share)
+            };
+            let (point, normal) = (form.at)(along(0, column), along(1, row));
+            let at = ViewPoint::new(point.x, point.y);
+            let miss = (surface.nurbs.height(at) - point.z).abs() * normal.z;
+            if normal.z > MARKED && miss > worst.0 {
+                worst = (miss, at);
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn coarse_tessellations_yield_the_surface_they_were_cut_from() {
+    let mut failures = Vec::new();
+    for form in ALL {
+        for normals in [Normals::Exact, Normals::Facets, Normals::Missing] {
+            for (sag, limit) in [(0.02, 0.001), (0.1, 0.005), (0.5, 0.03)] {
+                let surface = fitted(&form, sag, normals);
+                // Vertices on a rim tell nothing of how the surface comes in, so estimated normals are off there.
+                let margins = match (normals, form.counts(sag)) {
+                    (Normals::Exact, _) | (_, [_, 1]) => [0.01, 0.01],
+                    (_, counts) => counts.map(|count| 1.0 / f64::from(count)),
+                };
+                let (miss, at) = largest_miss(&form, &surface, margins);
+                let name = form.name;
+                let verdict = if miss < limit { "" } else { " <<" };
+                println!(
+                    "{name:10} {normals:?} sag {sag:.2}: {miss:.5} mm at ({:.1}, {:.1}); residual {:.5} rms {:.5} spans {}{verdict}",
+                    at.x,
+                    at.y,
+                    surface.residual.largest,
+                    surface.residual.rms,
+                    surface.nurbs.knots().0.spans(),
+                );
+                if miss > limit {
+                    failures.push(format!("{name} {normals:?} {sag}: {miss:.4} mm"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
