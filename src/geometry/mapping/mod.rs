@@ -55,7 +55,7 @@ pub enum Method {
 impl Method {
     /// [`Method::Auto`] takes a part for a cylinder or a cone when it is one to within this, mm. A length that goes
     /// round it by an angle is then off by at most this times the angle in rad.
-    pub const EXACT_TOLERANCE: f64 = 0.02;
+    pub const EXACT_TOLERANCE: f64 = 0.005;
 }
 
 /// A map from the placed drawing to the view, chosen for one drawing on one surface.
