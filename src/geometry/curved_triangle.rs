@@ -6,6 +6,9 @@ use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 const LEAST_AGREEMENT: f64 = 0.5;
 /// Of two handles that share a turn none gets less than this share of the mean: beyond, the side is no arc.
 const LEAST_SHARE: f64 = 0.25;
+/// Ends that lie less than this below the tangent planes, mm, tell nothing of the turn between them: along a ruling both
+/// are the rounding of the file's numbers.
+const LEAST_FALL: f64 = 1e-3;
 /// How sharply sides along a ruling are told from sides across it: by this power of the squared cosine between them.
 const ALONG_POWER: i32 = 8;
 /// Barycentric coordinates may be this much below 0, so that no node on the border of two triangles is lost.
@@ -140,7 +143,7 @@ fn handle(ends: [Point3<f64>; 2], normals: [Vector3<f64>; 2]) -> Vector3<f64> {
     // How far each end lies below the tangent plane of the other.
     let falls = [-along.dot(&normals[0]), along.dot(&normals[1])];
     let turn = normals[1] - normals[0] * normals[0].dot(&normals[1]);
-    if falls[0] * falls[1] > 0.0 && turn != Vector3::zeros() {
+    if falls[0] * falls[1] > 0.0 && falls[0].abs().min(falls[1].abs()) > LEAST_FALL {
         // A long side along a cone turns by the same angle at a smaller radius: the part of the handle along the turn
         // is longer where the surface is flatter. A side along the turn itself has no second radius to tell.
         let across = tangent.dot(&turn).powi(2) / (tangent.norm_squared() * turn.norm_squared());

@@ -212,10 +212,10 @@ fn methods_and_weightings_do_what_they_say() {
     assert_eq!((&ink["map"]["weighting"], &uniform["map"]["weighting"]), (&"ink".into(), &"uniform".into()));
     assert!(error(&ink) < error(&uniform) && error(&uniform) * 3.0 < error(&none));
     let angle = |report: &Value| number(report, "/quality/after/largest_angle_error_deg");
-    let (long, right) = (job("--length-weight 4"), job("--angle-weight 4"));
+    let (long, right, free) = (job("--length-weight 4"), job("--angle-weight 4"), job("--angle-weight 0.25"));
     assert_eq!([&long["map"]["length_weight"], &long["map"]["angle_weight"]], [4.0, 1.0]);
     assert!(error(&long) < error(&ink) && error(&ink) < error(&right));
-    assert!(angle(&right) < angle(&ink));
+    assert!(angle(&right) < angle(&free));
     assert!(!notices(&right).contains(&"weights-unused"));
     assert!(notices(&job("--weighting uniform --angle-weight 4")).contains(&"weights-unused"));
     let forced = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--method cylinder");
