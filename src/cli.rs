@@ -228,6 +228,29 @@ fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
     crate::files::write_whole(folder, &name, bytes).map_err(|error| file_trouble("write", path, &error))
 }
 
+/// Refuses to write over what is read, or two results into one file: the designer's file would be gone without a word.
+/// Each file comes with the word that named it.
+fn apart(read: &[&Path], written: &[(&str, &Path)]) -> Outcome {
+    let same = |one: &Path, two: &Path| {
+        one == two || matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two)
+    };
+    for (index, (option, file)) in written.iter().enumerate() {
+        if read.iter().any(|read| same(read, file)) {
+            return Err(Failure::usage(
+                format!("`{option}` names {}, which is read; it would be lost.", file.display()),
+                format!("Give `{option}` a name of its own."),
+            ));
+        }
+        if let Some((other, _)) = written[..index].iter().find(|(_, other)| same(other, file)) {
+            return Err(Failure::usage(
+                format!("`{other}` and `{option}` name the same file, {}.", file.display()),
+                "Give each of them a name of its own.",
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// A file that the user named cannot be read or written.
 fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> Failure {
     let (file, folder) = (path.display(), folder_of(path).display());

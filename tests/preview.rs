@@ -111,7 +111,7 @@ impl Part {
         let place = |start: f64, node: usize| start + step * node as f64;
         let heights = (0..columns * rows)
             .map(|index| (self.height)(place(origin[0], index % columns), place(origin[1], index / columns)));
-        HeightPicture { origin, step, columns, rows, heights: heights.collect() }
+        HeightPicture { origin, step, columns, rows, heights: heights.collect(), ..HeightPicture::default() }
     }
 
     fn preview(&self, title: &str) -> Preview {
@@ -204,4 +204,20 @@ fn written(name: &str, preview: &Preview) -> String {
         .join(format!("{}.svg", name.replace([' ', ':'], "")));
     std::fs::write(file, &picture).expect("the folder for temporary files of tests can be written");
     picture
+}
+
+#[test]
+fn where_the_surface_misses_the_part_is_shown_and_named() {
+    let mut picture = BALL.picture();
+    let middle = picture.rows / 2 * picture.columns + picture.columns / 2;
+    picture.residual_limit = 0.02;
+    picture.residuals = vec![0.001; picture.heights.len()];
+    let drawn =
+        |picture: &HeightPicture| svg(&Preview { part_outline: picture.clone(), ..Preview::default() });
+    let words = "the part is no smooth surface: &gt; 0.02 mm";
+    assert!(!drawn(&picture).contains(words));
+    for misfit in [0.021, -0.021] {
+        picture.residuals[middle] = misfit;
+        assert!(drawn(&picture).contains(words), "{misfit}");
+    }
 }

@@ -1,11 +1,11 @@
 //! `isomark correct`: one drawing for one part.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::job::{Job, JobArguments, set};
-use super::{Failure, Outcome, file_trouble, name_of, print, tell, write_file};
+use super::{Failure, Outcome, apart, file_trouble, name_of, print, tell, write_file};
 use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
@@ -53,6 +53,14 @@ pub(super) struct CorrectArguments {
 }
 
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
+    let named = [
+        ("--out", Some(&arguments.out)),
+        ("--report", arguments.report.as_ref()),
+        ("--preview", arguments.preview.as_ref()),
+    ];
+    let written: Vec<(&str, &Path)> =
+        named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
+    apart(&arguments.job.files(), &written)?;
     let job = arguments.job.prepare(|settings| arguments.apply(settings))?;
     let Job { sku, settings, pipeline, learned, pattern, drawing } = &job;
     let previous =

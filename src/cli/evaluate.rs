@@ -46,6 +46,11 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
     let methods: Vec<Method> = Method::ALL.iter().copied().filter(asked).collect();
     let input = PatternInput { name: &name_of(pattern)?, bytes: &drawing, previous: None };
     let evaluation = pipeline.evaluate(&sku, &learned, input, &settings, &methods)?;
+    let refused: Vec<_> = evaluation.rows.iter().filter_map(|row| row.reason.as_ref()).collect();
+    let nothing = refused.first().filter(|_| refused.len() == evaluation.rows.len());
+    if let Some(reason) = nothing {
+        return Err(Failure::rejected((*reason).clone()));
+    }
     if arguments.json {
         let json =
             serde_json::to_string_pretty(&evaluation).map_err(|error| Failure::environment(&error.into()))?;

@@ -7,7 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    Failure, MeaningArguments, Outcome, ScanArguments, name_of, print, read_file, sibling_of, write_file,
+    Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, read_file, sibling_of,
+    write_file,
 };
 use crate::config::{PartSettings, PatternSettings, parse_facing};
 use crate::formats;
@@ -52,6 +53,9 @@ enum Inspection {
 }
 
 pub(super) fn run(arguments: &InspectArguments) -> Outcome {
+    if let Some(surface) = &arguments.surface {
+        apart(&[&arguments.file], &[("--surface", surface)])?;
+    }
     let name = name_of(&arguments.file)?;
     let bytes = read_file(&arguments.file)?;
     let (inspection, text) = match MeshFormat::from_name(&name) {

@@ -91,6 +91,11 @@ pub(super) struct Job<'a> {
 }
 
 impl JobArguments {
+    /// All files that are read.
+    pub(super) fn files(&self) -> Vec<&Path> {
+        self.inputs.iter().chain(&self.station).map(PathBuf::as_path).collect()
+    }
+
     /// Reads the settings, which `adjust` may change, then the part and the drawing.
     pub(super) fn prepare(
         &self,
@@ -158,7 +163,19 @@ impl JobArguments {
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
         settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
         settings.part.up = self.meaning.part_up.or(settings.part.up);
-        settings.part.figure = self.figure()?.or(settings.part.figure);
+        let figure = self.figure()?;
+        let is_given = [
+            ("--part-unit", self.meaning.part_unit.is_some()),
+            ("--part-up", self.meaning.part_up.is_some()),
+            ("--smoothing", self.scan.smoothing()?.is_some()),
+        ];
+        if let (Some(_), Some((option, _))) = (figure, is_given.iter().find(|(_, is_given)| *is_given)) {
+            return Err(Failure::usage(
+                format!("`{option}` says how a part file is read, and a cylinder or cone has none."),
+                "Leave it out; `--cylinder` and `--cone` take mm.",
+            ));
+        }
+        settings.part.figure = figure.or(settings.part.figure);
         settings.part.smoothing = self.scan.smoothing()?.unwrap_or(settings.part.smoothing);
         self.meaning.apply(&mut settings.pattern);
         if self.ink_layers.is_some() {

@@ -39,9 +39,17 @@ pub(super) fn draw(
     }
     summary.push(row("largest stretch", &|d| format!("{:.2} %", d.largest_stretch * 100.0)));
     summary.push(row("largest angle error", &|d| format!("{:.2}°", d.largest_angle_error.to_degrees())));
+    let residual = &surface.residual;
+    summary.push((
+        "surface, misfit to the part".to_owned(),
+        format!(
+            "{:.4} mm rms; {:.3} mm at most, at ({:.1}, {:.1})",
+            residual.rms, residual.largest, residual.at.x, residual.at.y
+        ),
+    ));
     svg(&Preview {
         title,
-        part_outline: relief(surface),
+        part_outline: relief(surface, settings.correction.tolerance),
         before: lines(&|at| at.coords().into()),
         after: lines(&|at| map.point(at)),
         field,
@@ -49,7 +57,8 @@ pub(super) fn draw(
     })
 }
 
-fn relief(surface: &FittedSurface) -> HeightPicture {
+/// The part's heights, and where the fit leaves more than `limit` mm: edges, which no smooth surface follows.
+fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
     let field = &surface.field;
     let (columns, rows) = field.size();
     let height = |node: &Node| match node {
@@ -62,6 +71,8 @@ fn relief(surface: &FittedSurface) -> HeightPicture {
         columns,
         rows,
         heights: field.nodes().iter().map(height).collect(),
+        residuals: surface.differences().to_vec(),
+        residual_limit: limit,
     }
 }
 

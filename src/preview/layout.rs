@@ -3,7 +3,7 @@
 use super::Preview;
 use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
-use super::relief::{self, Relief, millimetres, round_step};
+use super::relief::{self, RESIDUAL, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
 use super::window::{Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
@@ -274,6 +274,10 @@ fn legend(
     note(page, "#7c8798", 0.15, "original drawing");
     if let Some(relief) = relief.filter(|relief| !relief.contours.is_empty()) {
         note(page, "#b9c0cb", 0.15, &format!("height lines every {}", millimetres(relief.contour_step)));
+    }
+    if let Some(relief) = relief.filter(|relief| !relief.residual.is_empty()) {
+        let text = format!("the part is no smooth surface: > {}", millimetres(relief.residual_limit));
+        note(page, RESIDUAL, 1.2, &text);
     }
     line + 1.5
 }

@@ -54,6 +54,11 @@ pub struct HeightPicture {
     pub rows: usize,
     /// Height of each node towards the laser, mm, row by row from the lowest y; `None` where there is no surface.
     pub heights: Vec<Option<f64>>,
+    /// What the fitted surface leaves at each node, mm of either sign, in the order of the heights; empty if it is not
+    /// known.
+    pub residuals: Vec<f64>,
+    /// Residuals beyond this are shown, mm.
+    pub residual_limit: f64,
 }
 
 /// A line of the picture.

@@ -9,6 +9,8 @@ use crate::geometry::space::Extents;
 
 /// Nodes along the longer side of the relief; finer grids are thinned, because the relief is only the background.
 const MAX_NODES: usize = 240;
+/// The places where the fitted surface leaves too much.
+pub(super) const RESIDUAL: &str = "#c026d3";
 /// Grey bands of the relief.
 const BANDS: usize = 36;
 /// Where the light comes from, in the view: upper left, towards the viewer.
@@ -26,6 +28,10 @@ pub(super) struct Relief {
     pub(super) contours: PathData,
     /// Distance in height between two lines, mm.
     pub(super) contour_step: f64,
+    /// Where the residual is beyond its limit.
+    pub(super) residual: PathData,
+    /// That limit, mm.
+    pub(super) residual_limit: f64,
     /// The rectangle round what the laser sees of the part, mm of the view.
     pub(super) extents: Extents,
 }
@@ -73,6 +79,13 @@ pub(super) fn relief(part: &HeightPicture) -> Option<Relief> {
         }
     }
 
+    let mut residual = PathData::default();
+    if part.residual_limit > 0.0 {
+        for ring in Grid::of_residuals(part)?.region(part.residual_limit) {
+            residual.polygon(&simplified(&ring, 0.02 * heights.step));
+        }
+    }
+
     let mut outline = PathData::default();
     let mut extents = Extents::EMPTY;
     let mut rim = heights.presence();
@@ -83,7 +96,8 @@ pub(super) fn relief(part: &HeightPicture) -> Option<Relief> {
         ring.iter().for_each(|point| extents.include((*point).into()));
         outline.polygon(&simplified(&ring, 0.02 * heights.step));
     }
-    Some(Relief { outline, bands, contours, contour_step, extents })
+    let residual_limit = part.residual_limit;
+    Some(Relief { outline, bands, contours, contour_step, residual, residual_limit, extents })
 }
 
 impl Relief {
@@ -101,8 +115,10 @@ impl Relief {
         }
         text.push_str(&format!(
             "<path stroke=\"#8a94a6\" stroke-opacity=\".4\" d=\"{}\"/>\n\
+             <path fill=\"{RESIDUAL}\" fill-opacity=\".45\" d=\"{}\"/>\n\
              </g>\n<path stroke=\"#8a94a6\" d=\"{}\"/>\n</g>\n",
             self.contours.text(),
+            self.residual.text(),
             self.outline.text()
         ));
         text
@@ -112,6 +128,26 @@ impl Relief {
 impl Grid {
     /// The picture's heights, thinned to [`MAX_NODES`] nodes a side, with a border of no surface.
     fn of(part: &HeightPicture) -> Option<Self> {
+        let height =
+            |node: usize| part.heights.get(node).copied().flatten().filter(|height| height.is_finite());
+        let grid = Self::thinned(part, |column, row, _| height(row * part.columns + column))?;
+        grid.values.iter().any(Option::is_some).then_some(grid)
+    }
+
+    /// The sizes of the picture's residuals on the same nodes; of those that are thinned out the largest counts.
+    fn of_residuals(part: &HeightPicture) -> Option<Self> {
+        let size = |node: usize| part.residuals.get(node).map(|residual| residual.abs());
+        Self::thinned(part, |column, row, stride| {
+            let rows = row..(row + stride).min(part.rows);
+            let nodes = rows.flat_map(|row| {
+                (column..(column + stride).min(part.columns)).map(move |column| row * part.columns + column)
+            });
+            nodes.filter_map(size).reduce(f64::max)
+        })
+    }
+
+    /// A value for every `stride`th column and row of the picture, and a border without.
+    fn thinned(part: &HeightPicture, value: impl Fn(usize, usize, usize) -> Option<f64>) -> Option<Self> {
         let is_placed = part.origin.iter().all(|start| start.is_finite()) && part.step.is_finite();
         if part.columns < 2 || part.rows < 2 || !is_placed || part.step <= 0.0 {
             return None;
@@ -123,14 +159,13 @@ impl Grid {
         let mut values = vec![None; columns * rows];
         for row in (0..part.rows).step_by(stride) {
             for column in (0..part.columns).step_by(stride) {
-                let height = part.heights.get(row * part.columns + column).copied().flatten();
-                values[(row / stride + border) * columns + column / stride + border] =
-                    height.filter(|height| height.is_finite());
+                let at = (row / stride + border) * columns + column / stride + border;
+                values[at] = value(column, row, stride);
             }
         }
         let step = part.step * stride as f64;
         let origin = part.origin.map(|start| start - border as f64 * step);
-        values.iter().any(Option::is_some).then_some(Self { origin, step, columns, rows, values })
+        Some(Self { origin, step, columns, rows, values })
     }
 
     fn at(&self, column: usize, row: usize) -> Option<f64> {
@@ -336,7 +371,14 @@ mod tests {
             (squared > 0.0).then(|| squared.sqrt())
         };
         let heights = (0..nodes * nodes).map(height).collect();
-        HeightPicture { origin: [start, start], step, columns: nodes, rows: nodes, heights }
+        HeightPicture {
+            origin: [start, start],
+            step,
+            columns: nodes,
+            rows: nodes,
+            heights,
+            ..HeightPicture::default()
+        }
     }
 
     #[test]
@@ -376,7 +418,14 @@ mod tests {
     #[test]
     fn a_saddle_closes_its_rings() {
         let heights = (0..25).map(|index| Some(f64::from((index % 2) as u8))).collect();
-        let part = HeightPicture { origin: [0.0, 0.0], step: 1.0, columns: 5, rows: 5, heights };
+        let part = HeightPicture {
+            origin: [0.0, 0.0],
+            step: 1.0,
+            columns: 5,
+            rows: 5,
+            heights,
+            ..HeightPicture::default()
+        };
         // The middle of each cell is 0.5: apart above it, joined below it.
         let rings = Grid::of(&part).unwrap().region(0.6);
         assert_eq!(rings.len(), 12);

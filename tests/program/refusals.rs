@@ -164,6 +164,38 @@ fn wrong_usage() {
 }
 
 #[test]
+fn results_never_replace_what_was_read() {
+    let desk = Desk::new();
+    for (name, source) in [("mouse.glb", part(MOUSE)), ("abc.dxf", drawing("abc"))] {
+        desk.write(name, fs_err::read(source).unwrap());
+    }
+    let job = |results: &[&str]| desk.isomark(&[&["correct", "mouse.glb", "abc.dxf"], results].concat());
+    job(&["-o", "abc.dxf"]).refused(2, &["`--out` names abc.dxf, which is read", "remedy: Give `--out`"]);
+    job(&["-o", "./mouse.glb"]).refused(2, &["which is read"]);
+    job(&["-o", "x.dxf", "--preview", "abc.dxf"]).refused(2, &["`--preview`", "which is read"]);
+    job(&["-o", "x.dxf", "--report", "x.dxf"]).refused(2, &["`--out` and `--report` name the same file"]);
+    desk.isomark(&["inspect", "mouse.glb", "--surface", "mouse.glb"]).refused(2, &["which is read"]);
+    assert_eq!(desk.read("mouse.glb"), fs_err::read(part(MOUSE)).unwrap());
+    assert_eq!(desk.read("abc.dxf"), fs_err::read(drawing("abc")).unwrap());
+}
+
+#[test]
+fn a_cylinder_by_its_sizes_has_no_file_to_be_read_otherwise() {
+    let desk = Desk::new();
+    for option in ["--part-unit=inch", "--part-up=y", "--smoothing=none", "--low-pass=5"] {
+        desk.isomark(&["correct", "--cylinder", "73,180", &drawing("abc"), "-o", "x.dxf", option])
+            .refused(2, &["says how a part file is read", "remedy: Leave it out"]);
+    }
+}
+
+#[test]
+fn an_evaluation_without_any_map_is_a_refusal() {
+    let desk = Desk::new();
+    let far = ["evaluate", &part(MOUSE), &drawing("abc"), "--place", "200,0"].map(String::from);
+    desk.isomark(&far).refused(1, &["beyond the part", "remedy"]);
+}
+
+#[test]
 fn files_of_other_kinds() {
     let desk = Desk::new();
     desk.write("part.step", "ISO-10303-21;");

@@ -165,6 +165,11 @@ impl FittedSurface {
         Self { nurbs, field, residual, differences }
     }
 
+    /// Height of the sampled part less height of the fit at each node of the field, mm; 0 where there is no surface.
+    pub fn differences(&self) -> &[f64] {
+        &self.differences
+    }
+
     /// Height, slope and curvature of the fit.
     pub fn jet(&self, at: ViewPoint) -> SurfaceJet {
         self.nurbs.jet(at)
