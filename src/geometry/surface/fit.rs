@@ -25,7 +25,8 @@ const LEAST_NODES: usize = 64;
 /// How the surface is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions {
-    /// The residual that 95 % of the nodes should stay below, mm. Missing it doubles the spans, which takes four to eight times as long.
+    /// The residual that 95 % of the nodes should stay below, mm. Missing it doubles the spans, but moves only those
+    /// control points that are near a miss, which takes two to three times as long.
     pub tolerance: f64,
     /// Spans along the longer side at the start.
     pub first_spans: usize,
