@@ -204,6 +204,12 @@ fn a_camera_with_the_table_in_view_gives_fruit_and_table_with_a_cliff_between() 
         let is_surface = |r: f64| surface.field.is_surface(ViewPoint::new(r * cos, r * sin));
         assert!(!crossed.all(is_surface), "no way down the cliff at {angle}");
     }
+    // The spline has to fall 36 mm at the cliff; 9 mm inside it the fruit feels nothing of that.
+    for step in 0..=400 {
+        let at = ViewPoint::new(20.0 * (f64::from(step) / 400.0), f64::from(step % 7) * 0.5);
+        let misfit = surface.difference(at);
+        assert!(misfit.abs() < 0.02, "{misfit} mm at {at:?}");
+    }
     // Six times the noise of a laser scanner on points 0.6 mm apart.
     let length_error = judged(&surface, shapes::mandarin, MANDARIN_AT).length_error;
     assert!(length_error < 0.6, "{length_error} mm");

@@ -135,13 +135,18 @@ impl FittedSurface {
         Ok(Self::compare(nurbs, samples.field))
     }
 
-    /// Fits a height field by least squares, one span for every two nodes; where there is no surface it is continued
-    /// smoothly instead of by zeros, which would make the spline ring at the rim.
+    /// Fits a height field by least squares, one span for every two nodes. Nodes beside a cliff do not count, because a
+    /// spline that follows them rings for centimetres; where there is no surface it is continued smoothly instead of by
+    /// zeros, which would make it ring at the rim.
     ///
     /// # Errors
     /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
     pub fn of_field(field: HeightField) -> Result<Self, FitError> {
-        let nurbs = Data::new(&field, |_| true)?.fit()?;
+        let is_wall: Vec<bool> = field.nodes().iter().map(|node| matches!(node, Node::Wall(_))).collect();
+        let near = grown(&is_wall, field.size().0, EDGE_REACH);
+        let data = Data::new(&field, |node| !near[node])?;
+        let is_enough = data.counts.iter().filter(|counts| **counts).count() >= LEAST_NODES;
+        let nurbs = if is_enough { data.fit()? } else { Data::new(&field, |_| true)?.fit()? };
         Ok(Self::compare(nurbs, field))
     }
 
