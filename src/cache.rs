@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder per SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v1/                 format version: another one is another folder
+//! <cache>/v2/                 format version: another one is another folder
 //! └── <sku>/
 //!     ├── current.toml        the part last learned for the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -28,7 +28,7 @@ use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
 /// Version of the files' format and of the fit itself: raised whenever either changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 /// Magic, version, hash of the body.
 const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;
