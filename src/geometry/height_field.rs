@@ -58,7 +58,7 @@ pub struct FacingPart {
 pub struct PartSamples {
     /// The heights.
     pub field: HeightField,
-    /// For each node whether an edge of the part runs beside it, between two of its smooth sides.
+    /// For each node whether an edge of the part runs beside it: between two of its smooth sides, or at a cliff.
     pub is_at_edge: Vec<bool>,
 }
 
@@ -129,8 +129,8 @@ impl FacingPart {
     /// For every node of the grid the point of the part nearest to the laser, on the curved triangles.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
         let hits = self.hits(grid);
-        let field = HeightField::from_hits(grid, &hits);
-        let is_at_edge = self.edges(&field, &hits);
+        let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
+        self.mark_edges(&field, &hits, &mut is_at_edge);
         PartSamples { field, is_at_edge }
     }
 
@@ -173,8 +173,7 @@ impl FacingPart {
     }
 
     /// For each node whether it and a neighbour lie on two smooth sides of the part that do not continue each other.
-    fn edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>]) -> Vec<bool> {
-        let mut is_at_edge = vec![false; hits.len()];
+    fn mark_edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>], is_at_edge: &mut [bool]) {
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
             let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
@@ -190,7 +189,6 @@ impl FacingPart {
                 (is_at_edge[first], is_at_edge[second]) = (true, true);
             }
         });
-        is_at_edge
     }
 }
 
@@ -209,7 +207,8 @@ impl HeightField {
             .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
     }
 
-    fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> Self {
+    /// The heights, and for each node whether a cliff runs beside it.
+    fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> (Self, Vec<bool>) {
         let steepest = STEEPEST_SURFACE.tan();
         let mut nodes: Vec<Node> = hits
             .iter()
@@ -220,6 +219,7 @@ impl HeightField {
             })
             .collect();
         let steepness = |index: usize| hits[index].map_or(0.0, |(_, hit)| hit.steepness().min(steepest));
+        let mut is_at_cliff = vec![false; nodes.len()];
         for_each_side(grid, |first, second, _| {
             let (Some((_, a)), Some((_, b))) = (hits[first], hits[second]) else { return };
             // Between two nodes a smooth surface climbs no faster than its slopes there, with room for curvature.
@@ -227,9 +227,10 @@ impl HeightField {
             if (a.height - b.height).abs() > climb * grid.step {
                 nodes[first] = Node::Wall(a.height);
                 nodes[second] = Node::Wall(b.height);
+                (is_at_cliff[first], is_at_cliff[second]) = (true, true);
             }
         });
-        Self { grid: *grid, nodes }
+        (Self { grid: *grid, nodes }, is_at_cliff)
     }
 
     /// The grid.

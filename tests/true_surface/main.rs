@@ -9,8 +9,10 @@ mod exact_maps;
 mod forms;
 
 use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use nalgebra::Point3;
 
 use self::forms::{ALL, Form, Normals};
 
@@ -74,4 +76,45 @@ fn coarse_tessellations_yield_the_surface_they_were_cut_from() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A dome of radius 50 mm that is cut off square, 40 mm wide, on a table 20 mm below its rim's height.
+fn dome_on_a_table() -> TriMesh {
+    const CELLS: u32 = 80;
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for (half, height) in [(40.0, (|_, _| -20.0) as fn(f64, f64) -> f64), (20.0, dome)] {
+        let first = u32::try_from(points.len()).unwrap();
+        for row in 0..=CELLS {
+            for column in 0..=CELLS {
+                let along = |index: u32| half * (2.0 * f64::from(index) / f64::from(CELLS) - 1.0);
+                let (x, y) = (along(column), along(row));
+                points.push(Point3::new(x, y, height(x, y)));
+                if row > 0 && column > 0 {
+                    let corner = first + row * (CELLS + 1) + column;
+                    let below = corner - CELLS - 1;
+                    triangles.extend([[below - 1, below, corner], [below - 1, corner, corner - 1]]);
+                }
+            }
+        }
+    }
+    TriMesh::new(points, Vec::new(), triangles).unwrap()
+}
+
+fn dome(x: f64, y: f64) -> f64 {
+    (2500.0 - x * x - y * y).sqrt() - 40.0
+}
+
+#[test]
+fn a_mesh_does_not_ring_from_a_cliff_into_the_part() {
+    let surface =
+        FittedSurface::of_part(&FacingPart::new(&dome_on_a_table(), &View::top()), &FitOptions::default())
+            .unwrap();
+    for step in 0..=36 {
+        let (x, y) = (0.5 * f64::from(step), 0.3);
+        let jet = surface.jet(ViewPoint::new(x, y));
+        let height = dome(x, y);
+        assert!((jet.height - height).abs() < 0.002, "{} mm off at x = {x} mm", jet.height - height);
+        let slope = -x / (height + 40.0);
+        assert!((jet.gradient.x - slope).abs() < 0.01, "slope {} for {slope} at x = {x} mm", jet.gradient.x);
+    }
 }

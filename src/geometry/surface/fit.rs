@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
-use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE};
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::ViewPoint;
 
@@ -16,8 +16,11 @@ const NODES_PER_SPAN: usize = 2;
 /// nodes.
 const SMOOTHNESS: f64 = 1e-6;
 
-/// Nodes so near to an edge of the part do not count: the spline needs a span to turn there.
-const EDGE_REACH: usize = 2;
+/// Nodes do not count within so many steps of those beside an edge of the part: the spline needs a span to turn there.
+const EDGE_REACH: usize = 1;
+
+/// The same for the cliffs of a field of measured heights, where the nodes beside a cliff mix heights from both its sides.
+const CLIFF_REACH: usize = 2;
 
 /// Nodes needed at least.
 const LEAST_NODES: usize = 64;
@@ -119,13 +122,13 @@ impl FittedSurface {
         }
         let mut spans = options.first_spans;
         let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
-        let data = Data::of(&samples)?;
+        let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
         let mut nurbs = data.fit()?;
         let mut left = data.most(&nurbs);
         while left > options.tolerance && spans * 2 <= options.most_spans {
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
-            let data = Data::of(&samples)?;
+            let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
             nurbs = data.correct(nurbs.halved(), options.tolerance)?;
             let before = std::mem::replace(&mut left, data.most(&nurbs));
             if before < 2.0 * left {
@@ -143,10 +146,7 @@ impl FittedSurface {
     /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
     pub fn of_field(field: HeightField) -> Result<Self, FitError> {
         let is_wall: Vec<bool> = field.nodes().iter().map(|node| matches!(node, Node::Wall(_))).collect();
-        let near = grown(&is_wall, field.size().0, EDGE_REACH);
-        let data = Data::new(&field, |node| !near[node])?;
-        let is_enough = data.counts.iter().filter(|counts| **counts).count() >= LEAST_NODES;
-        let nurbs = if is_enough { data.fit()? } else { Data::new(&field, |_| true)?.fit()? };
+        let nurbs = Data::beside(&field, &is_wall, CLIFF_REACH)?.fit()?;
         Ok(Self::compare(nurbs, field))
     }
 
@@ -221,13 +221,13 @@ impl FittedSurface {
 }
 
 impl<'a> Data<'a> {
-    /// All but the nodes near an edge.
-    fn of(samples: &'a PartSamples) -> Result<Self, FitError> {
-        let near = grown(&samples.is_at_edge, samples.field.size().0, EDGE_REACH - 1);
-        let data = Self::new(&samples.field, |node| !near[node])?;
+    /// All nodes but those within `reach` steps of the `broken` ones, where no smooth surface runs through.
+    fn beside(field: &'a HeightField, broken: &[bool], reach: usize) -> Result<Self, FitError> {
+        let near = grown(broken, field.size().0, reach);
+        let data = Self::new(field, |node| !near[node])?;
         if data.counts.iter().filter(|counts| **counts).count() < LEAST_NODES {
             // A part of nothing but edges is fitted as it is; the residual tells.
-            return Self::new(&samples.field, |_| true);
+            return Self::new(field, |_| true);
         }
         Ok(data)
     }
