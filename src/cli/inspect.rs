@@ -1,7 +1,7 @@
 //! `isomark inspect`: what isomark sees in a file.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -72,6 +72,9 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             let mut text = part_text(&name, &reading.facts);
             if let Some(surface) = &fitted {
                 surface_line(&mut text, surface);
+                if let Some(written) = &arguments.surface {
+                    line(&mut text, "written", &written.display().to_string());
+                }
             }
             notices(&mut text, &reading.facts.notices);
             (Inspection::Part(reading.facts), text)
@@ -110,6 +113,7 @@ fn fit(
     name: &str,
     reading: &mut PartReading,
 ) -> Result<Option<FittedSurface>, Failure> {
+    let target = arguments.surface.as_deref().map(surface_file).transpose()?;
     let facing = arguments.facing.unwrap_or(Facing::TOP);
     let settings = PartSettings {
         smoothing: arguments.scan.smoothing()?.unwrap_or_default(),
@@ -117,15 +121,8 @@ fn fit(
         ..PartSettings::default()
     };
     let fitted = surface_of(&reading.shape, &mut reading.facts, &settings, &FitOptions::default());
-    match (fitted, &arguments.surface) {
-        (Ok(surface), Some(path)) => {
-            let file = name_of(path)?;
-            let format = SurfaceFormat::from_name(&file).ok_or_else(|| {
-                Failure::usage(
-                    format!("\"{file}\" names no format for a surface."),
-                    format!("Let the name end in {}.", SurfaceFormat::ENDINGS),
-                )
-            })?;
+    match (fitted, target) {
+        (Ok(surface), Some((path, format))) => {
             let view = View::new(settings.facing, settings.roll);
             write_file(path, &formats::surface::write(&surface, &view, name, format))?;
             Ok(Some(surface))
@@ -138,6 +135,18 @@ fn fit(
             Ok(None)
         }
     }
+}
+
+/// The file that the surface goes to, with the format that its name asks for.
+fn surface_file(path: &Path) -> Result<(&Path, SurfaceFormat), Failure> {
+    let name = name_of(path)?;
+    let format = SurfaceFormat::from_name(&name).ok_or_else(|| {
+        Failure::usage(
+            format!("\"{name}\" names no format for a surface."),
+            format!("Let the name end in {}.", SurfaceFormat::ENDINGS),
+        )
+    })?;
+    Ok((path, format))
 }
 
 fn line(text: &mut String, label: &str, value: &str) {

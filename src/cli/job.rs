@@ -164,10 +164,11 @@ impl JobArguments {
         settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
         settings.part.up = self.meaning.part_up.or(settings.part.up);
         let figure = self.figure()?;
+        let smoothing = self.scan.smoothing()?;
         let is_given = [
             ("--part-unit", self.meaning.part_unit.is_some()),
             ("--part-up", self.meaning.part_up.is_some()),
-            ("--smoothing", self.scan.smoothing()?.is_some()),
+            ("--smoothing", smoothing.is_some()),
         ];
         if let (Some(_), Some((option, _))) = (figure, is_given.iter().find(|(_, is_given)| *is_given)) {
             return Err(Failure::usage(
@@ -176,7 +177,7 @@ impl JobArguments {
             ));
         }
         settings.part.figure = figure.or(settings.part.figure);
-        settings.part.smoothing = self.scan.smoothing()?.unwrap_or(settings.part.smoothing);
+        settings.part.smoothing = smoothing.unwrap_or(settings.part.smoothing);
         self.meaning.apply(&mut settings.pattern);
         if self.ink_layers.is_some() {
             settings.pattern.ink_layers.clone_from(&self.ink_layers);
