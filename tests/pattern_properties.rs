@@ -103,15 +103,15 @@ proptest! {
     #[test]
     fn any_groups_of_entities_are_read_or_refused(
         groups in proptest::collection::vec((
-            prop_oneof![Just(0), 8..80i32, Just(92), Just(93), Just(95), Just(96), Just(97), Just(210), Just(230)],
+            prop_oneof![Just(0), Just(1), 8..80i32, Just(92), Just(93), Just(95), Just(96), Just(97), Just(210), Just(230)],
             prop_oneof![
                 Just("0".to_owned()), Just("1".to_owned()), Just("-1".to_owned()), Just("1e300".to_owned()),
-                (-9..9i32).prop_map(|n| n.to_string()), (-1e3..1e3f64).prop_map(|n| n.to_string()),
+                "[\\\\{};%^a-zA-Z0-9/ .,]{0,20}", (-9..9i32).prop_map(|n| n.to_string()), (-1e3..1e3f64).prop_map(|n| n.to_string()),
             ],
         ), 1..60),
         kind in proptest::sample::select(vec![
             "LINE", "LWPOLYLINE", "POLYLINE", "VERTEX", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "POINT", "SOLID", "TRACE",
-            "HATCH", "MPOLYGON", "INSERT", "DIMENSION",
+            "HATCH", "MPOLYGON", "INSERT", "DIMENSION", "TEXT", "MTEXT", "ATTRIB", "ATTDEF", "HELIX",
         ]),
     ) {
         let body: String = groups.iter().map(|(code, value)| {

@@ -1,5 +1,7 @@
 //! ezdxf as a judge of written drawings.
 
+#![allow(dead_code, reason = "each test uses its part")]
+
 use std::process::{Command, Stdio};
 
 const JUDGE: &str = r#"
@@ -29,8 +31,8 @@ print(json.dumps({
 }))
 "#;
 
-/// What ezdxf says about the file, or nothing when there is no ezdxf here.
-pub(crate) fn judged(dxf: &[u8]) -> Option<serde_json::Value> {
+/// Whether python3 with ezdxf is here; in CI it has to be.
+pub(crate) fn is_here() -> bool {
     let has_ezdxf = Command::new("python3")
         .args(["-c", "import ezdxf"])
         .stderr(Stdio::null())
@@ -38,7 +40,14 @@ pub(crate) fn judged(dxf: &[u8]) -> Option<serde_json::Value> {
         .is_ok_and(|status| status.success());
     if !has_ezdxf {
         assert!(std::env::var("CI").is_err(), "python3 with ezdxf is required in CI");
-        eprintln!("SKIPPED: python3 with ezdxf is not installed, the written files were not judged");
+        eprintln!("SKIPPED: python3 with ezdxf is not installed, the files were not judged");
+    }
+    has_ezdxf
+}
+
+/// What ezdxf says about the file, or nothing when there is no ezdxf here.
+pub(crate) fn judged(dxf: &[u8]) -> Option<serde_json::Value> {
+    if !is_here() {
         return None;
     }
     let mut file = tempfile::Builder::new().suffix(".dxf").tempfile().unwrap();

@@ -31,8 +31,6 @@ pub(super) struct Unfolded {
     /// Lowest and highest z of what is drawn, mm.
     pub(super) heights: Option<(f64, f64)>,
     pub(super) not_taken: Vec<NotTaken>,
-    /// Patterned hatches of which only the boundary is taken.
-    pub(super) patterned_fills: usize,
     /// Which entities of the inventory made a path.
     pub(super) drawn: BTreeSet<usize>,
 }
@@ -116,15 +114,45 @@ impl Unfolding<'_> {
         };
         // "By layer" inside a block means the layer that the entity ends up on.
         let layer = entry.map_or(layer, |entry| entry.name.clone());
-        let placed = |curve: &Curve| -> Vec<_> {
-            curve.segments.iter().map(|segment| segment.placed(&context.placement)).collect()
-        };
         if !matches!(item, Item::NotTaken(_)) {
             self.result.drawn.insert(index);
         }
+        if let Item::Insert(insert) = item {
+            return self.insert(index, record, insert, context, layer, color);
+        }
+        self.item(index, record, item, context, &layer, color)
+    }
+
+    fn item(
+        &mut self,
+        index: usize,
+        record: &Record,
+        item: &Item,
+        context: &Context,
+        layer: &str,
+        color: Color,
+    ) -> Result<(), PatternReadError> {
+        let placed = |curve: &Curve| -> Vec<_> {
+            curve.segments.iter().map(|segment| segment.placed(&context.placement)).collect()
+        };
         match item {
+            Item::Insert(_) => {}
             Item::NotTaken(why) => self.name(index, record, why),
-            Item::Insert(insert) => self.insert(index, record, insert, context, layer, color)?,
+            // Inside a block it stands for the attributes of the inserts, which are texts of their own.
+            Item::Template if !self.open_blocks.is_empty() => {}
+            Item::Template => {
+                self.name(index, record, "it is the template of an attribute: write a text instead");
+            }
+            Item::Several(items) => {
+                for (own, item) in items {
+                    let color = match own {
+                        Some(RecordColor::ByBlock) => context.color,
+                        Some(RecordColor::Own(own)) => *own,
+                        None => color,
+                    };
+                    self.item(index, record, item, context, layer, color)?;
+                }
+            }
             Item::Dot(point) => {
                 let point = context.placement.point(*point);
                 self.check(point.amax(), record)?;
@@ -136,12 +164,11 @@ impl Unfolding<'_> {
                 let shape = self.shape(&placed(curve), curve.closed, record)?;
                 self.push(shape, layer, color, None, record)?;
             }
-            Item::Fill(contours, loss) => {
+            Item::Fill(contours) => {
                 self.regions += 1;
-                self.result.patterned_fills += usize::from(loss.is_some());
                 for contour in contours {
                     let shape = self.shape(&placed(contour), true, record)?;
-                    self.push(shape, layer.clone(), color, Some(self.regions), record)?;
+                    self.push(shape, layer, color, Some(self.regions), record)?;
                 }
             }
         }
@@ -159,14 +186,6 @@ impl Unfolding<'_> {
     ) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
-        let has_text = record.pairs(self.scan).iter().any(|pair| self.scan.is(pair, 0, b"ATTRIB"));
-        if has_text {
-            self.name(
-                index,
-                record,
-                "its attributes are text: convert text to outlines in the drawing program",
-            );
-        }
         let Some(block) = structure.blocks.get(&key) else {
             self.name(index, record, &format!("the file does not define its block {}", insert.block));
             return Ok(());
@@ -253,17 +272,21 @@ impl Unfolding<'_> {
     fn push(
         &mut self,
         shape: Shape,
-        layer: String,
+        layer: &str,
         color: Color,
         region: Option<u32>,
         record: &Record,
     ) -> Result<(), PatternReadError> {
         let name = self.structure.name(self.scan, record);
         let names = &mut self.result.layer_names;
-        let layer = *self.layer_numbers.entry(layer).or_insert_with_key(|layer| {
-            names.push(layer.clone());
-            names.len() - 1
-        });
+        let layer = match self.layer_numbers.get(layer) {
+            Some(number) => *number,
+            None => {
+                names.push(layer.to_owned());
+                self.layer_numbers.insert(layer.to_owned(), names.len() - 1);
+                names.len() - 1
+            }
+        };
         let source = Source { entity: name.kind, handle: name.handle };
         self.result.paths.push(Path { layer, color, shape, region, source });
         Ok(())

@@ -23,6 +23,14 @@ pub(super) struct Curve {
     pub(super) closed: bool,
 }
 
+impl Curve {
+    /// The curve where the placement puts it.
+    pub(super) fn placed(&self, placement: &Placement) -> Self {
+        let segments = self.segments.iter().map(|segment| segment.placed(placement)).collect();
+        Self { segments, closed: self.closed }
+    }
+}
+
 /// An affine map of space: where a block's content, or an entity's own plane, is put.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placement {
@@ -183,7 +191,7 @@ pub(super) fn bulged(vertices: &[BulgeVertex], closed: bool, plane: &Placement, 
 }
 
 /// The segment between two vertices: a line, or the arc whose included angle is four times the arc tangent of the bulge.
-fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -> SpaceSegment {
+pub(super) fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -> SpaceSegment {
     let (start, end) = (Vector3::new(from.x, from.y, height), Vector3::new(to.x, to.y, height));
     let chord = end - start;
     let bulge = from.bulge;

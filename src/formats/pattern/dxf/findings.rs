@@ -7,7 +7,7 @@ use super::super::facts::{LayerFacts, NotTaken, PatternFacts};
 use super::super::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
-use super::entities::{Remarks, SINGLE_VERTEX};
+use super::entities::Remarks;
 use super::structure::{LayerRecord, Structure};
 use crate::geometry::contour::{Closing, Joining};
 use crate::geometry::pattern::{Layer, Path, Shape};
@@ -18,6 +18,9 @@ use crate::reason::Notice;
 const FLAT: f64 = 0.01;
 /// Gaps below this, mm, are rounding and not worth a word.
 const ROUNDING: f64 = 1e-6;
+
+/// How reasons end where nothing is lost.
+const HARMLESS: &str = "draws nothing";
 
 /// The dialect by name and version tag.
 pub(super) fn version(tag: &str) -> String {
@@ -175,13 +178,7 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 }
 
 /// Notices about what is drawn.
-pub(super) fn drawing_notices(
-    joining: &Joining,
-    wide: usize,
-    heights: Option<(f64, f64)>,
-    patterned_fills: usize,
-    facts: &mut PatternFacts,
-) {
+pub(super) fn drawing_notices(joining: &Joining, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
     if !facts.not_taken.is_empty() {
         let first: Vec<String> = facts
             .not_taken
@@ -194,7 +191,7 @@ pub(super) fn drawing_notices(
             counted(facts.not_taken.len(), "entity is", "entities are"),
             first.join("; ")
         );
-        let is_loss = facts.not_taken.iter().any(|left| left.why != SINGLE_VERTEX);
+        let is_loss = facts.not_taken.iter().any(|left| !left.why.ends_with(HARMLESS));
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
     }
@@ -223,16 +220,28 @@ pub(super) fn drawing_notices(
         );
         warn("not-flat", message);
     }
-    if patterned_fills > 0 {
-        let message = format!(
-            "{patterned_fills} hatches have a pattern of lines; their boundaries are taken as filled regions, the \
-             pattern is not"
-        );
-        warn("hatch-pattern", message);
+}
+
+/// Notices about texts: how many there are, and which fonts stand in for others.
+pub(super) fn text_notices(remarks: &Remarks, facts: &mut PatternFacts) {
+    if remarks.texts.is_empty() {
+        return;
     }
-    if wide > 0 {
-        let message = format!("{wide} polylines have a width; their middle line is marked");
-        warn("width-ignored", message);
+    let message = format!(
+        "{} turned into the outlines or strokes of their letters",
+        counted(remarks.texts.len(), "text was", "texts were")
+    );
+    facts.notices.push(Notice::note("texts-drawn", message));
+    let mut uses: BTreeMap<_, usize> = BTreeMap::new();
+    remarks.texts.values().flatten().for_each(|used| *uses.entry(used).or_default() += 1);
+    for ((asked, used), count) in uses {
+        let message = format!(
+            "the font {asked} is not at hand: {} in {} instead, whose letters have other shapes and widths; convert \
+             text to outlines in the drawing program if that matters",
+            counted(count, "text is drawn", "texts are drawn"),
+            used.name()
+        );
+        facts.notices.push(Notice::warning("font-replaced", message));
     }
 }
 
@@ -242,7 +251,6 @@ pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> 
     for left in not_taken {
         *counts.entry(&left.entity).or_default() += 1;
     }
-    let is_text = |kind: &str| matches!(kind, "TEXT" | "MTEXT" | "ATTRIB" | "ATTDEF");
     let by_inkscape = producer(structure).is_some_and(|producer| producer.starts_with("Inkscape"));
     let remedy = if counts.is_empty() && by_inkscape {
         "Inkscape leaves out live text without a word: convert it with Path > Object to Path, then export again.".into()
@@ -250,8 +258,6 @@ pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> 
         "Export the drawing with its curves; live text, Bezier curves and solids are left out by many exporters unless \
          they are converted to paths."
             .into()
-    } else if counts.keys().all(|kind| is_text(kind)) {
-        "Convert text to outlines in the drawing program, then export again.".into()
     } else {
         let reasons: std::collections::BTreeSet<&str> =
             not_taken.iter().map(|left| left.why.as_str()).collect();

@@ -1,14 +1,16 @@
-//! HATCH and MPOLYGON, which the `dxf` crate leaves out: their boundary paths as closed contours of one filled region.
+//! HATCH and MPOLYGON: their boundary paths as closed contours of one filled region, or the lines of their pattern.
 
 use nalgebra::Vector3;
 
 use super::curves::{BulgeVertex, Curve, Placement, SpaceSegment, bulged, is_full_turn, sweep_between};
 use super::entities::Item;
+use super::hatch_lines::{Family, Style, filled_part, lines};
+use super::polylines::bridge;
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
 
-/// The filled region of a hatch, from its numbers with their group codes. Pieces of splines of high degree stay within
-/// `tolerance`.
-pub(super) fn fill(numbers: &[(i32, f64)], tolerance: f64) -> Item {
+/// What a hatch draws, from its numbers with their group codes: a filled region, or the lines of its pattern inside it.
+/// Pieces of splines of high degree stay within `tolerance`, and so do the ends of pattern lines.
+pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
     let first_path = numbers.iter().position(|(code, _)| *code == 92).unwrap_or(numbers.len());
     let (head, paths) = numbers.split_at(first_path);
     let last = |code: i32| head.iter().rev().find(|group| group.0 == code).map(|group| group.1);
@@ -16,42 +18,77 @@ pub(super) fn fill(numbers: &[(i32, f64)], tolerance: f64) -> Item {
         (Some(x), Some(y), Some(z)) => Vector3::new(x, y, z),
         _ => Vector3::z(),
     };
-    let plane = Placement::of_extrusion(extrusion);
     let height = last(30).unwrap_or(0.0);
     let is_solid = last(70).is_none_or(|flag| flag != 0.0);
 
-    let mut groups = Groups { rest: paths };
+    let mut cursor = Cursor { rest: paths };
     let mut contours = Vec::new();
-    while let Some(flags) = groups.skip_to(92) {
+    while let Some(flags) = cursor.skip_to(92) {
         let contour = if flags as i64 & 2 != 0 {
-            polyline_path(&mut groups, &plane, height)
+            polyline_path(&mut cursor, height)
         } else {
-            match edge_path(&mut groups, &plane, height, tolerance) {
+            match edge_path(&mut cursor, height, tolerance) {
                 Ok(contour) => contour,
                 Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}")),
             }
         };
-        if contour.segments.len() > 1
-            || contour.segments.first().is_some_and(|only| only.start() == only.end())
-        {
-            contours.push(contour);
-        } else if let [SpaceSegment::Arc { .. } | SpaceSegment::Bezier { .. }] = contour.segments.as_slice() {
+        let bounds = match contour.segments.as_slice() {
+            [] => false,
+            [SpaceSegment::Line { from, to }] => from == to,
+            _ => true,
+        };
+        if bounds {
             contours.push(contour);
         }
     }
     if contours.is_empty() {
         return Item::NotTaken("it has no boundary".into());
     }
-    let loses = "its pattern lines are not taken, its boundary is taken as a filled region";
-    Item::Fill(contours, (!is_solid).then_some(loses))
+    let style = match cursor.skip_to(75).unwrap_or(0.0) as i64 {
+        1 => Style::Outermost,
+        2 => Style::IgnoreIslands,
+        _ => Style::EvenOdd,
+    };
+    let contours = filled_part(contours, style, tolerance);
+    let plane = Placement::of_extrusion(extrusion);
+    if is_solid {
+        return Item::Fill(contours.iter().map(|contour| contour.placed(&plane)).collect());
+    }
+    match lines(&contours, &families(&mut cursor), height, tolerance) {
+        Ok(drawn) if drawn.is_empty() => {
+            Item::NotTaken("none of its pattern lines meets its boundary".into())
+        }
+        Ok(drawn) => Item::Several(drawn.into_iter().map(|item| (None, item.placed(&plane))).collect()),
+        Err(why) => Item::NotTaken(why),
+    }
+}
+
+/// The lines that the pattern is made of.
+fn families(cursor: &mut Cursor<'_>) -> Vec<Family> {
+    let mut families = Vec::new();
+    while let Some(angle) = cursor.skip_to(53) {
+        let mut next = |code| cursor.take(code).unwrap_or(0.0);
+        let mut family = Family {
+            angle: angle.to_radians(),
+            base: [next(43), next(44)].into(),
+            offset: [next(45), next(46)].into(),
+            dashes: Vec::new(),
+        };
+        let _dash_count = cursor.take(79);
+        while let Some(dash) = cursor.take(49) {
+            family.dashes.push(dash);
+        }
+        families.push(family);
+    }
+    families
 }
 
 /// The groups still to be read.
-struct Groups<'g> {
+struct Cursor<'g> {
     rest: &'g [(i32, f64)],
 }
 
-impl Groups<'_> {
+impl Cursor<'_> {
     /// The next group, if it has this code.
     fn take(&mut self, code: i32) -> Option<f64> {
         match self.rest {
@@ -78,33 +115,28 @@ impl Groups<'_> {
     }
 }
 
-fn polyline_path(groups: &mut Groups<'_>, plane: &Placement, height: f64) -> Curve {
+fn polyline_path(cursor: &mut Cursor<'_>, height: f64) -> Curve {
     // Has bulges, is closed, number of vertices: HATCH and MPOLYGON give them in different order, and none is needed.
-    while [72, 73, 93].iter().any(|code| groups.take(*code).is_some()) {}
+    while [72, 73, 93].iter().any(|code| cursor.take(*code).is_some()) {}
     let mut vertices = Vec::new();
-    while let Some([x, y]) = groups.point(10) {
-        let bulge = groups.take(42).unwrap_or(0.0);
+    while let Some([x, y]) = cursor.point(10) {
+        let bulge = cursor.take(42).unwrap_or(0.0);
         vertices.push(BulgeVertex { x, y, bulge });
     }
     if vertices.len() < 2 {
         return Curve { segments: Vec::new(), closed: true };
     }
-    bulged(&vertices, true, plane, height)
+    bulged(&vertices, true, &Placement::scaling(1.0), height)
 }
 
 /// A path of edges, each carried on from the end of the last; gaps become lines.
-fn edge_path(
-    groups: &mut Groups<'_>,
-    plane: &Placement,
-    height: f64,
-    tolerance: f64,
-) -> Result<Curve, String> {
-    let count = groups.take(93).unwrap_or(0.0);
+fn edge_path(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Curve, String> {
+    let count = cursor.take(93).unwrap_or(0.0);
     let mut segments: Vec<SpaceSegment> = Vec::new();
     let mut done = 0.0;
     while done < count {
-        let Some(kind) = groups.take(72) else { break };
-        let mut edge = edge(groups, kind as i64, height, tolerance)?;
+        let Some(kind) = cursor.take(72) else { break };
+        let mut edge = edge(cursor, kind as i64, height, tolerance)?;
         done += 1.0;
         if let (Some(last), Some(first), Some(end)) = (segments.last(), edge.first(), edge.last()) {
             // Some programs write an edge against the direction of the path.
@@ -121,19 +153,11 @@ fn edge_path(
     if let Some(start) = segments.first().map(SpaceSegment::start) {
         bridge(&mut segments, start);
     }
-    Ok(Curve { segments: segments.iter().map(|segment| segment.placed(plane)).collect(), closed: true })
-}
-
-/// Adds a line to `target` if the last segment does not end there, up to rounding.
-fn bridge(segments: &mut Vec<SpaceSegment>, target: Vector3<f64>) {
-    let is_gap = |from: &Vector3<f64>| (target - from).norm() > 1e-9 * (1.0 + target.norm());
-    if let Some(from) = segments.last().map(SpaceSegment::end).filter(is_gap) {
-        segments.push(SpaceSegment::Line { from, to: target });
-    }
+    Ok(Curve { segments, closed: true })
 }
 
 fn edge(
-    groups: &mut Groups<'_>,
+    cursor: &mut Cursor<'_>,
     kind: i64,
     height: f64,
     tolerance: f64,
@@ -142,17 +166,17 @@ fn edge(
     let lift = |[x, y]: [f64; 2]| Vector3::new(x, y, height);
     match kind {
         1 => {
-            let from = groups.point(10).ok_or_else(|| missing("the start of a line"))?;
-            let to = groups.point(11).ok_or_else(|| missing("the end of a line"))?;
+            let from = cursor.point(10).ok_or_else(|| missing("the start of a line"))?;
+            let to = cursor.point(11).ok_or_else(|| missing("the end of a line"))?;
             Ok(vec![SpaceSegment::Line { from: lift(from), to: lift(to) }])
         }
         2 | 3 => {
-            let center = groups.point(10).ok_or_else(|| missing("the centre of an arc"))?;
-            let major = if kind == 3 { groups.point(11) } else { None };
-            let size = groups.take(40).ok_or_else(|| missing("the radius of an arc"))?;
-            let start = groups.take(50).unwrap_or(0.0).to_radians();
-            let end = groups.take(51).unwrap_or(360.0).to_radians();
-            let counter_clockwise = groups.take(73).unwrap_or(1.0) != 0.0;
+            let center = cursor.point(10).ok_or_else(|| missing("the centre of an arc"))?;
+            let major = if kind == 3 { cursor.point(11) } else { None };
+            let size = cursor.take(40).ok_or_else(|| missing("the radius of an arc"))?;
+            let start = cursor.take(50).unwrap_or(0.0).to_radians();
+            let end = cursor.take(51).unwrap_or(360.0).to_radians();
+            let counter_clockwise = cursor.take(73).unwrap_or(1.0) != 0.0;
             let (u, v) = match (kind, major) {
                 (3, None) => return Err(missing("the axis of an ellipse")),
                 (_, Some([x, y])) => (Vector3::new(x, y, 0.0), Vector3::new(-y, x, 0.0) * size),
@@ -169,32 +193,32 @@ fn edge(
             let start = parameter(start) * sign;
             Ok(vec![SpaceSegment::Arc { center: lift(center), u, v, start, sweep }])
         }
-        4 => spline_edge(groups, height, tolerance),
+        4 => spline_edge(cursor, height, tolerance),
         other => Err(format!("an edge of kind {other}")),
     }
 }
 
-fn spline_edge(groups: &mut Groups<'_>, height: f64, tolerance: f64) -> Result<Vec<SpaceSegment>, String> {
-    let degree = groups.take(94).unwrap_or(3.0);
-    let _is_rational = groups.take(73);
-    let closed = groups.take(74).unwrap_or(0.0) != 0.0;
-    let _knot_count = groups.take(95);
-    let _point_count = groups.take(96);
+fn spline_edge(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Vec<SpaceSegment>, String> {
+    let degree = cursor.take(94).unwrap_or(3.0);
+    let _is_rational = cursor.take(73);
+    let closed = cursor.take(74).unwrap_or(0.0) != 0.0;
+    let _knot_count = cursor.take(95);
+    let _point_count = cursor.take(96);
     let mut knots = Vec::new();
-    while let Some(knot) = groups.take(40) {
+    while let Some(knot) = cursor.take(40) {
         knots.push(knot);
     }
     let (mut points, mut weights) = (Vec::new(), Vec::new());
-    while let Some([x, y]) = groups.point(10) {
+    while let Some([x, y]) = cursor.point(10) {
         points.push(Vector3::new(x, y, height));
-        weights.push(groups.take(42).unwrap_or(1.0));
+        weights.push(cursor.take(42).unwrap_or(1.0));
     }
-    let fit_count = groups.take(97).unwrap_or(0.0);
+    let fit_count = cursor.take(97).unwrap_or(0.0);
     let mut fit_points = Vec::new();
-    while let Some([x, y]) = groups.point(11).filter(|_| fit_count > 0.0) {
+    while let Some([x, y]) = cursor.point(11).filter(|_| fit_count > 0.0) {
         fit_points.push(Vector3::new(x, y, height));
     }
-    let mut tangent = |code| groups.point(code).map(|[x, y]| Vector3::new(x, y, 0.0));
+    let mut tangent = |code| cursor.point(code).map(|[x, y]| Vector3::new(x, y, 0.0));
     let tangents = [tangent(12), tangent(13)];
     let curve = if points.is_empty() {
         through_fit_points(&fit_points, closed, tangents)?
@@ -231,7 +255,7 @@ mod tests {
             (97, 0.0),
             (75, 0.0),
         ];
-        let Item::Fill(contours, None) = fill(&numbers, 1e-4) else { panic!() };
+        let Item::Fill(contours) = hatch(&numbers, 1e-4) else { panic!() };
         let [SpaceSegment::Arc { sweep, .. }, line] = contours[0].segments.as_slice() else { panic!() };
         assert!((sweep + std::f64::consts::PI).abs() < 1e-12);
         assert!((line.start() - Vector3::new(-5.0, 0.0, 0.0)).norm() < 1e-12);
@@ -240,6 +264,6 @@ mod tests {
 
     #[test]
     fn a_hatch_without_boundary_is_named() {
-        assert!(matches!(fill(&[(70, 1.0), (91, 0.0)], 1e-4), Item::NotTaken(_)));
+        assert!(matches!(hatch(&[(70, 1.0), (91, 0.0)], 1e-4), Item::NotTaken(_)));
     }
 }

@@ -1,17 +1,23 @@
-//! DXF: the scan knows what is in the file and where, the `dxf` crate reads the entities it is able to read.
+//! DXF, text and binary, from R12 to R2018.
 //!
 //! ```text
-//! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─join─▶ pattern + facts
+//! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─mend─▶ pattern + facts
 //! ```
+//!
+//! The scan knows what is in the file and where. Whatever the inventory lists comes out as a path or is named as not
+//! taken.
 
 pub(super) mod scan;
 mod structure;
 mod colour;
 mod curves;
 mod splines;
-mod stream;
+mod groups;
 mod entities;
+mod polylines;
 mod hatch;
+mod hatch_lines;
+mod text;
 mod blocks;
 mod findings;
 pub(super) mod write;
@@ -63,8 +69,9 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         picture: None,
     };
     findings::size_notices(&structure, &mut facts, options);
-    let wide = remarks.wide.intersection(&unfolded.drawn).count();
-    findings::drawing_notices(&joining, wide, unfolded.heights, unfolded.patterned_fills, &mut facts);
+    remarks.texts.retain(|index, _| unfolded.drawn.contains(index));
+    findings::text_notices(&remarks, &mut facts);
+    findings::drawing_notices(&joining, unfolded.heights, &mut facts);
     Ok(PatternReading { pattern: Pattern { layers, paths: joining.paths }, facts })
 }
 

@@ -86,7 +86,25 @@ impl Scan<'_> {
 
     /// The value as text, with `\U+XXXX` decoded.
     pub(super) fn text(&self, pair: &Pair) -> String {
-        let raw = self.raw(pair);
+        self.decoded(self.raw(pair))
+    }
+
+    /// The text that the values make up together, with the blanks round them.
+    pub(super) fn whole_text<'p>(&self, pairs: impl IntoIterator<Item = &'p Pair>) -> String {
+        let mut raw = Vec::new();
+        for pair in pairs {
+            let value = &self.bytes[pair.start as usize..pair.end as usize];
+            raw.extend_from_slice(value.strip_suffix(b"\r").filter(|_| !self.binary).unwrap_or(value));
+        }
+        self.decoded(&raw)
+    }
+
+    /// The encoding of letters given by their number.
+    pub(super) fn encoding_of_texts(&self) -> &'static Encoding {
+        self.encoding.filter(|encoding| *encoding != encoding_rs::UTF_8).unwrap_or(encoding_rs::WINDOWS_1252)
+    }
+
+    fn decoded(&self, raw: &[u8]) -> String {
         let decoded = match (self.encoding, std::str::from_utf8(raw)) {
             (Some(encoding), _) => encoding.decode_without_bom_handling(raw).0,
             (None, Ok(text)) => text.into(),

@@ -20,6 +20,8 @@ pub(super) struct Structure {
     pub(super) layer_count: usize,
     /// Blocks by their name in upper case.
     pub(super) blocks: BTreeMap<String, Block>,
+    /// Text styles by their name in upper case.
+    pub(super) styles: BTreeMap<String, TextStyle>,
     /// All entities, those of blocks too, in file order.
     pub(super) entities: Vec<Record>,
     /// Which of `entities` are drawn themselves, not by a block.
@@ -56,6 +58,19 @@ pub(super) struct LayerRecord {
     pub(super) plotted: bool,
 }
 
+/// An entry of the text style table.
+#[derive(Debug, Clone)]
+pub(super) struct TextStyle {
+    /// The font's file.
+    pub(super) file: String,
+    /// The font's family with its weight and slant, where a TrueType font is meant.
+    pub(super) family: Option<String>,
+    /// Factor of the letters' width.
+    pub(super) width: f64,
+    /// Slant of the letters, rad.
+    pub(super) oblique: f64,
+}
+
 /// A block definition.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Block {
@@ -72,7 +87,7 @@ pub(super) struct Block {
 pub(super) struct Record {
     kind: u32,
     layer: u32,
-    /// Its pairs, with those of its vertices or attributes.
+    /// Its pairs, with those of its vertices.
     first: u32,
     last: u32,
     handle: Option<u32>,
@@ -156,6 +171,9 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
             (b"TABLES", b"LAYER") => layer(scan, pairs, &mut found),
             (b"TABLES", b"STYLE" | b"DIMSTYLE" | b"APPID" | b"BLOCK_RECORD") => {
                 found.has_ezdxf_entry |= pairs.iter().any(|pair| scan.is(pair, 2, b"EZDXF"));
+                if keyword == b"STYLE" {
+                    style(scan, pairs, &mut found);
+                }
             }
             (b"BLOCKS", b"BLOCK") => {
                 finish_block(&mut found, block.take());
@@ -167,14 +185,13 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
             (b"BLOCKS" | b"ENTITIES", kind) => {
                 let is_part = matches!(
                     (parent.as_deref(), kind),
-                    (Some(b"POLYLINE"), b"VERTEX" | b"SEQEND") | (Some(b"INSERT"), b"ATTRIB" | b"SEQEND")
+                    (Some(b"POLYLINE"), b"VERTEX" | b"SEQEND") | (Some(b"INSERT" | b"ATTRIB"), b"SEQEND")
                 );
                 if is_part {
-                    if let Some(record) = found.entities.last_mut() {
-                        record.last = item.end as u32;
-                    }
                     if kind == b"SEQEND" {
                         parent = None;
+                    } else if let Some(record) = found.entities.last_mut() {
+                        record.last = item.end as u32;
                     }
                     continue;
                 }
@@ -278,6 +295,32 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
     }
     found.layer_count += 1;
     found.layers.entry(layer.name.to_uppercase()).or_insert(layer);
+}
+
+fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
+    let mut style = TextStyle { file: String::new(), family: None, width: 1.0, oblique: 0.0 };
+    let (mut name, mut marks) = (String::new(), 0);
+    for pair in pairs {
+        let number = || scan.number(pair).unwrap_or(0.0);
+        match pair.code {
+            2 => name = scan.text(pair),
+            3 => style.file = scan.text(pair),
+            41 if number() > 0.0 => style.width = number(),
+            50 => style.oblique = number().to_radians(),
+            // In the data of the application ACAD: a TrueType family, and its weight and slant as bits.
+            1000 => style.family = Some(scan.text(pair)).filter(|family| !family.is_empty()),
+            1071 => marks = number() as i64,
+            _ => {}
+        }
+    }
+    if let Some(family) = &mut style.family {
+        for (bit, word) in [(0x200_0000, " Bold"), (0x100_0000, " Italic")] {
+            if marks & bit != 0 {
+                *family += word;
+            }
+        }
+    }
+    found.styles.entry(name.to_uppercase()).or_insert(style);
 }
 
 fn rgb_of(value: i64) -> [u8; 3] {

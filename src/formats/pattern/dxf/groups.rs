@@ -1,0 +1,102 @@
+//! An entity's own numbers: only the groups that matter for its kind, every one finite.
+
+use nalgebra::Vector3;
+
+use super::super::error::PatternReadError;
+use super::curves::Placement;
+use super::scan::{Pair, Scan};
+use super::structure::{Record, Structure};
+
+/// The numbers that matter for one entity, in file order with their group codes.
+pub(super) struct Groups(pub(super) Vec<(i32, f64)>);
+
+impl Groups {
+    /// The numbers of `pairs` whose group codes are `wanted`. Groups in braces belong to other programs, and so does
+    /// everything after the first application name (1001).
+    ///
+    /// # Errors
+    /// A wanted number cannot be read or is not finite.
+    pub(super) fn read(
+        scan: &Scan<'_>,
+        structure: &Structure,
+        record: &Record,
+        pairs: &[Pair],
+        wanted: impl Fn(i32) -> bool,
+    ) -> Result<Self, PatternReadError> {
+        let mut numbers = Vec::with_capacity(pairs.len());
+        for pair in own(scan, pairs).filter(|pair| wanted(pair.code)) {
+            let number = scan.number(pair).ok_or_else(|| PatternReadError::UnreadableNumber {
+                spot: scan.spot(pair),
+                group: pair.code,
+                text: scan.shown(pair),
+                entity: structure.name(scan, record),
+            })?;
+            numbers.push((pair.code, number));
+        }
+        Ok(Self(numbers))
+    }
+
+    /// The last number with this code.
+    pub(super) fn get(&self, code: i32) -> Option<f64> {
+        self.0.iter().rev().find(|group| group.0 == code).map(|group| group.1)
+    }
+
+    pub(super) fn or(&self, code: i32, default: f64) -> f64 {
+        self.get(code).unwrap_or(default)
+    }
+
+    /// The last number with this code as bits; 0 if there is none.
+    pub(super) fn flags(&self, code: i32) -> i64 {
+        self.or(code, 0.0) as i64
+    }
+
+    /// A number of copies or vertices: at least `least`.
+    pub(super) fn count(&self, code: i32, least: usize) -> usize {
+        (self.or(code, 0.0) as usize).max(least)
+    }
+
+    /// The point with the codes `code`, `code + 10` and `code + 20`; what is missing is 0.
+    pub(super) fn point(&self, code: i32) -> Vector3<f64> {
+        Vector3::new(self.or(code, 0.0), self.or(code + 10, 0.0), self.or(code + 20, 0.0))
+    }
+
+    /// All points with these codes, each begun by its `code`.
+    pub(super) fn points(&self, code: i32) -> Vec<Vector3<f64>> {
+        let mut points: Vec<Vector3<f64>> = Vec::new();
+        for (found, number) in &self.0 {
+            match (found - code, points.last_mut()) {
+                (0, _) => points.push(Vector3::new(*number, 0.0, 0.0)),
+                (10, Some(point)) => point.y = *number,
+                (20, Some(point)) => point.z = *number,
+                _ => {}
+            }
+        }
+        points
+    }
+
+    /// All numbers with this code.
+    pub(super) fn all(&self, code: i32) -> Vec<f64> {
+        self.0.iter().filter(|group| group.0 == code).map(|group| group.1).collect()
+    }
+
+    /// The entity's own plane, by its extrusion direction (210).
+    pub(super) fn plane(&self) -> Placement {
+        match self.get(210).or(self.get(220)).or(self.get(230)) {
+            Some(_) => Placement::of_extrusion(self.point(210)),
+            None => Placement::scaling(1.0),
+        }
+    }
+}
+
+/// The pairs that are the entity's own, without the one that names its kind and without other programs' groups.
+pub(super) fn own<'p>(scan: &'p Scan<'_>, pairs: &'p [Pair]) -> impl Iterator<Item = &'p Pair> {
+    let mut in_braces = false;
+    // 101 begins an object inside the entity, such as the columns of an MTEXT, whose codes mean other things.
+    pairs.iter().skip(1).take_while(|pair| pair.code < 1000 && pair.code != 101).filter(move |pair| {
+        let braces = pair.code == 102;
+        if braces {
+            in_braces = scan.raw(pair).starts_with(b"{");
+        }
+        !braces && !in_braces
+    })
+}

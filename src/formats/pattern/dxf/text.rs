@@ -1,0 +1,235 @@
+//! TEXT, MTEXT and ATTRIB as the outlines or strokes of their letters.
+//!
+//! Heights are those of capitals, as in AutoCAD; letters stand at the distances of the font that is used.
+
+mod codes;
+mod font;
+mod paragraphs;
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Matrix3, Vector3};
+
+use self::codes::{Letter, Ruled, letters};
+pub(super) use self::font::Typeface;
+use self::font::stand_in;
+use super::super::error::PatternReadError;
+use super::curves::{Curve, Placement, through};
+use super::entities::Item;
+use super::groups::{Groups, own};
+use super::scan::Scan;
+use super::structure::{Record, Structure, TextStyle};
+
+/// A font that a drawing asks for, and the one that was used.
+pub(super) type FontUse = (String, Typeface);
+
+/// Fonts used by a text that are not the ones that it asks for.
+pub(super) type FontUses = BTreeSet<FontUse>;
+
+/// Lines under, over and through letters, for capitals 1 high: heights above the baseline and thickness.
+const UNDER: f64 = -0.2;
+const OVER: f64 = 1.2;
+const THROUGH: f64 = 0.5;
+const THICKNESS: f64 = 0.08;
+
+/// Said of texts of blanks; nothing is lost with them.
+const BLANK: &str = "it is blank and draws nothing";
+
+/// What a TEXT, ATTRIB or ATTDEF draws.
+pub(super) fn single_line(
+    scan: &Scan<'_>,
+    structure: &Structure,
+    record: &Record,
+    uses: &mut FontUses,
+) -> Result<Item, PatternReadError> {
+    let kind = structure.kind(record);
+    let wanted =
+        |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 50 | 51 | 70..=74 | 210 | 220 | 230);
+    let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
+    if kind != "TEXT" && groups.flags(70) & 1 != 0 {
+        return Ok(Item::NotTaken("it is invisible".into()));
+    }
+    // What the user fills in is an ATTRIB; only a constant text is drawn by its definition.
+    if kind == "ATTDEF" && groups.flags(70) & 2 == 0 {
+        return Ok(Item::Template);
+    }
+    let letters = letters(&string(scan, record, 1), scan.encoding_of_texts());
+    let font = Font::of(structure, &string(scan, record, 7));
+    let row = match font.row(&letters, 1.0, uses) {
+        Ok(row) => row,
+        Err(why) => return Ok(Item::NotTaken(why)),
+    };
+    if row.items.is_empty() {
+        return Ok(Item::NotTaken(BLANK.into()));
+    }
+    let height = groups.or(40, 0.0);
+    if !(height > 0.0) {
+        return Ok(Item::NotTaken("its height is 0".into()));
+    }
+    let vertical = groups.flags(if kind == "TEXT" { 73 } else { 74 });
+    let horizontal = groups.flags(72);
+    let (first, second) = (groups.point(10), groups.point(11));
+    let span = (second - first).xy();
+    let stretched = matches!(horizontal, 3 | 5) && row.width > 0.0 && span.norm() > 0.0;
+
+    let (mut x, mut y) = (height * groups.or(41, 1.0), height);
+    let mut angle = groups.or(50, 0.0).to_radians();
+    if stretched {
+        // Aligned keeps the letters' shape, fit their height.
+        let factor = span.norm() / (row.width * x);
+        (x, y) = (x * factor, if horizontal == 3 { y * factor } else { y });
+        angle = span.y.atan2(span.x);
+    }
+    let mirrored = groups.flags(71);
+    x *= if mirrored & 2 != 0 { -1.0 } else { 1.0 };
+    y *= if mirrored & 4 != 0 { -1.0 } else { 1.0 };
+    let share = match horizontal {
+        1 | 4 => 0.5,
+        2 => 1.0,
+        _ => 0.0,
+    };
+    let descender = row.face.descender();
+    let lift = match (horizontal, vertical) {
+        // "Middle" is the middle of capitals and descenders together.
+        (4, _) => (1.0 - descender) / 2.0,
+        (0..=2, 1) => -descender,
+        (0..=2, 2) => 0.5,
+        (0..=2, 3) => 1.0,
+        _ => 0.0,
+    };
+    let is_at_first = stretched || matches!(horizontal, 3 | 5) || (horizontal, vertical) == (0, 0);
+    let slant = groups.or(51, 0.0).to_radians();
+    let at = if is_at_first { first } else { second };
+    let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), angle);
+    let own =
+        Placement { linear: turn.matrix() * Matrix3::from_diagonal(&Vector3::new(x, y, 1.0)), offset: at };
+    let letters = sheared(slant, Vector3::new(-row.width * share, -lift, 0.0));
+    Ok(row.placed(&groups.plane().after(&own).after(&letters)))
+}
+
+/// What an MTEXT draws.
+pub(super) fn paragraphs(
+    scan: &Scan<'_>,
+    structure: &Structure,
+    record: &Record,
+    uses: &mut FontUses,
+) -> Result<Item, PatternReadError> {
+    paragraphs::drawn(scan, structure, record, uses)
+}
+
+/// Slanted by an angle, then moved. Slants of a right angle and more are none.
+fn sheared(slant: f64, offset: Vector3<f64>) -> Placement {
+    let mut linear = Matrix3::identity();
+    if slant.abs() < 1.48 {
+        linear[(0, 1)] = slant.tan();
+    }
+    Placement { linear, offset }
+}
+
+/// The text of the last group with this code, empty if there is none.
+fn string(scan: &Scan<'_>, record: &Record, code: i32) -> String {
+    scan.whole_text(own(scan, record.pairs(scan)).filter(|pair| pair.code == code).last())
+}
+
+/// A font as a drawing asks for it.
+#[derive(Debug, Clone, PartialEq)]
+struct Font {
+    asked: String,
+    face: Typeface,
+    is_exact: bool,
+}
+
+impl Font {
+    fn named(asked: &str, is_family: bool) -> Self {
+        let (face, is_exact) = stand_in(asked, is_family);
+        Self { asked: asked.into(), face, is_exact }
+    }
+
+    /// The font of a text style; that of `Standard` if none is named.
+    fn of(structure: &Structure, style: &str) -> Self {
+        let name = if style.is_empty() { "STANDARD".into() } else { style.to_uppercase() };
+        match structure.styles.get(&name) {
+            Some(TextStyle { family: Some(family), .. }) => Self::named(family, true),
+            Some(style) => Self::named(&style.file, false),
+            None => Self::named("txt", false),
+        }
+    }
+
+    /// Letters in a row in this font's stand-in, or in the outlined one if that lacks a letter. `tracking` is a factor
+    /// of the distances between letters.
+    ///
+    /// # Errors
+    /// No font has one of the letters, as a sentence.
+    fn row(&self, letters: &[Letter], tracking: f64, uses: &mut FontUses) -> Result<Row, String> {
+        let lacks = |face: Typeface| letters.iter().any(|letter| face.glyph(letter.char).is_none());
+        let face = if lacks(self.face) { Typeface::Outline } else { self.face };
+        let missing: BTreeSet<char> =
+            letters.iter().map(|letter| letter.char).filter(|letter| face.glyph(*letter).is_none()).collect();
+        if !missing.is_empty() {
+            let missing: String = missing.into_iter().take(12).collect();
+            return Err(format!(
+                "no font at hand has its letters {missing}: convert text to outlines in the drawing program"
+            ));
+        }
+        if !(self.is_exact && face == self.face) && letters.iter().any(|letter| !letter.char.is_whitespace())
+        {
+            uses.insert((self.asked.clone(), face));
+        }
+        Ok(Row::new(letters, face, tracking))
+    }
+}
+
+/// Letters along the baseline from the origin, capitals 1 high.
+struct Row {
+    items: Vec<Item>,
+    width: f64,
+    face: Typeface,
+}
+
+impl Row {
+    fn new(letters: &[Letter], face: Typeface, tracking: f64) -> Self {
+        let mut row = Self { items: Vec::new(), width: 0.0, face };
+        let mut starts = Vec::with_capacity(letters.len() + 1);
+        for letter in letters {
+            starts.push(row.width);
+            let Some(glyph) = face.glyph(letter.char) else { continue };
+            let shift = sheared(0.0, Vector3::new(row.width, 0.0, 0.0));
+            let curves: Vec<Curve> = glyph.curves.iter().map(|curve| curve.placed(&shift)).collect();
+            match face {
+                Typeface::Outline if curves.is_empty() => {}
+                Typeface::Outline => row.items.push(Item::Fill(curves)),
+                Typeface::Stroke => row.items.extend(curves.into_iter().map(Item::Curve)),
+            }
+            row.width += glyph.advance * tracking;
+        }
+        starts.push(row.width);
+        let rules: [fn(&Ruled) -> bool; 3] = [|ruled| ruled.under, |ruled| ruled.over, |ruled| ruled.through];
+        for (height, is_ruled) in [UNDER, OVER, THROUGH].into_iter().zip(rules) {
+            let mut index = 0;
+            for run in letters.chunk_by(|a, b| is_ruled(&a.ruled) == is_ruled(&b.ruled)) {
+                let (from, to) = (starts[index], starts[index + run.len()]);
+                index += run.len();
+                if run.first().is_some_and(|letter| is_ruled(&letter.ruled)) {
+                    row.items.push(rule(face, from, to, height));
+                }
+            }
+        }
+        row
+    }
+
+    fn placed(&self, placement: &Placement) -> Item {
+        Item::Several(self.items.iter().map(|item| (None, item.placed(placement))).collect())
+    }
+}
+
+/// A line along a row: a stroke, or a thin rectangle among outlines.
+fn rule(face: Typeface, from: f64, to: f64, height: f64) -> Item {
+    let at = |x, y| Vector3::new(x, y, 0.0);
+    match face {
+        Typeface::Stroke => Item::Curve(through(&[at(from, height), at(to, height)], false)),
+        Typeface::Outline => {
+            let (low, high) = (height - THICKNESS / 2.0, height + THICKNESS / 2.0);
+            Item::Fill(vec![through(&[at(from, low), at(to, low), at(to, high), at(from, high)], true)])
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! The two fonts that are shipped, and which of them stands in for the one that a drawing names.
+//!
+//! DejaVu Sans gives outlines, as TrueType fonts do; Hershey's Simplex Roman gives single strokes, as AutoCAD's SHX fonts
+//! do. `fonts/` at the root of the project holds both with their licences and the script that made them.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use nalgebra::Vector3;
+use ttf_parser::{Face, OutlineBuilder};
+
+use super::super::curves::{Curve, SpaceSegment, through};
+
+const OUTLINES: &[u8] = include_bytes!("../../../../../fonts/DejaVuSans-subset.ttf");
+const STROKES: &str = include_str!("../../../../../fonts/hershey-simplex.txt");
+/// Height of a capital of the stroke font, in its units.
+const STROKE_CAPITAL: f64 = 21.0;
+
+/// A font that is shipped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(in super::super) enum Typeface {
+    Outline,
+    Stroke,
+}
+
+/// The shape of a letter; capitals are 1 high, the baseline is y = 0, the letter begins at x = 0.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Glyph {
+    /// From the letter's beginning to that of the next.
+    pub(super) advance: f64,
+    pub(super) curves: Vec<Curve>,
+}
+
+impl Typeface {
+    /// The font's name, as people are told.
+    pub(in super::super) fn name(self) -> &'static str {
+        match self {
+            Self::Outline => "DejaVu Sans",
+            Self::Stroke => "Hershey Simplex (single strokes)",
+        }
+    }
+
+    /// How far `p` reaches below the baseline, for capitals 1 high.
+    pub(super) fn descender(self) -> f64 {
+        match self {
+            Self::Outline => 426.0 / 1493.0,
+            Self::Stroke => 7.0 / STROKE_CAPITAL,
+        }
+    }
+
+    /// The letter's shape, or none if the font does not have it.
+    pub(super) fn glyph(self, letter: char) -> Option<Glyph> {
+        match self {
+            Self::Outline => outline(letter),
+            Self::Stroke => STROKE_GLYPHS.get(&letter).cloned(),
+        }
+    }
+}
+
+/// The font file or family that a drawing asks for, such as `txt`, `romans.shx`, `arial.ttf` or `Arial Bold`.
+///
+/// Names of SHX files and names without an ending are single-stroke fonts, all others outlines. The second value says
+/// whether the font is the very one that was asked for.
+pub(super) fn stand_in(asked: &str, is_family: bool) -> (Typeface, bool) {
+    let file = asked.rsplit(['/', '\\']).next().unwrap_or_default().to_lowercase();
+    let (stem, ending) = file.rsplit_once('.').unwrap_or((&file, ""));
+    match (is_family, ending) {
+        (false, "" | "shx" | "shp") => (Typeface::Stroke, false),
+        _ => {
+            (Typeface::Outline, matches!(if is_family { &file } else { stem }, "dejavu sans" | "dejavusans"))
+        }
+    }
+}
+
+static FACE: LazyLock<Option<Face<'static>>> = LazyLock::new(|| Face::parse(OUTLINES, 0).ok());
+
+/// Height of the capital X of the outline font, in its units.
+static CAPITAL: LazyLock<f64> = LazyLock::new(|| {
+    let face = FACE.as_ref();
+    let capital = face.and_then(|face| face.glyph_bounding_box(face.glyph_index('X')?));
+    capital.map_or(1493.0, |bounds| f64::from(bounds.y_max))
+});
+
+fn outline(letter: char) -> Option<Glyph> {
+    let face = FACE.as_ref()?;
+    let id = face.glyph_index(letter)?;
+    let scale = 1.0 / *CAPITAL;
+    let mut pen = Pen { scale, at: Vector3::zeros(), contours: Vec::new() };
+    face.outline_glyph(id, &mut pen);
+    pen.contours.retain(|contour| contour.segments.len() > 1);
+    Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, curves: pen.contours })
+}
+
+/// Takes down an outline as contours.
+struct Pen {
+    scale: f64,
+    at: Vector3<f64>,
+    contours: Vec<Curve>,
+}
+
+impl Pen {
+    fn point(&self, x: f32, y: f32) -> Vector3<f64> {
+        Vector3::new(f64::from(x), f64::from(y), 0.0) * self.scale
+    }
+
+    fn push(&mut self, segment: SpaceSegment) {
+        self.at = segment.end();
+        if let Some(contour) = self.contours.last_mut() {
+            contour.segments.push(segment);
+        }
+    }
+}
+
+impl OutlineBuilder for Pen {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.at = self.point(x, y);
+        self.contours.push(Curve { segments: Vec::new(), closed: true });
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        let to = self.point(x, y);
+        if to != self.at {
+            self.push(SpaceSegment::Line { from: self.at, to });
+        }
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        // Raised to degree 3.
+        let (control, to) = (self.point(x1, y1), self.point(x, y));
+        let points = [self.at, (self.at + control * 2.0) / 3.0, (to + control * 2.0) / 3.0, to];
+        self.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        let points = [self.at, self.point(x1, y1), self.point(x2, y2), self.point(x, y)];
+        self.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
+    }
+
+    fn close(&mut self) {
+        let start =
+            self.contours.last().and_then(|contour| contour.segments.first()).map(SpaceSegment::start);
+        if let Some(to) = start.filter(|start| *start != self.at) {
+            self.push(SpaceSegment::Line { from: self.at, to });
+        }
+    }
+}
+
+/// Every line of the file is one letter: code point; advance; strokes of points.
+static STROKE_GLYPHS: LazyLock<BTreeMap<char, Glyph>> =
+    LazyLock::new(|| STROKES.lines().filter_map(stroke_glyph).collect());
+
+fn stroke_glyph(line: &str) -> Option<(char, Glyph)> {
+    let mut fields = line.split(';');
+    let letter = u32::from_str_radix(fields.next()?, 16).ok().and_then(char::from_u32)?;
+    let advance = fields.next()?.parse::<f64>().ok()? / STROKE_CAPITAL;
+    let point = |pair: &str| -> Option<Vector3<f64>> {
+        let (x, y) = pair.split_once(',')?;
+        Some(Vector3::new(x.parse().ok()?, y.parse().ok()?, 0.0) / STROKE_CAPITAL)
+    };
+    let curves = fields.map(|stroke| {
+        let mut points: Vec<Vector3<f64>> = stroke.split(' ').filter_map(point).collect();
+        let closed = points.len() > 2 && points.first() == points.last();
+        if closed {
+            points.pop();
+        }
+        through(&points, closed)
+    });
+    Some((letter, Glyph { advance, curves: curves.collect() }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_fonts_have_what_european_labels_need() {
+        for face in [Typeface::Outline, Typeface::Stroke] {
+            for letter in (' '..='~').chain("ÄÖÜäöüßØø°±µ×·éèêñçşžłÅ€²³–".chars().filter(|letter| {
+                // Hershey has no stroked L; words with it are outlined.
+                face == Typeface::Outline || *letter != 'ł'
+            })) {
+                assert!(face.glyph(letter).is_some_and(|glyph| glyph.advance > 0.0), "{face:?}: {letter}");
+            }
+        }
+        assert!(Typeface::Outline.glyph('株').is_none() && Typeface::Outline.glyph('Ж').is_some());
+    }
+
+    #[test]
+    fn capitals_are_one_high() {
+        for face in [Typeface::Outline, Typeface::Stroke] {
+            let glyph = face.glyph('X').unwrap();
+            let segments = glyph.curves.iter().flat_map(|curve| &curve.segments);
+            let ends = segments.flat_map(|segment| [segment.start().y, segment.end().y]);
+            let (low, high) = ends.fold((0.0f64, 0.0f64), |(low, high), y| (low.min(y), high.max(y)));
+            assert!(low.abs() < 1e-12 && (high - 1.0).abs() < 1e-12, "{face:?}: {low} to {high}");
+        }
+    }
+
+    #[test]
+    fn stand_ins_are_outlines_for_truetype_and_strokes_for_shx() {
+        assert_eq!(stand_in("txt", false), (Typeface::Stroke, false));
+        assert_eq!(stand_in("C:\\fonts\\romans.SHX", false), (Typeface::Stroke, false));
+        assert_eq!(stand_in("arial.ttf", false), (Typeface::Outline, false));
+        assert_eq!(stand_in("Arial", true), (Typeface::Outline, false));
+        assert_eq!(stand_in("DejaVuSans.ttf", false), (Typeface::Outline, true));
+        assert_eq!(stand_in("DejaVu Sans", true), (Typeface::Outline, true));
+    }
+}

@@ -1,0 +1,104 @@
+"""One drawing for each kind of entity, made by ezdxf into a folder: `samples.py FOLDER`."""
+
+import math
+import sys
+from pathlib import Path
+
+import ezdxf
+from ezdxf.enums import TextEntityAlignment as Align
+
+FOLDER = Path(sys.argv[1])
+
+
+def drawing(name, version="R2010"):
+    doc = ezdxf.new(version, units=4)
+    doc.styles.add("SANS", font="DejaVuSans-subset.ttf")
+    return doc, doc.modelspace(), FOLDER / f"{name}.dxf"
+
+
+doc, msp, file = drawing("text")
+for index, align in enumerate(
+    [Align.LEFT, Align.CENTER, Align.RIGHT, Align.MIDDLE, Align.BOTTOM_LEFT, Align.MIDDLE_CENTER, Align.TOP_RIGHT]
+):
+    attributes = {"style": "SANS", "layer": align.name, "width": 1 - 0.05 * index, "oblique": 3 * index}
+    text = msp.add_text(f"Hegy {index}", height=3, rotation=10 * index, dxfattribs=attributes)
+    text.set_placement((20 * index, 0), align=align)
+for align, points in [(Align.FIT, [(0, 20), (30, 25)]), (Align.ALIGNED, [(0, 30), (30, 25)])]:
+    msp.add_text("Stretched", height=3, dxfattribs={"style": "SANS", "layer": align.name}).set_placement(*points, align)
+for index, layer in [(2, "BACKWARD"), (4, "UPSIDE_DOWN")]:
+    attributes = {"style": "SANS", "layer": layer, "text_generation_flag": index}
+    msp.add_text("Mirror", height=3, dxfattribs=attributes).set_placement((0, 40 + 5 * index))
+attributes = {"style": "SANS", "layer": "CODES", "extrusion": (0, 0, -1)}
+msp.add_text("Größe %%c12 %%p0,1 90%%d", height=3, dxfattribs=attributes).set_placement((0, 90))
+block = doc.blocks.new("PLATE")
+block.add_lwpolyline([(0, 0), (40, 0), (40, 10), (0, 10)], close=True)
+block.add_attdef("LOT", (2, 2), height=3, dxfattribs={"style": "SANS"})
+insert = msp.add_blockref("PLATE", (0, 110), dxfattribs={"layer": "PLATE"})
+insert.add_attrib("LOT", "LOT 4711", (2, 112), dxfattribs={"style": "SANS", "height": 3, "layer": "ATTRIB"})
+hidden = insert.add_attrib("NOTE", "not shown", (2, 112), dxfattribs={"style": "SANS", "height": 3, "layer": "ATTRIB"})
+hidden.is_invisible = True
+doc.saveas(file)
+
+doc, msp, file = drawing("mtext")
+for layer, text, attributes in [
+    ("LINES", "First line\\PSecond one", {"insert": (50, 40), "attachment_point": 1}),
+    ("WRAPPED", "The quick brown fox jumps over the lazy dog", {"attachment_point": 5, "width": 30, "rotation": 20}),
+    ("RIGHT", "right {\\C1;red} end\\Pbottom", {"attachment_point": 9, "line_spacing_factor": 1.5, "insert": (90, 0)}),
+    ("CENTER", "one\\Ptwenty two\\P\\Pfour", {"attachment_point": 2, "insert": (90, 60), "text_direction": (0, 1, 0)}),
+    ("WIDE", "{\\W1.5;wide} {\\Q15;slanted} {\\H1;small} %%c", {"attachment_point": 7, "insert": (0, 60)}),
+]:
+    msp.add_mtext(text, dxfattribs={"style": "SANS", "layer": layer, "char_height": 2, **attributes})
+doc.saveas(file)
+
+doc, msp, file = drawing("hatch-patterns")
+for index, (pattern, scale, angle) in enumerate([("ANSI31", 0.5, 0), ("ANSI37", 0.5, 20), ("DASH", 0.5, 0), ("BRICK", 0.2, 0)]):
+    hatch = msp.add_hatch(dxfattribs={"layer": pattern})
+    hatch.set_pattern_fill(pattern, scale=scale, angle=angle)
+    x = 30 * index
+    hatch.paths.add_polyline_path([(x, 0), (x + 20, 0, 0.5), (x + 20, 15), (x, 15)], is_closed=True)
+    edges = hatch.paths.add_edge_path(flags=16)
+    edges.add_ellipse((x + 8, 7), major_axis=(4, 1), ratio=0.5)
+doc.saveas(file)
+
+doc, msp, file = drawing("curves")
+msp.add_line((0, 0), (10, 5), dxfattribs={"layer": "LINE"})
+msp.add_arc((20, 0), 5, 30, 200, dxfattribs={"layer": "ARC"})
+msp.add_arc((20, 20), 5, 300, 45, dxfattribs={"layer": "ARC_MIRRORED", "extrusion": (0, 0, -1)})
+msp.add_circle((40, 0), 5, dxfattribs={"layer": "CIRCLE"})
+msp.add_ellipse((60, 0), (8, 2), 0.4, 0.5, 4, dxfattribs={"layer": "ELLIPSE"})
+msp.add_ellipse((60, 20), (8, 2), 0.4, dxfattribs={"layer": "ELLIPSE_FULL"})
+msp.add_point((5, 5), dxfattribs={"layer": "POINT"})
+msp.add_solid([(70, 0), (80, 0), (70, 10), (80, 8)], dxfattribs={"layer": "SOLID"})
+msp.add_trace([(90, 0), (95, 0), (90, 10), (95, 8)], dxfattribs={"layer": "TRACE"})
+bulges = [(0, 30, 0.5), (10, 30, -1), (20, 30, 0), (20, 40, 2)]
+msp.add_lwpolyline(bulges, format="xyb", close=True, dxfattribs={"layer": "LWPOLYLINE"})
+msp.add_lwpolyline(bulges, format="xyb", dxfattribs={"layer": "LWPOLYLINE_MIRRORED", "extrusion": (0, 0, -1)})
+msp.add_polyline2d([(x, y - 80, b) for x, y, b in bulges], format="xyb", dxfattribs={"layer": "POLYLINE"})
+msp.add_polyline3d([(0, 60, 0), (10, 65, 0), (20, 55, 0)], dxfattribs={"layer": "POLYLINE_3D"})
+control = [(0, 70), (5, 80), (10, 65), (15, 85), (20, 70), (28, 78)]
+msp.add_open_spline(control, degree=3, dxfattribs={"layer": "SPLINE"})
+msp.add_open_spline([(x + 40, y) for x, y in control], degree=5, dxfattribs={"layer": "SPLINE_5"})
+msp.add_rational_spline([(x, y + 30) for x, y in control], weights=[1, 2, 0.5, 1, 3, 1], dxfattribs={"layer": "SPLINE_RATIONAL"})
+msp.add_rational_spline([(x + 40, y + 30) for x, y in control[:4]], weights=[1, 2, 0.5, 1], degree=2, dxfattribs={"layer": "SPLINE_2"})
+doc.saveas(file)
+
+doc, msp, file = drawing("curves-r12", "R12")
+msp.add_line((0, 0), (10, 5), dxfattribs={"layer": "LINE"})
+msp.add_polyline2d(bulges, format="xyb", close=True, dxfattribs={"layer": "POLYLINE"})
+msp.add_polyline3d([(0, 60, 0), (10, 65, 0), (20, 55, 0)], close=True, dxfattribs={"layer": "POLYLINE_3D"})
+msp.add_arc((20, 0), 5, 30, 200, dxfattribs={"layer": "ARC"})
+msp.add_text("R12", height=3, dxfattribs={"style": "SANS", "layer": "TEXT"}).set_placement((40, 0))
+doc.saveas(file)
+
+doc, msp, file = drawing("blocks", "R2018")
+star = doc.blocks.new("STAR", base_point=(1, 1))
+star.add_lwpolyline([(r * math.cos(i * math.pi / 5), r * math.sin(i * math.pi / 5)) for i in range(10) for r in [4 - 2 * (i % 2)]], close=True)
+star.add_circle((0, 0), 1)
+nested = doc.blocks.new("PAIR")
+nested.add_blockref("STAR", (0, 0))
+nested.add_blockref("STAR", (10, 0), dxfattribs={"xscale": -1, "yscale": 1.5, "rotation": 30})
+msp.add_blockref("STAR", (0, 0), dxfattribs={"layer": "PLAIN"})
+msp.add_blockref("PAIR", (20, 0), dxfattribs={"layer": "NESTED", "rotation": 40})
+msp.add_blockref("STAR", (0, 30), dxfattribs={"layer": "ARRAY", "column_count": 4, "row_count": 2, "column_spacing": 12, "row_spacing": 11})
+msp.add_blockref("STAR", (90, 0), dxfattribs={"layer": "MIRRORED", "extrusion": (0, 0, -1), "rotation": 25})
+doc.saveas(file)
