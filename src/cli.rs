@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
-use crate::config::{ConfigError, LOW_PASS, PatternSettings, Sku, Smoothing, Station};
+use crate::config::{ConfigError, JOINING, LOW_PASS, PatternSettings, Sku, Smoothing, Station};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::surface::scan;
@@ -69,6 +69,12 @@ struct MeaningArguments {
     /// Pixels of a picture darker than this are marked: 0 is black, 100 white; default 50.
     #[arg(long, value_name = "PERCENT", help_heading = "Part and drawing", value_parser = parse_threshold)]
     threshold: Option<f64>,
+    /// Ends of loose pieces no farther apart are joined, mm, 0 to 1; default 0.002, 0 joins nothing.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing", value_parser = parse_joining)]
+    joining: Option<f64>,
+    /// Leaves a drawing as it is: nothing is joined, closed or taken out, only warned of.
+    #[arg(long, help_heading = "Part and drawing")]
+    strict: bool,
     /// Marks the light pixels of a picture instead of the dark ones.
     #[arg(long, help_heading = "Part and drawing")]
     invert: bool,
@@ -83,6 +89,8 @@ impl MeaningArguments {
         }
         to.picture.threshold = self.threshold.unwrap_or(to.picture.threshold);
         to.picture.inverted |= self.invert;
+        to.joining_tolerance = self.joining.unwrap_or(to.joining_tolerance);
+        to.strict |= self.strict;
     }
 }
 
@@ -330,6 +338,11 @@ fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Fa
 fn parse_side(text: &str) -> Result<f64, String> {
     let side = text.trim().parse().ok().filter(|side| (0.01..=10_000.0).contains(side));
     side.ok_or_else(|| "give a length in mm, from 0.01 to 10000".into())
+}
+
+fn parse_joining(text: &str) -> Result<f64, String> {
+    let gap = text.trim().parse().ok().filter(|gap| JOINING.contains(gap));
+    gap.ok_or_else(|| format!("give a length in mm, from {} to {}", JOINING.start(), JOINING.end()))
 }
 
 fn parse_threshold(text: &str) -> Result<f64, String> {

@@ -297,7 +297,8 @@ impl Pipeline {
             clock.lap("draw preview");
         }
         notices.extend(learned.kept.facts.notices.iter().cloned());
-        notices.extend(facts.repairs.iter().chain(&facts.notices).cloned());
+        notices.extend(facts.repairs.iter().map(|repair| repair.notice.clone()));
+        notices.extend(facts.notices.iter().cloned());
         notices.sort_by_key(|notice| std::cmp::Reverse(notice.severity));
 
         let mut timings = learned.timings.clone();
@@ -350,7 +351,7 @@ fn place(
     settings: &JobSettings,
     clock: &mut Clock,
 ) -> Result<PlacedPattern, Reason> {
-    let PatternReading { pattern, facts } = pattern::read(input.bytes, &pattern_options(settings))
+    let PatternReading { pattern, facts } = pattern::read(input.bytes, &settings.pattern.options())
         .map_err(|error| error.reason().in_file(input.name))?;
     clock.lap("read pattern");
     let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
@@ -452,14 +453,6 @@ fn unknown_part_format(name: &str) -> Reason {
     .in_file(name)
 }
 
-fn pattern_options(settings: &JobSettings) -> PatternOptions {
-    PatternOptions {
-        unit_if_unitless: settings.pattern.unit_if_unitless,
-        picture: settings.pattern.picture,
-        ..PatternOptions::default()
-    }
-}
-
 fn weights(settings: &CorrectionSettings) -> WeightsStory {
     WeightsStory {
         weighting: settings.weighting.name().into(),
@@ -497,6 +490,7 @@ fn profile(settings: &JobSettings) -> DxfProfile {
     match settings.output.dxf {
         DxfVersion::R2000 => DxfProfile::R2000,
         DxfVersion::R12 => DxfProfile::R12,
+        DxfVersion::R12Lines => DxfProfile::R12Lines,
     }
 }
 

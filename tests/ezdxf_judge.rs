@@ -75,8 +75,30 @@ fn r12_is_clean_and_says_the_same_without_true_colours() {
 }
 
 #[test]
+fn r12_lines_are_clean_and_go_all_the_way_round() {
+    let Some(told) = judged(&write(&sample(), DxfProfile::R12Lines)) else { return };
+    assert_clean(&told);
+    assert_eq!((&told["version"], &told["header_box"]), (&"AC1009".into(), &told["box"]));
+    let pieces: Vec<_> = told["entities"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|e| (e["type"].clone(), e["points"].clone()))
+        .collect();
+    let line = |from: [f64; 2], to: [f64; 2]| ("LINE".into(), serde_json::json!([from, to]));
+    let expected = [
+        line([0.0, 0.0], [30.0, 0.0]),
+        line([30.0, 0.0], [30.0, -12.5]),
+        line([30.0, -12.5], [0.0, 0.0]),
+        line([1.0, 1.0], [2.0, 1.25]),
+        ("POINT".into(), serde_json::json!([[-4.0, 2.333333]])),
+    ];
+    assert_eq!(pieces, expected);
+}
+
+#[test]
 fn an_empty_drawing_is_clean_too() {
-    for profile in [DxfProfile::R2000, DxfProfile::R12] {
+    for profile in [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines] {
         let Some(told) = judged(&write(&MarkingDrawing::default(), profile)) else { return };
         assert_clean(&told);
         assert_eq!(told["entities"], serde_json::json!([]));
@@ -85,7 +107,7 @@ fn an_empty_drawing_is_clean_too() {
 
 #[test]
 fn the_same_drawing_gives_the_same_bytes() {
-    for profile in [DxfProfile::R2000, DxfProfile::R12] {
+    for profile in [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines] {
         assert_eq!(write(&sample(), profile), write(&sample(), profile));
     }
 }

@@ -63,8 +63,8 @@ proptest! {
 
     #[test]
     fn what_is_written_is_read_back(drawing in drawing()) {
-        // Joining would chain paths that happen to meet.
-        let options = PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() };
+        // Mending would chain paths that happen to meet.
+        let options = PatternOptions { strict: true, ..PatternOptions::default() };
         for profile in [DxfProfile::R2000, DxfProfile::R12] {
             let file = write(&drawing, profile);
             prop_assert!(is_complete(&file));

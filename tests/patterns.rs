@@ -23,7 +23,8 @@ const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 32] = [
     ("ez-blocks-nested", 74.0, 36.0, 446.630, 38, 19, 0),
     // The two ticks of the dimension are bands of 0.2475 x 0.02625 mm at 45 degrees.
     ("ez-dimension-mpolygon", 100.0968, 14.6304, 174.803, 10, 6, 3),
-    ("ez-defects", 100_000.0, 20.0, 100_137.6, 10, 4, 2),
+    // Less the two copies of a line of 10 mm and the line without length.
+    ("ez-defects", 100_000.0, 20.0, 100_117.6, 7, 4, 2),
     ("ez-guilloche", 31.3106, 31.2088, 3537.438, 24, 24, 0),
     ("ez-hatch-islands", 28.0, 25.0, 222.864, 17, 3, 0),
     ("ez-layers-colors", 34.0, 20.0, 146.417, 4, 3, 5),
@@ -207,7 +208,7 @@ fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
     let colors: Vec<_> = text.pattern.paths.iter().map(|path| path.color).collect();
     assert!(colors.iter().any(|color| matches!(color, Color::Rgb { .. })), "{colors:?}");
     let why: Vec<_> =
-        text.facts.not_taken.iter().map(|left| (left.layer.as_str(), left.why.as_str())).collect();
+        text.facts.not_taken.iter().map(|left| (left.layer.as_str(), left.why.as_ref())).collect();
     let expected = [
         ("CONSTRUCTION", "its layer is not plotted"),
         ("OFF", "its layer is off"),
@@ -226,7 +227,7 @@ fn loose_pieces_become_contours_in_drawing_order() {
     let read = reading("fc020-text-cpp-r14");
     assert_eq!(read.facts.entities["LINE"]["ShapeString"], 113);
     assert_eq!(read.facts.entities["SPLINE"]["ShapeString"], 172);
-    assert!(read.facts.repairs[0].message.starts_with("285 loose pieces were joined to 25 contours"));
+    assert!(read.facts.repairs[0].notice.message.starts_with("285 loose pieces were joined to 25 contours"));
     let apart = PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() };
     assert_eq!(reading_with("fc020-text-cpp-r14", &apart).pattern.paths.len(), 285);
 }
@@ -236,15 +237,43 @@ fn reading_with(name: &str, options: &PatternOptions) -> PatternReading {
 }
 
 #[test]
-fn defects_are_read_with_warnings() {
+fn defects_are_mended_and_every_place_is_named() {
     let read = reading("ez-defects");
-    for code in ["size-unusual", "not-taken", "drawn-twice", "nearly-closed"] {
+    for code in ["size-unusual", "not-taken", "nearly-closed"] {
         assert!(has_notice(&read, code, Severity::Warning), "{code}");
     }
+    let [copies, empty] = read.facts.repairs.as_slice() else { panic!("{:?}", read.facts.repairs) };
+    assert_eq!((copies.notice.code.as_str(), copies.places.len()), ("copies-removed", 2));
+    assert_eq!((empty.notice.code.as_str(), empty.places.len()), ("empty-pieces-removed", 2));
+    let places: Vec<_> = copies.places.iter().chain(&empty.places).collect();
+    let handles: Vec<_> = places.iter().filter_map(|place| place.handle.as_deref()).collect();
+    assert_eq!(handles, ["8C", "8D", "8A", "94"]);
+    assert_eq!(
+        (places[3].entity.as_str(), places[3].pieces, places[3].at_mm),
+        ("LWPOLYLINE", 2, [70.0, 5.0])
+    );
     // Single vertices alone, as Inkscape leaves them behind, are no loss.
     assert!(has_notice(&reading("ink12-logo-r14"), "not-taken", Severity::Note));
     let left: Vec<_> = read.facts.not_taken.iter().map(|left| left.entity.as_str()).collect();
     assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
+}
+
+#[test]
+fn strict_reading_changes_nothing_and_warns() {
+    let strict = PatternOptions { strict: true, ..PatternOptions::default() };
+    let read = reading_with("ez-defects", &strict);
+    for code in ["drawn-twice", "without-length", "nearly-closed"] {
+        assert!(has_notice(&read, code, Severity::Warning), "{code}");
+    }
+    assert!(read.facts.repairs.is_empty());
+    assert_eq!(read.pattern.paths.len(), reading("ez-defects").pattern.paths.len() + 3);
+    let text = reading_with("fc020-text-cpp-r14", &strict);
+    assert_eq!((text.pattern.paths.len(), text.facts.repairs.len()), (285, 0));
+    let old = reading_with("fc020-draft-legacy-lw", &strict);
+    assert!(has_notice(&old, "extra-point", Severity::Warning));
+    let mended = reading("fc020-draft-legacy-lw").facts.repairs;
+    let places = mended.iter().find(|repair| repair.notice.code == "extra-point-removed").unwrap();
+    assert!(places.places.iter().all(|place| place.entity == "LWPOLYLINE"), "{places:?}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::{
 use crate::config::{PartSettings, PatternSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
-use crate::formats::pattern::{self, PatternFacts, PatternOptions};
+use crate::formats::pattern::{self, PatternFacts};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::space::{Facing, View};
@@ -88,9 +88,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let mut settings = PatternSettings::default();
             arguments.meaning.apply(&mut settings);
-            let PatternSettings { unit_if_unitless, picture, .. } = settings;
-            let options = PatternOptions { unit_if_unitless, picture, ..PatternOptions::default() };
-            let reading = pattern::read(&bytes, &options)
+            let reading = pattern::read(&bytes, &settings.options())
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let text = pattern_text(&name, &reading.facts, &reading.pattern);
             (Inspection::Pattern(reading.facts), text)
@@ -266,7 +264,7 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
         );
     }
     for repair in &facts.repairs {
-        line(&mut text, "repaired", &repair.message);
+        line(&mut text, "repaired", &repair.notice.message);
     }
     notices(&mut text, &facts.notices);
     text

@@ -198,6 +198,8 @@ choices! {
         R2000 = "R2000",
         /// POLYLINE, for old importers.
         R12 = "R12",
+        /// Every piece a LINE of its own, for importers that know nothing else.
+        R12Lines = "R12-lines",
     }
 }
 

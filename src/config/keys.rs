@@ -24,6 +24,9 @@ use crate::geometry::surface::scan;
 /// A coordinate no station reaches, mm; beyond it a unit was mistaken.
 const FARTHEST: f64 = 10_000.0;
 
+/// Gaps that can be meant as none, mm.
+pub const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+
 /// Wavelengths of a low pass that make sense, mm.
 pub const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
@@ -63,6 +66,8 @@ pub(super) struct PatternKeys {
     height_mm: Option<Spanned<f64>>,
     threshold_percent: Option<Spanned<f64>>,
     invert: Option<bool>,
+    joining_mm: Option<Spanned<f64>>,
+    strict: Option<bool>,
 }
 
 #[derive(Default, Deserialize)]
@@ -288,6 +293,10 @@ impl PatternKeys {
             picture.threshold = text.number("pattern.threshold_percent", &threshold, range, "%")? / 100.0;
         }
         picture.inverted = self.invert.unwrap_or(picture.inverted);
+        if let Some(joining) = self.joining_mm {
+            to.pattern.joining_tolerance = text.number("pattern.joining_mm", &joining, JOINING, "mm")?;
+        }
+        to.pattern.strict = self.strict.unwrap_or(to.pattern.strict);
         Ok(())
     }
 }

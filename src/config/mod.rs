@@ -23,7 +23,7 @@ pub use choices::{
     Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use error::{ConfigError, Spot};
-pub use keys::LOW_PASS;
+pub use keys::{JOINING, LOW_PASS};
 pub use live::{LiveSettings, SettingsEvent};
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,

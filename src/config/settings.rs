@@ -2,7 +2,7 @@
 
 use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Method, Slip, Vertices, Weighting};
 use crate::formats::mesh::{LengthUnit, UpAxis};
-use crate::formats::pattern::{DrawingUnit, PictureOptions};
+use crate::formats::pattern::{DrawingUnit, PatternOptions, PictureOptions};
 use crate::geometry::figure::Figure;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens};
@@ -62,7 +62,7 @@ impl Default for PartSettings {
 }
 
 /// How the pattern's file is read.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PatternSettings {
     /// Unit of a drawing that names none; `None` takes mm, or inches where the file hints at them.
     pub unit_if_unitless: Option<DrawingUnit>,
@@ -71,9 +71,32 @@ pub struct PatternSettings {
     pub ink_layers: Option<Vec<String>>,
     /// Size and threshold of a drawing that is a picture.
     pub picture: PictureOptions,
+    /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
+    pub joining_tolerance: f64,
+    /// Leaves the drawing as it is, with warnings in place of repairs.
+    pub strict: bool,
+}
+
+impl Default for PatternSettings {
+    fn default() -> Self {
+        let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, .. } =
+            PatternOptions::default();
+        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, strict }
+    }
 }
 
 impl PatternSettings {
+    /// What the reader of drawings is told.
+    pub fn options(&self) -> PatternOptions {
+        PatternOptions {
+            unit_if_unitless: self.unit_if_unitless,
+            unit: None,
+            joining_tolerance: self.joining_tolerance,
+            strict: self.strict,
+            picture: self.picture,
+        }
+    }
+
     /// Whether what lies on the layer counts as ink.
     pub fn counts_as_ink(&self, layer: &str) -> bool {
         let same = |name: &String| name.to_lowercase() == layer.to_lowercase();

@@ -1,4 +1,5 @@
-//! Loose pieces chained into contours: CAD exporters write every line and arc of an outline on its own.
+//! Drawings mended: loose pieces chained into contours, as CAD exporters write every line and arc of an outline on its
+//! own, and what draws nothing new taken out.
 //!
 //! Two ends are joined when they lie within the tolerance of each other and of no third end, on the same layer and in
 //! the same colour. A piece keeps its place in the drawing order; a chain takes that of its first piece.
@@ -7,113 +8,204 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::pattern::{Affine, Color, Path, Segment, Shape};
+use super::pattern::{Affine, Color, Path, Segment, Shape, Source};
 use super::space::FlatPoint;
 
-/// What joining made of a drawing.
+/// What mending made of a drawing. Every list is in drawing order and names everything it is about.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Joining {
-    /// The paths after joining, in drawing order.
+pub struct Mending {
+    /// The paths after mending, in drawing order.
     pub paths: Vec<Path>,
-    /// Number of loose pieces that were chained to others.
-    pub joined_pieces: usize,
-    /// Number of contours made of chained pieces.
-    pub contours: usize,
-    /// Number of open chains made of pieces.
-    pub chains: usize,
+    /// Contours made of chained pieces.
+    pub contours: Vec<Finding>,
+    /// Open lines made of chained pieces.
+    pub chains: Vec<Finding>,
     /// Single paths whose ends met within the tolerance and that are contours now.
-    pub closed: Vec<Closing>,
+    pub closed: Vec<Finding>,
     /// Open paths whose ends nearly meet, but not within the tolerance.
-    pub nearly_closed: Vec<Closing>,
-    /// Ends that were left alone because more than two meet there.
+    pub nearly_closed: Vec<Finding>,
+    /// Paths that draw what another path on the same layer and in the same colour draws; taken out unless nothing is
+    /// to be mended.
+    pub duplicates: Vec<Finding>,
+    /// Curves without length, and pieces without length inside longer ones; taken out unless nothing is to be mended.
+    pub without_length: Vec<Finding>,
+    /// Number of ends that were left alone because more than two meet there.
     pub ambiguous_ends: usize,
-    /// Paths drawn twice: index into `paths` of the later copy. They are kept as they are.
-    pub duplicates: Vec<usize>,
 }
 
-/// A path with two ends close together.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Closing {
-    /// Index into [`Joining::paths`].
-    pub path: usize,
-    /// Distance between the two ends, mm.
+/// Something found in a drawing, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// The path, or the first of its pieces.
+    pub source: Source,
+    /// Index of its layer.
+    pub layer: usize,
+    /// Where it begins.
+    pub at: FlatPoint,
+    /// Number of pieces concerned.
+    pub pieces: usize,
+    /// The widest gap between two ends that were, or should have been, one, mm.
     pub gap: f64,
+}
+
+impl Finding {
+    fn of(path: &Path, pieces: usize, gap: f64) -> Self {
+        let at = match &path.shape {
+            Shape::Dot(point) => *point,
+            Shape::Open(segments) | Shape::Closed(segments) => {
+                segments.first().map_or(FlatPoint::new(0.0, 0.0), Segment::start)
+            }
+        };
+        Self { source: path.source.clone(), layer: path.layer, at, pieces, gap }
+    }
 }
 
 /// A gap up to this length, mm, makes an open path worth a look: far above rounding, far below a drawn opening.
 pub const NEARLY_CLOSED: f64 = 0.1;
+/// What reaches no farther than this, mm, has no length: a nanometre, and numbers in drawings end there.
+const NO_LENGTH: f64 = 1e-6;
 
-/// Chains open paths whose ends lie within `tolerance` mm of each other, and closes those that come back to themselves.
+/// Mends a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
+/// `tolerance` mm of each other, and closes those that come back to themselves.
 ///
-/// Paths that bound a fill are not touched. Pieces no larger than the tolerance are no bridge: they stay as they are.
-/// Takes O(n log n).
-pub fn join(paths: Vec<Path>, tolerance: f64) -> Joining {
-    let copies = later_copies(&paths);
-    let joinable: Vec<bool> = paths
-        .iter()
-        .enumerate()
-        .map(|(index, path)| !copies.contains(&index) && is_joinable(path, tolerance))
-        .collect();
+/// Paths that bound a fill are not joined, and a fill is drawn twice only if all its contours are. Of an outline and an
+/// equal contour of a fill the fill's stays. Pieces no larger than the tolerance are no bridge: they stay as they are.
+/// A tolerance of 0 joins nothing. Takes O(n log n).
+pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
+    let mut result = Mending::default();
+    paths.retain_mut(|path| {
+        let found = take_out_empty(path);
+        result.without_length.extend(found);
+        matches!(path.shape, Shape::Dot(_)) || !path.shape.segments().is_empty()
+    });
+    result.take_out_copies(&mut paths);
+    let joinable: Vec<bool> = paths.iter().map(|path| is_joinable(path, tolerance)).collect();
     let (partners, ambiguous_ends) = partners(&paths, &joinable, tolerance);
+    result.ambiguous_ends = ambiguous_ends;
 
-    let mut result = Joining { ambiguous_ends, ..Joining::default() };
     let mut done = vec![false; paths.len()];
     for first in 0..paths.len() {
-        if done[first] {
+        if std::mem::replace(&mut done[first], true) {
             continue;
         }
-        let place = result.paths.len();
+        if !joinable[first] {
+            result.paths.extend(paths.get_mut(first).map(taken));
+            continue;
+        }
         let (pieces, returns) = chain(first, &partners);
         pieces.iter().for_each(|piece| done[piece / 2] = true);
-        let mut path = paths[first].clone();
-        if pieces.len() > 1 {
-            result.joined_pieces += pieces.len();
-            if returns {
-                result.contours += 1;
-            } else {
-                result.chains += 1;
-            }
+        let (mut segments, mut gap) = connected(&pieces, &mut paths);
+        let opening = match (segments.first(), segments.last()) {
+            (Some(first), Some(last)) => first.start().distance(last.end()),
+            _ => f64::INFINITY,
+        };
+        if returns {
+            gap = gap.max(opening);
+            close(&mut segments);
         }
-        if joinable[first] {
-            let mut segments = connected(&pieces, &paths);
-            let gap = match (segments.first(), segments.last()) {
-                (Some(first), Some(last)) => first.start().distance(last.end()),
-                _ => f64::INFINITY,
-            };
-            if returns {
-                if pieces.len() == 1 && gap > 0.0 {
-                    result.closed.push(Closing { path: place, gap });
-                }
-                close(&mut segments);
-                path.shape = Shape::Closed(segments);
-            } else {
-                if gap <= NEARLY_CLOSED && gap > tolerance && reach(&segments) > 2.0 * gap {
-                    result.nearly_closed.push(Closing { path: place, gap });
-                }
-                path.shape = Shape::Open(segments);
-            }
+        let shape = if returns { Shape::Closed(segments) } else { Shape::Open(segments) };
+        let path = Path { shape, ..taken(&mut paths[first]) };
+        match (pieces.len(), returns) {
+            (1, true) if gap > 0.0 => result.closed.push(Finding::of(&path, 1, gap)),
+            (1, _) => {}
+            (count, true) => result.contours.push(Finding::of(&path, count, gap)),
+            (count, false) => result.chains.push(Finding::of(&path, count, gap)),
         }
-        if copies.contains(&first) {
-            result.duplicates.push(place);
-        }
+        result.see_opening(&path, tolerance);
         result.paths.push(path);
     }
+    // What was drawn once as a whole and once in pieces is a copy only now.
+    if !(result.contours.is_empty() && result.chains.is_empty()) {
+        let mut paths = std::mem::take(&mut result.paths);
+        result.take_out_copies(&mut paths);
+        result.paths = paths;
+    }
     result
+}
+
+/// Changes nothing and finds what [`mend`] would take out, and openings of outlines that may not be meant.
+pub fn examine(paths: Vec<Path>) -> Mending {
+    let mut result = Mending::default();
+    for path in &paths {
+        result.without_length.extend(take_out_empty(&mut path.clone()));
+        result.see_opening(path, 0.0);
+    }
+    let copies = copies(&paths);
+    let found = paths.iter().zip(&copies).filter(|(_, is_copy)| **is_copy);
+    result.duplicates = found.map(|(path, _)| Finding::of(path, 1, 0.0)).collect();
+    result.paths = paths;
+    result
+}
+
+impl Mending {
+    fn take_out_copies(&mut self, paths: &mut Vec<Path>) {
+        let mut copies = copies(paths).into_iter();
+        paths.retain(|path| {
+            let is_copy = copies.next().unwrap_or(false);
+            if is_copy {
+                self.duplicates.push(Finding::of(path, 1, 0.0));
+            }
+            !is_copy
+        });
+    }
+
+    fn see_opening(&mut self, path: &Path, tolerance: f64) {
+        let Shape::Open(segments) = &path.shape else { return };
+        let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return };
+        let gap = first.start().distance(last.end());
+        if gap <= NEARLY_CLOSED && gap > tolerance && reaches_beyond(segments, 2.0 * gap) {
+            self.nearly_closed.push(Finding::of(path, 1, gap));
+        }
+    }
+}
+
+/// The path, with nothing left in its place.
+fn taken(path: &mut Path) -> Path {
+    let nothing = Path {
+        layer: path.layer,
+        color: path.color,
+        shape: Shape::Open(Vec::new()),
+        region: path.region,
+        source: Source::default(),
+    };
+    std::mem::replace(path, nothing)
+}
+
+/// Takes the pieces without length out of a path, all of them if there is nothing else.
+fn take_out_empty(path: &mut Path) -> Option<Finding> {
+    let found = Finding::of(path, 0, 0.0);
+    let segments = match &mut path.shape {
+        Shape::Dot(_) => return None,
+        Shape::Open(segments) | Shape::Closed(segments) => segments,
+    };
+    let before = segments.len();
+    if reaches_beyond(segments, NO_LENGTH) {
+        segments.retain(|segment| !matches!(segment, Segment::Line { from, to } if from == to));
+    } else {
+        segments.clear();
+    }
+    let pieces = before - segments.len();
+    (pieces > 0).then_some(Finding { pieces, ..found })
 }
 
 /// Whether the path is an open curve, larger than the tolerance, that bounds no fill.
 fn is_joinable(path: &Path, tolerance: f64) -> bool {
     match &path.shape {
-        Shape::Open(segments) => path.region.is_none() && reach(segments) > tolerance,
+        Shape::Open(segments) => {
+            tolerance > 0.0 && path.region.is_none() && reaches_beyond(segments, tolerance)
+        }
         _ => false,
     }
 }
 
-/// The largest distance from the start that is met on the way, mm.
-fn reach(segments: &[Segment]) -> f64 {
-    let Some(start) = segments.first().map(Segment::start) else { return 0.0 };
-    let on_the_way = segments.iter().flat_map(|segment| [0.25, 0.5, 0.75, 1.0].map(|t| segment.point(t)));
-    on_the_way.map(|point| point.distance(start)).fold(0.0, f64::max)
+/// Whether the way leads farther than `distance` mm from its start.
+fn reaches_beyond(segments: &[Segment], distance: f64) -> bool {
+    let Some(start) = segments.first().map(Segment::start) else { return false };
+    let on_the_way = |segment: &Segment| match segment {
+        Segment::Line { to, .. } => to.distance(start) > distance,
+        curve => [0.25, 0.5, 0.75, 1.0].iter().any(|t| curve.point(*t).distance(start) > distance),
+    };
+    segments.iter().any(on_the_way)
 }
 
 // An end is numbered 2·path for its start and 2·path + 1 for its end; the other end of the same path is `end ^ 1`.
@@ -213,25 +305,30 @@ fn chain(first: usize, partners: &[Option<usize>]) -> (Vec<usize>, bool) {
     (backward, false)
 }
 
-/// The segments of the pieces in a row, each moved so that it starts exactly where the last one ended.
-fn connected(pieces: &[usize], paths: &[Path]) -> Vec<Segment> {
+/// The segments of the pieces in a row, each moved so that it starts exactly where the last one ended, and the widest gap
+/// between two of them, mm.
+fn connected(pieces: &[usize], paths: &mut [Path]) -> (Vec<Segment>, f64) {
     let mut row: Vec<Segment> = Vec::new();
+    let mut widest = 0.0f64;
     for &piece in pieces {
-        let segments = paths[piece / 2].shape.segments();
-        let directed: Vec<Segment> = if piece.is_multiple_of(2) {
-            segments.to_vec()
-        } else {
-            segments.iter().rev().map(Segment::reversed).collect()
+        let mut segments = match &mut paths[piece / 2].shape {
+            Shape::Dot(_) => Vec::new(),
+            Shape::Open(segments) | Shape::Closed(segments) => std::mem::take(segments),
         };
-        for (index, segment) in directed.into_iter().enumerate() {
-            let target = row.last().map(Segment::end).filter(|_| index == 0);
-            row.push(match target {
-                Some(start) => with_ends(&segment, start, segment.end()),
-                None => segment,
-            });
+        if !piece.is_multiple_of(2) {
+            segments = segments.iter().rev().map(Segment::reversed).collect();
+        }
+        if let (Some(start), Some(first)) = (row.last().map(Segment::end), segments.first_mut()) {
+            widest = widest.max(start.distance(first.start()));
+            *first = with_ends(first, start, first.end());
+        }
+        if row.is_empty() {
+            row = segments;
+        } else {
+            row.append(&mut segments);
         }
     }
-    row
+    (row, widest)
 }
 
 /// Moves the last end onto the first start.
@@ -273,34 +370,88 @@ fn with_ends(segment: &Segment, start: FlatPoint, end: FlatPoint) -> Segment {
     moved
 }
 
-/// Paths that draw exactly what an earlier path on the same layer and in the same colour draws, in either direction.
-fn later_copies(paths: &[Path]) -> BTreeSet<usize> {
-    let mut seen = BTreeSet::new();
-    let copies = paths.iter().enumerate().filter(|(_, path)| !seen.insert((group(path), signature(path))));
-    copies.map(|(index, _)| index).collect()
+/// Which paths draw what another one draws on the same layer and in the same colour.
+fn copies(paths: &[Path]) -> Vec<bool> {
+    let drawn: Vec<Drawn> = paths.iter().map(Drawn::by).collect();
+    // A fill is what all its contours are together.
+    let mut fills: BTreeMap<u32, (Group, Drawn)> = BTreeMap::new();
+    for (path, drawn) in paths.iter().zip(&drawn) {
+        if let Some(region) = path.region {
+            fills.entry(region).or_insert((group(path), Drawn::default())).1.add(drawn);
+        }
+    }
+    let mut seen: BTreeMap<(Group, Drawn), u32> = BTreeMap::new();
+    for (region, key) in &fills {
+        seen.entry(*key).or_insert(*region);
+    }
+    // Contours of fills that stay, and all other paths so far.
+    let mut outlines: BTreeSet<(Group, Drawn)> = BTreeSet::new();
+    let is_kept = |region: u32| fills.get(&region).and_then(|key| seen.get(key)) == Some(&region);
+    for (path, drawn) in paths.iter().zip(&drawn) {
+        if path.region.is_some_and(is_kept) {
+            outlines.insert((group(path), *drawn));
+        }
+    }
+    let is_copy = |(path, drawn): (&Path, &Drawn)| match path.region {
+        Some(region) => !is_kept(region),
+        None => !outlines.insert((group(path), *drawn)),
+    };
+    paths.iter().zip(&drawn).map(is_copy).collect()
 }
 
-/// What a path draws, rounded to 1e-6 mm and mixed into two numbers that do not depend on its direction.
-fn signature(path: &Path) -> (u64, u64, usize) {
-    let rounded = |point: FlatPoint| [(point.x * 1e6).round() as i64, (point.y * 1e6).round() as i64];
-    let mixed = |points: &mut dyn Iterator<Item = FlatPoint>| {
-        // FNV-1a, 64 bit.
-        points.flat_map(rounded).fold(0xcbf2_9ce4_8422_2325_u64, |hash, value| {
-            value
-                .to_le_bytes()
-                .iter()
-                .fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3))
-        })
-    };
-    if let Shape::Dot(point) = path.shape {
-        return (mixed(&mut [point].into_iter()), 0, 0);
+/// What is drawn, rounded to 1e-6 mm, as sums over its pieces that depend neither on their order nor on their direction.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Drawn {
+    pieces: usize,
+    sum: u64,
+    sum_of_others: u64,
+}
+
+impl Drawn {
+    fn by(path: &Path) -> Self {
+        let mut drawn = Self::default();
+        if let Shape::Dot(point) = path.shape {
+            drawn.see(mixed(point));
+            drawn.pieces = 0;
+        }
+        for segment in path.shape.segments() {
+            drawn.see(match segment {
+                Segment::Line { from, to } => mixed(*from).wrapping_add(mixed(*to)),
+                curve => {
+                    let pair = |a: f64, b: f64| mixed(curve.point(a)).wrapping_add(mixed(curve.point(b)));
+                    let outer = pair(0.0, 1.0).wrapping_add(stirred(pair(0.25, 0.75)));
+                    outer ^ stirred(mixed(curve.point(0.5)).wrapping_mul(3))
+                }
+            });
+        }
+        drawn
     }
-    let segments = path.shape.segments();
-    let ahead = mixed(&mut segments.iter().flat_map(|s| [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| s.point(t))));
-    let back =
-        mixed(&mut segments.iter().rev().flat_map(|s| [1.0, 0.75, 0.5, 0.25, 0.0].map(|t| s.point(t))));
-    let kind = segments.len() * 2 + usize::from(path.shape.is_closed());
-    (ahead.min(back), ahead.max(back), kind)
+
+    fn see(&mut self, piece: u64) {
+        self.pieces += 1;
+        self.sum = self.sum.wrapping_add(stirred(piece));
+        self.sum_of_others = self.sum_of_others.wrapping_add(stirred(piece ^ 0x5bd1_e995_9d1c_a3f7));
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.pieces += other.pieces;
+        self.sum = self.sum.wrapping_add(other.sum);
+        self.sum_of_others = self.sum_of_others.wrapping_add(other.sum_of_others);
+    }
+}
+
+fn mixed(point: FlatPoint) -> u64 {
+    let rounded = [point.x, point.y].map(|value| (value * 1e6).round() as i64 as u64);
+    stirred(stirred(rounded[0]).wrapping_add(rounded[1]))
+}
+
+/// Every bit of the number spread over all bits (Steele, Lea, Flood, "Fast splittable pseudorandom number generators",
+/// 2014, the mixer of SplitMix64).
+fn stirred(number: u64) -> u64 {
+    let number = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let number = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let number = (number ^ (number >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    number ^ (number >> 31)
 }
 
 #[cfg(test)]
@@ -351,8 +502,9 @@ mod tests {
             arc(point(10.0, 2.0), 2.0, -PI / 2.0, PI),
             arc(point(0.0005, 2.0), 2.0, PI / 2.0, PI),
         ];
-        let joining = join(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.contours, joining.joined_pieces), (2, 1, 4));
+        let joining = mend(pieces, 0.002);
+        assert_eq!((joining.paths.len(), joining.contours.len(), joining.contours[0].pieces), (2, 1, 4));
+        assert!((joining.contours[0].gap - 0.0005).abs() < 1e-9 && joining.contours[0].at == point(0.0, 0.0));
         assert!(joining.paths[0].shape.is_closed());
         assert_eq!(joining.paths[0].shape.segments()[0].start(), point(0.0, 0.0));
         assert_connected(&joining.paths[0].shape);
@@ -365,8 +517,8 @@ mod tests {
             line((10.0, 0.0), (0.0, 0.0)),
             line((30.0, 5.0), (20.0, 0.0)),
         ];
-        let joining = join(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.chains), (1, 1));
+        let joining = mend(pieces, 0.002);
+        assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
         let segments = joining.paths[0].shape.segments();
         assert_eq!((segments[0].start(), segments[2].end()), (point(0.0, 0.0), point(30.0, 5.0)));
         assert_connected(&joining.paths[0].shape);
@@ -376,7 +528,7 @@ mod tests {
     fn three_ends_at_one_point_are_left_alone() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((0.0, 0.0), (0.0, 1.0)), line((0.0, 0.0), (-1.0, 0.0))];
-        let joining = join(pieces.clone(), 0.002);
+        let joining = mend(pieces.clone(), 0.002);
         assert_eq!(joining.paths, pieces);
         assert_eq!(joining.ambiguous_ends, 3);
     }
@@ -389,40 +541,99 @@ mod tests {
         other_color.color = Color::Aci(1);
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), other_layer, other_color, line((1.003, 0.0), (1.5, 1.0))];
-        assert_eq!(join(pieces.clone(), 0.002).paths, pieces);
+        assert_eq!(mend(pieces.clone(), 0.002).paths, pieces);
     }
 
     #[test]
-    fn a_line_drawn_twice_is_noted_and_makes_no_contour() {
+    fn a_line_drawn_twice_is_taken_out_and_makes_no_contour() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (0.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = join(pieces, 0.002);
-        assert_eq!(joining.duplicates, [1]);
-        assert_eq!((joining.paths.len(), joining.contours, joining.chains), (2, 0, 1));
+        let joining = mend(pieces, 0.002);
+        assert_eq!((joining.duplicates.len(), joining.duplicates[0].at), (1, point(1.0, 0.0)));
+        assert_eq!((joining.paths.len(), joining.contours.len(), joining.chains[0].pieces), (1, 0, 2));
     }
 
     #[test]
     fn a_turn_that_almost_closes_is_closed_and_a_wider_gap_is_named() {
-        let joining = join(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
+        let joining = mend(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
         assert_eq!(joining.closed.len(), 1);
         assert!(
             matches!(joining.paths[0].shape.segments(), [Segment::Arc { sweep, .. }] if *sweep == 2.0 * PI)
         );
-        let joining = join(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
+        let joining = mend(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
         assert!(joining.closed.is_empty() && joining.nearly_closed.len() == 1);
     }
 
     #[test]
-    fn pieces_smaller_than_the_tolerance_do_not_hide_a_joint() {
+    fn pieces_without_length_are_taken_out_and_hide_no_joint() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = join(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.chains), (2, 1));
+        let joining = mend(pieces, 0.002);
+        assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
+    }
+
+    fn square(corners: [(f64, f64); 4]) -> Path {
+        let corners = corners.map(|(x, y)| point(x, y));
+        let sides = (0..4).map(|i| Segment::Line { from: corners[i], to: corners[(i + 1) % 4] });
+        Path { shape: Shape::Closed(sides.collect()), ..line((0.0, 0.0), (1.0, 0.0)) }
+    }
+
+    #[test]
+    fn copies_are_found_whatever_their_start_direction_and_pieces() {
+        let around = square([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]);
+        let back = square([(2.0, 1.0), (2.0, 0.0), (0.0, 0.0), (0.0, 1.0)]);
+        let bow_tie = square([(0.0, 0.0), (2.0, 1.0), (2.0, 0.0), (0.0, 1.0)]);
+        let found = mend(vec![around.clone(), back, bow_tie.clone()], 0.002);
+        assert_eq!(found.paths, [around.clone(), bow_tie]);
+        let sides: Vec<Path> = around.shape.segments().iter().cloned().map(open).collect();
+        let found = mend([sides, vec![around]].concat(), 0.002);
+        assert_eq!((found.paths.len(), found.contours.len(), found.duplicates.len()), (1, 1, 1));
+    }
+
+    #[test]
+    fn of_an_outline_and_its_fill_the_fill_stays_and_fills_are_compared_whole() {
+        let outer = square([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]);
+        let hole = square([(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]);
+        let of = |path: &Path, region| Path { region: Some(region), ..path.clone() };
+        let ring = [of(&outer, 1), of(&hole, 1)];
+        let paths = [vec![outer.clone()], ring.to_vec(), vec![of(&outer, 2), of(&hole, 3), of(&hole, 4)]];
+        let found = mend(paths.concat(), 0.002);
+        assert_eq!(found.paths, [ring.to_vec(), vec![of(&outer, 2), of(&hole, 3)]].concat());
+        // The same contour twice in one fill leaves nothing filled, and that is what is drawn.
+        let nothing = vec![of(&outer, 1), of(&outer, 1)];
+        assert_eq!(mend(nothing.clone(), 0.002).paths, nothing);
+    }
+
+    #[test]
+    fn repeated_points_go_and_are_counted() {
+        let segment = |from: f64, to: f64| Segment::Line { from: point(from, 0.0), to: point(to, 0.0) };
+        let repeated = Path {
+            shape: Shape::Open(vec![segment(0.0, 0.0), segment(0.0, 3.0), segment(3.0, 3.0)]),
+            ..line((0.0, 0.0), (1.0, 0.0))
+        };
+        let found = mend(vec![repeated, line((5.0, 5.0), (5.0, 5.0))], 0.002);
+        let counted: Vec<_> = found.without_length.iter().map(|found| (found.at, found.pieces)).collect();
+        assert_eq!(counted, [(point(0.0, 0.0), 2), (point(5.0, 5.0), 1)]);
+        assert_eq!(found.paths, [line((0.0, 0.0), (3.0, 0.0))]);
+    }
+
+    #[test]
+    fn examining_finds_the_same_and_changes_nothing() {
+        let pieces = vec![
+            line((0.0, 0.0), (1.0, 0.0)),
+            line((1.0, 0.0), (0.0, 0.0)),
+            line((7.0, 7.0), (7.0, 7.0)),
+            arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6),
+        ];
+        let found = examine(pieces.clone());
+        assert_eq!(found.paths, pieces);
+        let counts = (found.duplicates.len(), found.without_length.len(), found.nearly_closed.len());
+        assert_eq!(counts, (1, 1, 1));
     }
 
     #[test]
     fn many_ends_in_one_place_take_no_time() {
         let star: Vec<Path> = (0..50_000).map(|i| line((0.0, 0.0), (f64::from(i), 1.0))).collect();
-        assert_eq!(join(star, 0.002).ambiguous_ends, 50_000);
+        assert_eq!(mend(star, 0.002).ambiguous_ends, 50_000);
     }
 }

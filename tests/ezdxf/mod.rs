@@ -15,6 +15,7 @@ auditor = doc.audit()
 box = bbox.extents(doc.modelspace(), fast=False)
 def points(e):
     if e.dxftype() == 'POINT': return [list(e.dxf.location)[:2]]
+    if e.dxftype() == 'LINE': return [list(p)[:2] for p in (e.dxf.start, e.dxf.end)]
     if e.dxftype() == 'LWPOLYLINE': return [[x, y] for x, y in e.get_points('xy')]
     return [list(v.dxf.location)[:2] for v in e.vertices]
 print(json.dumps({

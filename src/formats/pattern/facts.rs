@@ -1,5 +1,6 @@
 //! What was found in a drawing besides its paths.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
@@ -30,8 +31,8 @@ pub struct PatternFacts {
     pub layers: BTreeMap<String, LayerFacts>,
     /// Everything that draws something in the file and not in the pattern; what a block holds is named once.
     pub not_taken: Vec<NotTaken>,
-    /// What was mended, such as loose pieces joined to contours.
-    pub repairs: Vec<Notice>,
+    /// What was mended, such as loose pieces joined to contours; empty for drawings read strictly.
+    pub repairs: Vec<Repair>,
     /// What was assumed or looks unusual.
     pub notices: Vec<Notice>,
     /// What is known of the picture, if the drawing is one.
@@ -72,6 +73,35 @@ pub struct LayerFacts {
     pub hidden: Option<String>,
 }
 
+/// Something that was mended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Repair {
+    /// What was mended, with its number.
+    #[serde(flatten)]
+    pub notice: Notice,
+    /// Every place where it was mended.
+    pub places: Vec<RepairPlace>,
+}
+
+/// Where something was mended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RepairPlace {
+    /// Type of the entity, or of the first of several, such as `LINE`.
+    pub entity: String,
+    /// Its handle in hexadecimal, if the file has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle: Option<String>,
+    /// The layer it is drawn on.
+    pub layer: String,
+    /// Where it begins in the drawing, mm.
+    pub at_mm: [f64; 2],
+    /// Number of pieces concerned.
+    pub pieces: usize,
+    /// The widest gap that was closed, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap_mm: Option<f64>,
+}
+
 /// An entity that is not in the pattern.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotTaken {
@@ -82,5 +112,5 @@ pub struct NotTaken {
     /// The layer it names.
     pub layer: String,
     /// Why it was left out, and what can be done about it.
-    pub why: String,
+    pub why: Cow<'static, str>,
 }

@@ -10,7 +10,7 @@ mod units;
 
 pub use dxf::write::{DxfProfile, write};
 pub use error::{EntityName, PatternReadError, Spot};
-pub use facts::{LayerFacts, NotTaken, PatternFacts, PictureFacts};
+pub use facts::{LayerFacts, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};
 pub use picture::PictureOptions;
 pub use units::{DrawingUnit, UnknownUnit};
 
@@ -33,6 +33,8 @@ pub struct PatternOptions {
     /// Ends of loose pieces no farther apart are joined, mm. Default 0.002: a hundred times the rounding of exporters
     /// and a tenth of a fine laser spot. 0 joins nothing.
     pub joining_tolerance: f64,
+    /// Leaves the drawing as it is: nothing is joined, closed or taken out, and what would be is warned of. Default no.
+    pub strict: bool,
     /// How a picture is read.
     pub picture: PictureOptions,
 }
@@ -43,6 +45,7 @@ impl Default for PatternOptions {
             unit_if_unitless: None,
             unit: None,
             joining_tolerance: 0.002,
+            strict: false,
             picture: PictureOptions::default(),
         }
     }

@@ -1,12 +1,13 @@
 //! Inserts unfolded: every entity where it is drawn, on the layer and in the colour it is drawn in.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
 use super::super::error::PatternReadError;
 use super::curves::{Curve, Placement};
-use super::entities::{Insert, Item};
+use super::entities::{Insert, Item, MAX_SEGMENTS};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::NotTaken;
@@ -17,8 +18,6 @@ use crate::geometry::space::FlatPoint;
 const MAX_DEPTH: usize = 32;
 /// Largest number of entities after unfolding.
 const MAX_ENTITIES: usize = 2_000_000;
-/// Largest number of segments after unfolding.
-const MAX_SEGMENTS: usize = 3_000_000;
 /// Coordinates beyond this, mm, are refused: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
 
@@ -79,8 +78,8 @@ struct Unfolding<'u> {
     items: &'u [Item],
     result: Unfolded,
     layer_numbers: BTreeMap<String, usize>,
-    /// What was named already: a block may be drawn many times.
-    named: BTreeSet<(usize, String)>,
+    /// What was named already inside blocks, which may be drawn many times.
+    named: BTreeSet<(usize, Cow<'static, str>)>,
     entities: usize,
     segments: usize,
     regions: u32,
@@ -105,7 +104,7 @@ impl Unfolding<'_> {
         let entry = structure.layers.get(&layer.to_uppercase());
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
-            self.name(index, record, why);
+            self.name(index, record, why.into());
             return Ok(());
         }
         let color = match record.color {
@@ -137,11 +136,11 @@ impl Unfolding<'_> {
         };
         match item {
             Item::Insert(_) => {}
-            Item::NotTaken(why) => self.name(index, record, why),
+            Item::NotTaken(why) => self.name(index, record, why.clone()),
             // Inside a block it stands for the attributes of the inserts, which are texts of their own.
             Item::Template if !self.open_blocks.is_empty() => {}
             Item::Template => {
-                self.name(index, record, "it is the template of an attribute: write a text instead");
+                self.name(index, record, "it is the template of an attribute: write a text instead".into());
             }
             Item::Several(items) => {
                 for (own, item) in items {
@@ -187,11 +186,15 @@ impl Unfolding<'_> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
         let Some(block) = structure.blocks.get(&key) else {
-            self.name(index, record, &format!("the file does not define its block {}", insert.block));
+            self.name(index, record, format!("the file does not define its block {}", insert.block).into());
             return Ok(());
         };
         if block.external {
-            self.name(index, record, "it stands for another file: bind the reference before exporting");
+            self.name(
+                index,
+                record,
+                "it stands for another file: bind the reference before exporting".into(),
+            );
             return Ok(());
         }
         if self.open_blocks.contains(&key) {
@@ -292,14 +295,14 @@ impl Unfolding<'_> {
         Ok(())
     }
 
-    fn name(&mut self, index: usize, record: &Record, why: &str) {
-        if self.named.insert((index, why.to_owned())) {
+    fn name(&mut self, index: usize, record: &Record, why: Cow<'static, str>) {
+        if self.open_blocks.is_empty() || self.named.insert((index, why.clone())) {
             let name = self.structure.name(self.scan, record);
             self.result.not_taken.push(NotTaken {
                 entity: name.kind,
                 handle: name.handle,
                 layer: name.layer,
-                why: why.to_owned(),
+                why,
             });
         }
     }

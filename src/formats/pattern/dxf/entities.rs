@@ -1,5 +1,6 @@
 //! Entities as curves in the space of the block that holds them.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
@@ -12,6 +13,9 @@ use super::splines::{ControlSpline, by_control_points, through_fit_points};
 use super::structure::{Record, RecordColor, Structure};
 use super::text::{self, FontUses};
 use super::{hatch, polylines};
+
+/// Largest number of segments of all entities, and again of what is drawn.
+pub(super) const MAX_SEGMENTS: usize = 3_000_000;
 
 /// What an entity draws.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,10 +33,19 @@ pub(super) enum Item {
     /// What attributes of a block are to look like; draws nothing itself.
     Template,
     /// Nothing, with the reason.
-    NotTaken(String),
+    NotTaken(Cow<'static, str>),
 }
 
 impl Item {
+    fn segments(&self) -> usize {
+        match self {
+            Self::Curve(curve) => curve.segments.len(),
+            Self::Fill(contours) => contours.iter().map(|contour| contour.segments.len()).sum(),
+            Self::Several(items) => items.iter().map(|(_, item)| item.segments().max(1)).sum(),
+            Self::Dot(_) | Self::Insert(_) | Self::Template | Self::NotTaken(_) => 0,
+        }
+    }
+
     /// The item where the placement puts it.
     pub(super) fn placed(&self, placement: &Placement) -> Self {
         match self {
@@ -72,15 +85,18 @@ pub(super) struct Insert {
 pub(super) struct Remarks {
     /// Texts by their position in the inventory, with the fonts that stand in for those they ask for.
     pub(super) texts: BTreeMap<usize, FontUses>,
-    /// Polylines from which the point was taken that the old FreeCAD exporter puts in front.
-    pub(super) extra_vertices: usize,
+    /// Whether entities are left as they are.
+    pub(super) strict: bool,
+    /// Polylines with the point that the old FreeCAD exporter puts in front, by their position in the inventory; it is
+    /// taken out unless the drawing is read strictly.
+    pub(super) extra_vertices: Vec<usize>,
 }
 
 /// What every entity of the inventory draws, in its order. Pieces of splines of high degree stay within `tolerance`, in
 /// units of the drawing.
 ///
 /// # Errors
-/// A number of an entity that is drawn cannot be read or is not finite.
+/// A number of an entity that is drawn cannot be read or is not finite, or there are too many segments.
 pub(super) fn items(
     scan: &Scan<'_>,
     structure: &Structure,
@@ -88,7 +104,18 @@ pub(super) fn items(
     remarks: &mut Remarks,
 ) -> Result<Vec<Item>, PatternReadError> {
     let reader = Reader { scan, structure, tolerance };
-    structure.entities.iter().enumerate().map(|(index, record)| reader.item(index, record, remarks)).collect()
+    let mut items = Vec::with_capacity(structure.entities.len());
+    let mut segments = 0;
+    for (index, record) in structure.entities.iter().enumerate() {
+        let item = reader.item(index, record, remarks)?;
+        segments += item.segments();
+        if segments > MAX_SEGMENTS {
+            let entity = Some(structure.name(scan, record));
+            return Err(PatternReadError::TooMany { what: "segments", limit: MAX_SEGMENTS, entity });
+        }
+        items.push(item);
+    }
+    Ok(items)
 }
 
 struct Reader<'r> {
@@ -122,7 +149,7 @@ impl Reader<'_> {
                 round(part.or(40, 0.0), |radius| arc(part.point(10), radius, start, sweep, &part.plane()))
             }
             "ELLIPSE" => ellipse(&groups(&[10, 20, 30, 11, 21, 31, 40, 41, 42, 210, 220, 230])?),
-            "LWPOLYLINE" => polylines::light(self.scan, self.structure, record, remarks)?,
+            "LWPOLYLINE" => polylines::light(self.scan, self.structure, index, record, remarks)?,
             "POLYLINE" => polylines::heavy(self.scan, self.structure, record)?,
             // A helix is given as a spline; the data of its axis come after it.
             kind @ ("SPLINE" | "HELIX") => {
@@ -162,7 +189,7 @@ impl Reader<'_> {
                 let uses = remarks.texts.entry(index).or_default();
                 text::paragraphs(self.scan, self.structure, record, uses)?
             }
-            kind => Item::NotTaken(why_not(kind)),
+            kind => Item::NotTaken(why_not(kind).into()),
         })
     }
 
@@ -238,7 +265,7 @@ fn spline(spline: &Groups, tolerance: f64) -> Item {
         };
         by_control_points(&control, tolerance)
     };
-    curve.map_or_else(Item::NotTaken, Item::Curve)
+    curve.map_or_else(|why| Item::NotTaken(why.into()), Item::Curve)
 }
 
 fn quadrangle(solid: &Groups) -> Item {
@@ -255,7 +282,7 @@ fn quadrangle(solid: &Groups) -> Item {
 }
 
 /// Why an entity of a kind that is not read is left out, and what to do.
-fn why_not(kind: &str) -> String {
+fn why_not(kind: &str) -> &'static str {
     match kind {
         "RTEXT" | "ARCALIGNEDTEXT" | "SHAPE" | "TOLERANCE" => {
             "text of this kind is not read: convert text to outlines in the drawing program"
@@ -275,5 +302,4 @@ fn why_not(kind: &str) -> String {
         "VERTEX" | "SEQEND" => "it belongs to no polyline or block",
         _ => "this kind of entity is not read: explode it in the drawing program",
     }
-    .into()
 }

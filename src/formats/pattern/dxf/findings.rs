@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::super::error::PatternReadError;
-use super::super::facts::{LayerFacts, NotTaken, PatternFacts};
+use super::super::error::{EntityName, PatternReadError};
+use super::super::facts::{LayerFacts, NotTaken, PatternFacts, Repair, RepairPlace};
 use super::super::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
 use super::entities::Remarks;
+use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
-use crate::geometry::contour::{Closing, Joining};
+use crate::geometry::contour::{Finding, Mending};
 use crate::geometry::pattern::{Layer, Path, Shape};
 use crate::geometry::space::Extents;
 use crate::reason::Notice;
@@ -123,33 +124,104 @@ pub(super) fn extents(paths: &[Path]) -> Extents {
     all
 }
 
-pub(super) fn repairs(joining: &Joining, remarks: &Remarks, tolerance: f64) -> Vec<Notice> {
+/// What was mended, kind by kind, with every place.
+pub(super) fn repairs(
+    mending: &Mending,
+    layers: &[Layer],
+    structure: &Structure,
+    scan: &Scan<'_>,
+    remarks: &Remarks,
+    tolerance: f64,
+) -> Vec<Repair> {
+    let place = |found: &Finding| RepairPlace {
+        entity: found.source.entity.clone(),
+        handle: found.source.handle.clone(),
+        layer: layers.get(found.layer).map(|layer| layer.name.clone()).unwrap_or_default(),
+        at_mm: found.at.coords().into(),
+        pieces: found.pieces,
+        gap_mm: Some(found.gap).filter(|gap| *gap > 0.0),
+    };
     let mut repairs = Vec::new();
-    if joining.joined_pieces > 0 {
+    let mut add = |code: &str, message: String, found: &[&[Finding]]| {
+        let places: Vec<RepairPlace> = found.iter().copied().flatten().map(place).collect();
+        if !places.is_empty() {
+            repairs.push(Repair { notice: Notice::note(code, message), places });
+        }
+    };
+    let pieces = |found: &[Finding]| found.iter().map(|found| found.pieces).sum::<usize>();
+    let message = format!(
+        "{} loose pieces were joined to {} and {} (ends within {tolerance} mm)",
+        pieces(&mending.contours) + pieces(&mending.chains),
+        counted(mending.contours.len(), "contour", "contours"),
+        counted(mending.chains.len(), "open line", "open lines"),
+    );
+    add("pieces-joined", message, &[&mending.contours, &mending.chains]);
+    let closed: Vec<Finding> = mending.closed.iter().filter(|found| found.gap > ROUNDING).cloned().collect();
+    if let Some(widest) = widest(&closed) {
         let message = format!(
-            "{} loose pieces were joined to {} contours and {} open lines (ends within {tolerance} mm)",
-            joining.joined_pieces, joining.contours, joining.chains
-        );
-        repairs.push(Notice::note("pieces-joined", message));
-    }
-    let closed: Vec<&Closing> = joining.closed.iter().filter(|closing| closing.gap > ROUNDING).collect();
-    if let Some(widest) = widest(closed.iter().copied()) {
-        let message = format!(
-            "{} nearly closed paths were closed, the widest gap {:.6} mm ({})",
-            closed.len(),
+            "{} closed, the widest gap {:.6} mm ({})",
+            counted(closed.len(), "nearly closed path was", "nearly closed paths were"),
             widest.gap,
-            name(&joining.paths[widest.path])
+            name(widest)
         );
-        repairs.push(Notice::note("contours-closed", message));
+        add("contours-closed", message, &[&closed]);
     }
-    if remarks.extra_vertices > 0 {
+    if let [first, ..] = mending.duplicates.as_slice() {
+        let message = format!(
+            "{} drawn twice in the same place and taken out once (first {})",
+            counted(mending.duplicates.len(), "path was", "paths were"),
+            name(first)
+        );
+        add("copies-removed", message, &[&mending.duplicates]);
+    }
+    if let [first, ..] = mending.without_length.as_slice() {
+        let message = format!(
+            "{} without length taken out (first in {})",
+            counted(pieces(&mending.without_length), "piece", "pieces"),
+            name(first)
+        );
+        add("empty-pieces-removed", message, &[&mending.without_length]);
+    }
+    if !remarks.extra_vertices.is_empty() {
         let message = format!(
             "{} LWPOLYLINE lost a first point at (0, 0) that their point count does not include",
-            remarks.extra_vertices
+            remarks.extra_vertices.len()
         );
-        repairs.push(Notice::warning("extra-point-removed", message));
+        let records = remarks.extra_vertices.iter().filter_map(|index| structure.entities.get(*index));
+        let places = records.map(|record| {
+            let EntityName { kind: entity, handle, layer } = structure.name(scan, record);
+            RepairPlace { entity, handle, layer, at_mm: [0.0; 2], pieces: 1, gap_mm: None }
+        });
+        let notice = Notice::warning("extra-point-removed", message);
+        repairs.push(Repair { notice, places: places.collect() });
     }
     repairs
+}
+
+/// Warnings of what was left as it is because the drawing is read strictly.
+pub(super) fn unmended_notices(mending: &Mending, remarks: &Remarks, facts: &mut PatternFacts) {
+    let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
+    if let [first, ..] = mending.duplicates.as_slice() {
+        let message = format!(
+            "{} drawn twice in the same place and will be marked twice (first {})",
+            counted(mending.duplicates.len(), "path is", "paths are"),
+            name(first)
+        );
+        warn("drawn-twice", message);
+    }
+    if let [first, ..] = mending.without_length.as_slice() {
+        let pieces: usize = mending.without_length.iter().map(|found| found.pieces).sum();
+        let message =
+            format!("{} no length (first in {})", counted(pieces, "piece has", "pieces have"), name(first));
+        warn("without-length", message);
+    }
+    if !remarks.extra_vertices.is_empty() {
+        let message = format!(
+            "{} LWPOLYLINE begin with a point at (0, 0) that their point count does not include",
+            remarks.extra_vertices.len()
+        );
+        warn("extra-point", message);
+    }
 }
 
 /// Notices about the size, which tells wrong units.
@@ -178,7 +250,7 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 }
 
 /// Notices about what is drawn.
-pub(super) fn drawing_notices(joining: &Joining, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
+pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
     if !facts.not_taken.is_empty() {
         let first: Vec<String> = facts
             .not_taken
@@ -196,20 +268,12 @@ pub(super) fn drawing_notices(joining: &Joining, heights: Option<(f64, f64)>, fa
         facts.notices.push(notice("not-taken", message));
     }
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
-    if let [first, ..] = joining.duplicates.as_slice() {
-        let message = format!(
-            "{} drawn twice in the same place and will be marked twice (first {})",
-            counted(joining.duplicates.len(), "path is", "paths are"),
-            name(&joining.paths[*first])
-        );
-        warn("drawn-twice", message);
-    }
-    if let Some(widest) = widest(joining.nearly_closed.iter()) {
+    if let Some(widest) = widest(&mending.nearly_closed) {
         let message = format!(
             "{} open by a small gap, the widest {:.4} mm ({}); close them if they are meant as contours",
-            counted(joining.nearly_closed.len(), "outline is", "outlines are"),
+            counted(mending.nearly_closed.len(), "outline is", "outlines are"),
             widest.gap,
-            name(&joining.paths[widest.path])
+            name(widest)
         );
         warn("nearly-closed", message);
     }
@@ -260,7 +324,7 @@ pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> 
             .into()
     } else {
         let reasons: std::collections::BTreeSet<&str> =
-            not_taken.iter().map(|left| left.why.as_str()).collect();
+            not_taken.iter().map(|left| left.why.as_ref()).collect();
         let first: Vec<&str> = reasons.into_iter().take(3).collect();
         format!(
             "Make curves of it on a visible layer of the model; it was left out because {}.",
@@ -276,13 +340,21 @@ pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> 
     PatternReadError::NothingToMark { found, remedy }
 }
 
-fn widest<'c>(closings: impl Iterator<Item = &'c Closing>) -> Option<&'c Closing> {
-    closings.max_by(|a, b| a.gap.total_cmp(&b.gap))
+/// The refusal of a drawing in which nothing has a length.
+pub(super) fn only_without_length(paths: usize) -> PatternReadError {
+    PatternReadError::NothingToMark {
+        found: format!("it holds only {} without length", counted(paths, "curve", "curves")),
+        remedy: "Check the drawing's unit and size; draw spots to be marked as points.".into(),
+    }
 }
 
-fn name(path: &Path) -> String {
-    match &path.source.handle {
-        Some(handle) => format!("{} {handle}", path.source.entity),
-        None => path.source.entity.clone(),
+fn widest(found: &[Finding]) -> Option<&Finding> {
+    found.iter().max_by(|a, b| a.gap.total_cmp(&b.gap))
+}
+
+fn name(found: &Finding) -> String {
+    match &found.source.handle {
+        Some(handle) => format!("{} {handle}", found.source.entity),
+        None => found.source.entity.clone(),
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
         } else {
             match edge_path(&mut cursor, height, tolerance) {
                 Ok(contour) => contour,
-                Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}")),
+                Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}").into()),
             }
         };
         let bounds = match contour.segments.as_slice() {
@@ -59,7 +59,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
             Item::NotTaken("none of its pattern lines meets its boundary".into())
         }
         Ok(drawn) => Item::Several(drawn.into_iter().map(|item| (None, item.placed(&plane))).collect()),
-        Err(why) => Item::NotTaken(why),
+        Err(why) => Item::NotTaken(why.into()),
     }
 }
 

@@ -34,12 +34,12 @@ const SPLINE_TOLERANCE: f64 = 1e-4;
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     let mut scan = scan::scan(bytes)?;
-    let structure = structure::structure(&mut scan);
+    let structure = structure::structure(&mut scan)?;
     let header = &structure.header;
     let hints = UnitHints { code: header.unit_code, measurement: header.measurement };
     let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
 
-    let mut remarks = entities::Remarks::default();
+    let mut remarks = entities::Remarks { strict: options.strict, ..entities::Remarks::default() };
     let items = entities::items(&scan, &structure, SPLINE_TOLERANCE / unit.in_mm(), &mut remarks)?;
     let unfolded = blocks::unfold(&scan, &structure, &items, unit.in_mm())?;
     drop(items);
@@ -47,13 +47,16 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
     }
     let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
-    let joining = if options.joining_tolerance > 0.0 {
-        contour::join(paths, options.joining_tolerance)
-    } else {
-        contour::Joining { paths, ..Default::default() }
+    let drawn = paths.len();
+    let mending = match options.strict {
+        true => contour::examine(paths),
+        false => contour::mend(paths, options.joining_tolerance),
     };
+    if mending.paths.is_empty() {
+        return Err(findings::only_without_length(drawn));
+    }
 
-    let extents = findings::extents(&joining.paths);
+    let extents = findings::extents(&mending.paths);
     let mut facts = PatternFacts {
         producer: findings::producer(&structure),
         version: findings::version(&structure.header.version),
@@ -62,17 +65,25 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         size: extents.size().into(),
         extents: [extents.min.x, extents.min.y, extents.max.x, extents.max.y],
         entities: findings::histogram(&structure),
-        layers: findings::layers(&structure, &layers, &joining.paths),
+        layers: findings::layers(&structure, &layers, &mending.paths),
         not_taken: unfolded.not_taken,
-        repairs: findings::repairs(&joining, &remarks, options.joining_tolerance),
+        repairs: match options.strict {
+            true => Vec::new(),
+            false => {
+                findings::repairs(&mending, &layers, &structure, &scan, &remarks, options.joining_tolerance)
+            }
+        },
         notices: unit_notice.into_iter().collect(),
         picture: None,
     };
     findings::size_notices(&structure, &mut facts, options);
     remarks.texts.retain(|index, _| unfolded.drawn.contains(index));
     findings::text_notices(&remarks, &mut facts);
-    findings::drawing_notices(&joining, unfolded.heights, &mut facts);
-    Ok(PatternReading { pattern: Pattern { layers, paths: joining.paths }, facts })
+    findings::drawing_notices(&mending, unfolded.heights, &mut facts);
+    if options.strict {
+        findings::unmended_notices(&mending, &remarks, &mut facts);
+    }
+    Ok(PatternReading { pattern: Pattern { layers, paths: mending.paths }, facts })
 }
 
 /// The layers that paths lie on, in the order of the file's table, those that it does not define last.

@@ -28,6 +28,7 @@ struct WideVertex {
 pub(super) fn light(
     scan: &Scan<'_>,
     structure: &Structure,
+    index: usize,
     record: &Record,
     remarks: &mut Remarks,
 ) -> Result<Item, PatternReadError> {
@@ -49,8 +50,10 @@ pub(super) fn light(
         }
     }
     if has_extra_vertex(structure, &groups, &vertices) {
-        vertices.remove(0);
-        remarks.extra_vertices += 1;
+        if !remarks.strict {
+            vertices.remove(0);
+        }
+        remarks.extra_vertices.push(index);
     }
     Ok(drawn(&vertices, groups.flags(70) & 1 == 1, &groups.plane(), groups.or(38, 0.0)))
 }

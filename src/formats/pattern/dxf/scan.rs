@@ -104,7 +104,8 @@ impl Scan<'_> {
         self.encoding.filter(|encoding| *encoding != encoding_rs::UTF_8).unwrap_or(encoding_rs::WINDOWS_1252)
     }
 
-    fn decoded(&self, raw: &[u8]) -> String {
+    /// Bytes as text, with `\U+XXXX` decoded.
+    pub(super) fn decoded(&self, raw: &[u8]) -> String {
         let decoded = match (self.encoding, std::str::from_utf8(raw)) {
             (Some(encoding), _) => encoding.decode_without_bom_handling(raw).0,
             (None, Ok(text)) => text.into(),

@@ -7,8 +7,11 @@ use std::ops::Range;
 
 use super::colour::nearest_index;
 use super::scan::{Pair, Scan};
-use crate::formats::pattern::error::EntityName;
+use crate::formats::pattern::error::{EntityName, PatternReadError};
 use crate::geometry::pattern::Color;
+
+/// Largest number of entities in a file, those of its blocks too.
+const MAX_ENTITIES: usize = 2_000_000;
 
 /// The inventory of a drawing.
 #[derive(Default)]
@@ -107,16 +110,19 @@ pub(super) enum RecordColor {
 #[derive(Default)]
 struct Names {
     names: Vec<String>,
-    numbers: BTreeMap<String, u32>,
+    /// Numbers by the names as the file writes them.
+    numbers: BTreeMap<Vec<u8>, u32>,
 }
 
 impl Names {
-    fn number(&mut self, name: String) -> u32 {
+    fn number(&mut self, scan: &Scan<'_>, raw: &[u8]) -> u32 {
+        if let Some(number) = self.numbers.get(raw) {
+            return *number;
+        }
         let next = self.names.len() as u32;
-        *self.numbers.entry(name).or_insert_with_key(|name| {
-            self.names.push(name.clone());
-            next
-        })
+        self.names.push(scan.decoded(raw));
+        self.numbers.insert(raw.into(), next);
+        next
     }
 
     fn name(&self, number: u32) -> &str {
@@ -147,25 +153,36 @@ impl Record {
 }
 
 /// Takes the inventory. Sets the encoding of the scan on the way, before any name is read.
-pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
+///
+/// # Errors
+/// There are more entities than can be held in memory.
+pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadError> {
     let mut found = Structure { header: header(scan), ..Structure::default() };
     scan.encoding = encoding(&found.header);
-    let items = items(scan);
-    let mut section = Vec::new();
+    let scan: &Scan<'_> = scan;
+    let mut section: &[u8] = b"";
     let mut block: Option<Block> = None;
     // The kind of entity whose parts follow as entities of their own.
-    let mut parent: Option<Vec<u8>> = None;
-    for (index, item) in items.iter().enumerate() {
-        let pairs = &scan.pairs[item.clone()];
+    let mut parent: Option<&[u8]> = None;
+    let mut end = 0;
+    // Every item begins with group code 0; before the first there may be comments.
+    for pairs in scan.pairs.chunk_by(|_, next| next.code != 0) {
+        let item = end..end + pairs.len();
+        end = item.end;
+        if pairs[0].code != 0 {
+            let comments = pairs.iter().filter(|pair| pair.code == 999);
+            found.comments = comments.take(20).map(|pair| scan.text(pair)).collect();
+            continue;
+        }
         let keyword = scan.raw(&pairs[0]);
-        match (section.as_slice(), keyword) {
+        match (section, keyword) {
             (_, b"SECTION") => {
-                section = pairs.get(1).map(|pair| scan.raw(pair).to_vec()).unwrap_or_default();
+                section = pairs.get(1).map(|pair| scan.raw(pair)).unwrap_or_default();
                 finish_block(&mut found, block.take());
                 parent = None;
             }
             (_, b"ENDSEC") => {
-                section.clear();
+                section = b"";
                 finish_block(&mut found, block.take());
             }
             (b"TABLES", b"LAYER") => layer(scan, pairs, &mut found),
@@ -184,7 +201,7 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
             (b"BLOCKS", _) if block.is_none() => {}
             (b"BLOCKS" | b"ENTITIES", kind) => {
                 let is_part = matches!(
-                    (parent.as_deref(), kind),
+                    (parent, kind),
                     (Some(b"POLYLINE"), b"VERTEX" | b"SEQEND") | (Some(b"INSERT" | b"ATTRIB"), b"SEQEND")
                 );
                 if is_part {
@@ -195,8 +212,12 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
                     }
                     continue;
                 }
-                parent = Some(kind.to_vec());
+                parent = Some(kind);
                 let record = record(scan, item.clone(), &mut found);
+                if found.entities.len() == MAX_ENTITIES {
+                    let entity = Some(found.name(scan, &record));
+                    return Err(PatternReadError::TooMany { what: "entities", limit: MAX_ENTITIES, entity });
+                }
                 found.entities.push(record);
                 if section == b"ENTITIES" {
                     let last = found.entities.len();
@@ -208,20 +229,9 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Structure {
             }
             _ => {}
         }
-        if index == 0 {
-            let comments = scan.pairs[..item.start].iter().filter(|pair| pair.code == 999);
-            found.comments = comments.take(20).map(|pair| scan.text(pair)).collect();
-        }
     }
     finish_block(&mut found, block.take());
-    found
-}
-
-/// The runs of pairs that begin with group code 0.
-fn items(scan: &Scan<'_>) -> Vec<Range<usize>> {
-    let starts: Vec<usize> = (0..scan.pairs.len()).filter(|index| scan.pairs[*index].code == 0).collect();
-    let ends = starts.iter().skip(1).copied().chain([scan.pairs.len()]);
-    starts.iter().zip(ends).map(|(start, end)| *start..end).collect()
+    Ok(found)
 }
 
 fn header(scan: &Scan<'_>) -> Header {
@@ -379,7 +389,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
             102 => in_braces = scan.raw(pair).starts_with(b"{"),
             _ if in_braces => {}
             5 if record.handle.is_none() => record.handle = Some(index as u32),
-            8 => layer = Some(scan.text(pair)),
+            8 => layer = Some(scan.raw(pair)),
             60 => record.hidden = flag(),
             62 => {
                 let index = scan.number(pair).unwrap_or(256.0) as i64;
@@ -391,8 +401,8 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
             _ => {}
         }
     }
-    record.kind = found.kinds.number(scan.text(&scan.pairs[item.start]));
-    record.layer = found.layer_names.number(layer.unwrap_or_else(|| "0".into()));
+    record.kind = found.kinds.number(scan, scan.raw(&scan.pairs[item.start]));
+    record.layer = found.layer_names.number(scan, layer.unwrap_or(b"0"));
     record.color = match own_color(aci, rgb) {
         Color::ByLayer if by_block => RecordColor::ByBlock,
         color => RecordColor::Own(color),

@@ -35,6 +35,12 @@ const THICKNESS: f64 = 0.08;
 /// Said of texts of blanks; nothing is lost with them.
 const BLANK: &str = "it is blank and draws nothing";
 
+/// Texts of more bytes than this are no labels.
+const LONGEST: usize = 50_000;
+/// Said of longer ones.
+const TOO_LONG: &str =
+    "it has more than 50000 letters: split it, or convert it to outlines in the drawing program";
+
 /// What a TEXT, ATTRIB or ATTDEF draws.
 pub(super) fn single_line(
     scan: &Scan<'_>,
@@ -53,11 +59,15 @@ pub(super) fn single_line(
     if kind == "ATTDEF" && groups.flags(70) & 2 == 0 {
         return Ok(Item::Template);
     }
-    let letters = letters(&string(scan, record, 1), scan.encoding_of_texts());
+    let text = string(scan, record, 1);
+    if text.len() > LONGEST {
+        return Ok(Item::NotTaken(TOO_LONG.into()));
+    }
+    let letters = letters(&text, scan.encoding_of_texts());
     let font = Font::of(structure, &string(scan, record, 7));
     let row = match font.row(&letters, 1.0, uses) {
         Ok(row) => row,
-        Err(why) => return Ok(Item::NotTaken(why)),
+        Err(why) => return Ok(Item::NotTaken(why.into())),
     };
     if row.items.is_empty() {
         return Ok(Item::NotTaken(BLANK.into()));

@@ -18,6 +18,14 @@ pub enum DxfProfile {
     R2000,
     /// AC1009: POLYLINE with VERTEX; the format has no unit, no true colour and short ASCII layer names.
     R12,
+    /// AC1009 with a LINE for every piece, for importers that know nothing else. Contours come apart into their sides.
+    R12Lines,
+}
+
+impl DxfProfile {
+    fn is_r12(self) -> bool {
+        self != Self::R2000
+    }
 }
 
 /// The drawing as a DXF file in millimetres.
@@ -144,10 +152,7 @@ fn header(file: &mut Groups, drawing: &MarkingDrawing) {
     let extents = drawing.extents();
     let (min, max) = if extents.is_empty() { Default::default() } else { (extents.min, extents.max) };
     file.section("HEADER", |file| {
-        file.put_all(&[
-            (9, "$ACADVER"),
-            (1, if file.profile == DxfProfile::R12 { "AC1009" } else { "AC1015" }),
-        ]);
+        file.put_all(&[(9, "$ACADVER"), (1, if file.profile.is_r12() { "AC1009" } else { "AC1015" })]);
         if file.profile == DxfProfile::R2000 {
             file.put_all(&[(9, "$DWGCODEPAGE"), (3, "ANSI_1252")]);
         }
@@ -234,7 +239,7 @@ fn layer_entry(file: &mut Groups, name: &str, layer_color: Color) {
     } else {
         color(file, layer_color);
     }
-    file.put(6, if file.profile == DxfProfile::R12 { "CONTINUOUS" } else { "Continuous" });
+    file.put(6, if file.profile.is_r12() { "CONTINUOUS" } else { "Continuous" });
 }
 
 fn color(file: &mut Groups, color: Color) {
@@ -251,7 +256,7 @@ fn color(file: &mut Groups, color: Color) {
 }
 
 fn blocks(file: &mut Groups) {
-    if file.profile == DxfProfile::R12 {
+    if file.profile.is_r12() {
         return;
     }
     for (name, record) in [("*Model_Space", MODEL_SPACE), ("*Paper_Space", PAPER_SPACE)] {
@@ -269,6 +274,7 @@ fn blocks(file: &mut Groups) {
     }
 }
 
+/// One entity for the path; with [`DxfProfile::R12Lines`] one for each of its pieces.
 fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
     let points = path.shape.points();
     let closed = matches!(path.shape, MarkingShape::Closed(_));
@@ -303,6 +309,16 @@ fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
                 file.put(30, "0.0");
             }
             file.put_all(&[(0, "SEQEND"), (8, layer)]);
+        }
+        (points, DxfProfile::R12Lines) => {
+            let back = points.first().filter(|_| closed);
+            for (from, to) in points.iter().zip(points.iter().skip(1).chain(back)) {
+                begin(file, "LINE", "");
+                for (code, point) in [(10, from), (11, to)] {
+                    file.put_point(code, *point);
+                    file.put(code + 20, "0.0");
+                }
+            }
         }
     }
 }
@@ -399,10 +415,12 @@ fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
     };
     let names = layers.iter().map(|layer| {
         let clean = |letter: char| match profile {
-            DxfProfile::R12 => letter.is_ascii_alphanumeric() || matches!(letter, '$' | '-' | '_'),
+            DxfProfile::R12 | DxfProfile::R12Lines => {
+                letter.is_ascii_alphanumeric() || matches!(letter, '$' | '-' | '_')
+            }
             DxfProfile::R2000 => !letter.is_control() && !"<>/\\\":;?*|=,`'^".contains(letter),
         };
-        let limit = if profile == DxfProfile::R12 { 31 } else { 255 };
+        let limit = if profile.is_r12() { 31 } else { 255 };
         let name: String = layer.name.trim().chars().map(|l| if clean(l) { l } else { '_' }).collect();
         let name: String = name.chars().take(limit).collect();
         unique(if name.is_empty() { "_".into() } else { name }, limit)

@@ -10,7 +10,7 @@ use super::super::groups::Groups;
 use super::super::scan::Scan;
 use super::super::structure::{Record, RecordColor, Structure};
 use super::codes::{Letter, RuleKind, Ruled, Token, tokens};
-use super::{BLANK, Font, FontUses, Row, sheared, string};
+use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, sheared, string};
 use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
@@ -96,6 +96,9 @@ pub(super) fn drawn(
     }
     let text =
         scan.whole_text(super::own(scan, record.pairs(scan)).filter(|pair| matches!(pair.code, 1 | 3)));
+    if text.len() > LONGEST {
+        return Ok(Item::NotTaken(TOO_LONG.into()));
+    }
     let style = string(scan, record, 7);
     let style_record = structure.styles.get(&style.to_uppercase());
     let format = Format {
@@ -110,7 +113,7 @@ pub(super) fn drawn(
     };
     let paragraphs = match set(tokens(&text, scan.encoding_of_texts()), format, uses) {
         Ok(paragraphs) => paragraphs,
-        Err(why) => return Ok(Item::NotTaken(why)),
+        Err(why) => return Ok(Item::NotTaken(why.into())),
     };
 
     let attachment = (groups.or(71, 1.0) as i64).clamp(1, 9) - 1;
