@@ -1,0 +1,14 @@
+//! Any bytes as a part in glTF, text or binary: read or refused with a reason, and what is read is finite.
+
+#![no_main]
+
+use isomark::formats::mesh::{MeshFormat, MeshOptions, read};
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut no_sibling = |_: &str| Err(std::io::Error::from(std::io::ErrorKind::NotFound));
+    match read(bytes, MeshFormat::Glb, &MeshOptions::default(), &mut no_sibling) {
+        Ok(reading) => assert!(reading.facts.size.iter().all(|side| side.is_finite())),
+        Err(error) => assert!(!error.reason().remedy.is_empty()),
+    }
+});
