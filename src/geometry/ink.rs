@@ -10,6 +10,9 @@ use super::space::{Extents, FlatPoint};
 /// Squares are made larger rather than more than this many.
 const MOST_SQUARES_IN_BOX: f64 = 4e6;
 
+/// Pieces that continue each other are put together, up to the length asked for, rather than more than this many.
+const MOST_SHORT_PIECES: usize = 200_000;
+
 /// The drawing as samples: what the quality figures sum over and what the length-true map is weighted by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ink {
@@ -78,6 +81,9 @@ impl Ink {
                 group.push(path.shape.flattened(side / 40.0));
             }
         }
+        if pieces.len() > MOST_SHORT_PIECES {
+            put_together(&mut pieces, piece);
+        }
         let size = extents.size();
         let side = side.max((size.x * size.y / MOST_SQUARES_IN_BOX).max(0.0).sqrt());
         let squares =
@@ -94,6 +100,20 @@ impl Ink {
     pub fn area(&self) -> f64 {
         self.squares.len() as f64 * self.side * self.side
     }
+}
+
+/// Lets the ends of pieces be one piece as long as none is longer than `longest` mm.
+fn put_together(pieces: &mut Vec<Piece>, longest: f64) {
+    pieces.dedup_by(|next, piece| {
+        let longer = Piece { from: piece.from, to: next.to };
+        // One that is shorter than what it is made of turns back, and would hide that.
+        let is_whole =
+            piece.to == next.from && (piece.length().max(next.length())..=longest).contains(&longer.length());
+        if is_whole {
+            *piece = longer;
+        }
+        is_whole
+    });
 }
 
 fn squares_inside<Key: Ord>(
