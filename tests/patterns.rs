@@ -388,6 +388,19 @@ fn drawings_that_unfold_without_end_are_refused() {
 }
 
 #[test]
+fn more_than_memory_holds_is_refused_before_it_is_held() {
+    let points = drawing(&"0\nPOINT\n".repeat(2_000_001), "");
+    assert!(matches!(refusal(points.as_bytes()), PatternReadError::TooMany { what: "entities", .. }));
+    // A letter takes four bytes and has dozens of segments.
+    let text = format!("0\nTEXT\n8\n0\n40\n1\n1\n{}\n", "&&%%c@".repeat(1000));
+    let texts = drawing(&text.repeat(100), "");
+    assert!(matches!(refusal(texts.as_bytes()), PatternReadError::TooMany { what: "segments", .. }));
+    let novel = drawing(&(text.replace('@', &"@".repeat(60)) + &line(["0", "0", "1", "1"])), "");
+    let left = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.not_taken;
+    assert!(left.len() == 1 && left[0].why.contains("50000 letters"), "{left:?}");
+}
+
+#[test]
 fn quirks_elsewhere_in_a_file_do_not_matter() {
     // The reader crate refuses a whole file for each of these.
     let groups = line(["0", "0", "1", "1"]) + "5000\nx\n-7\ny\n62\n300\n";

@@ -79,33 +79,15 @@ pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
         matches!(path.shape, Shape::Dot(_)) || !path.shape.segments().is_empty()
     });
     result.take_out_copies(&mut paths);
-    let joinable: Vec<bool> = paths.iter().map(|path| is_joinable(path, tolerance)).collect();
-    let (partners, ambiguous_ends) = partners(&paths, &joinable, tolerance);
-    result.ambiguous_ends = ambiguous_ends;
-
-    let mut done = vec![false; paths.len()];
-    for first in 0..paths.len() {
-        if std::mem::replace(&mut done[first], true) {
-            continue;
+    let mut loose: Vec<Loose> = paths.into_iter().map(|path| Loose { path, pieces: 1, gap: 0.0 }).collect();
+    // Ends that meet exactly belong together, whatever else is near.
+    for tolerance in [tolerance.min(NO_LENGTH), tolerance] {
+        if tolerance > 0.0 {
+            (loose, result.ambiguous_ends) = chained(loose, tolerance);
         }
-        if !joinable[first] {
-            result.paths.extend(paths.get_mut(first).map(taken));
-            continue;
-        }
-        let (pieces, returns) = chain(first, &partners);
-        pieces.iter().for_each(|piece| done[piece / 2] = true);
-        let (mut segments, mut gap) = connected(&pieces, &mut paths);
-        let opening = match (segments.first(), segments.last()) {
-            (Some(first), Some(last)) => first.start().distance(last.end()),
-            _ => f64::INFINITY,
-        };
-        if returns {
-            gap = gap.max(opening);
-            close(&mut segments);
-        }
-        let shape = if returns { Shape::Closed(segments) } else { Shape::Open(segments) };
-        let path = Path { shape, ..taken(&mut paths[first]) };
-        match (pieces.len(), returns) {
+    }
+    for Loose { path, pieces, gap } in loose {
+        match (pieces, path.shape.is_closed()) {
             (1, true) if gap > 0.0 => result.closed.push(Finding::of(&path, 1, gap)),
             (1, _) => {}
             (count, true) => result.contours.push(Finding::of(&path, count, gap)),
@@ -159,16 +141,45 @@ impl Mending {
     }
 }
 
-/// The path, with nothing left in its place.
-fn taken(path: &mut Path) -> Path {
-    let nothing = Path {
-        layer: path.layer,
-        color: path.color,
-        shape: Shape::Open(Vec::new()),
-        region: path.region,
-        source: Source::default(),
-    };
-    std::mem::replace(path, nothing)
+/// A path made of so many pieces, with the widest gap between two of them, mm.
+struct Loose {
+    path: Path,
+    pieces: usize,
+    gap: f64,
+}
+
+/// The paths chained where their ends meet, and how many ends meet more than one.
+fn chained(mut loose: Vec<Loose>, tolerance: f64) -> (Vec<Loose>, usize) {
+    let joinable: Vec<bool> = loose.iter().map(|loose| is_joinable(&loose.path, tolerance)).collect();
+    let (partners, ambiguous_ends) = partners(&loose, &joinable, tolerance);
+    let mut done = vec![false; loose.len()];
+    for first in 0..loose.len() {
+        if done[first] || !joinable[first] {
+            continue;
+        }
+        let (ends, returns) = chain(first, &partners);
+        if ends.len() == 1 && !returns {
+            continue;
+        }
+        let (mut segments, mut gap) = connected(&ends, &mut loose);
+        if let (true, Some(start), Some(end)) =
+            (returns, segments.first().map(Segment::start), segments.last().map(Segment::end))
+        {
+            gap = gap.max(start.distance(end));
+            close(&mut segments);
+        }
+        let mut pieces = 0;
+        for piece in ends.iter().map(|end| end / 2) {
+            done[piece] = true;
+            pieces += std::mem::take(&mut loose[piece].pieces);
+            gap = gap.max(loose[piece].gap);
+        }
+        let chain = &mut loose[first];
+        chain.path.shape = if returns { Shape::Closed(segments) } else { Shape::Open(segments) };
+        (chain.pieces, chain.gap) = (pieces, gap);
+    }
+    loose.retain(|loose| loose.pieces > 0);
+    (loose, ambiguous_ends)
 }
 
 /// Takes the pieces without length out of a path, all of them if there is nothing else.
@@ -191,9 +202,7 @@ fn take_out_empty(path: &mut Path) -> Option<Finding> {
 /// Whether the path is an open curve, larger than the tolerance, that bounds no fill.
 fn is_joinable(path: &Path, tolerance: f64) -> bool {
     match &path.shape {
-        Shape::Open(segments) => {
-            tolerance > 0.0 && path.region.is_none() && reaches_beyond(segments, tolerance)
-        }
+        Shape::Open(segments) => path.region.is_none() && reaches_beyond(segments, tolerance),
         _ => false,
     }
 }
@@ -210,8 +219,8 @@ fn reaches_beyond(segments: &[Segment], distance: f64) -> bool {
 
 // An end is numbered 2·path for its start and 2·path + 1 for its end; the other end of the same path is `end ^ 1`.
 
-fn end_point(paths: &[Path], end: usize) -> Option<FlatPoint> {
-    let segments = paths[end / 2].shape.segments();
+fn end_point(loose: &[Loose], end: usize) -> Option<FlatPoint> {
+    let segments = loose[end / 2].path.shape.segments();
     if end.is_multiple_of(2) {
         segments.first().map(Segment::start)
     } else {
@@ -231,38 +240,40 @@ fn group(path: &Path) -> Group {
 }
 
 /// For every end the one end it meets, and how many ends meet more than one.
-fn partners(paths: &[Path], joinable: &[bool], tolerance: f64) -> (Vec<Option<usize>>, usize) {
+fn partners(loose: &[Loose], joinable: &[bool], tolerance: f64) -> (Vec<Option<usize>>, usize) {
     // Cells of half the tolerance: all ends in one cell meet, so no cell is searched more than a few times.
-    let size = tolerance / 2.0;
-    let cell = |point: FlatPoint| ((point.x / size).floor() as i64, (point.y / size).floor() as i64);
-    let mut cells: BTreeMap<(Group, i64, i64), Vec<usize>> = BTreeMap::new();
-    for end in (0..2 * paths.len()).filter(|end| joinable[end / 2]) {
-        if let Some(point) = end_point(paths, end) {
-            let (x, y) = cell(point);
-            cells.entry((group(&paths[end / 2]), x, y)).or_default().push(end);
+    let cell = |coordinate: f64| (2.0 * coordinate / tolerance).floor() as i64;
+    let mut ends: Vec<((Group, i64, i64), usize, FlatPoint)> = (0..2 * loose.len())
+        .filter(|end| joinable[end / 2])
+        .filter_map(|end| end_point(loose, end).map(|point| (end, point)))
+        .map(|(end, point)| ((group(&loose[end / 2].path), cell(point.x), cell(point.y)), end, point))
+        .collect();
+    ends.sort_unstable_by_key(|(cell, end, _)| (*cell, *end));
+    let mut met: Vec<Meeting> = vec![Meeting::Nobody; 2 * loose.len()];
+    // Where the search begins in each of the columns of cells around; as cells are taken in order it only moves on.
+    let mut begins = [0; 7];
+    for here in ends.chunk_by(|a, b| a.0 == b.0) {
+        let (group, x, y) = here[0].0;
+        for (begin, dx) in begins.iter_mut().zip(-3..) {
+            let column = (group, x.saturating_add(dx), y.saturating_sub(3));
+            *begin += ends[*begin..].iter().take_while(|(cell, ..)| *cell < column).count();
         }
-    }
-    let mut met: Vec<Meeting> = vec![Meeting::Nobody; 2 * paths.len()];
-    for ((group, x, y), ends) in &cells {
-        for &end in ends {
-            met[end] = if ends.len() > 2 { Meeting::Many } else { Meeting::Nobody };
-            let Some(point) = end_point(paths, end).filter(|_| met[end] == Meeting::Nobody) else { continue };
-            'cells: for dx in -3..=3 {
-                let column = (*group, x.saturating_add(dx), y.saturating_sub(3))
-                    ..=(*group, x.saturating_add(dx), y.saturating_add(3));
-                for other in cells.range(column).flat_map(|(_, others)| others).filter(|other| **other != end)
-                {
-                    if end_point(paths, *other).is_some_and(|there| there.distance(point) <= tolerance) {
-                        met[end] = match met[end] {
-                            Meeting::Nobody => Meeting::One(*other),
-                            _ => Meeting::Many,
-                        };
-                    }
-                    if met[end] == Meeting::Many {
-                        break 'cells;
-                    }
-                }
+        for (_, end, point) in here {
+            if here.len() > 2 {
+                met[*end] = Meeting::Many;
+                continue;
             }
+            let near = begins.iter().zip(-3..).flat_map(|(begin, dx)| {
+                let last = (group, x.saturating_add(dx), y.saturating_add(3));
+                ends[*begin..].iter().take_while(move |(cell, ..)| *cell <= last)
+            });
+            let mut others =
+                near.filter(|(_, other, there)| other != end && there.distance(*point) <= tolerance);
+            met[*end] = match (others.next(), others.next()) {
+                (None, _) => Meeting::Nobody,
+                (Some((_, other, _)), None) => Meeting::One(*other),
+                _ => Meeting::Many,
+            };
         }
     }
     let ambiguous = met.iter().filter(|meeting| **meeting == Meeting::Many).count();
@@ -307,15 +318,15 @@ fn chain(first: usize, partners: &[Option<usize>]) -> (Vec<usize>, bool) {
 
 /// The segments of the pieces in a row, each moved so that it starts exactly where the last one ended, and the widest gap
 /// between two of them, mm.
-fn connected(pieces: &[usize], paths: &mut [Path]) -> (Vec<Segment>, f64) {
+fn connected(ends: &[usize], loose: &mut [Loose]) -> (Vec<Segment>, f64) {
     let mut row: Vec<Segment> = Vec::new();
     let mut widest = 0.0f64;
-    for &piece in pieces {
-        let mut segments = match &mut paths[piece / 2].shape {
+    for &end in ends {
+        let mut segments = match &mut loose[end / 2].path.shape {
             Shape::Dot(_) => Vec::new(),
             Shape::Open(segments) | Shape::Closed(segments) => std::mem::take(segments),
         };
-        if !piece.is_multiple_of(2) {
+        if !end.is_multiple_of(2) {
             segments = segments.iter().rev().map(Segment::reversed).collect();
         }
         if let (Some(start), Some(first)) = (row.last().map(Segment::end), segments.first_mut()) {
@@ -615,6 +626,18 @@ mod tests {
         let counted: Vec<_> = found.without_length.iter().map(|found| (found.at, found.pieces)).collect();
         assert_eq!(counted, [(point(0.0, 0.0), 2), (point(5.0, 5.0), 1)]);
         assert_eq!(found.paths, [line((0.0, 0.0), (3.0, 0.0))]);
+    }
+
+    #[test]
+    fn pieces_smaller_than_the_tolerance_are_joined_where_they_meet_exactly() {
+        // 0.0002 mm each, so ten more ends are as near as the joining tolerance.
+        let at = |step: i32| (f64::from(step % 5000) / 5000.0 * 2.0 * PI).sin_cos();
+        let side = |step: i32| {
+            let ((y0, x0), (y1, x1)) = (at(step), at(step + 1));
+            line((0.16 * x0, 0.16 * y0), (0.16 * x1, 0.16 * y1))
+        };
+        let found = mend((0..5000).map(side).collect(), 0.002);
+        assert_eq!((found.paths.len(), found.contours.len(), found.contours[0].pieces), (1, 1, 5000));
     }
 
     #[test]

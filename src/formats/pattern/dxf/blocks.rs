@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::super::error::PatternReadError;
 use super::curves::{Curve, Placement};
-use super::entities::{Insert, Item, MAX_SEGMENTS};
+use super::entities::{Insert, Item, MAX_SEGMENTS, Reader, Remarks};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::NotTaken;
@@ -37,17 +37,17 @@ pub(super) struct Unfolded {
 /// Unfolds all entities that are drawn; `unit` mm is the length of one unit of the drawing.
 ///
 /// # Errors
-/// A block holds itself, or the drawing unfolds to too much or reaches too far.
+/// A number cannot be read, a block holds itself, or the drawing unfolds to too much or reaches too far.
 pub(super) fn unfold(
-    scan: &Scan<'_>,
-    structure: &Structure,
-    items: &[Item],
+    reader: &Reader<'_>,
+    remarks: &mut Remarks,
     unit: f64,
 ) -> Result<Unfolded, PatternReadError> {
+    let items = reader.block_items(remarks)?;
     let mut unfolding = Unfolding {
-        scan,
-        structure,
-        items,
+        scan: reader.scan,
+        structure: reader.structure,
+        items: &items,
         result: Unfolded::default(),
         layer_numbers: BTreeMap::new(),
         named: BTreeSet::new(),
@@ -57,8 +57,10 @@ pub(super) fn unfold(
         open_blocks: Vec::new(),
     };
     let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
-    for index in structure.drawn.iter().cloned().flatten() {
-        unfolding.entity(index, &ground)?;
+    // Most drawings are one long list of entities that are needed once: they are read one by one.
+    for index in reader.structure.drawn.iter().cloned().flatten() {
+        let item = reader.item(index, remarks)?;
+        unfolding.entity(index, &item, &ground)?;
     }
     Ok(unfolding.result)
 }
@@ -87,11 +89,9 @@ struct Unfolding<'u> {
 }
 
 impl Unfolding<'_> {
-    fn entity(&mut self, index: usize, context: &Context) -> Result<(), PatternReadError> {
-        let (structure, items) = (self.structure, self.items);
-        let (Some(record), Some(item)) = (structure.entities.get(index), items.get(index)) else {
-            return Ok(());
-        };
+    fn entity(&mut self, index: usize, item: &Item, context: &Context) -> Result<(), PatternReadError> {
+        let structure = self.structure;
+        let Some(record) = structure.entities.get(index) else { return Ok(()) };
         self.entities += 1;
         if self.entities > MAX_ENTITIES {
             return Err(self.too_many("entities", MAX_ENTITIES, record));
@@ -227,8 +227,11 @@ impl Unfolding<'_> {
             if self.entities > MAX_ENTITIES {
                 return Err(self.too_many("entities", MAX_ENTITIES, record));
             }
+            let items = self.items;
             for inside in block.entities.clone() {
-                self.entity(inside, &inner)?;
+                if let Some(item) = items.get(inside) {
+                    self.entity(inside, item, &inner)?;
+                }
             }
         }
         self.open_blocks.pop();

@@ -92,40 +92,45 @@ pub(super) struct Remarks {
     pub(super) extra_vertices: Vec<usize>,
 }
 
-/// What every entity of the inventory draws, in its order. Pieces of splines of high degree stay within `tolerance`, in
-/// units of the drawing.
-///
-/// # Errors
-/// A number of an entity that is drawn cannot be read or is not finite, or there are too many segments.
-pub(super) fn items(
-    scan: &Scan<'_>,
-    structure: &Structure,
-    tolerance: f64,
-    remarks: &mut Remarks,
-) -> Result<Vec<Item>, PatternReadError> {
-    let reader = Reader { scan, structure, tolerance };
-    let mut items = Vec::with_capacity(structure.entities.len());
-    let mut segments = 0;
-    for (index, record) in structure.entities.iter().enumerate() {
-        let item = reader.item(index, record, remarks)?;
-        segments += item.segments();
-        if segments > MAX_SEGMENTS {
-            let entity = Some(structure.name(scan, record));
-            return Err(PatternReadError::TooMany { what: "segments", limit: MAX_SEGMENTS, entity });
-        }
-        items.push(item);
-    }
-    Ok(items)
-}
-
-struct Reader<'r> {
-    scan: &'r Scan<'r>,
-    structure: &'r Structure,
-    tolerance: f64,
+/// Reads entities. Pieces of splines of high degree stay within `tolerance`, in units of the drawing.
+pub(super) struct Reader<'r> {
+    pub(super) scan: &'r Scan<'r>,
+    pub(super) structure: &'r Structure,
+    pub(super) tolerance: f64,
 }
 
 impl Reader<'_> {
-    fn item(&self, index: usize, record: &Record, remarks: &mut Remarks) -> Result<Item, PatternReadError> {
+    /// What the entities of blocks draw, in the order of the inventory; nothing for those that are drawn by themselves.
+    ///
+    /// # Errors
+    /// A number of an entity cannot be read or is not finite, or there are too many segments.
+    pub(super) fn block_items(&self, remarks: &mut Remarks) -> Result<Vec<Item>, PatternReadError> {
+        let mut drawn = self.structure.drawn.iter().cloned().flatten().peekable();
+        let mut items = Vec::with_capacity(self.structure.entities.len());
+        let mut segments = 0;
+        for index in 0..self.structure.entities.len() {
+            if drawn.next_if_eq(&index).is_some() {
+                items.push(Item::Template);
+                continue;
+            }
+            let item = self.item(index, remarks)?;
+            segments += item.segments();
+            if segments > MAX_SEGMENTS {
+                let record = self.structure.entities.get(index);
+                let entity = record.map(|record| self.structure.name(self.scan, record));
+                return Err(PatternReadError::TooMany { what: "segments", limit: MAX_SEGMENTS, entity });
+            }
+            items.push(item);
+        }
+        Ok(items)
+    }
+
+    /// What an entity of the inventory draws; nothing where there is none.
+    ///
+    /// # Errors
+    /// A number of it cannot be read or is not finite.
+    pub(super) fn item(&self, index: usize, remarks: &mut Remarks) -> Result<Item, PatternReadError> {
+        let Some(record) = self.structure.entities.get(index) else { return Ok(Item::Template) };
         let groups = |codes: &[i32]| {
             let (scan, structure) = (self.scan, self.structure);
             Groups::read(scan, structure, record, record.pairs(scan), |code| codes.contains(&code))

@@ -40,9 +40,9 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
     let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
 
     let mut remarks = entities::Remarks { strict: options.strict, ..entities::Remarks::default() };
-    let items = entities::items(&scan, &structure, SPLINE_TOLERANCE / unit.in_mm(), &mut remarks)?;
-    let unfolded = blocks::unfold(&scan, &structure, &items, unit.in_mm())?;
-    drop(items);
+    let tolerance = SPLINE_TOLERANCE / unit.in_mm();
+    let reader = entities::Reader { scan: &scan, structure: &structure, tolerance };
+    let unfolded = blocks::unfold(&reader, &mut remarks, unit.in_mm())?;
     if unfolded.paths.is_empty() {
         return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
     }
