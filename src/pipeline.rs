@@ -286,6 +286,7 @@ impl Pipeline {
         checks::quality(&map, &after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let dxf = pattern::write(&drawing, profile(settings));
+        notices.extend(pattern::losses(&drawing, profile(settings)));
         clock.lap("write");
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));

@@ -4,7 +4,7 @@
     python3 -m venv target/peers && target/peers/bin/pip install -r benches/peers/requirements.txt
     cargo build --release && target/peers/bin/python benches/peers/readers.py
 
-Every drawing of tests/data/patterns is corrected for the mouse in each DXF version that isomark writes. ezdxf has to
+Every drawing of tests/data/patterns is laid on a plane in each DXF version that isomark writes. ezdxf has to
 find nothing to repair; GDAL, dxflib and FreeCAD's own importer have to see as many entities within the same extents;
 the picture that LibreCAD prints has to have its ink where ezdxf has the lines, and nowhere else. A reader that is not
 installed is named and left out. Ends with 1 if one disagrees.
@@ -29,6 +29,8 @@ VERSIONS = ["R2000", "R12", "R12-lines"]
 CLOSE = 1e-4
 # Ink and lines may be this far apart, pixels: half the printed line's width and rounding.
 PIXELS = 4.0
+
+PLANE = "v -300 -300 0\nv 300 -300 0\nv 300 300 0\nv -300 300 0\nf 1 2 3\nf 1 3 4\n"
 
 COUNTER = r"""
 #include <dxflib/dl_creationadapter.h>
@@ -121,11 +123,13 @@ def by_freecad(file, folder):
     return tuple(json.loads(answer.read_text()))
 
 
-def picture_of(file, folder):
-    """LibreCAD's print as an array that is true where there is ink."""
+def picture_of(file, folder, size):
+    """LibreCAD's print in true size, or what fits A4, as an array that is true where there is ink."""
     for old in folder.glob("*.pdf"):
         old.unlink()
-    run(["librecad", "dxf2pdf", "-a", "-m", "-t", folder, file], env=os.environ | {"QT_QPA_PLATFORM": "offscreen"})
+    scale = min(1.0, 180 / size[0], 270 / max(size[1], 1e-9))
+    command = ["librecad", "dxf2pdf", "-c", "-m", "-s", f"{scale:.6f}", "-t", folder, file]
+    run(command, env=os.environ | {"QT_QPA_PLATFORM": "offscreen"})
     pdf = next(folder.glob("*.pdf"))
     run(["pdftoppm", "-r", "300", "-gray", "-singlefile", pdf, folder / "picture"])
     data = (folder / "picture.pgm").read_bytes()
@@ -161,19 +165,22 @@ def main():
     wrong, judged = [], 0
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
+        part = folder / "plane.obj"
+        part.write_text(PLANE)
         for version in VERSIONS:
             station = folder / "station.toml"
             station.write_text(
-                '[station]\nname = "peers"\n[folders]\nhot = "hot"\nimport = "import"\n[field]\nwidth_mm = 300\n'
-                f'height_mm = 300\n[output]\ndxf = "{version}"\n'
+                '[station]\nname = "peers"\n[folders]\nhot = "hot"\nimport = "import"\n[field]\nwidth_mm = 700\n'
+                f'height_mm = 700\n[output]\ndxf = "{version}"\n'
             )
             for pattern in sorted((ROOT / "tests/data/patterns").glob("*.dxf")):
                 out = folder / "out.dxf"
                 command = [binary, "correct", "--station", station, "--cache", folder / "cache", "--place", "0,0"]
-                command += ["--out", out, ROOT / "examples/parts/mouse.glb", pattern]
+                command += ["--part-unit", "mm", "--part-up", "z", "--out", out, part, pattern]
                 out.unlink(missing_ok=True)
-                if subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL).returncode != 0:
-                    print(f"{version} {pattern.stem}: does not fit the mouse")
+                done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+                if done.returncode != 0:
+                    print(f"{version} {pattern.stem}: {done.stderr.splitlines()[0]}")
                     continue
                 judged += 1
                 lines, repairs = lines_of(out)
@@ -194,7 +201,7 @@ def main():
                     if count != expected or off > CLOSE:
                         wrong.append(f"{version} {pattern.stem}: {reader} sees {count} of {expected}, box off by {off:.6f} mm")
                 if has_librecad:
-                    off = apart(picture_of(out, folder), lines)
+                    off = apart(picture_of(out, folder, np.ptp(points, axis=0)), lines)
                     if off > PIXELS:
                         wrong.append(f"{version} {pattern.stem}: LibreCAD's ink is {off:.1f} pixels from the lines")
     print(f"{judged} drawings judged, {len(wrong)} objections")

@@ -84,6 +84,10 @@ impl Projection<'_> {
                 Shape::Closed(segments) => {
                     let mut points = bend(segments)?;
                     points.pop();
+                    // Drawings that repeat their first point do so but for rounding; a side of no length is none.
+                    while points.len() > 2 && points.first().zip(points.last()).is_some_and(is_same) {
+                        points.pop();
+                    }
                     MarkingShape::Closed(points)
                 }
             };
@@ -296,6 +300,10 @@ impl Wedge {
     }
 }
 
+fn is_same((a, b): (&FieldPoint, &FieldPoint)) -> bool {
+    a.distance(*b) < 1e-6
+}
+
 fn distance_to_line(point: FieldPoint, from: FieldPoint, to: FieldPoint) -> f64 {
     let (along, offset) = (to - from, point - from);
     let square = along.norm_squared();
@@ -395,6 +403,10 @@ mod tests {
         let (round, _) = bent(&surface, &circle, method, 0.01);
         let points = round.paths[0].shape.points();
         assert!(points.iter().all(|point| (point.coords().norm() - 10.0).abs() < 1e-6));
+        let nearly = [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [1e-15, 0.0]].map(|[x, y]| FlatPoint::new(x, y));
+        let sides = (0..4).map(|i| Segment::Line { from: nearly[i], to: nearly[(i + 1) % 4] });
+        let (triangle, _) = bent(&surface, &drawing(Shape::Closed(sides.collect())), method, 0.01);
+        assert_eq!(triangle.paths[0].shape.points().len(), 3);
         // With its corners on the circle the fewest sides of 0.01 mm sagitta are π / acos(1 − 0.001) = 70.2.
         assert!((71..=85).contains(&points.len()), "{}", points.len());
         assert!(points[0].distance(points[points.len() - 1]) > 0.1, "the first point is not repeated");

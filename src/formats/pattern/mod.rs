@@ -8,7 +8,7 @@ mod facts;
 mod picture;
 mod units;
 
-pub use dxf::write::{DxfProfile, write};
+pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
 pub use facts::{LayerFacts, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};
 pub use picture::PictureOptions;

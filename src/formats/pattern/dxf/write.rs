@@ -9,6 +9,7 @@ use std::fmt::{Display, Write};
 use crate::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use crate::geometry::pattern::{Color, Layer};
 use crate::geometry::space::FieldPoint;
+use crate::reason::Notice;
 
 /// The dialect of DXF to write.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -52,6 +53,37 @@ pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
     }
     file.put(0, "EOF");
     file.text.into_bytes()
+}
+
+/// Warnings of what the profile cannot hold: names of layers that have to change, true colours that become the nearest
+/// of the table.
+pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
+    let mut losses = Vec::new();
+    let names = layer_names(&drawing.layers, profile);
+    let renamed: Vec<String> = drawing
+        .layers
+        .iter()
+        .zip(names)
+        .filter(|(layer, name)| escaped(&layer.name) != *name)
+        .map(|(layer, name)| format!("{} is {name}", layer.name))
+        .collect();
+    if !renamed.is_empty() {
+        let message = format!(
+            "layers have other names in the DXF file, which cannot hold theirs: {}",
+            renamed.join(", ")
+        );
+        losses.push(Notice::warning("layers-renamed", message));
+    }
+    let colors = drawing.layers.iter().map(|layer| layer.color);
+    let colors = colors.chain(drawing.paths.iter().map(|path| path.color));
+    let replaced = colors.filter(|color| profile.is_r12() && matches!(color, Color::Rgb { .. })).count();
+    if replaced > 0 {
+        let message = format!(
+            "true colours of layers and paths are the nearest of the table in the DXF file, {replaced} of them: R12 has no others"
+        );
+        losses.push(Notice::warning("colours-replaced", message));
+    }
+    losses
 }
 
 // Handles of the fixed parts of an R2000 file; layers and entities count on from `FIRST_FREE_HANDLE`.
@@ -308,7 +340,8 @@ fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
                 file.put_point(10, *point);
                 file.put(30, "0.0");
             }
-            file.put_all(&[(0, "SEQEND"), (8, layer)]);
+            // Without its layer: FreeCAD reads line by line here and would take layer 0 for the next entity's group code.
+            file.put(0, "SEQEND");
         }
         (points, DxfProfile::R12Lines) => {
             let back = points.first().filter(|_| closed);
@@ -445,6 +478,18 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn what_a_profile_cannot_hold_is_told() {
+        let rgb = Color::Rgb { aci: 30, rgb: [255, 128, 0] };
+        let layer = |name: &str, color| Layer { name: name.into(), color };
+        let layers = vec![layer("Größe", Color::Aci(1)), layer("MARK", rgb)];
+        let drawing = MarkingDrawing { layers, ..MarkingDrawing::default() };
+        assert_eq!(losses(&drawing, DxfProfile::R2000), []);
+        let told = losses(&drawing, DxfProfile::R12);
+        assert!(told.len() == 2 && told[0].message.contains("Größe is Gr__e"), "{told:?}");
+        assert!(told[1].message.contains("1 of them"), "{told:?}");
     }
 
     #[test]
