@@ -80,7 +80,7 @@ class Drawing:
                 for contour in outline.sub_paths():
                     self.add_path(key, contour, True)
         elif kind in ("HATCH", "MPOLYGON") and not entity.dxf.solid_fill:
-            for start, end in hatching.hatch_entity(entity):
+            for start, end in hatching.hatch_entity(entity, jiggle_origin=False):
                 self.add(key, [(start.x, start.y), (end.x, end.y)], False)
         elif kind in ("HATCH", "MPOLYGON"):
             for outline in path.from_hatch(entity):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import ezdxf
 from ezdxf.enums import TextEntityAlignment as Align
+from ezdxf.math import Vec2
 
 FOLDER = Path(sys.argv[1])
 
@@ -54,6 +55,9 @@ doc, msp, file = drawing("hatch-patterns")
 for index, (pattern, scale, angle) in enumerate([("ANSI31", 0.5, 0), ("ANSI37", 0.5, 20), ("DASH", 0.5, 0), ("BRICK", 0.2, 0)]):
     hatch = msp.add_hatch(dxfattribs={"layer": pattern})
     hatch.set_pattern_fill(pattern, scale=scale, angle=angle)
+    # No line runs through a corner of the boundary, where readers may differ.
+    for line in hatch.pattern.lines:
+        line.base_point += Vec2(0.13, 0.27)
     x = 30 * index
     hatch.paths.add_polyline_path([(x, 0), (x + 20, 0, 0.5), (x + 20, 15), (x, 15)], is_closed=True)
     edges = hatch.paths.add_edge_path(flags=16)

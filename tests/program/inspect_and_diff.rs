@@ -77,7 +77,7 @@ fn an_implausible_size_is_warned_of() {
     for words in [
         "100000.00 x 20.00 mm",
         "unusual size",
-        "2 paths are drawn twice",
+        "2 paths were drawn twice in the same place and taken out once (first LINE 8C)",
         "1 outline is open",
         "NOT TAKEN  3DFACE 95 on layer 0",
     ] {

@@ -63,8 +63,6 @@ fn drawings_without_anything_to_mark() {
     desk.write("logo.dxf", "%PDF-1.7\n%\u{e9}\nstream\n");
     correct(&desk, &part(MOUSE), "logo.dxf", "")
         .refused(1, &["PDF", "where:  logo.dxf", "remedy: Export the drawing as DXF"]);
-    correct(&desk, &part(MOUSE), &drawing("ez-r2018-text"), "")
-        .refused(1, &["1 MTEXT, 4 TEXT", "ez-r2018-text.dxf", "remedy: Convert text to outlines"]);
     correct(&desk, &part(MOUSE), &drawing("ink12-text-r14"), "")
         .refused(1, &["no entity", "ink12-text-r14.dxf", "Path > Object to Path"]);
     let whole = std::fs::read(drawing("abc")).unwrap();

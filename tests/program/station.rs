@@ -234,7 +234,7 @@ fn a_wrong_file_is_rejected_with_its_reason_and_the_station_goes_on() {
     let station = Station::running();
     station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
     station.copy_into(&drawing("abc"), "can@good.dxf");
-    station.copy_into(&drawing("ez-r2018-text"), "can@text.dxf");
+    station.copy_into(&drawing("ink12-text-r14"), "can@text.dxf");
     station.copy_into(&drawing("ez-defects"), "can@stray.dxf");
     station.desk.write("hot/can@wrong.pdf", "%PDF-1.7");
     let glb = fs::read(part("mouse/fc020-gui.glb")).unwrap();
@@ -245,7 +245,7 @@ fn a_wrong_file_is_rejected_with_its_reason_and_the_station_goes_on() {
     station.waits_for_empty_hot();
     assert_eq!(station.import(), ["can@good.dxf", "can@later.dxf"]);
     for (name, code, words) in [
-        ("can@text.dxf", "pattern-nothing-to-mark", "Convert text to outlines"),
+        ("can@text.dxf", "pattern-nothing-to-mark", "Object to Path"),
         ("can@stray.dxf", "off-surface", "Delete stray lines"),
         ("can@wrong.pdf", "", "remedy: "),
         ("mouse.glb", "mesh-truncated", "Copy the file again"),
@@ -377,7 +377,7 @@ fn once_handles_what_lies_there() {
     station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
     station.copy_into(&drawing("abc"), "can.dxf");
     station.copy_into(&drawing("abc"), "cup.dxf");
-    station.copy_into(&drawing("ez-r2018-text"), "can@text.dxf");
+    station.copy_into(&drawing("ink12-text-r14"), "can@text.dxf");
     let said = station.once();
     assert_eq!(said.code, 0, "{}", said.err);
     assert!(
