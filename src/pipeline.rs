@@ -261,6 +261,7 @@ impl Pipeline {
             Projection { map: &map, surface, fixture: settings.fixture, lens: settings.optics.lens };
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
+        checks::ink_layers(&pattern, settings, &mut notices);
         checks::exposure(&exposure, surface, &ink, settings, &mut notices)
             .map_err(|reason| reason.in_file(input.name))?;
         clock.lap("check");

@@ -137,7 +137,7 @@ fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
     // A drawing in map coordinates; sampling it would take gigabytes.
     let far: String = (0..50).map(|i| line([0.0, 0.0], [1e6, f64::from(i)])).collect();
     fs::write(station.path("hot/trough@far.dxf"), drawing(&far)).unwrap();
-    let scribble: String = (0..140_000).map(|_| line([-18.0, 0.0], [18.0, 0.0])).collect();
+    let scribble: String = (0..140_000).map(|i| line([-18.0, 0.0], [18.0, 1e-5 * f64::from(i)])).collect();
     fs::write(station.path("hot/trough@scribble.dxf"), drawing(&scribble)).unwrap();
     let sparse = cfg!(unix);
     if sparse {

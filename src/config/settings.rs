@@ -99,9 +99,19 @@ impl PatternSettings {
 
     /// Whether what lies on the layer counts as ink.
     pub fn counts_as_ink(&self, layer: &str) -> bool {
-        let same = |name: &String| name.to_lowercase() == layer.to_lowercase();
-        self.ink_layers.as_ref().is_none_or(|layers| layers.iter().any(same))
+        self.ink_layers.as_ref().is_none_or(|names| names.iter().any(|name| is_same_layer(name, layer)))
     }
+
+    /// The ink layers that are none of the given ones.
+    pub fn ink_layers_missing_in(&self, layers: &[&str]) -> Vec<&str> {
+        let is_missing = |name: &&str| !layers.iter().any(|layer| is_same_layer(name, layer));
+        self.ink_layers.iter().flatten().map(String::as_str).filter(is_missing).collect()
+    }
+}
+
+/// Whether two names are the same layer's: DXF compares them without regard to case.
+fn is_same_layer(one: &str, other: &str) -> bool {
+    one.to_lowercase() == other.to_lowercase()
 }
 
 /// Where the pattern lands on the part.

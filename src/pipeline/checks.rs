@@ -119,6 +119,22 @@ pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSetting
     ))
 }
 
+/// Tells of ink layers that the drawing does not have: a typing mistake there keeps a layer out of the ink.
+pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mut Vec<Notice>) {
+    let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
+    let missing = settings.pattern.ink_layers_missing_in(&layers);
+    if !missing.is_empty() {
+        notices.push(Notice::warning(
+            "ink-layer-missing",
+            format!(
+                "the drawing has no ink layer {}; its layers are {}",
+                missing.join(", "),
+                layers.join(", ")
+            ),
+        ));
+    }
+}
+
 pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSurface, ink: &Ink) -> Reason {
     // Beside the part there is nothing to bend to; that is the plainer reason then.
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);

@@ -254,6 +254,11 @@ fn other_layers_are_carried_along_without_counting() {
     let length = |report: &Value| number(report, "/quality/after/length_mm");
     assert!(length(&some) > 0.0 && length(&some) < length(&all));
     assert_eq!(some["output"]["paths"], all["output"]["paths"]);
+    let mistyped = job("--place 0,0 --ink-layers cut,CTU");
+    assert_eq!(length(&mistyped), length(&some));
+    assert!(!notices(&some).contains(&"ink-layer-missing"));
+    let told = mistyped["notices"].to_string();
+    assert!(told.contains("the drawing has no ink layer CTU; its layers are "), "{told}");
 }
 
 #[test]
