@@ -76,8 +76,12 @@ impl Projection<'_> {
         subdivision: Subdivision,
     ) -> Result<MarkingDrawing, AboveLens> {
         let mut paths = Vec::with_capacity(pattern.paths.len());
+        let junctions = Junctions::of(pattern);
         for path in &pattern.paths {
-            let bend = |segments: &[Segment]| self.bend_segments(segments, tolerance, subdivision);
+            let bend = |segments: &[Segment]| match subdivision {
+                Subdivision::Adaptive => self.bend_with_few_points(segments, tolerance, &junctions),
+                Subdivision::Keep => self.bend_point_by_point(segments, tolerance),
+            };
             let shape = match &path.shape {
                 Shape::Dot(point) => MarkingShape::Dot(self.aim(*point)?),
                 Shape::Open(segments) => MarkingShape::Open(bend(segments)?),
@@ -96,12 +100,35 @@ impl Projection<'_> {
         Ok(MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() })
     }
 
-    fn bend_segments(
+    /// The images of the ends of all segments, those of curves flattened before.
+    fn bend_point_by_point(
         &self,
         segments: &[Segment],
         tolerance: f64,
-        subdivision: Subdivision,
     ) -> Result<Vec<FieldPoint>, AboveLens> {
+        let mut points = Vec::with_capacity(segments.len() + 1);
+        for segment in segments {
+            if points.is_empty() {
+                points.push(self.aim(segment.point(0.0))?);
+            }
+            let steps = segment.steps(tolerance);
+            for step in 1..=steps {
+                points.push(self.aim(segment.point(step as f64 / steps as f64))?);
+            }
+        }
+        Ok(points)
+    }
+
+    /// A polyline within `tolerance` mm of the image of the segments, with as few points as that takes and one at every
+    /// junction.
+    fn bend_with_few_points(
+        &self,
+        segments: &[Segment],
+        tolerance: f64,
+        junctions: &Junctions,
+    ) -> Result<Vec<FieldPoint>, AboveLens> {
+        let mut kept = Vec::new();
+        // Points along the image since the last junction.
         let mut points = Vec::with_capacity(segments.len() + 1);
         let mut before: Option<FlatPoint> = None;
         for segment in segments {
@@ -114,24 +141,15 @@ impl Projection<'_> {
             before = Some(to);
             if points.is_empty() {
                 points.push(start);
+            } else if junctions.contain(from) {
+                kept.extend(simplified(&points, tolerance * (1.0 - REFINED)));
+                points.clear();
+                points.push(kept.pop().unwrap_or(start));
             }
-            match subdivision {
-                Subdivision::Keep => {
-                    let steps = segment.steps(tolerance);
-                    for step in 1..steps {
-                        points.push(self.aim(segment.point(step as f64 / steps as f64))?);
-                    }
-                    points.push(end);
-                }
-                Subdivision::Adaptive => {
-                    self.subdivide(segment, (0.0, start), (1.0, end), tolerance * REFINED, &mut points)?;
-                }
-            }
+            self.subdivide(segment, (0.0, start), (1.0, end), tolerance * REFINED, &mut points)?;
         }
-        Ok(match subdivision {
-            Subdivision::Keep => points,
-            Subdivision::Adaptive => simplified(&points, tolerance * (1.0 - REFINED)),
-        })
+        kept.extend(simplified(&points, tolerance * (1.0 - REFINED)));
+        Ok(kept)
     }
 
     /// Adds the points after `from` up to `to`: the piece is halved until probes along it lie close to its chord.
@@ -215,6 +233,33 @@ impl Projection<'_> {
             }
         }
         exposure
+    }
+}
+
+/// The corners of a drawing that several paths share, or that one passes twice. They stay, or a line would no longer meet
+/// the one that it branches off from.
+struct Junctions(Vec<[u64; 2]>);
+
+impl Junctions {
+    fn of(pattern: &Pattern) -> Self {
+        let mut corners: Vec<[u64; 2]> = Vec::new();
+        for path in &pattern.paths {
+            let segments = path.shape.segments();
+            let end = segments.last().filter(|_| !path.shape.is_closed()).map(Segment::end);
+            corners.extend(segments.iter().map(Segment::start).chain(end).map(Self::key));
+        }
+        corners.sort_unstable();
+        let shared = corners.chunk_by(|a, b| a == b).filter(|same| same.len() > 1);
+        Self(shared.map(|same| same[0]).collect())
+    }
+
+    fn contain(&self, corner: FlatPoint) -> bool {
+        !self.0.is_empty() && self.0.binary_search(&Self::key(corner)).is_ok()
+    }
+
+    /// Equal for equal points; -0 counts as 0.
+    fn key(point: FlatPoint) -> [u64; 2] {
+        [(point.x + 0.0).to_bits(), (point.y + 0.0).to_bits()]
     }
 }
 
@@ -358,6 +403,23 @@ mod tests {
         let projection =
             Projection { map: &map, surface, fixture: Fixture::default(), lens: Lens::Telecentric };
         (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap(), map)
+    }
+
+    #[test]
+    fn a_corner_where_another_line_ends_stays() {
+        let surface = surface(|_, _| 0.0);
+        let at = |x: f64, y: f64| FlatPoint::new(x, y);
+        let through = |points: &[FlatPoint]| {
+            let pairs = points.windows(2);
+            drawing(Shape::Open(pairs.map(|pair| Segment::Line { from: pair[0], to: pair[1] }).collect()))
+        };
+        let corners = [at(0.0, 0.0), at(5.0, 0.009), at(10.0, 0.0)];
+        let mut pattern = through(&corners);
+        let points =
+            |pattern: &Pattern| bent(&surface, pattern, Method::Plain, 0.02).0.paths[0].shape.points().len();
+        assert_eq!(points(&pattern), 2);
+        pattern.paths.extend(through(&[corners[1], at(5.0, 5.0)]).paths);
+        assert_eq!(points(&pattern), 3);
     }
 
     #[test]
