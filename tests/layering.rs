@@ -46,6 +46,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("image", &["formats"]),
     ("ttf_parser", &["formats"]),
     ("encoding_rs", &["formats"]),
+    ("oem_cp", &["formats"]),
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),
     ("postcard", &["cache"]),

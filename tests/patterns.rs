@@ -400,6 +400,102 @@ fn more_than_memory_holds_is_refused_before_it_is_held() {
     assert!(left.len() == 1 && left[0].why.contains("50000 letters"), "{left:?}");
 }
 
+fn whole(entities: &str, blocks: &str) -> PatternReading {
+    read(drawing(entities, blocks).as_bytes(), &PatternOptions::default()).unwrap()
+}
+
+fn named(reading: &PatternReading) -> Vec<(&str, &str)> {
+    reading.facts.not_taken.iter().map(|left| (left.entity.as_str(), left.why.as_ref())).collect()
+}
+
+#[test]
+fn attributes_look_as_their_insert_says() {
+    let content = block("B", &line(["0", "0", "1", "1"]));
+    let attribute = "0\nATTRIB\n8\n0\n62\n0\n10\n5\n20\n5\n40\n3\n1\nX\n2\nTAG\n70\n0\n0\nSEQEND\n";
+    let with = |layer: &str| {
+        let insert = insert("B", "62\n1\n66\n1\n").replace("INSERT\n8\n0", &format!("INSERT\n8\n{layer}"));
+        whole(&(insert + attribute + &line(["0", "9", "1", "9"])), &content)
+    };
+    let shown = with("A");
+    let letters: Vec<_> = shown.pattern.paths.iter().filter(|path| path.source.entity == "ATTRIB").collect();
+    assert!(!letters.is_empty());
+    for path in letters {
+        assert_eq!((shown.pattern.layers[path.layer].name.as_str(), path.color), ("A", Color::Aci(1)));
+    }
+    let layers =
+        "0\nSECTION\n2\nTABLES\n0\nTABLE\n2\nLAYER\n0\nLAYER\n2\nICE\n70\n1\n62\n7\n0\nENDTAB\n0\nENDSEC\n";
+    let insert = insert("B", "66\n1\n").replace("INSERT\n8\n0", "INSERT\n8\nICE");
+    let entities = insert + attribute + &line(["0", "9", "1", "9"]);
+    let file = drawing(&entities, &content)
+        .replace("0\nSECTION\n2\nBLOCKS", &format!("{layers}0\nSECTION\n2\nBLOCKS"));
+    let frozen = read(file.as_bytes(), &PatternOptions::default()).unwrap();
+    assert_eq!(frozen.pattern.paths.len(), 1);
+    let expected = [("INSERT", "its layer is frozen"), ("ATTRIB", "the block that it belongs to is hidden")];
+    assert_eq!(named(&frozen), expected);
+}
+
+#[test]
+fn every_sheet_of_paper_space_is_named() {
+    let sheets = block("*Paper_Space0", &(line(["0", "0", "1", "1"]) + "0\nVIEWPORT\n8\n0\n"));
+    let reading = whole(&line(["0", "0", "1", "1"]), &sheets);
+    assert_eq!(reading.pattern.paths.len(), 1);
+    let why = "it lies in paper space, beside the model";
+    assert_eq!(named(&reading), [("LINE", why), ("VIEWPORT", why)]);
+}
+
+#[test]
+fn an_entity_named_like_a_section_hides_nothing() {
+    let entities = line(["0", "0", "1", "1"]) + "0\nSECTION\n5\nFF\n8\n0\n" + &line(["5", "0", "6", "1"]);
+    let reading = whole(&entities, "");
+    assert_eq!(reading.pattern.paths.len(), 2);
+    assert_eq!(named(&reading)[0].0, "SECTION");
+}
+
+#[test]
+fn a_hatch_begun_backwards_is_one_square_on_the_side_that_its_extrusion_says() {
+    let edge = |x0, y0, x1, y1| format!("72\n1\n10\n{x0}\n20\n{y0}\n11\n{x1}\n21\n{y1}\n");
+    let edges = edge(30, 0, 20, 0) + &edge(30, 0, 30, 10) + &edge(30, 10, 20, 10) + &edge(20, 10, 20, 0);
+    let hatch = format!(
+        "0\nHATCH\n8\n0\n10\n0\n20\n0\n30\n0\n230\n-1\n2\nSOLID\n70\n1\n91\n1\n92\n1\n93\n4\n{edges}97\n0\n75\n0\n"
+    );
+    let reading = whole(&hatch, "");
+    assert_eq!(reading.facts.extents, [-30.0, 0.0, -20.0, 10.0]);
+    assert!((length(&reading.pattern.paths[0]) - 40.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_looks_different_in_the_drawing_program_is_told() {
+    let wide = "0\nLWPOLYLINE\n8\n0\n90\n2\n70\n0\n43\n0.3\n10\n0\n20\n5\n10\n9\n20\n5\n";
+    let dashed = line(["0", "0", "9", "0"]).replace("8\nMARK", "8\nMARK\n6\nDASHED");
+    let file = drawing(&(wide.to_owned() + &dashed), "").replace("0\nEOF\n", "")
+        + "0\nSECTION\n2\nOBJECTS\n0\nSPATIAL_FILTER\n5\n99\n0\nENDSEC\n0\nEOF\n";
+    let reading = read(file.as_bytes(), &PatternOptions::default()).unwrap();
+    assert!(has_notice(&reading, "wide-lines", Severity::Note));
+    assert!(has_notice(&reading, "dashed-whole", Severity::Warning));
+    assert!(has_notice(&reading, "clipped-whole", Severity::Warning));
+    let plain = whole(&line(["0", "0", "9", "0"]).replace("8\nMARK", "8\nMARK\n6\nByLayer"), "");
+    assert!(plain.facts.notices.is_empty(), "{:?}", plain.facts.notices);
+}
+
+#[test]
+fn a_spline_that_the_file_calls_closed_is_a_contour_beside_other_ends() {
+    // A uniform cubic round four points, those repeated; evaluated where it exists it comes back but for rounding.
+    let points: String = [(0.0, 0.1), (7.3, 0.0), (7.1, 3.3), (0.2, 3.1), (0.0, 0.1), (7.3, 0.0), (7.1, 3.3)]
+        .iter()
+        .map(|(x, y)| format!("10\n{x}\n20\n{y}\n30\n0\n"))
+        .collect();
+    let knots: String = (0..11).map(|knot| format!("40\n{}\n", 0.1 * f64::from(knot))).collect();
+    let spline = format!("0\nSPLINE\n8\n0\n70\n11\n71\n3\n72\n11\n73\n7\n74\n0\n{knots}{points}");
+    let strict = PatternOptions { strict: true, ..PatternOptions::default() };
+    let reading = read(drawing(&spline, "").as_bytes(), &strict).unwrap();
+    assert!(reading.pattern.paths[0].shape.is_closed());
+    // A line from its seam hinders nothing.
+    let seam = reading.pattern.paths[0].shape.segments()[0].start();
+    let both = spline + &line([&seam.x.to_string(), &seam.y.to_string(), "20", "20"]);
+    let closed = whole(&both, "").pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
+    assert_eq!(closed, 1);
+}
+
 #[test]
 fn quirks_elsewhere_in_a_file_do_not_matter() {
     // The reader crate refuses a whole file for each of these.
@@ -427,6 +523,7 @@ fn names_are_read_in_the_encoding_of_the_file() {
         read(&file, &PatternOptions::default()).unwrap().pattern.layers[0].name.clone()
     };
     assert_eq!(with("AC1015", "ANSI_1252", b"Gr\xf6\xdfe"), "Größe");
+    assert_eq!(with("AC1009", "dos850", b"Gr\x94\xe1e"), "Größe");
     assert_eq!(with("AC1015", "ANSI_1251", b"\xd1\xeb\xee\xe9"), "Слой");
     assert_eq!(with("AC1015", "ANSI_932", b"\x83\x8c\x83C\x83\x84\x81[".as_slice()), "レイヤー");
     assert_eq!(with("AC1032", "ANSI_1252", "Größe".as_bytes()), "Größe");

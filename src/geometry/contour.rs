@@ -68,8 +68,8 @@ const NO_LENGTH: f64 = 1e-6;
 /// Mends a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
 /// `tolerance` mm of each other, and closes those that come back to themselves.
 ///
-/// Paths that bound a fill are not joined, and a fill is drawn twice only if all its contours are. Of an outline and an
-/// equal contour of a fill the fill's stays. Pieces no larger than the tolerance are no bridge: they stay as they are.
+/// Paths that bound a fill and strokes of letters and patterns are not joined, and a fill is drawn twice only if all its contours are. Of an outline and an
+/// equal contour of a fill the fill's stays, of an open line and an equal contour the contour. Pieces no larger than the tolerance are no bridge: they stay as they are.
 /// A tolerance of 0 joins nothing. Takes O(n log n).
 pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
     let mut result = Mending::default();
@@ -199,10 +199,12 @@ fn take_out_empty(path: &mut Path) -> Option<Finding> {
     (pieces > 0).then_some(Finding { pieces, ..found })
 }
 
-/// Whether the path is an open curve, larger than the tolerance, that bounds no fill.
+/// Whether the path is an open curve, larger than the tolerance, that bounds no fill and is not one stroke of several.
 fn is_joinable(path: &Path, tolerance: f64) -> bool {
     match &path.shape {
-        Shape::Open(segments) => path.region.is_none() && reaches_beyond(segments, tolerance),
+        Shape::Open(segments) => {
+            path.region.is_none() && !path.source.is_stroke && reaches_beyond(segments, tolerance)
+        }
         _ => false,
     }
 }
@@ -331,7 +333,10 @@ fn connected(ends: &[usize], loose: &mut [Loose]) -> (Vec<Segment>, f64) {
         }
         if let (Some(start), Some(first)) = (row.last().map(Segment::end), segments.first_mut()) {
             widest = widest.max(start.distance(first.start()));
-            *first = with_ends(first, start, first.end());
+            match with_ends(first, start, first.end()) {
+                Some(moved) => *first = moved,
+                None => row.push(Segment::Line { from: start, to: first.start() }),
+            }
         }
         if row.is_empty() {
             row = segments;
@@ -343,42 +348,45 @@ fn connected(ends: &[usize], loose: &mut [Loose]) -> (Vec<Segment>, f64) {
 }
 
 /// Moves the last end onto the first start.
-fn close(segments: &mut [Segment]) {
-    let count = segments.len();
+fn close(segments: &mut Vec<Segment>) {
     let Some(start) = segments.first().map(Segment::start) else { return };
-    if let [Segment::Arc { sweep, .. }] = segments {
+    if let [Segment::Arc { sweep, .. }] = segments.as_mut_slice() {
         *sweep = std::f64::consts::TAU.copysign(*sweep);
     } else if let Some(last) = segments.last_mut() {
-        let from = last.start();
-        *last = with_ends(last, from, start);
+        let end = last.end();
+        match with_ends(last, last.start(), start) {
+            Some(moved) => *last = moved,
+            None => segments.push(Segment::Line { from: end, to: start }),
+        }
     }
-    debug_assert_eq!(count, segments.len());
 }
 
-/// The segment carried by the similarity that takes its ends to new ones near by; exact to the bit for lines and Bézier
-/// curves. An arc that hardly leaves its start is not changed.
-fn with_ends(segment: &Segment, start: FlatPoint, end: FlatPoint) -> Segment {
-    if segment.start() == start && segment.end() == end {
-        return segment.clone();
-    }
-    let old = segment.end() - segment.start();
-    let new = end - start;
-    let square = old.norm_squared();
-    let shift = (start - segment.start()).norm() + (end - segment.end()).norm();
-    let mut moved = segment.clone();
-    // Ends nearer to each other than ten times the shift would turn or swell the segment visibly.
-    if square.sqrt() > 10.0 * shift {
-        let (cos, sin) = (old.dot(&new) / square, (old.x * new.y - old.y * new.x) / square);
-        let linear = Matrix2::new(cos, -sin, sin, cos);
-        let offset: Vector2<f64> = start.coords() - linear * segment.start().coords();
-        moved = segment.transformed(&Affine { linear, offset });
-    }
-    match &mut moved {
-        Segment::Line { from, to } => (*from, *to) = (start, end),
-        Segment::Bezier { points, .. } => (points[0], points[3]) = (start, end),
-        Segment::Arc { .. } => {}
-    }
-    moved
+/// The segment with its ends moved to new ones near by; no point of it moves more than three times as far as the ends do
+/// together. `None` for an arc that would, because its ends are near to each other.
+fn with_ends(segment: &Segment, start: FlatPoint, end: FlatPoint) -> Option<Segment> {
+    let (first, last) = (start - segment.start(), end - segment.end());
+    Some(match segment {
+        Segment::Line { .. } => Segment::Line { from: start, to: end },
+        // Each control point goes with its end, so the directions at the ends stay.
+        Segment::Bezier { points: [_, after, before, _], weights } => {
+            Segment::Bezier { points: [start, *after + first, *before + last, end], weights: *weights }
+        }
+        unchanged if first == last && first.norm() == 0.0 => unchanged.clone(),
+        Segment::Arc { u, v, .. } => {
+            let (old, new) = (segment.end() - segment.start(), end - start);
+            let square = old.norm_squared();
+            let reach = 2.0 * u.norm().max(v.norm());
+            if square == 0.0
+                || (new - old).norm() * reach > (first.norm() + last.norm()) * square.sqrt() * 2.0
+            {
+                return None;
+            }
+            let (cos, sin) = (old.dot(&new) / square, (old.x * new.y - old.y * new.x) / square);
+            let linear = Matrix2::new(cos, -sin, sin, cos);
+            let offset: Vector2<f64> = start.coords() - linear * segment.start().coords();
+            segment.transformed(&Affine { linear, offset })
+        }
+    })
 }
 
 /// Which paths draw what another one draws on the same layer and in the same colour.
@@ -395,6 +403,14 @@ fn copies(paths: &[Path]) -> Vec<bool> {
     for (region, key) in &fills {
         seen.entry(*key).or_insert(*region);
     }
+    // An open line that draws a contour adds nothing, and to take the contour out instead would lose what it bounds.
+    let is_contour = |path: &Path| path.region.is_none() && path.shape.is_closed();
+    let contours: BTreeSet<(Group, Drawn)> = paths
+        .iter()
+        .zip(&drawn)
+        .filter(|(path, _)| is_contour(path))
+        .map(|(path, drawn)| (group(path), *drawn))
+        .collect();
     // Contours of fills that stay, and all other paths so far.
     let mut outlines: BTreeSet<(Group, Drawn)> = BTreeSet::new();
     let is_kept = |region: u32| fills.get(&region).and_then(|key| seen.get(key)) == Some(&region);
@@ -405,7 +421,10 @@ fn copies(paths: &[Path]) -> Vec<bool> {
     }
     let is_copy = |(path, drawn): (&Path, &Drawn)| match path.region {
         Some(region) => !is_kept(region),
-        None => !outlines.insert((group(path), *drawn)),
+        None => {
+            let key = (group(path), *drawn);
+            !path.shape.is_closed() && contours.contains(&key) || !outlines.insert(key)
+        }
     };
     paths.iter().zip(&drawn).map(is_copy).collect()
 }
@@ -542,6 +561,58 @@ mod tests {
         let joining = mend(pieces.clone(), 0.002);
         assert_eq!(joining.paths, pieces);
         assert_eq!(joining.ambiguous_ends, 3);
+    }
+
+    /// How far the drawing reaches from the origin.
+    fn reach(mending: &Mending) -> f64 {
+        let points = mending.paths.iter().flat_map(|path| path.shape.flattened(1e-4));
+        points.map(|point| point.coords().norm()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn closing_a_small_gap_moves_nothing_farther_than_the_gap() {
+        // An arc of almost a full turn, its ends 0.02 mm apart, is met by a line 0.0015 mm away.
+        let open_by = 2e-4;
+        let almost = || arc(point(0.0, 0.0), 50.0, open_by, 2.0 * PI - 2.0 * open_by);
+        let (y, x) = open_by.sin_cos();
+        let met = mend(vec![line((60.0, 0.0), (50.0 * x + 0.0015, 50.0 * y)), almost()], 0.002);
+        assert_eq!((met.paths.len(), met.chains.len()), (1, 1));
+        assert_connected(&met.paths[0].shape);
+        let apart = mend(vec![almost()], 0.0);
+        assert!((reach(&apart) - 50.0).abs() < 1e-6 && (reach(&met) - 60.0).abs() < 1e-6);
+        let left = met.paths[0].shape.flattened(1e-4).iter().map(|at| at.x).fold(0.0, f64::min);
+        assert!((left + 50.0).abs() < 1e-3, "{left}");
+        // A loop whose ends are 0.04 mm apart keeps its shape, too.
+        let control = [point(0.0, 0.02), point(40.0, 30.0), point(40.0, -30.0), point(0.0, -0.02)];
+        let turn = open(Segment::Bezier { points: control, weights: [1.0; 4] });
+        let before = reach(&mend(vec![turn.clone()], 0.0));
+        let lead = line((-1.0, 0.0), (-0.001, 0.021));
+        let met = mend(vec![lead, turn], 0.002);
+        assert_eq!(met.chains.len(), 1);
+        assert!((reach(&met) - before).abs() < 0.002, "{} for {before}", reach(&met));
+    }
+
+    #[test]
+    fn strokes_of_letters_and_patterns_are_not_joined() {
+        let stroke = |from, to| {
+            let path = line(from, to);
+            Path { source: Source { is_stroke: true, ..path.source.clone() }, ..path }
+        };
+        let zigzag = vec![stroke((0.0, 0.0), (1.0, 1.0)), stroke((1.0, 1.0), (2.0, 0.0))];
+        assert_eq!(mend(zigzag.clone(), 0.002).paths, zigzag);
+        let branch = [zigzag, vec![line((2.0, 0.0), (3.0, 0.0))]].concat();
+        assert_eq!(mend(branch.clone(), 0.002).paths, branch);
+    }
+
+    #[test]
+    fn of_an_open_line_and_an_equal_contour_the_contour_stays() {
+        let around = square([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]);
+        let open = Path { shape: Shape::Open(around.shape.segments().to_vec()), ..around.clone() };
+        // A third end keeps the open line from being closed.
+        let tail = line((0.0, 0.0), (-1.0, -1.0));
+        let found = mend(vec![open, tail.clone(), around.clone()], 0.002);
+        assert_eq!(found.paths, [tail, around]);
+        assert_eq!(found.duplicates.len(), 1);
     }
 
     #[test]

@@ -83,6 +83,9 @@ pub struct Source {
     pub entity: String,
     /// The entity's handle in hexadecimal, if the file has one.
     pub handle: Option<String>,
+    /// Whether it is one of several strokes that the entity draws, as letters and hatch patterns do. The ends of such
+    /// strokes are not those of a line that was taken apart.
+    pub is_stroke: bool,
 }
 
 /// A smooth piece of a path, mm, with a parameter from 0 to 1.

@@ -113,4 +113,6 @@ pub struct NotTaken {
     pub layer: String,
     /// Why it was left out, and what can be done about it.
     pub why: Cow<'static, str>,
+    /// Whether something that it draws is missing now.
+    pub is_loss: bool,
 }

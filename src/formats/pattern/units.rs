@@ -77,7 +77,7 @@ impl DrawingUnit {
         ALL[self as usize].1
     }
 
-    /// The unit with a code of `$INSUNITS` (DXF Reference, HEADER); none for 0 and for units of astronomy.
+    /// The unit with a code of `$INSUNITS` (DXF Reference, HEADER); none for 0, and for units that no drawing of a product is in.
     pub fn from_insunits(code: i64) -> Option<Self> {
         Some(match code {
             // 21, 22, 23 and 24 are the US survey units, 2e-6 longer than the others.
@@ -192,7 +192,9 @@ pub(super) fn decide(
         _ => format!("{lack}; mm unless the settings say otherwise"),
     };
     let message = format!("millimetres assumed: {why}");
-    (DrawingUnit::Millimetre, why, Some(Notice::note("unit-assumed", message)))
+    // A unit that is named and not usable is more likely to be wrong than none.
+    let notice = if code == 0 { Notice::note } else { Notice::warning };
+    (DrawingUnit::Millimetre, why, Some(notice("unit-assumed", message)))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
-use super::super::error::PatternReadError;
+use super::super::error::{EntityName, PatternReadError};
 use super::curves::{Curve, Placement};
 use super::entities::{Insert, Item, MAX_SEGMENTS, Reader, Remarks};
 use super::scan::Scan;
@@ -18,6 +18,7 @@ use crate::geometry::space::FlatPoint;
 const MAX_DEPTH: usize = 32;
 /// Largest number of entities after unfolding.
 const MAX_ENTITIES: usize = 2_000_000;
+const IN_PAPER_SPACE: &str = "it lies in paper space, beside the model";
 /// Coordinates beyond this, mm, are refused: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
 
@@ -30,6 +31,8 @@ pub(super) struct Unfolded {
     /// Lowest and highest z of what is drawn, mm.
     pub(super) heights: Option<(f64, f64)>,
     pub(super) not_taken: Vec<NotTaken>,
+    /// Number of lines drawn whole that the drawing shows as dashes or dots, with the first.
+    pub(super) dashed: Option<(usize, EntityName)>,
     /// Which entities of the inventory made a path.
     pub(super) drawn: BTreeSet<usize>,
 }
@@ -62,6 +65,12 @@ pub(super) fn unfold(
         let item = reader.item(index, remarks)?;
         unfolding.entity(index, &item, &ground)?;
     }
+    for index in reader.structure.paper_sheets().flat_map(|sheet| sheet.entities.clone()) {
+        if let Some(record) = reader.structure.entities.get(index) {
+            let is_loss = reader.structure.kind(record) != "VIEWPORT";
+            unfolding.name(index, record, IN_PAPER_SPACE.into(), is_loss);
+        }
+    }
     Ok(unfolding.result)
 }
 
@@ -72,6 +81,15 @@ struct Context {
     layer: Option<String>,
     /// The colour that stands for "by block".
     color: Color,
+}
+
+/// What the paths of an entity look like.
+#[derive(Clone, Copy)]
+struct Look<'l> {
+    layer: &'l str,
+    color: Color,
+    /// Whether the entity draws several strokes, see [`Source::is_stroke`].
+    is_stroke: bool,
 }
 
 struct Unfolding<'u> {
@@ -88,7 +106,7 @@ struct Unfolding<'u> {
     open_blocks: Vec<String>,
 }
 
-impl Unfolding<'_> {
+impl<'u> Unfolding<'u> {
     fn entity(&mut self, index: usize, item: &Item, context: &Context) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let Some(record) = structure.entities.get(index) else { return Ok(()) };
@@ -96,30 +114,35 @@ impl Unfolding<'_> {
         if self.entities > MAX_ENTITIES {
             return Err(self.too_many("entities", MAX_ENTITIES, record));
         }
-        let own_layer = structure.layer(record);
-        let layer = match &context.layer {
-            Some(outer) if own_layer == "0" => outer.clone(),
-            _ => own_layer.to_owned(),
-        };
-        let entry = structure.layers.get(&layer.to_uppercase());
+        let of_insert;
+        let mut context = context;
+        if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
+            let (layer, entry) = self.layer(insert, context);
+            if why_hidden(insert, entry, true).is_some() {
+                self.name(index, record, "the block that it belongs to is hidden".into(), true);
+                return Ok(());
+            }
+            of_insert = self.inside(insert, context, context.placement, layer);
+            context = &of_insert;
+        }
+        let (layer, entry) = self.layer(record, context);
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
-            self.name(index, record, why.into());
+            self.name(index, record, why.into(), true);
             return Ok(());
         }
-        let color = match record.color {
-            RecordColor::ByBlock => context.color,
-            RecordColor::Own(color) => color,
-        };
-        // "By layer" inside a block means the layer that the entity ends up on.
-        let layer = entry.map_or(layer, |entry| entry.name.clone());
-        if !matches!(item, Item::NotTaken(_)) {
+        let color = own_color(record, context);
+        if matches!(item, Item::Curve(_)) && record.is_dashed(entry) {
+            let first = || (0, structure.name(self.scan, record));
+            self.result.dashed.get_or_insert_with(first).0 += 1;
+        }
+        if !matches!(item, Item::DrawsNothing(_) | Item::NotTaken(_)) {
             self.result.drawn.insert(index);
         }
         if let Item::Insert(insert) = item {
-            return self.insert(index, record, insert, context, layer, color);
+            return self.insert(index, record, insert, context, layer);
         }
-        self.item(index, record, item, context, &layer, color)
+        self.item(index, record, item, context, Look { layer: &layer, color, is_stroke: false })
     }
 
     fn item(
@@ -128,28 +151,33 @@ impl Unfolding<'_> {
         record: &Record,
         item: &Item,
         context: &Context,
-        layer: &str,
-        color: Color,
+        look: Look<'_>,
     ) -> Result<(), PatternReadError> {
         let placed = |curve: &Curve| -> Vec<_> {
             curve.segments.iter().map(|segment| segment.placed(&context.placement)).collect()
         };
         match item {
             Item::Insert(_) => {}
-            Item::NotTaken(why) => self.name(index, record, why.clone()),
+            Item::DrawsNothing(why) => self.name(index, record, (*why).into(), false),
+            Item::NotTaken(why) => self.name(index, record, why.clone(), true),
             // Inside a block it stands for the attributes of the inserts, which are texts of their own.
             Item::Template if !self.open_blocks.is_empty() => {}
             Item::Template => {
-                self.name(index, record, "it is the template of an attribute: write a text instead".into());
+                self.name(
+                    index,
+                    record,
+                    "it is the template of an attribute: write a text instead".into(),
+                    true,
+                );
             }
             Item::Several(items) => {
                 for (own, item) in items {
                     let color = match own {
                         Some(RecordColor::ByBlock) => context.color,
                         Some(RecordColor::Own(own)) => *own,
-                        None => color,
+                        None => look.color,
                     };
-                    self.item(index, record, item, context, layer, color)?;
+                    self.item(index, record, item, context, Look { color, is_stroke: true, ..look })?;
                 }
             }
             Item::Dot(point) => {
@@ -157,17 +185,17 @@ impl Unfolding<'_> {
                 self.check(point.amax(), record)?;
                 self.see_height(point.z);
                 let shape = Shape::Dot(FlatPoint::new(point.x, point.y));
-                self.push(shape, layer, color, None, record)?;
+                self.push(shape, None, look, record)?;
             }
             Item::Curve(curve) => {
                 let shape = self.shape(&placed(curve), curve.closed, record)?;
-                self.push(shape, layer, color, None, record)?;
+                self.push(shape, None, look, record)?;
             }
             Item::Fill(contours) => {
                 self.regions += 1;
                 for contour in contours {
                     let shape = self.shape(&placed(contour), true, record)?;
-                    self.push(shape, layer, color, Some(self.regions), record)?;
+                    self.push(shape, Some(self.regions), look, record)?;
                 }
             }
         }
@@ -181,20 +209,17 @@ impl Unfolding<'_> {
         insert: &Insert,
         context: &Context,
         layer: String,
-        color: Color,
     ) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
         let Some(block) = structure.blocks.get(&key) else {
-            self.name(index, record, format!("the file does not define its block {}", insert.block).into());
+            let why = format!("the file does not define its block {}", insert.block);
+            self.name(index, record, why.into(), true);
             return Ok(());
         };
         if block.external {
-            self.name(
-                index,
-                record,
-                "it stands for another file: bind the reference before exporting".into(),
-            );
+            let why = "it stands for another file: bind the reference before exporting";
+            self.name(index, record, why.into(), true);
             return Ok(());
         }
         if self.open_blocks.contains(&key) {
@@ -217,11 +242,8 @@ impl Unfolding<'_> {
             let (row, column) = (copy / insert.columns, copy % insert.columns);
             let mut placement = insert.placement;
             placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
-            let inner = Context {
-                placement: context.placement.after(&placement.after(&base)),
-                layer: Some(layer.clone()),
-                color: if color == Color::ByLayer { self.layer_color(&layer) } else { color },
-            };
+            let placement = context.placement.after(&placement.after(&base));
+            let inner = self.inside(record, context, placement, layer.clone());
             // An empty block counts too, or a large array of nothing would take for ever.
             self.entities += 1;
             if self.entities > MAX_ENTITIES {
@@ -238,8 +260,27 @@ impl Unfolding<'_> {
         Ok(())
     }
 
-    fn layer_color(&self, layer: &str) -> Color {
-        self.structure.layers.get(&layer.to_uppercase()).map_or(Color::Aci(7), |entry| entry.color)
+    /// The layer that an entity ends up on, and its entry in the table.
+    fn layer(&self, record: &Record, context: &Context) -> (String, Option<&'u LayerRecord>) {
+        let own = self.structure.layer(record);
+        let layer = match &context.layer {
+            Some(outer) if own == "0" => outer,
+            _ => own,
+        };
+        let entry = self.structure.layers.get(&layer.to_uppercase());
+        (entry.map_or(layer, |entry| &entry.name).to_owned(), entry)
+    }
+
+    /// What the content of an insert, and its attributes, take over from it.
+    fn inside(&self, insert: &Record, context: &Context, placement: Placement, layer: String) -> Context {
+        let color = match own_color(insert, context) {
+            Color::ByLayer => {
+                let entry = self.structure.layers.get(&layer.to_uppercase());
+                entry.map_or(Color::Aci(7), |entry| entry.color)
+            }
+            own => own,
+        };
+        Context { placement, layer: Some(layer), color }
     }
 
     fn shape(
@@ -278,9 +319,8 @@ impl Unfolding<'_> {
     fn push(
         &mut self,
         shape: Shape,
-        layer: &str,
-        color: Color,
         region: Option<u32>,
+        Look { layer, color, is_stroke }: Look<'_>,
         record: &Record,
     ) -> Result<(), PatternReadError> {
         let name = self.structure.name(self.scan, record);
@@ -293,12 +333,12 @@ impl Unfolding<'_> {
                 names.len() - 1
             }
         };
-        let source = Source { entity: name.kind, handle: name.handle };
+        let source = Source { entity: name.kind, handle: name.handle, is_stroke };
         self.result.paths.push(Path { layer, color, shape, region, source });
         Ok(())
     }
 
-    fn name(&mut self, index: usize, record: &Record, why: Cow<'static, str>) {
+    fn name(&mut self, index: usize, record: &Record, why: Cow<'static, str>, is_loss: bool) {
         if self.open_blocks.is_empty() || self.named.insert((index, why.clone())) {
             let name = self.structure.name(self.scan, record);
             self.result.not_taken.push(NotTaken {
@@ -306,6 +346,7 @@ impl Unfolding<'_> {
                 handle: name.handle,
                 layer: name.layer,
                 why,
+                is_loss,
             });
         }
     }
@@ -315,12 +356,20 @@ impl Unfolding<'_> {
     }
 }
 
+/// The colour that an entity asks for. "By layer" means the layer that the entity ends up on.
+fn own_color(record: &Record, context: &Context) -> Color {
+    match record.color {
+        RecordColor::ByBlock => context.color,
+        RecordColor::Own(color) => color,
+    }
+}
+
 /// Why an entity is not to be marked although it could be. Only freezing its layer hides all of an insert; what it holds
 /// may lie on other layers.
 fn why_hidden(record: &Record, layer: Option<&LayerRecord>, is_insert: bool) -> Option<&'static str> {
     let of_layer = |state: fn(&LayerRecord) -> bool| layer.is_some_and(state);
     if record.in_paper_space {
-        Some("it lies in paper space, beside the model")
+        Some(IN_PAPER_SPACE)
     } else if record.hidden {
         Some("it is invisible")
     } else if of_layer(|layer| layer.frozen) {

@@ -1,7 +1,7 @@
 //! Entities as curves in the space of the block that holds them.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
@@ -32,7 +32,9 @@ pub(super) enum Item {
     Insert(Box<Insert>),
     /// What attributes of a block are to look like; draws nothing itself.
     Template,
-    /// Nothing, with the reason.
+    /// Nothing, as it would anywhere, with the reason.
+    DrawsNothing(&'static str),
+    /// Nothing here, although it draws something, with the reason.
     NotTaken(Cow<'static, str>),
 }
 
@@ -42,7 +44,7 @@ impl Item {
             Self::Curve(curve) => curve.segments.len(),
             Self::Fill(contours) => contours.iter().map(|contour| contour.segments.len()).sum(),
             Self::Several(items) => items.iter().map(|(_, item)| item.segments().max(1)).sum(),
-            Self::Dot(_) | Self::Insert(_) | Self::Template | Self::NotTaken(_) => 0,
+            Self::Dot(_) | Self::Insert(_) | Self::Template | Self::DrawsNothing(_) | Self::NotTaken(_) => 0,
         }
     }
 
@@ -63,6 +65,7 @@ impl Item {
                 Self::Insert(insert)
             }
             Self::Template => Self::Template,
+            Self::DrawsNothing(why) => Self::DrawsNothing(why),
             Self::NotTaken(why) => Self::NotTaken(why.clone()),
         }
     }
@@ -87,6 +90,8 @@ pub(super) struct Remarks {
     pub(super) texts: BTreeMap<usize, FontUses>,
     /// Whether entities are left as they are.
     pub(super) strict: bool,
+    /// Polylines with a width, by their position in the inventory.
+    pub(super) wide: BTreeSet<usize>,
     /// Polylines with the point that the old FreeCAD exporter puts in front, by their position in the inventory; it is
     /// taken out unless the drawing is read strictly.
     pub(super) extra_vertices: Vec<usize>,
@@ -154,8 +159,16 @@ impl Reader<'_> {
                 round(part.or(40, 0.0), |radius| arc(part.point(10), radius, start, sweep, &part.plane()))
             }
             "ELLIPSE" => ellipse(&groups(&[10, 20, 30, 11, 21, 31, 40, 41, 42, 210, 220, 230])?),
-            "LWPOLYLINE" => polylines::light(self.scan, self.structure, index, record, remarks)?,
-            "POLYLINE" => polylines::heavy(self.scan, self.structure, record)?,
+            kind @ ("LWPOLYLINE" | "POLYLINE") => {
+                let line = match kind {
+                    "POLYLINE" => polylines::heavy(self.scan, self.structure, record)?,
+                    _ => polylines::light(self.scan, self.structure, index, record, remarks)?,
+                };
+                if matches!(line, Item::Fill(_)) {
+                    remarks.wide.insert(index);
+                }
+                line
+            }
             // A helix is given as a spline; the data of its axis come after it.
             kind @ ("SPLINE" | "HELIX") => {
                 let (scan, structure) = (self.scan, self.structure);
@@ -194,6 +207,7 @@ impl Reader<'_> {
                 let uses = remarks.texts.entry(index).or_default();
                 text::paragraphs(self.scan, self.structure, record, uses)?
             }
+            "VIEWPORT" => Item::DrawsNothing("it is a window of a layout"),
             kind => Item::NotTaken(why_not(kind).into()),
         })
     }
@@ -241,7 +255,7 @@ impl Reader<'_> {
 }
 
 fn round(radius: f64, curve: impl FnOnce(f64) -> Curve) -> Item {
-    if radius == 0.0 { Item::NotTaken("its radius is 0".into()) } else { Item::Curve(curve(radius)) }
+    if radius == 0.0 { Item::DrawsNothing("its radius is 0") } else { Item::Curve(curve(radius)) }
 }
 
 fn ellipse(ellipse: &Groups) -> Item {
@@ -281,7 +295,7 @@ fn quadrangle(solid: &Groups) -> Item {
         [10, 11, fourth, 12].iter().map(|code| plane.point(solid.point(*code))).collect();
     corners.dedup();
     if corners.len() < 3 {
-        return Item::NotTaken("it has no area".into());
+        return Item::DrawsNothing("it has no area");
     }
     Item::Fill(vec![through(&corners, true)])
 }
@@ -303,7 +317,6 @@ fn why_not(kind: &str) -> &'static str {
             "pictures and covers are not marked: trace them to curves"
         }
         "RAY" | "XLINE" => "it has no end: trim it to a line",
-        "VIEWPORT" => "it is a window of a layout, not part of the drawing",
         "VERTEX" | "SEQEND" => "it belongs to no polyline or block",
         _ => "this kind of entity is not read: explode it in the drawing program",
     }

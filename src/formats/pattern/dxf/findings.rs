@@ -7,6 +7,7 @@ use super::super::facts::{LayerFacts, NotTaken, PatternFacts, Repair, RepairPlac
 use super::super::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
+use super::code_page::CodePage;
 use super::entities::Remarks;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
@@ -19,9 +20,6 @@ use crate::reason::Notice;
 const FLAT: f64 = 0.01;
 /// Gaps below this, mm, are rounding and not worth a word.
 const ROUNDING: f64 = 1e-6;
-
-/// How reasons end where nothing is lost.
-const HARMLESS: &str = "draws nothing";
 
 /// The dialect by name and version tag.
 pub(super) fn version(tag: &str) -> String {
@@ -252,20 +250,28 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 /// Notices about what is drawn.
 pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
     if !facts.not_taken.is_empty() {
-        let first: Vec<String> = facts
-            .not_taken
-            .iter()
-            .take(3)
-            .map(|left| format!("{} on layer {}: {}", left.entity, left.layer, left.why))
-            .collect();
+        let is_loss = facts.not_taken.iter().any(|left| left.is_loss);
+        let mut first: Vec<String> = Vec::new();
+        for left in facts.not_taken.iter().filter(|left| left.is_loss == is_loss) {
+            let said = format!("{} on layer {}: {}", left.entity, left.layer, left.why);
+            if first.len() < 3 && !first.contains(&said) {
+                first.push(said);
+            }
+        }
         let message = format!(
             "{} not marked ({})",
             counted(facts.not_taken.len(), "entity is", "entities are"),
             first.join("; ")
         );
-        let is_loss = facts.not_taken.iter().any(|left| !left.why.ends_with(HARMLESS));
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
+    }
+    if mending.ambiguous_ends > 0 {
+        let message = format!(
+            "{} not joined, because more than two meet in a place",
+            counted(mending.ambiguous_ends, "end is", "ends are")
+        );
+        facts.notices.push(Notice::note("ends-not-joined", message));
     }
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if let Some(widest) = widest(&mending.nearly_closed) {
@@ -306,6 +312,46 @@ pub(super) fn text_notices(remarks: &Remarks, facts: &mut PatternFacts) {
             used.name()
         );
         facts.notices.push(Notice::warning("font-replaced", message));
+    }
+}
+
+/// Notices about lines that look different in the drawing program: wide, dashed, cut off by a boundary.
+pub(super) fn look_notices(
+    structure: &Structure,
+    remarks: &Remarks,
+    dashed: Option<&(usize, EntityName)>,
+    facts: &mut PatternFacts,
+) {
+    if !remarks.wide.is_empty() {
+        let message = format!(
+            "{} with a width drawn as filled outlines; give them the width 0 if a single line is meant",
+            counted(remarks.wide.len(), "polyline is", "polylines are")
+        );
+        facts.notices.push(Notice::note("wide-lines", message));
+    }
+    if let Some((count, first)) = dashed {
+        let message = format!(
+            "{} dashes or dots in the drawing and marked whole (first {first}); explode the line type in the drawing \
+             program if its gaps are meant",
+            counted(*count, "line is shown as", "lines are shown as")
+        );
+        facts.notices.push(Notice::warning("dashed-whole", message));
+    }
+    if structure.clips > 0 {
+        let message = format!(
+            "{} cut to a boundary in the drawing (XCLIP) and marked whole; explode and trim what shall not be marked",
+            counted(structure.clips, "block reference is", "block references are")
+        );
+        facts.notices.push(Notice::warning("clipped-whole", message));
+    }
+    let header = &structure.header;
+    if let Some(page) = header.code_page.as_ref().filter(|page| {
+        header.version.as_str() < "AC1021" && CodePage::named(page).is_none() && page.as_str() != "ascii"
+    }) {
+        let message = format!(
+            "the code page {page} is not known: letters beyond ASCII are read as those of UTF-8 or Windows-1252"
+        );
+        facts.notices.push(Notice::warning("code-page-unknown", message));
     }
 }
 

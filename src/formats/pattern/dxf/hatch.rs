@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::curves::{BulgeVertex, Curve, Placement, SpaceSegment, bulged, is_full_turn, sweep_between};
 use super::entities::Item;
+use super::groups::Groups;
 use super::hatch_lines::{Family, Style, filled_part, lines};
 use super::polylines::bridge;
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
@@ -13,13 +14,9 @@ use super::splines::{ControlSpline, by_control_points, through_fit_points};
 pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
     let first_path = numbers.iter().position(|(code, _)| *code == 92).unwrap_or(numbers.len());
     let (head, paths) = numbers.split_at(first_path);
-    let last = |code: i32| head.iter().rev().find(|group| group.0 == code).map(|group| group.1);
-    let extrusion = match (last(210), last(220), last(230)) {
-        (Some(x), Some(y), Some(z)) => Vector3::new(x, y, z),
-        _ => Vector3::z(),
-    };
-    let height = last(30).unwrap_or(0.0);
-    let is_solid = last(70).is_none_or(|flag| flag != 0.0);
+    let head = Groups(head.to_vec());
+    let height = head.or(30, 0.0);
+    let is_solid = head.or(70, 1.0) != 0.0;
 
     let mut cursor = Cursor { rest: paths };
     let mut contours = Vec::new();
@@ -50,7 +47,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
         _ => Style::EvenOdd,
     };
     let contours = filled_part(contours, style, tolerance);
-    let plane = Placement::of_extrusion(extrusion);
+    let plane = head.plane();
     if is_solid {
         return Item::Fill(contours.iter().map(|contour| contour.placed(&plane)).collect());
     }
@@ -138,12 +135,23 @@ fn edge_path(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Cur
         let Some(kind) = cursor.take(72) else { break };
         let mut edge = edge(cursor, kind as i64, height, tolerance)?;
         done += 1.0;
-        if let (Some(last), Some(first), Some(end)) = (segments.last(), edge.first(), edge.last()) {
-            // Some programs write an edge against the direction of the path.
-            let (ahead, back) = ((first.start() - last.end()).norm(), (end.end() - last.end()).norm());
-            if back < ahead {
-                edge = edge.into_iter().rev().map(SpaceSegment::reversed).collect();
+        // Some programs write an edge against the direction of the path; what follows tells of the first one.
+        let gap = |segments: &[SpaceSegment], edge: &[SpaceSegment]| match (segments.last(), edge.first()) {
+            (Some(last), Some(first)) => (first.start() - last.end()).norm(),
+            _ => f64::INFINITY,
+        };
+        let turned = reversed(&edge);
+        if done == 2.0 {
+            let begun = reversed(&segments);
+            let nearest = |segments: &[SpaceSegment]| gap(segments, &edge).min(gap(segments, &turned));
+            // More than rounding: a path of two edges closes either way round.
+            let rounding = 1e-9 * edge.first().map_or(0.0, |edge| edge.reach());
+            if nearest(&begun) + rounding < nearest(&segments) {
+                segments = begun;
             }
+        }
+        if gap(&segments, &turned) < gap(&segments, &edge) {
+            edge = turned;
         }
         for segment in edge {
             bridge(&mut segments, segment.start());
@@ -154,6 +162,10 @@ fn edge_path(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Cur
         bridge(&mut segments, start);
     }
     Ok(Curve { segments, closed: true })
+}
+
+fn reversed(segments: &[SpaceSegment]) -> Vec<SpaceSegment> {
+    segments.iter().rev().cloned().map(SpaceSegment::reversed).collect()
 }
 
 fn edge(

@@ -8,6 +8,7 @@
 //! taken.
 
 pub(super) mod scan;
+mod code_page;
 mod structure;
 mod colour;
 mod curves;
@@ -78,7 +79,9 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
     };
     findings::size_notices(&structure, &mut facts, options);
     remarks.texts.retain(|index, _| unfolded.drawn.contains(index));
+    remarks.wide.retain(|index| unfolded.drawn.contains(index));
     findings::text_notices(&remarks, &mut facts);
+    findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
     findings::drawing_notices(&mending, unfolded.heights, &mut facts);
     if options.strict {
         findings::unmended_notices(&mending, &remarks, &mut facts);

@@ -10,7 +10,7 @@ use super::scan::{Pair, Scan};
 use super::structure::{Record, Structure};
 
 /// Said of polylines that exporters leave behind; nothing is lost with them.
-pub(super) const SINGLE_VERTEX: &str = "it has a single vertex and draws nothing";
+pub(super) const SINGLE_VERTEX: &str = "it has a single vertex";
 
 /// Corners of bands are mitred up to this many half widths from the middle line, sharper ones are cut.
 const MITRE_LIMIT: f64 = 4.0;
@@ -103,8 +103,8 @@ pub(super) fn heavy(
 
 fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64) -> Item {
     match vertices {
-        [] => return Item::NotTaken("it has no vertex".into()),
-        [_] => return Item::NotTaken(SINGLE_VERTEX.into()),
+        [] => return Item::DrawsNothing("it has no vertex"),
+        [_] => return Item::DrawsNothing(SINGLE_VERTEX),
         _ => {}
     }
     // The widths at the last vertex of an open polyline belong to no segment.
@@ -115,7 +115,7 @@ fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64) 
     }
     let contours = band(vertices, closed, height);
     match contours.is_empty() {
-        true => Item::NotTaken("it has a width but no length".into()),
+        true => Item::DrawsNothing("it has a width but no length"),
         false => Item::Fill(contours.iter().map(|contour| contour.placed(plane)).collect()),
     }
 }

@@ -2,9 +2,8 @@
 //!
 //! The scan copies nothing: a value is a range of the file's bytes, read as text or number when asked for.
 
-use encoding_rs::Encoding;
-
 use super::super::error::{PatternReadError, Spot};
+use super::code_page::{CodePage, unescaped};
 
 /// Largest file that is read, bytes.
 pub(crate) const MAX_BYTES: usize = 200 << 20;
@@ -28,8 +27,8 @@ pub(super) struct Scan<'a> {
     bytes: &'a [u8],
     binary: bool,
     pub(super) pairs: Vec<Pair>,
-    /// Encoding of names; without one, UTF-8 is taken where it fits, else Windows-1252.
-    pub(super) encoding: Option<&'static Encoding>,
+    /// Code page of texts and names; without one, UTF-8 is taken where it fits, else Windows-1252.
+    pub(super) code_page: Option<CodePage>,
 }
 
 /// Whether the bytes end in an `EOF` mark, that is, whether a writer has finished. Blanks, line ends, NUL and Ctrl-Z may
@@ -55,7 +54,7 @@ pub(super) fn scan(bytes: &[u8]) -> Result<Scan<'_>, PatternReadError> {
     if bytes.len() > MAX_BYTES {
         return Err(PatternReadError::FileTooLarge { bytes: bytes.len(), limit: MAX_BYTES });
     }
-    let mut scan = Scan { bytes, binary: bytes.starts_with(BINARY_MARK), pairs: Vec::new(), encoding: None };
+    let mut scan = Scan { bytes, binary: bytes.starts_with(BINARY_MARK), pairs: Vec::new(), code_page: None };
     if scan.binary {
         scan.read_binary()?;
     } else {
@@ -84,7 +83,7 @@ impl Scan<'_> {
         if self.binary { Spot::Byte(pair.spot.into()) } else { Spot::Line(pair.spot.into()) }
     }
 
-    /// The value as text, with `\U+XXXX` decoded.
+    /// The value as text, with `\U+XXXX` and `\M+nXXXX` decoded.
     pub(super) fn text(&self, pair: &Pair) -> String {
         self.decoded(self.raw(pair))
     }
@@ -99,17 +98,17 @@ impl Scan<'_> {
         self.decoded(&raw)
     }
 
-    /// The encoding of letters given by their number.
-    pub(super) fn encoding_of_texts(&self) -> &'static Encoding {
-        self.encoding.filter(|encoding| *encoding != encoding_rs::UTF_8).unwrap_or(encoding_rs::WINDOWS_1252)
+    /// The code page of letters given by their number.
+    pub(super) fn page_of_letters(&self) -> CodePage {
+        self.code_page.unwrap_or(CodePage::WINDOWS_1252).of_single_bytes()
     }
 
-    /// Bytes as text, with `\U+XXXX` decoded.
+    /// Bytes as text, with `\U+XXXX` and `\M+nXXXX` decoded.
     pub(super) fn decoded(&self, raw: &[u8]) -> String {
-        let decoded = match (self.encoding, std::str::from_utf8(raw)) {
-            (Some(encoding), _) => encoding.decode_without_bom_handling(raw).0,
+        let decoded = match (self.code_page, std::str::from_utf8(raw)) {
+            (Some(page), _) => page.decode(raw),
             (None, Ok(text)) => text.into(),
-            (None, Err(_)) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(raw).0,
+            (None, Err(_)) => CodePage::WINDOWS_1252.decode(raw),
         };
         unescaped(&decoded)
     }
@@ -267,28 +266,6 @@ pub(super) fn kind_of(code: i32) -> Option<Kind> {
     })
 }
 
-/// Text with `\U+XXXX` decoded.
-fn unescaped(text: &str) -> String {
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(at) = rest.find("\\U+") {
-        let digits = rest.get(at + 3..at + 7);
-        let letter = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok()).and_then(char::from_u32);
-        out += &rest[..at];
-        match letter {
-            Some(letter) => {
-                out.push(letter);
-                rest = &rest[at + 7..];
-            }
-            None => {
-                out += &rest[at..at + 3];
-                rest = &rest[at + 3..];
-            }
-        }
-    }
-    out + rest
-}
-
 /// What bytes that are no DXF look like.
 fn appearance(bytes: &[u8]) -> String {
     let text = bytes.trim_ascii_start();
@@ -368,10 +345,5 @@ mod tests {
                 assert_eq!(scan.spot(&scan.pairs[1]), Spot::Line(4));
             }
         }
-    }
-
-    #[test]
-    fn escapes_are_decoded_where_they_are_whole() {
-        assert_eq!(unescaped("a\\U+00F6b\\U+12"), "aöb\\U+12");
     }
 }

@@ -14,6 +14,11 @@ const MAX_DEGREE: usize = 11;
 /// Largest number of pieces of one spline.
 const MAX_PIECES: usize = 1_000_000;
 
+/// Ends no farther apart than this share of the curve's reach are one point, computed twice.
+const ROUNDING: f64 = 1e-12;
+/// The same for splines that the file calls closed, whose knots may be rounded.
+const CLOSED: f64 = 1e-6;
+
 /// A spline by control points; `weights` is empty or as long as `points`.
 pub(super) struct ControlSpline<'s> {
     pub(super) degree: usize,
@@ -66,7 +71,7 @@ pub(super) fn by_control_points(spline: &ControlSpline<'_>, tolerance: f64) -> R
     if segments.is_empty() {
         return Err("its knots span no length".into());
     }
-    Ok(curve(segments))
+    Ok(curve(segments, if spline.closed { CLOSED } else { ROUNDING }))
 }
 
 /// A cubic spline through points with continuous curvature, over chord lengths; the ends have the given directions, or
@@ -108,16 +113,24 @@ pub(super) fn through_fit_points(
         ],
         weights: [1.0; 4],
     });
-    Ok(curve(segments.collect()))
+    Ok(curve(segments.collect(), ROUNDING))
 }
 
-/// Closed if it ends exactly where it starts; anything wider is a matter of the joining tolerance.
-fn curve(segments: Vec<SpaceSegment>) -> Curve {
-    let closed = match (segments.first(), segments.last()) {
-        (Some(first), Some(last)) => first.start() == last.end(),
-        _ => false,
-    };
-    Curve { segments, closed }
+/// Closed if it ends where it starts, but for this share of its reach; anything wider is a matter of the joining
+/// tolerance.
+fn curve(mut segments: Vec<SpaceSegment>, rounding: f64) -> Curve {
+    let reach = segments.iter().map(SpaceSegment::reach).fold(0.0, f64::max);
+    let start = segments.first().map(SpaceSegment::start);
+    if let (
+        Some(start),
+        Some(SpaceSegment::Bezier { points: [.., end], .. } | SpaceSegment::Line { to: end, .. }),
+    ) = (start, segments.last_mut())
+        && (*end - start).norm() <= rounding * reach
+    {
+        *end = start;
+        return Curve { segments, closed: true };
+    }
+    Curve { segments, closed: false }
 }
 
 /// First derivatives at the points of an open cubic spline (de Boor, A Practical Guide to Splines, ch. IV), by the

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::code_page::CodePage;
 use super::colour::nearest_index;
 use super::scan::{Pair, Scan};
 use crate::formats::pattern::error::{EntityName, PatternReadError};
@@ -31,6 +32,8 @@ pub(super) struct Structure {
     pub(super) drawn: Vec<Range<usize>>,
     /// Comments at the head of the file.
     pub(super) comments: Vec<String>,
+    /// Number of block references that are cut to a boundary.
+    pub(super) clips: usize,
     /// Whether a table entry bears ezdxf's name.
     pub(super) has_ezdxf_entry: bool,
     kinds: Names,
@@ -59,6 +62,8 @@ pub(super) struct LayerRecord {
     pub(super) frozen: bool,
     pub(super) off: bool,
     pub(super) plotted: bool,
+    /// Whether its lines are drawn as dashes or dots.
+    is_dashed: bool,
 }
 
 /// An entry of the text style table.
@@ -94,9 +99,13 @@ pub(super) struct Record {
     first: u32,
     last: u32,
     handle: Option<u32>,
+    /// Which of [`Structure::entities`] it is an attribute of.
+    pub(super) insert: Option<u32>,
     pub(super) color: RecordColor,
     pub(super) in_paper_space: bool,
     pub(super) hidden: bool,
+    /// Whether its own line type is one of dashes or dots; without an own one it has that of its layer.
+    is_dashed: Option<bool>,
 }
 
 /// A colour as the entity gives it.
@@ -131,6 +140,13 @@ impl Names {
 }
 
 impl Structure {
+    /// The blocks that hold the sheets of paper space, all but the one that was in use.
+    pub(super) fn paper_sheets(&self) -> impl Iterator<Item = &Block> {
+        let is_sheet =
+            |name: &str| ["*PAPER_SPACE", "$PAPER_SPACE"].iter().any(|sheet| name.starts_with(sheet));
+        self.blocks.iter().filter(move |(name, _)| is_sheet(name)).map(|(_, block)| block)
+    }
+
     pub(super) fn kind(&self, record: &Record) -> &str {
         self.kinds.name(record.kind)
     }
@@ -146,24 +162,30 @@ impl Structure {
 }
 
 impl Record {
+    /// Whether the entity is drawn as dashes or dots, on this layer.
+    pub(super) fn is_dashed(&self, layer: Option<&LayerRecord>) -> bool {
+        self.is_dashed.unwrap_or(layer.is_some_and(|layer| layer.is_dashed))
+    }
+
     /// The pairs of the entity, the first of which names its kind.
     pub(super) fn pairs<'s>(&self, scan: &'s Scan<'_>) -> &'s [Pair] {
         scan.pairs.get(self.first as usize..self.last as usize).unwrap_or_default()
     }
 }
 
-/// Takes the inventory. Sets the encoding of the scan on the way, before any name is read.
+/// Takes the inventory. Sets the code page of the scan on the way, before any name is read.
 ///
 /// # Errors
 /// There are more entities than can be held in memory.
 pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadError> {
     let mut found = Structure { header: header(scan), ..Structure::default() };
-    scan.encoding = encoding(&found.header);
+    scan.code_page = code_page(&found.header);
     let scan: &Scan<'_> = scan;
     let mut section: &[u8] = b"";
     let mut block: Option<Block> = None;
-    // The kind of entity whose parts follow as entities of their own.
+    // The kind of entity whose parts follow as entities of their own, and the last insert.
     let mut parent: Option<&[u8]> = None;
+    let mut insert = None;
     let mut end = 0;
     // Every item begins with group code 0; before the first there may be comments.
     for pairs in scan.pairs.chunk_by(|_, next| next.code != 0) {
@@ -176,8 +198,9 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadErr
         }
         let keyword = scan.raw(&pairs[0]);
         match (section, keyword) {
-            (_, b"SECTION") => {
-                section = pairs.get(1).map(|pair| scan.raw(pair)).unwrap_or_default();
+            // An entity of this kind, a plane that cuts a solid, has no name (2) there.
+            (_, b"SECTION") if pairs.get(1).is_some_and(|pair| pair.code == 2) => {
+                section = scan.raw(&pairs[1]);
                 finish_block(&mut found, block.take());
                 parent = None;
             }
@@ -192,6 +215,7 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadErr
                     style(scan, pairs, &mut found);
                 }
             }
+            (b"OBJECTS", b"SPATIAL_FILTER") => found.clips += 1,
             (b"BLOCKS", b"BLOCK") => {
                 finish_block(&mut found, block.take());
                 block = Some(block_head(scan, pairs, found.entities.len()));
@@ -212,8 +236,14 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadErr
                     }
                     continue;
                 }
+                let follows_insert = matches!(parent, Some(b"INSERT" | b"ATTRIB"));
                 parent = Some(kind);
-                let record = record(scan, item.clone(), &mut found);
+                let mut record = record(scan, item.clone(), &mut found);
+                match kind {
+                    b"INSERT" => insert = Some(found.entities.len() as u32),
+                    b"ATTRIB" if follows_insert => record.insert = insert,
+                    _ => {}
+                }
                 if found.entities.len() == MAX_ENTITIES {
                     let entity = Some(found.name(scan, &record));
                     return Err(PatternReadError::TooMany { what: "entities", limit: MAX_ENTITIES, entity });
@@ -258,20 +288,12 @@ fn header(scan: &Scan<'_>) -> Header {
     header
 }
 
-/// The encoding of names: UTF-8 from R2007 on, before that the code page of the header.
-fn encoding(header: &Header) -> Option<&'static encoding_rs::Encoding> {
+/// The code page of texts and names: UTF-8 from R2007 on, before that what the header says.
+fn code_page(header: &Header) -> Option<CodePage> {
     if header.version.as_str() >= "AC1021" {
-        return Some(encoding_rs::UTF_8);
+        return Some(CodePage::UTF_8);
     }
-    let page = header.code_page.as_ref()?.to_ascii_lowercase();
-    match page.trim_start_matches("ansi_").trim_start_matches("dos") {
-        "932" => Some(encoding_rs::SHIFT_JIS),
-        "936" | "gb2312" => Some(encoding_rs::GBK),
-        "949" => Some(encoding_rs::EUC_KR),
-        "950" | "big5" => Some(encoding_rs::BIG5),
-        "866" => Some(encoding_rs::IBM866),
-        number => encoding_rs::Encoding::for_label(format!("windows-{number}").as_bytes()),
-    }
+    CodePage::named(header.code_page.as_ref()?)
 }
 
 fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
@@ -282,6 +304,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
         frozen: false,
         off: false,
         plotted: true,
+        is_dashed: false,
     };
     let (mut aci, mut rgb) = (None, None);
     for pair in pairs.iter().take_while(|pair| pair.code < 1000) {
@@ -293,6 +316,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
                 aci = Some(integer().unsigned_abs());
             }
             70 => layer.frozen = integer() & 1 == 1,
+            6 => layer.is_dashed = is_dashed(scan.raw(pair)) == Some(true),
             290 => layer.plotted = integer() != 0,
             420 => rgb = Some(rgb_of(integer())),
             _ => {}
@@ -331,6 +355,13 @@ fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
         }
     }
     found.styles.entry(name.to_uppercase()).or_insert(style);
+}
+
+/// Whether lines of this type are interrupted; `None` for those that follow their layer. Those that follow their block are
+/// taken for whole lines.
+fn is_dashed(line_type: &[u8]) -> Option<bool> {
+    let is = |name: &[u8]| line_type.eq_ignore_ascii_case(name);
+    if is(b"BYLAYER") || is(b"") { None } else { Some(!is(b"CONTINUOUS") && !is(b"BYBLOCK")) }
 }
 
 fn rgb_of(value: i64) -> [u8; 3] {
@@ -376,9 +407,11 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
         first: item.start as u32,
         last: item.end as u32,
         handle: None,
+        insert: None,
         color: RecordColor::Own(Color::ByLayer),
         in_paper_space: false,
         hidden: false,
+        is_dashed: None,
     };
     // Groups in braces belong to other programs, and so does everything after the first application name (1001).
     let mut in_braces = false;
@@ -389,6 +422,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
             102 => in_braces = scan.raw(pair).starts_with(b"{"),
             _ if in_braces => {}
             5 if record.handle.is_none() => record.handle = Some(index as u32),
+            6 => record.is_dashed = is_dashed(scan.raw(pair)),
             8 => layer = Some(scan.raw(pair)),
             60 => record.hidden = flag(),
             62 => {

@@ -33,7 +33,7 @@ const THROUGH: f64 = 0.5;
 const THICKNESS: f64 = 0.08;
 
 /// Said of texts of blanks; nothing is lost with them.
-const BLANK: &str = "it is blank and draws nothing";
+const BLANK: &str = "it is blank";
 
 /// Texts of more bytes than this are no labels.
 const LONGEST: usize = 50_000;
@@ -53,7 +53,7 @@ pub(super) fn single_line(
         |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 50 | 51 | 70..=74 | 210 | 220 | 230);
     let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
     if kind != "TEXT" && groups.flags(70) & 1 != 0 {
-        return Ok(Item::NotTaken("it is invisible".into()));
+        return Ok(Item::DrawsNothing("it is invisible"));
     }
     // What the user fills in is an ATTRIB; only a constant text is drawn by its definition.
     if kind == "ATTDEF" && groups.flags(70) & 2 == 0 {
@@ -63,18 +63,18 @@ pub(super) fn single_line(
     if text.len() > LONGEST {
         return Ok(Item::NotTaken(TOO_LONG.into()));
     }
-    let letters = letters(&text, scan.encoding_of_texts());
+    let letters = letters(&text, scan.page_of_letters());
     let font = Font::of(structure, &string(scan, record, 7));
     let row = match font.row(&letters, 1.0, uses) {
         Ok(row) => row,
         Err(why) => return Ok(Item::NotTaken(why.into())),
     };
     if row.items.is_empty() {
-        return Ok(Item::NotTaken(BLANK.into()));
+        return Ok(Item::DrawsNothing(BLANK));
     }
     let height = groups.or(40, 0.0);
     if !(height > 0.0) {
-        return Ok(Item::NotTaken("its height is 0".into()));
+        return Ok(Item::DrawsNothing("its height is 0"));
     }
     let vertical = groups.flags(if kind == "TEXT" { 73 } else { 74 });
     let horizontal = groups.flags(72);

@@ -123,7 +123,7 @@ pub(super) fn read(
                 color: Color::ByLayer,
                 shape: Shape::Closed(ends.map(|(from, to)| Segment::Line { from: *from, to: *to }).collect()),
                 region: Some(0),
-                source: Source { entity: format.name().into(), handle: None },
+                source: Source { entity: format.name().into(), ..Source::default() },
             }
         })
         .collect();

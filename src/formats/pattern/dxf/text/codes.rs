@@ -1,5 +1,7 @@
 //! The codes inside texts: `%%c`, `^I`, and the formats of MTEXT.
 
+use super::super::code_page::CodePage;
+
 /// Lines under, over and through letters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Ruled {
@@ -16,7 +18,7 @@ pub(super) struct Letter {
 }
 
 /// The letters of a TEXT, with `%%` and `^` codes carried out.
-pub(super) fn letters(text: &str, code_page: &'static encoding_rs::Encoding) -> Vec<Letter> {
+pub(super) fn letters(text: &str, code_page: CodePage) -> Vec<Letter> {
     let mut ruled = Ruled::default();
     let mut letters = Vec::new();
     let text = without_carets(text);
@@ -46,12 +48,12 @@ enum Sign {
 }
 
 /// What a `%%` code at the beginning of `text` stands for, and its length in bytes.
-fn percent(text: &str, code_page: &'static encoding_rs::Encoding) -> (Option<Sign>, usize) {
+fn percent(text: &str, code_page: CodePage) -> (Option<Sign>, usize) {
     let Some(code) = text.strip_prefix("%%") else { return (None, 0) };
     let digits = code.bytes().take(3).take_while(u8::is_ascii_digit).count();
     if let Some(number) = code.get(..digits).and_then(|digits| digits.parse::<u16>().ok()) {
         let byte = u8::try_from(number).ok().filter(|byte| *byte >= 32);
-        let letter = byte.and_then(|byte| code_page.decode_without_bom_handling(&[byte]).0.chars().next());
+        let letter = byte.and_then(|byte| code_page.decode(&[byte]).chars().next());
         return (Some(Sign::Letter(letter.unwrap_or(' '))), 2 + digits);
     }
     let sign = match code.chars().next().map(|letter| letter.to_ascii_lowercase()) {
@@ -141,7 +143,7 @@ impl Size {
 
 /// The text of an MTEXT, code by code (Autodesk, AutoCAD help, "Format codes for alternate text editor"). Codes that are
 /// not known are letters.
-pub(super) fn tokens(text: &str, code_page: &'static encoding_rs::Encoding) -> Vec<Token> {
+pub(super) fn tokens(text: &str, code_page: CodePage) -> Vec<Token> {
     let text = without_carets(text);
     let mut tokens = Vec::new();
     let mut rest = text.as_str();
@@ -249,7 +251,7 @@ mod tests {
     use super::*;
 
     fn plain(text: &str) -> String {
-        letters(text, encoding_rs::WINDOWS_1252).iter().map(|letter| letter.char).collect()
+        letters(text, CodePage::WINDOWS_1252).iter().map(|letter| letter.char).collect()
     }
 
     #[test]
@@ -257,15 +259,14 @@ mod tests {
         assert_eq!(plain("%%c12%%p0,1 90%%D 5%%% %%065%%246"), "Ø12±0,1 90° 5% Aö");
         assert_eq!(plain("100%% %%x"), "100%% %%x");
         let under: Vec<bool> =
-            letters("a%%ub%%uc", encoding_rs::WINDOWS_1252).iter().map(|l| l.ruled.under).collect();
+            letters("a%%ub%%uc", CodePage::WINDOWS_1252).iter().map(|l| l.ruled.under).collect();
         assert_eq!(under, [false, true, false]);
         assert_eq!(plain("a^Ib^ c"), "a b^c");
     }
 
     #[test]
     fn formats_of_paragraphs_are_told_apart() {
-        let told =
-            tokens("{\\fDejaVu Sans|b1|i0;A}\\PB\\H1.5x;\\C1;\\S+1^-2;\\\\", encoding_rs::WINDOWS_1252);
+        let told = tokens("{\\fDejaVu Sans|b1|i0;A}\\PB\\H1.5x;\\C1;\\S+1^-2;\\\\", CodePage::WINDOWS_1252);
         let expected = [
             Token::Open,
             Token::Font("DejaVu Sans Bold".into(), true),
@@ -280,8 +281,8 @@ mod tests {
         ];
         assert_eq!(told, expected);
         // Cut off or unknown: letters, and an end.
-        assert_eq!(tokens("\\", encoding_rs::WINDOWS_1252), [Token::Letter('\\')]);
-        assert_eq!(tokens("\\Hx", encoding_rs::WINDOWS_1252).len(), 3);
-        assert_eq!(tokens("\\S1", encoding_rs::WINDOWS_1252).len(), 1);
+        assert_eq!(tokens("\\", CodePage::WINDOWS_1252), [Token::Letter('\\')]);
+        assert_eq!(tokens("\\Hx", CodePage::WINDOWS_1252).len(), 3);
+        assert_eq!(tokens("\\S1", CodePage::WINDOWS_1252).len(), 1);
     }
 }

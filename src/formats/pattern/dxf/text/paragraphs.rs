@@ -92,7 +92,7 @@ pub(super) fn drawn(
     }
     let height = groups.or(40, 0.0);
     if !(height > 0.0) {
-        return Ok(Item::NotTaken("its height is 0".into()));
+        return Ok(Item::DrawsNothing("its height is 0"));
     }
     let text =
         scan.whole_text(super::own(scan, record.pairs(scan)).filter(|pair| matches!(pair.code, 1 | 3)));
@@ -111,7 +111,7 @@ pub(super) fn drawn(
         align: 0,
         color: None,
     };
-    let paragraphs = match set(tokens(&text, scan.encoding_of_texts()), format, uses) {
+    let paragraphs = match set(tokens(&text, scan.page_of_letters()), format, uses) {
         Ok(paragraphs) => paragraphs,
         Err(why) => return Ok(Item::NotTaken(why.into())),
     };
@@ -144,7 +144,7 @@ pub(super) fn drawn(
         items.extend(line.items.into_iter().map(|(color, item)| (color, item.placed(&shift))));
     }
     if items.is_empty() {
-        return Ok(Item::NotTaken(BLANK.into()));
+        return Ok(Item::DrawsNothing(BLANK));
     }
     // The insertion point is the corner, the middle of a side or the middle of the text.
     let shift = Vector3::new(
