@@ -1,8 +1,9 @@
 //! Drawings go through the whole program onto a plane, where nothing has to be bent, and ezdxf judges original and
 //! result: lengths, areas and extents by layer and colour.
 //!
-//! `tests/ezdxf/original.py` unfolds and measures with ezdxf alone. Left out are only drawings that ezdxf refuses or
-//! reads wrongly (see `tests/patterns.rs`), that reach beyond any part, or whose texts it would set in another font.
+//! `tests/ezdxf/original.py` unfolds and measures with ezdxf alone. Left out are drawings that ezdxf refuses or
+//! reads wrongly, that reach beyond any part, whose texts it would set in another font, or whose wide lines it measures
+//! along their middle; `tests/patterns.rs` has their sizes.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
@@ -119,6 +120,11 @@ fn compare(name: &str, unit: f64, original: &Told, result: &Told, leeway: impl F
     }
 }
 
+/// Leaves the comparison to lengths and boxes, where ezdxf sees loose pieces and isomark a contour.
+fn without_areas(told: Told) -> Told {
+    told.into_iter().map(|(key, drawn)| (key, Drawn { area: 0.0, ..drawn })).collect()
+}
+
 #[test]
 fn real_drawings_come_out_as_they_are() {
     if !ezdxf::is_here() {
@@ -131,10 +137,7 @@ fn real_drawings_come_out_as_they_are() {
     for ((name, original), result) in SAMPLES.iter().zip(told(&originals)).zip(told(&results)) {
         let Some(original) = original else { panic!("ezdxf refuses {name}") };
         let unit = if *name == "ez-logo-inch" { 25.4 } else { 1.0 };
-        // Areas are not compared: ezdxf does not join loose pieces to contours.
-        let without_areas = |told: Told| -> Told {
-            told.into_iter().map(|(key, drawn)| (key, Drawn { area: 0.0, ..drawn })).collect()
-        };
+        // ezdxf does not join loose pieces to contours.
         compare(name, unit, &without_areas(original), &without_areas(result.unwrap()), |_| (0.0, 0.0));
     }
 }
@@ -155,9 +158,14 @@ fn every_kind_of_entity_comes_out_as_ezdxf_made_it() {
     let results = corrected(&originals, folder.path());
     for ((file, original), result) in originals.iter().zip(told(&originals)).zip(told(&results)) {
         let name = file.file_stem().unwrap().to_str().unwrap();
+        let (mut original, mut result) = (original.unwrap(), result.unwrap());
+        if name.starts_with("blocks") {
+            // Bulges in blocks that are scaled unevenly are taken apart by ezdxf.
+            (original, result) = (without_areas(original), without_areas(result));
+        }
         // ezdxf aligns texts by the ink of their letters, isomark by their widths: the difference is what fonts leave
         // free beside the first and the last letter, at most 0.15 of the height of 3 mm.
-        compare(name, 1.0, &original.unwrap(), &result.unwrap(), |key| match key.split(' ').next() {
+        compare(name, 1.0, &original, &result, |key| match key.split(' ').next() {
             Some("FIT" | "ALIGNED") => (0.04, 0.6),
             Some("CENTER" | "RIGHT" | "MIDDLE" | "MIDDLE_CENTER" | "TOP_RIGHT" | "BOTTOM_LEFT")
                 if name == "text" =>

@@ -57,7 +57,7 @@ class Drawing:
             if kind == "INSERT":
                 for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
                     yield from self.parts(insert.virtual_entities(), layer, color)
-                yield from self.parts((a for a in entity.attribs if not a.is_invisible), outer, by_block)
+                yield from self.parts((a for a in entity.attribs if not a.is_invisible), layer, color)
                 continue
             if kind == "DIMENSION":
                 yield from self.parts(entity.virtual_entities(), layer, color)

@@ -106,3 +106,92 @@ msp.add_blockref("PAIR", (20, 0), dxfattribs={"layer": "NESTED", "rotation": 40}
 msp.add_blockref("STAR", (0, 30), dxfattribs={"layer": "ARRAY", "column_count": 4, "row_count": 2, "column_spacing": 12, "row_spacing": 11})
 msp.add_blockref("STAR", (90, 0), dxfattribs={"layer": "MIRRORED", "extrusion": (0, 0, -1), "rotation": 25})
 doc.saveas(file)
+
+doc, msp, file = drawing("hatch-edges")
+
+
+def hatch(layer, **attributes):
+    return msp.add_hatch(dxfattribs={"layer": layer, **attributes})
+
+
+for layer, extrusion in [("EDGES", (0, 0, 1)), ("EDGES_MIRRORED", (0, 0, -1))]:
+    path = hatch(layer, extrusion=extrusion).paths.add_edge_path()
+    path.add_line((0, 0), (10, 0))
+    path.add_arc((10, 5), 5, 270, 90, ccw=True)
+    path.add_line((10, 10), (0, 10))
+    path.add_ellipse((0, 5), (0, 5), 0.4, 0, 180, ccw=True)
+path = hatch("CLOCKWISE").paths.add_edge_path()
+path.add_line((0, 20), (10, 20))
+path.add_arc((10, 25), 5, 270, 90, ccw=True)
+path.add_line((10, 30), (0, 30))
+path.add_arc((0, 25), 5, 90, 270, ccw=False)
+island = hatch("ELLIPSES")
+island.paths.add_edge_path().add_ellipse((0, 50), (6, 2), 0.5, 0, 360)
+island.paths.add_edge_path().add_ellipse((0, 50), (3, 1), 0.5, 0, 360, ccw=False)
+for index, ccw in enumerate([True, False]):
+    path = hatch(f"ELLIPTIC_{ccw}".upper()).paths.add_edge_path()
+    path.add_ellipse((30 + 20 * index, 50), (6, 2), 0.5, 30, 200, ccw=ccw)
+    path.add_line(path.edges[0].end_point, path.edges[0].start_point)
+path = hatch("RATIONAL").paths.add_edge_path()
+control = [(0, 80), (5, 90), (10, 70), (15, 80)]
+path.add_spline(control_points=control, degree=3, knot_values=[0] * 4 + [1] * 4, weights=[1, 2, 0.5, 1])
+path.add_line((15, 80), (0, 80))
+polygon = msp.add_mpolygon(dxfattribs={"layer": "MPOLYGON"}, fill_color=2)
+polygon.paths.add_polyline_path([(0, 120), (10, 120, 0.5), (10, 130), (0, 130)], is_closed=True)
+polygon.paths.add_polyline_path([(3, 123), (6, 123), (6, 126)], is_closed=True)
+doc.saveas(file)
+
+for name, version, form in [("blocks", "R2010", "asc"), ("blocks-r12", "R12", "asc"), ("blocks-binary", "R2000", "bin")]:
+    doc, msp, file = drawing(name, version)
+    for layer, color in [("NEST", 3), ("OWN", 5)]:
+        doc.layers.add(layer, color=color)
+    doc.layers.add("ICE", color=1).freeze()
+    block = doc.blocks.new("CURVES", base_point=(2, 1))
+    block.add_arc((0, 0), 5, 300, 45)
+    block.add_circle((9, 3), 2)
+    outline = [(0, 0, 0.5), (3, 0, -1), (5, 5, 0)]
+    if version == "R12":
+        block.add_polyline2d(outline, format="xyb", close=True)
+    else:
+        block.add_lwpolyline(outline, format="xyb", close=True)
+        block.add_ellipse((0, 20), (8, 2), 0.4, 0.5, 4)
+        block.add_ellipse((1, 31), (3, 0), 0.5, 1, 2, dxfattribs={"extrusion": (0, 0, -1)})
+    for index, (layer, attributes) in enumerate(
+        [
+            ("MIRRORED", {"xscale": -1, "rotation": 30}),
+            ("STRETCHED", {"xscale": 2, "yscale": -0.5, "rotation": 77}),
+            ("FROM_BELOW", {"xscale": 1.5, "yscale": 0.7, "rotation": 20, "extrusion": (0, 0, -1)}),
+            (
+                "ROWS",
+                {"xscale": -1.2, "yscale": 0.8, "rotation": 15}
+                | {"column_count": 3, "row_count": 2, "column_spacing": 20, "row_spacing": -15},
+            ),
+        ]
+    ):
+        msp.add_blockref("CURVES", (20 * index, 40 * index), dxfattribs={"layer": layer, **attributes})
+    colors = doc.blocks.new("COLORS", base_point=(1, 1))
+    for index, attributes in enumerate([{"color": 0}, {"color": 256}, {"layer": "OWN", "color": 0}, {"layer": "OWN"}, {"color": 4}]):
+        colors.add_line((0, index), (5 + index, index), dxfattribs=attributes)
+    nested = doc.blocks.new("NESTED")
+    nested.add_blockref("COLORS", (0, 0), dxfattribs={"color": 0})
+    nested.add_blockref("COLORS", (0, 10), dxfattribs={"layer": "OWN"})
+    for index, attributes in enumerate([{}, {"color": 2}, {"layer": "NEST"}, {"layer": "NEST", "color": 6}]):
+        msp.add_blockref("NESTED", (100 + 15 * index, 0), dxfattribs=attributes)
+        plate = msp.add_blockref("COLORS", (100 + 15 * index, 50), dxfattribs=attributes)
+        plate.add_attrib("LOT", "47", (100 + 15 * index, 60), dxfattribs={"style": "SANS", "height": 3, "color": 0})
+    msp.add_blockref("COLORS", (0, -50), dxfattribs={"layer": "ICE"}).add_attrib("LOT", "frozen", (0, -40))
+    doc.layouts.new("Sheet") if version != "R12" else None
+    if version != "R12":
+        doc.layouts.get("Sheet").add_line((0, 0), (99, 99))
+        doc.layouts.get("Layout1").add_line((0, 0), (99, 99))
+    doc.saveas(file, fmt=form)
+
+doc, msp, file = drawing("dimensions")
+for layer, dimension in [
+    ("LINEAR", msp.add_linear_dim(base=(0, 150), p1=(0, 140), p2=(30, 140), dxfattribs={"layer": "LINEAR"})),
+    ("RADIUS", msp.add_radius_dim(center=(60, 140), radius=10, angle=45, dxfattribs={"layer": "RADIUS"})),
+]:
+    dimension.render()
+    for text in dimension.dimension.get_geometry_block().query("TEXT MTEXT"):
+        text.dxf.style = "SANS"
+doc.saveas(file)
