@@ -4,7 +4,7 @@
 //! Two ends are joined when they lie within the tolerance of each other and of no third end, on the same layer and in
 //! the same colour. A piece keeps its place in the drawing order; a chain takes that of its first piece.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashSet};
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -405,14 +405,14 @@ fn copies(paths: &[Path]) -> Vec<bool> {
     }
     // An open line that draws a contour adds nothing, and to take the contour out instead would lose what it bounds.
     let is_contour = |path: &Path| path.region.is_none() && path.shape.is_closed();
-    let contours: BTreeSet<(Group, Drawn)> = paths
+    let contours: HashSet<(Group, Drawn)> = paths
         .iter()
         .zip(&drawn)
         .filter(|(path, _)| is_contour(path))
         .map(|(path, drawn)| (group(path), *drawn))
         .collect();
-    // Contours of fills that stay, and all other paths so far.
-    let mut outlines: BTreeSet<(Group, Drawn)> = BTreeSet::new();
+    // Contours of fills that stay, and all other paths so far. Only asked what they hold, so their order is no matter.
+    let mut outlines: HashSet<(Group, Drawn)> = HashSet::with_capacity(paths.len());
     let is_kept = |region: u32| fills.get(&region).and_then(|key| seen.get(key)) == Some(&region);
     for (path, drawn) in paths.iter().zip(&drawn) {
         if path.region.is_some_and(is_kept) {
@@ -430,7 +430,7 @@ fn copies(paths: &[Path]) -> Vec<bool> {
 }
 
 /// What is drawn, rounded to 1e-6 mm, as sums over its pieces that depend neither on their order nor on their direction.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Drawn {
     pieces: usize,
     sum: u64,
