@@ -394,7 +394,7 @@ fn more_than_memory_holds_is_refused_before_it_is_held() {
     // A letter takes four bytes and has dozens of segments.
     let text = format!("0\nTEXT\n8\n0\n40\n1\n1\n{}\n", "&&%%c@".repeat(1000));
     let texts = drawing(&text.repeat(100), "");
-    assert!(matches!(refusal(texts.as_bytes()), PatternReadError::TooMany { what: "segments", .. }));
+    assert!(matches!(refusal(texts.as_bytes()), PatternReadError::TooMany { what: "segments and dots", .. }));
     let novel = drawing(&(text.replace('@', &"@".repeat(60)) + &line(["0", "0", "1", "1"])), "");
     let left = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.not_taken;
     assert!(left.len() == 1 && left[0].why.contains("50000 letters"), "{left:?}");
@@ -494,6 +494,105 @@ fn a_spline_that_the_file_calls_closed_is_a_contour_beside_other_ends() {
     let both = spline + &line([&seam.x.to_string(), &seam.y.to_string(), "20", "20"]);
     let closed = whole(&both, "").pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
     assert_eq!(closed, 1);
+}
+
+/// A hatch of a square with a side of 100 mm, with the lines of its pattern.
+fn hatch(pattern: &str, families: usize) -> String {
+    let square = "91\n1\n92\n3\n72\n0\n73\n1\n93\n4\n10\n0\n20\n0\n10\n100\n20\n0\n10\n100\n20\n100\n10\n0\n20\n100\n97\n0\n";
+    format!(
+        "0\nHATCH\n5\n4A\n8\nFILL\n2\nX\n70\n0\n{square}75\n0\n78\n{families}\n{}",
+        pattern.repeat(families)
+    )
+}
+
+/// Parallel lines with one dash over and over.
+fn family(spacing: f64, dashes: &[f64]) -> String {
+    let dashes: Vec<String> = dashes.iter().map(|dash| format!("49\n{dash}\n")).collect();
+    format!("53\n0\n43\n0\n44\n0\n45\n0\n46\n{spacing}\n79\n{}\n{}", dashes.len(), dashes.concat())
+}
+
+#[test]
+fn hatches_too_dense_are_left_out_and_too_many_of_them_refused() {
+    let line = line(["0", "0", "1", "1"]);
+    let gaps = hatch(&family(0.0002, &[-0.0002]), 1);
+    let left = read(drawing(&(gaps.clone() + &line), "").as_bytes(), &PatternOptions::default()).unwrap();
+    let [not_taken] = left.facts.not_taken.as_slice() else { panic!("{:?}", left.facts.not_taken) };
+    assert_eq!((not_taken.entity.as_str(), not_taken.handle.as_deref()), ("HATCH", Some("4A")));
+    assert!(not_taken.why.contains("too dense"), "{not_taken:?}");
+    // A million lines outside of which nothing is drawn, family by family and hatch by hatch.
+    let wide = hatch(&family(0.001, &[-1000.0, -1000.0]), 20);
+    let error = refusal(drawing(&wide.repeat(10), "").as_bytes());
+    let PatternReadError::TooMany { what, entity: Some(entity), .. } = error else { panic!("{error}") };
+    assert!(what.starts_with("steps") && entity.to_string() == "HATCH 4A" && entity.layer == "FILL");
+}
+
+#[test]
+fn dots_count_as_much_as_segments() {
+    let dots = hatch(&family(0.1, &[0.0, -0.12]), 1);
+    let error = refusal(drawing(&dots.repeat(4), "").as_bytes());
+    assert!(
+        matches!(error, PatternReadError::TooMany { what: "segments and dots", entity: Some(_), .. }),
+        "{error}"
+    );
+    // In a block they are refused before the second copy is made.
+    let array = drawing(&insert("B", "70\n3\n44\n200\n71\n2\n45\n200\n"), &block("B", &dots));
+    assert!(matches!(refusal(array.as_bytes()), PatternReadError::TooMany { what: "segments and dots", .. }));
+}
+
+#[test]
+fn curves_of_many_pieces_are_refused_before_they_are_made() {
+    let vertices: String =
+        (0..13_000).map(|index| format!("10\n{}\n20\n0\n40\n1\n41\n2\n42\n99\n", index % 2)).collect();
+    let tapered = drawing(&format!("0\nLWPOLYLINE\n5\n7\n8\n0\n90\n13000\n70\n0\n{vertices}"), "");
+    let error = refusal(tapered.as_bytes());
+    let PatternReadError::TooMany { what: "segments and dots", entity: Some(entity), .. } = error else {
+        panic!("{error}")
+    };
+    assert_eq!(entity.to_string(), "LWPOLYLINE 7");
+
+    // A spline of degree 4 so large that every span needs 1024 pieces, as an edge of a fill over and over.
+    let knots: String =
+        [0; 5].into_iter().chain(1..896).chain([896; 5]).map(|knot| format!("40\n{knot}\n")).collect();
+    let points: String = (0..900u64)
+        .map(|i| format!("10\n{}\n20\n{}\n", i % 7 * 999_999_999_999, i * i % 11 * 999_999_999_999))
+        .collect();
+    let edge = format!("72\n4\n94\n4\n73\n0\n74\n0\n95\n905\n96\n900\n{knots}{points}");
+    let fill =
+        format!("0\nHATCH\n8\n0\n2\nSOLID\n70\n1\n91\n1\n92\n1\n93\n4\n{}97\n0\n75\n0\n", edge.repeat(4));
+    let left = read(
+        drawing(&(fill.clone() + &line(["0", "0", "1", "1"])), "").as_bytes(),
+        &PatternOptions::default(),
+    );
+    let left = left.unwrap().facts.not_taken;
+    assert!(left.len() == 1 && left[0].why.contains("steps"), "{left:?}");
+    let error = refusal(drawing(&fill.repeat(5), "").as_bytes());
+    assert!(matches!(error, PatternReadError::TooMany { entity: Some(_), .. }), "{error}");
+}
+
+#[test]
+fn places_of_repairs_are_counted_and_the_first_of_them_told() {
+    let drawn = line(["0", "0", "1", "1"]).repeat(3001);
+    let read = read(drawing(&drawn, "").as_bytes(), &PatternOptions::default()).unwrap();
+    let [copies] = read.facts.repairs.as_slice() else { panic!("{:?}", read.facts.repairs) };
+    assert_eq!((copies.count, copies.places.len()), (3000, 1000));
+    assert!(copies.notice.message.starts_with("3000 paths"), "{}", copies.notice.message);
+}
+
+#[test]
+fn long_formats_of_a_text_are_not_repeated_for_each_of_its_lines() {
+    let name = "A".repeat(20_000);
+    let entity = format!(
+        "0\nMTEXT\n8\n0\n10\n0\n20\n0\n40\n1\n71\n1\n1\n\\pt{}5;\\f{name};{}a\n",
+        "1,".repeat(2000),
+        "\\P{".repeat(5000)
+    );
+    let read = read(drawing(&entity, "").as_bytes(), &PatternOptions::default()).unwrap();
+    let replaced = read.facts.notices.iter().find(|notice| notice.code == "font-replaced").unwrap();
+    assert!(
+        replaced.message.contains(&"A".repeat(100)) && replaced.message.len() < 500,
+        "{}",
+        replaced.message
+    );
 }
 
 #[test]

@@ -79,7 +79,10 @@ pub struct Repair {
     /// What was mended, with its number.
     #[serde(flatten)]
     pub notice: Notice,
-    /// Every place where it was mended.
+    /// In how many places it was mended.
+    #[serde(default)]
+    pub count: usize,
+    /// These places, the first thousand of them.
     pub places: Vec<RepairPlace>,
 }
 

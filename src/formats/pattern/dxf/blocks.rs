@@ -6,8 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 
 use super::super::error::{EntityName, PatternReadError};
+use super::budget::{Budget, Cost};
 use super::curves::{Curve, Placement};
-use super::entities::{Insert, Item, MAX_SEGMENTS, Reader, Remarks};
+use super::entities::{Insert, Item, Reader, Remarks};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::NotTaken;
@@ -16,8 +17,6 @@ use crate::geometry::space::FlatPoint;
 
 /// Blocks may hold blocks this deep.
 const MAX_DEPTH: usize = 32;
-/// Largest number of entities after unfolding.
-const MAX_ENTITIES: usize = 2_000_000;
 const IN_PAPER_SPACE: &str = "it lies in paper space, beside the model";
 /// Coordinates beyond this, mm, are refused: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
@@ -44,9 +43,11 @@ pub(super) struct Unfolded {
 pub(super) fn unfold(
     reader: &Reader<'_>,
     remarks: &mut Remarks,
+    budget: &mut Budget,
     unit: f64,
 ) -> Result<Unfolded, PatternReadError> {
-    let items = reader.block_items(remarks)?;
+    let items = reader.block_items(remarks, budget)?;
+    let held = budget.spent(Cost::Held);
     let mut unfolding = Unfolding {
         scan: reader.scan,
         structure: reader.structure,
@@ -54,16 +55,16 @@ pub(super) fn unfold(
         result: Unfolded::default(),
         layer_numbers: BTreeMap::new(),
         named: BTreeSet::new(),
-        entities: 0,
-        segments: 0,
+        budget,
         regions: 0,
         open_blocks: Vec::new(),
     };
     let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
     // Most drawings are one long list of entities that are needed once: they are read one by one.
     for index in reader.structure.drawn.iter().cloned().flatten() {
-        let item = reader.item(index, remarks)?;
+        let item = reader.item(index, remarks, unfolding.budget)?;
         unfolding.entity(index, &item, &ground)?;
+        unfolding.budget.release(held);
     }
     for index in reader.structure.paper_sheets().flat_map(|sheet| sheet.entities.clone()) {
         if let Some(record) = reader.structure.entities.get(index) {
@@ -100,8 +101,7 @@ struct Unfolding<'u> {
     layer_numbers: BTreeMap<String, usize>,
     /// What was named already inside blocks, which may be drawn many times.
     named: BTreeSet<(usize, Cow<'static, str>)>,
-    entities: usize,
-    segments: usize,
+    budget: &'u mut Budget,
     regions: u32,
     open_blocks: Vec<String>,
 }
@@ -110,10 +110,7 @@ impl<'u> Unfolding<'u> {
     fn entity(&mut self, index: usize, item: &Item, context: &Context) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let Some(record) = structure.entities.get(index) else { return Ok(()) };
-        self.entities += 1;
-        if self.entities > MAX_ENTITIES {
-            return Err(self.too_many("entities", MAX_ENTITIES, record));
-        }
+        self.spend(Cost::Unfolded, 1, record)?;
         let of_insert;
         let mut context = context;
         if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
@@ -181,6 +178,7 @@ impl<'u> Unfolding<'u> {
                 }
             }
             Item::Dot(point) => {
+                self.spend(Cost::Drawn, 1, record)?;
                 let point = context.placement.point(*point);
                 self.check(point.amax(), record)?;
                 self.see_height(point.z);
@@ -230,14 +228,15 @@ impl<'u> Unfolding<'u> {
             return Err(self.too_many("blocks inside each other", MAX_DEPTH, record));
         }
         let copies = insert.columns.saturating_mul(insert.rows);
-        if copies > MAX_ENTITIES {
-            return Err(self.too_many("copies of a block", MAX_ENTITIES, record));
+        if copies > Cost::Unfolded.limit() {
+            return Err(self.too_many("copies of a block", Cost::Unfolded.limit(), record));
         }
         self.open_blocks.push(key);
         let base = Placement {
             linear: nalgebra::Matrix3::identity(),
             offset: -Vector3::new(block.base[0], block.base[1], block.base[2]),
         };
+        let before = [Cost::Unfolded, Cost::Drawn].map(|cost| (cost, self.budget.spent(cost)));
         for copy in 0..copies {
             let (row, column) = (copy / insert.columns, copy % insert.columns);
             let mut placement = insert.placement;
@@ -245,14 +244,18 @@ impl<'u> Unfolding<'u> {
             let placement = context.placement.after(&placement.after(&base));
             let inner = self.inside(record, context, placement, layer.clone());
             // An empty block counts too, or a large array of nothing would take for ever.
-            self.entities += 1;
-            if self.entities > MAX_ENTITIES {
-                return Err(self.too_many("entities", MAX_ENTITIES, record));
-            }
+            self.spend(Cost::Unfolded, 1, record)?;
             let items = self.items;
             for inside in block.entities.clone() {
                 if let Some(item) = items.get(inside) {
                     self.entity(inside, item, &inner)?;
+                }
+            }
+            // All copies take what the first one took: too many are refused before they are there.
+            for (cost, before) in before.into_iter().filter(|_| copy == 0) {
+                let of_one = self.budget.spent(cost) - before;
+                if of_one.saturating_mul(copies) > cost.limit() - before {
+                    return Err(cost.too_many(structure.name(self.scan, record)));
                 }
             }
         }
@@ -289,10 +292,7 @@ impl<'u> Unfolding<'u> {
         closed: bool,
         record: &Record,
     ) -> Result<Shape, PatternReadError> {
-        self.segments += segments.len();
-        if self.segments > MAX_SEGMENTS {
-            return Err(self.too_many("segments", MAX_SEGMENTS, record));
-        }
+        self.spend(Cost::Drawn, segments.len().max(1), record)?;
         for segment in segments {
             self.check(segment.reach(), record)?;
             self.see_height(segment.start().z);
@@ -301,6 +301,11 @@ impl<'u> Unfolding<'u> {
         }
         let flat = segments.iter().map(super::curves::SpaceSegment::seen_from_above).collect();
         Ok(if closed { Shape::Closed(flat) } else { Shape::Open(flat) })
+    }
+
+    fn spend(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
+        let spent = self.budget.spend(cost, count);
+        spent.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
     }
 
     fn check(&self, reach: f64, record: &Record) -> Result<(), PatternReadError> {

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 
 use super::super::error::PatternReadError;
+use super::budget::Budget;
 use super::curves::{Curve, Placement, SpaceSegment, arc, is_full_turn, sweep_between, through};
 use super::groups::Groups;
 use super::scan::{Kind, Scan, kind_of};
@@ -13,9 +14,6 @@ use super::splines::{ControlSpline, by_control_points, through_fit_points};
 use super::structure::{Record, RecordColor, Structure};
 use super::text::{self, FontUses};
 use super::{hatch, polylines};
-
-/// Largest number of segments of all entities, and again of what is drawn.
-pub(super) const MAX_SEGMENTS: usize = 3_000_000;
 
 /// What an entity draws.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,15 +37,6 @@ pub(super) enum Item {
 }
 
 impl Item {
-    fn segments(&self) -> usize {
-        match self {
-            Self::Curve(curve) => curve.segments.len(),
-            Self::Fill(contours) => contours.iter().map(|contour| contour.segments.len()).sum(),
-            Self::Several(items) => items.iter().map(|(_, item)| item.segments().max(1)).sum(),
-            Self::Dot(_) | Self::Insert(_) | Self::Template | Self::DrawsNothing(_) | Self::NotTaken(_) => 0,
-        }
-    }
-
     /// The item where the placement puts it.
     pub(super) fn placed(&self, placement: &Placement) -> Self {
         match self {
@@ -108,34 +97,51 @@ impl Reader<'_> {
     /// What the entities of blocks draw, in the order of the inventory; nothing for those that are drawn by themselves.
     ///
     /// # Errors
-    /// A number of an entity cannot be read or is not finite, or there are too many segments.
-    pub(super) fn block_items(&self, remarks: &mut Remarks) -> Result<Vec<Item>, PatternReadError> {
+    /// A number of an entity cannot be read or is not finite, or there is more than the budget allows.
+    pub(super) fn block_items(
+        &self,
+        remarks: &mut Remarks,
+        budget: &mut Budget,
+    ) -> Result<Vec<Item>, PatternReadError> {
         let mut drawn = self.structure.drawn.iter().cloned().flatten().peekable();
-        let mut items = Vec::with_capacity(self.structure.entities.len());
-        let mut segments = 0;
-        for index in 0..self.structure.entities.len() {
-            if drawn.next_if_eq(&index).is_some() {
-                items.push(Item::Template);
-                continue;
-            }
-            let item = self.item(index, remarks)?;
-            segments += item.segments();
-            if segments > MAX_SEGMENTS {
-                let record = self.structure.entities.get(index);
-                let entity = record.map(|record| self.structure.name(self.scan, record));
-                return Err(PatternReadError::TooMany { what: "segments", limit: MAX_SEGMENTS, entity });
-            }
-            items.push(item);
-        }
-        Ok(items)
+        let last = self.structure.blocks.values().map(|block| block.entities.end).max().unwrap_or(0);
+        let item = |index| match drawn.next_if_eq(&index) {
+            Some(_) => Ok(Item::Template),
+            None => self.item(index, remarks, budget),
+        };
+        (0..last).map(item).collect()
     }
 
     /// What an entity of the inventory draws; nothing where there is none.
     ///
     /// # Errors
-    /// A number of it cannot be read or is not finite.
-    pub(super) fn item(&self, index: usize, remarks: &mut Remarks) -> Result<Item, PatternReadError> {
+    /// A number of it cannot be read or is not finite, or it is more than the budget allows.
+    pub(super) fn item(
+        &self,
+        index: usize,
+        remarks: &mut Remarks,
+        budget: &mut Budget,
+    ) -> Result<Item, PatternReadError> {
         let Some(record) = self.structure.entities.get(index) else { return Ok(Item::Template) };
+        budget.begin_entity();
+        // Every entity takes one; those of many pieces take as many more.
+        let item = match budget.hold(1) {
+            Ok(()) => self.read(index, record, remarks, budget)?,
+            Err(exceeded) => Item::NotTaken(exceeded.into()),
+        };
+        match budget.exceeded() {
+            Some(cost) => Err(cost.too_many(self.structure.name(self.scan, record))),
+            None => Ok(item),
+        }
+    }
+
+    fn read(
+        &self,
+        index: usize,
+        record: &Record,
+        remarks: &mut Remarks,
+        budget: &mut Budget,
+    ) -> Result<Item, PatternReadError> {
         let groups = |codes: &[i32]| {
             let (scan, structure) = (self.scan, self.structure);
             Groups::read(scan, structure, record, record.pairs(scan), |code| codes.contains(&code))
@@ -161,8 +167,8 @@ impl Reader<'_> {
             "ELLIPSE" => ellipse(&groups(&[10, 20, 30, 11, 21, 31, 40, 41, 42, 210, 220, 230])?),
             kind @ ("LWPOLYLINE" | "POLYLINE") => {
                 let line = match kind {
-                    "POLYLINE" => polylines::heavy(self.scan, self.structure, record)?,
-                    _ => polylines::light(self.scan, self.structure, index, record, remarks)?,
+                    "POLYLINE" => polylines::heavy(self.scan, self.structure, record, budget)?,
+                    _ => polylines::light(self.scan, self.structure, index, record, remarks, budget)?,
                 };
                 if matches!(line, Item::Fill(_)) {
                     remarks.wide.insert(index);
@@ -179,7 +185,7 @@ impl Reader<'_> {
                     matches!(code % 10, 0..=3) && (10..=33).contains(&code)
                         || matches!(code, 40 | 41 | 70 | 71)
                 };
-                spline(&Groups::read(scan, structure, record, own, wanted)?, self.tolerance)
+                spline(&Groups::read(scan, structure, record, own, wanted)?, self.tolerance, budget)
             }
             "SOLID" | "TRACE" => {
                 let solid = groups(&[10, 20, 30, 11, 21, 31, 12, 22, 32, 13, 23, 33, 39, 210, 220, 230])?;
@@ -194,18 +200,18 @@ impl Reader<'_> {
                 let is_number =
                     |code| matches!(kind_of(code), Some(Kind::Double | Kind::Short | Kind::Integer));
                 let numbers = Groups::read(scan, structure, record, record.pairs(scan), is_number)?;
-                hatch::hatch(&numbers.0, self.tolerance)
+                hatch::hatch(&numbers.0, self.tolerance, budget)
             }
             "DIMENSION" | "ARC_DIMENSION" | "LARGE_RADIAL_DIMENSION" => {
                 self.dimension(&groups(&[12, 22, 32, 210, 220, 230])?, record)
             }
             "TEXT" | "ATTRIB" | "ATTDEF" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::single_line(self.scan, self.structure, record, uses)?
+                text::single_line(self.scan, self.structure, record, uses, budget)?
             }
             "MTEXT" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::paragraphs(self.scan, self.structure, record, uses)?
+                text::paragraphs(self.scan, self.structure, record, uses, budget)?
             }
             "VIEWPORT" => Item::DrawsNothing("it is a window of a layout"),
             kind => Item::NotTaken(why_not(kind).into()),
@@ -268,12 +274,12 @@ fn ellipse(ellipse: &Groups) -> Item {
     round(major.norm(), |_| Curve { segments: vec![segment], closed: is_full_turn(sweep) })
 }
 
-fn spline(spline: &Groups, tolerance: f64) -> Item {
+fn spline(spline: &Groups, tolerance: f64, budget: &mut Budget) -> Item {
     let closed = spline.flags(70) & 1 == 1;
     let points = spline.points(10);
     let curve = if points.is_empty() {
         let direction = |code| Some(spline.point(code)).filter(|tangent| tangent.norm() > 0.0);
-        through_fit_points(&spline.points(11), closed, [direction(12), direction(13)])
+        through_fit_points(&spline.points(11), closed, [direction(12), direction(13)], budget)
     } else {
         let control = ControlSpline {
             degree: usize::try_from(spline.flags(71)).unwrap_or(0),
@@ -282,7 +288,7 @@ fn spline(spline: &Groups, tolerance: f64) -> Item {
             weights: &spline.all(41),
             closed,
         };
-        by_control_points(&control, tolerance)
+        by_control_points(&control, tolerance, budget)
     };
     curve.map_or_else(|why| Item::NotTaken(why.into()), Item::Curve)
 }

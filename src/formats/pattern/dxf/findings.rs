@@ -21,6 +21,9 @@ const FLAT: f64 = 0.01;
 /// Gaps below this, mm, are rounding and not worth a word.
 const ROUNDING: f64 = 1e-6;
 
+/// Repairs are told by so many places at most; there may be millions, and nobody reads them.
+const MAX_PLACES: usize = 1000;
+
 /// The dialect by name and version tag.
 pub(super) fn version(tag: &str) -> String {
     let name = match tag {
@@ -122,13 +125,22 @@ pub(super) fn extents(paths: &[Path]) -> Extents {
     all
 }
 
-/// What was mended, kind by kind, with every place.
+/// The first polylines with the point that the old FreeCAD exporter puts in front.
+pub(super) fn extra_points(structure: &Structure, scan: &Scan<'_>, remarks: &Remarks) -> Vec<RepairPlace> {
+    let records = remarks.extra_vertices.iter().filter_map(|index| structure.entities.get(*index));
+    let place = |record| {
+        let EntityName { kind: entity, handle, layer } = structure.name(scan, record);
+        RepairPlace { entity, handle, layer, at_mm: [0.0; 2], pieces: 1, gap_mm: None }
+    };
+    records.take(MAX_PLACES).map(place).collect()
+}
+
+/// What was mended, kind by kind, with its places.
 pub(super) fn repairs(
     mending: &Mending,
     layers: &[Layer],
-    structure: &Structure,
-    scan: &Scan<'_>,
     remarks: &Remarks,
+    extra_points: Vec<RepairPlace>,
     tolerance: f64,
 ) -> Vec<Repair> {
     let place = |found: &Finding| RepairPlace {
@@ -141,9 +153,10 @@ pub(super) fn repairs(
     };
     let mut repairs = Vec::new();
     let mut add = |code: &str, message: String, found: &[&[Finding]]| {
-        let places: Vec<RepairPlace> = found.iter().copied().flatten().map(place).collect();
+        let places: Vec<RepairPlace> = found.iter().copied().flatten().take(MAX_PLACES).map(place).collect();
         if !places.is_empty() {
-            repairs.push(Repair { notice: Notice::note(code, message), places });
+            let count = found.iter().map(|found| found.len()).sum();
+            repairs.push(Repair { notice: Notice::note(code, message), count, places });
         }
     };
     let pieces = |found: &[Finding]| found.iter().map(|found| found.pieces).sum::<usize>();
@@ -185,13 +198,8 @@ pub(super) fn repairs(
             "{} LWPOLYLINE lost a first point at (0, 0) that their point count does not include",
             remarks.extra_vertices.len()
         );
-        let records = remarks.extra_vertices.iter().filter_map(|index| structure.entities.get(*index));
-        let places = records.map(|record| {
-            let EntityName { kind: entity, handle, layer } = structure.name(scan, record);
-            RepairPlace { entity, handle, layer, at_mm: [0.0; 2], pieces: 1, gap_mm: None }
-        });
         let notice = Notice::warning("extra-point-removed", message);
-        repairs.push(Repair { notice, places: places.collect() });
+        repairs.push(Repair { notice, count: remarks.extra_vertices.len(), places: extra_points });
     }
     repairs
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::budget::Budget;
 use super::curves::{BulgeVertex, Curve, Placement, SpaceSegment, bulged, is_full_turn, sweep_between};
 use super::entities::Item;
 use super::groups::Groups;
@@ -11,7 +12,7 @@ use super::splines::{ControlSpline, by_control_points, through_fit_points};
 
 /// What a hatch draws, from its numbers with their group codes: a filled region, or the lines of its pattern inside it.
 /// Pieces of splines of high degree stay within `tolerance`, and so do the ends of pattern lines.
-pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
+pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget) -> Item {
     let first_path = numbers.iter().position(|(code, _)| *code == 92).unwrap_or(numbers.len());
     let (head, paths) = numbers.split_at(first_path);
     let head = Groups(head.to_vec());
@@ -22,12 +23,13 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
     let mut contours = Vec::new();
     while let Some(flags) = cursor.skip_to(92) {
         let contour = if flags as i64 & 2 != 0 {
-            polyline_path(&mut cursor, height)
+            polyline_path(&mut cursor, height, budget)
         } else {
-            match edge_path(&mut cursor, height, tolerance) {
-                Ok(contour) => contour,
-                Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}").into()),
-            }
+            edge_path(&mut cursor, height, tolerance, budget)
+        };
+        let contour = match contour {
+            Ok(contour) => contour,
+            Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}").into()),
         };
         let bounds = match contour.segments.as_slice() {
             [] => false,
@@ -46,12 +48,15 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64) -> Item {
         2 => Style::IgnoreIslands,
         _ => Style::EvenOdd,
     };
-    let contours = filled_part(contours, style, tolerance);
+    let contours = match filled_part(contours, style, tolerance, budget) {
+        Ok(contours) => contours,
+        Err(why) => return Item::NotTaken(why.into()),
+    };
     let plane = head.plane();
     if is_solid {
         return Item::Fill(contours.iter().map(|contour| contour.placed(&plane)).collect());
     }
-    match lines(&contours, &families(&mut cursor), height, tolerance) {
+    match lines(&contours, &families(&mut cursor), height, tolerance, budget) {
         Ok(drawn) if drawn.is_empty() => {
             Item::NotTaken("none of its pattern lines meets its boundary".into())
         }
@@ -112,28 +117,36 @@ impl Cursor<'_> {
     }
 }
 
-fn polyline_path(cursor: &mut Cursor<'_>, height: f64) -> Curve {
+fn polyline_path(cursor: &mut Cursor<'_>, height: f64, budget: &mut Budget) -> Result<Curve, String> {
     // Has bulges, is closed, number of vertices: HATCH and MPOLYGON give them in different order, and none is needed.
     while [72, 73, 93].iter().any(|code| cursor.take(*code).is_some()) {}
     let mut vertices = Vec::new();
     while let Some([x, y]) = cursor.point(10) {
         let bulge = cursor.take(42).unwrap_or(0.0);
+        budget.hold(1)?;
         vertices.push(BulgeVertex { x, y, bulge });
     }
     if vertices.len() < 2 {
-        return Curve { segments: Vec::new(), closed: true };
+        return Ok(Curve { segments: Vec::new(), closed: true });
     }
-    bulged(&vertices, true, &Placement::scaling(1.0), height)
+    Ok(bulged(&vertices, true, &Placement::scaling(1.0), height))
 }
 
 /// A path of edges, each carried on from the end of the last; gaps become lines.
-fn edge_path(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Curve, String> {
+fn edge_path(
+    cursor: &mut Cursor<'_>,
+    height: f64,
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Curve, String> {
     let count = cursor.take(93).unwrap_or(0.0);
     let mut segments: Vec<SpaceSegment> = Vec::new();
     let mut done = 0.0;
     while done < count {
         let Some(kind) = cursor.take(72) else { break };
-        let mut edge = edge(cursor, kind as i64, height, tolerance)?;
+        // With the line that may be needed to the next one.
+        budget.hold(2)?;
+        let mut edge = edge(cursor, kind as i64, height, tolerance, budget)?;
         done += 1.0;
         // Some programs write an edge against the direction of the path; what follows tells of the first one.
         let gap = |segments: &[SpaceSegment], edge: &[SpaceSegment]| match (segments.last(), edge.first()) {
@@ -173,6 +186,7 @@ fn edge(
     kind: i64,
     height: f64,
     tolerance: f64,
+    budget: &mut Budget,
 ) -> Result<Vec<SpaceSegment>, String> {
     let missing = |what: &str| format!("{what} is missing");
     let lift = |[x, y]: [f64; 2]| Vector3::new(x, y, height);
@@ -205,12 +219,17 @@ fn edge(
             let start = parameter(start) * sign;
             Ok(vec![SpaceSegment::Arc { center: lift(center), u, v, start, sweep }])
         }
-        4 => spline_edge(cursor, height, tolerance),
+        4 => spline_edge(cursor, height, tolerance, budget),
         other => Err(format!("an edge of kind {other}")),
     }
 }
 
-fn spline_edge(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<Vec<SpaceSegment>, String> {
+fn spline_edge(
+    cursor: &mut Cursor<'_>,
+    height: f64,
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Vec<SpaceSegment>, String> {
     let degree = cursor.take(94).unwrap_or(3.0);
     let _is_rational = cursor.take(73);
     let closed = cursor.take(74).unwrap_or(0.0) != 0.0;
@@ -233,11 +252,11 @@ fn spline_edge(cursor: &mut Cursor<'_>, height: f64, tolerance: f64) -> Result<V
     let mut tangent = |code| cursor.point(code).map(|[x, y]| Vector3::new(x, y, 0.0));
     let tangents = [tangent(12), tangent(13)];
     let curve = if points.is_empty() {
-        through_fit_points(&fit_points, closed, tangents)?
+        through_fit_points(&fit_points, closed, tangents, budget)?
     } else {
         let degree = if (0.0..100.0).contains(&degree) { degree as usize } else { 0 };
         let spline = ControlSpline { degree, knots: &knots, points: &points, weights: &weights, closed };
-        by_control_points(&spline, tolerance)?
+        by_control_points(&spline, tolerance, budget)?
     };
     Ok(curve.segments)
 }
@@ -267,7 +286,7 @@ mod tests {
             (97, 0.0),
             (75, 0.0),
         ];
-        let Item::Fill(contours) = hatch(&numbers, 1e-4) else { panic!() };
+        let Item::Fill(contours) = hatch(&numbers, 1e-4, &mut Budget::default()) else { panic!() };
         let [SpaceSegment::Arc { sweep, .. }, line] = contours[0].segments.as_slice() else { panic!() };
         assert!((sweep + std::f64::consts::PI).abs() < 1e-12);
         assert!((line.start() - Vector3::new(-5.0, 0.0, 0.0)).norm() < 1e-12);
@@ -276,6 +295,6 @@ mod tests {
 
     #[test]
     fn a_hatch_without_boundary_is_named() {
-        assert!(matches!(hatch(&[(70, 1.0), (91, 0.0)], 1e-4), Item::NotTaken(_)));
+        assert!(matches!(hatch(&[(70, 1.0), (91, 0.0)], 1e-4, &mut Budget::default()), Item::NotTaken(_)));
     }
 }

@@ -2,15 +2,18 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, SpaceSegment, through};
 use super::entities::Item;
 use crate::geometry::pattern::Shape;
-use crate::geometry::space::FlatPoint;
+use crate::geometry::space::{Extents, FlatPoint};
 
 /// Patterns denser than so many pieces are not drawn: what a laser would melt.
 const MAX_PIECES: usize = 1_000_000;
-/// Islands are told by where they lie up to this many comparisons.
-const MAX_COMPARISONS: usize = 50_000_000;
+/// Finding a point of the boundary takes so many steps of the budget.
+const STEPS_OF_POINT: usize = 8;
+/// Putting a place where a line is crossed in order among the others takes so many steps of the budget.
+const STEPS_OF_CROSSING: usize = 16;
 
 /// Which of its nested contours a hatch fills between.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,9 +39,18 @@ pub(super) struct Family {
     pub(super) dashes: Vec<f64>,
 }
 
-fn flattened(contour: &Curve, tolerance: f64) -> Vec<FlatPoint> {
-    let segments = contour.segments.iter().map(SpaceSegment::seen_from_above).collect();
-    Shape::Closed(segments).flattened(tolerance)
+fn flattened(
+    contours: &[Curve],
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Vec<Vec<FlatPoint>>, Exceeded> {
+    let flat = |contour: &Curve| {
+        let segments: Vec<_> = contour.segments.iter().map(SpaceSegment::seen_from_above).collect();
+        let steps = segments.iter().map(|segment| segment.steps(tolerance)).sum::<usize>();
+        budget.work(steps.saturating_mul(STEPS_OF_POINT))?;
+        Ok(Shape::Closed(segments).flattened(tolerance))
+    };
+    contours.iter().map(flat).collect()
 }
 
 fn edges(points: &[FlatPoint]) -> impl Iterator<Item = (FlatPoint, FlatPoint)> {
@@ -46,24 +58,54 @@ fn edges(points: &[FlatPoint]) -> impl Iterator<Item = (FlatPoint, FlatPoint)> {
 }
 
 /// The contours between which the style fills by the even-odd rule.
-pub(super) fn filled_part(contours: Vec<Curve>, style: Style, tolerance: f64) -> Vec<Curve> {
+///
+/// # Errors
+/// Telling the islands apart is more work than the budget allows, as a sentence.
+pub(super) fn filled_part(
+    contours: Vec<Curve>,
+    style: Style,
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Vec<Curve>, String> {
     let deepest = match style {
-        Style::EvenOdd => return contours,
+        Style::EvenOdd => return Ok(contours),
         Style::Outermost => 1,
         Style::IgnoreIslands => 0,
     };
-    let flat: Vec<Vec<FlatPoint>> =
-        contours.iter().map(|contour| flattened(contour, tolerance.max(1e-9) * 100.0)).collect();
-    if flat.iter().map(Vec::len).sum::<usize>().saturating_mul(flat.len()) > MAX_COMPARISONS {
-        return contours;
-    }
-    let depth = |index: usize| {
-        let inside = edges(&flat[index]).next().map(|(from, to)| from.lerp(to, 0.5));
-        let others = flat.iter().enumerate().filter(|(other, _)| *other != index);
-        others.filter(|(_, other)| inside.is_some_and(|point| is_inside(point, other))).count()
+    let depths = flattened(&contours, tolerance.max(1e-9) * 100.0, budget)
+        .and_then(|flat| depths(&flat, budget))
+        .map_err(|Exceeded| "its islands are too many to be told apart: split it into several hatches")?;
+    let kept = contours.into_iter().zip(depths).filter(|(_, depth)| *depth <= deepest);
+    Ok(kept.map(|(contour, _)| contour).collect())
+}
+
+/// In how many of the others each contour lies. Goes from left to right, so that a point is compared only with the
+/// contours above and below it.
+fn depths(flat: &[Vec<FlatPoint>], budget: &mut Budget) -> Result<Vec<usize>, Exceeded> {
+    let bounds: Vec<Extents> =
+        flat.iter().map(|contour| Extents::of(contour.iter().map(|point| point.coords()))).collect();
+    let on_edge = |(index, contour): (usize, &Vec<FlatPoint>)| {
+        edges(contour).next().map(|(from, to)| (index, from.lerp(to, 0.5)))
     };
-    let kept: Vec<bool> = (0..flat.len()).map(|index| depth(index) <= deepest).collect();
-    contours.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(contour, _)| contour).collect()
+    let mut points: Vec<(usize, FlatPoint)> = flat.iter().enumerate().filter_map(on_edge).collect();
+    points.sort_by(|(_, a), (_, b)| a.x.total_cmp(&b.x));
+    let mut ahead: Vec<usize> = (0..flat.len()).collect();
+    ahead.sort_by(|a, b| bounds[*a].min.x.total_cmp(&bounds[*b].min.x));
+    let mut ahead = ahead.into_iter().peekable();
+    let mut here: Vec<usize> = Vec::new();
+    let mut depths = vec![0; flat.len()];
+    for (index, point) in points {
+        here.extend(std::iter::from_fn(|| ahead.next_if(|next| bounds[*next].min.x <= point.x)));
+        budget.work(here.len())?;
+        here.retain(|other| point.x <= bounds[*other].max.x);
+        for other in here.iter().copied().filter(|other| *other != index) {
+            if bounds[other].contains(point.coords()) {
+                budget.work(flat[other].len())?;
+                depths[index] += usize::from(is_inside(point, &flat[other]));
+            }
+        }
+    }
+    Ok(depths)
 }
 
 fn is_inside(point: FlatPoint, contour: &[FlatPoint]) -> bool {
@@ -77,24 +119,38 @@ fn is_inside(point: FlatPoint, contour: &[FlatPoint]) -> bool {
 /// The pattern's lines inside the contours (even-odd rule), as lines and dots at a height.
 ///
 /// # Errors
-/// There would be more than [`MAX_PIECES`], as a sentence.
+/// There would be more than [`MAX_PIECES`], or finding them is more work than the budget allows, as a sentence.
 pub(super) fn lines(
     contours: &[Curve],
     families: &[Family],
     height: f64,
     tolerance: f64,
+    budget: &mut Budget,
 ) -> Result<Vec<Item>, String> {
-    let polygons: Vec<Vec<FlatPoint>> =
-        contours.iter().map(|contour| flattened(contour, tolerance)).collect();
+    let polygons = flattened(contours, tolerance, budget)
+        .map_err(|Exceeded| "its boundary is too large for its arcs to be followed: check its scale")?;
     let mut drawn = Vec::new();
     for family in families {
-        family.draw(&polygons, height, &mut drawn)?;
+        family.draw(&polygons, height, &mut drawn, budget).map_err(|Exceeded| {
+            format!("its pattern is too dense, more than {MAX_PIECES} pieces: check the scale of the pattern")
+        })?;
     }
     Ok(drawn)
 }
 
+/// A number of steps; too many if it is not finite.
+fn steps(count: f64) -> usize {
+    if count.is_nan() { usize::MAX } else { count as usize }
+}
+
 impl Family {
-    fn draw(&self, polygons: &[Vec<FlatPoint>], height: f64, drawn: &mut Vec<Item>) -> Result<(), String> {
+    fn draw(
+        &self,
+        polygons: &[Vec<FlatPoint>],
+        height: f64,
+        drawn: &mut Vec<Item>,
+        budget: &mut Budget,
+    ) -> Result<(), Exceeded> {
         let (sin, cos) = self.angle.sin_cos();
         let (along, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
         let spacing = self.offset.dot(&across);
@@ -102,9 +158,6 @@ impl Family {
         if spacing.abs() < 1e-12 {
             return Ok(());
         }
-        let too_dense = || {
-            format!("its pattern is too dense, more than {MAX_PIECES} pieces: check the scale of the pattern")
-        };
         // Number of the line and position along it, wherever the boundary crosses a line.
         let mut crossings: Vec<(i64, f64)> = Vec::new();
         for (from, to) in polygons.iter().flat_map(|polygon| edges(polygon)) {
@@ -113,9 +166,8 @@ impl Family {
             let ends = (row(from), row(to));
             // Half open, so that a corner on a line counts once where the boundary passes through.
             let (first, last) = (ends.0.min(ends.1).ceil(), ends.0.max(ends.1).ceil());
-            if !(last - first + crossings.len() as f64 <= 2.0 * MAX_PIECES as f64) {
-                return Err(too_dense());
-            }
+            budget
+                .work(steps(last - first).saturating_mul(STEPS_OF_CROSSING).saturating_add(STEPS_OF_POINT))?;
             for number in first as i64..last as i64 {
                 let share = (number as f64 - ends.0) / (ends.1 - ends.0);
                 crossings.push((number, position(from) + share * (position(to) - position(from))));
@@ -124,56 +176,63 @@ impl Family {
         crossings.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let step = self.offset.dot(&along);
         for line in crossings.chunk_by(|a, b| a.0 == b.0) {
+            let number = line[0].0 as f64;
+            let at = |position: f64| {
+                let point = self.base + across * (number * spacing) + along * position;
+                Vector3::new(point.x, point.y, height)
+            };
             for pair in line.chunks_exact(2) {
-                let number = pair[0].0 as f64;
-                let at = |position: f64| {
-                    let point = self.base + across * (number * spacing) + along * position;
-                    Vector3::new(point.x, point.y, height)
-                };
-                for (from, to) in
-                    self.dashes_between(number * step, pair[0].1, pair[1].1).ok_or_else(too_dense)?
-                {
+                let between = (pair[0].1, pair[1].1);
+                self.dash(number * step, between, budget, |from, to, budget| {
+                    if drawn.len() == MAX_PIECES {
+                        return Err(Exceeded);
+                    }
+                    budget.hold(1)?;
                     drawn.push(match from == to {
                         true => Item::Dot(at(from)),
                         false => Item::Curve(through(&[at(from), at(to)], false)),
                     });
-                }
-                if drawn.len() > MAX_PIECES {
-                    return Err(too_dense());
-                }
+                    Ok(())
+                })?;
             }
         }
         Ok(())
     }
 
-    /// The dashes of a line that begins at `origin`, between two positions; none if there are too many.
-    fn dashes_between(&self, origin: f64, from: f64, to: f64) -> Option<Vec<(f64, f64)>> {
+    /// Draws the dashes of a line that begins at `origin`, between two positions.
+    fn dash(
+        &self,
+        origin: f64,
+        (from, to): (f64, f64),
+        budget: &mut Budget,
+        mut draw: impl FnMut(f64, f64, &mut Budget) -> Result<(), Exceeded>,
+    ) -> Result<(), Exceeded> {
         let period: f64 = self.dashes.iter().map(|dash| dash.abs()).sum();
         if !(period > 0.0) {
-            return Some(if to > from { vec![(from, to)] } else { Vec::new() });
+            return if to > from { draw(from, to, budget) } else { Ok(()) };
         }
         let (first, last) = (((from - origin) / period).floor(), ((to - origin) / period).ceil());
-        if !((last - first) * self.dashes.len() as f64 <= MAX_PIECES as f64) {
-            return None;
-        }
-        let mut found = Vec::new();
-        for round in 0..(last - first) as usize {
+        // Gaps take time too.
+        budget.work(steps((last - first + 1.0) * self.dashes.len() as f64))?;
+        for round in 0..steps(last - first) {
             let mut position = origin + (first + round as f64) * period;
             for dash in &self.dashes {
                 let end = position + dash.abs();
                 let (start, stop) = (position.max(from), end.min(to));
                 if *dash > 0.0 && start < stop || *dash == 0.0 && (from..=to).contains(&position) {
-                    found.push((start, stop));
+                    draw(start, stop, budget)?;
                 }
                 position = end;
             }
         }
-        Some(found)
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::budget::Cost;
+    use super::super::curves::Placement;
     use super::*;
 
     fn square(low: f64, high: f64) -> Curve {
@@ -202,11 +261,17 @@ mod tests {
     #[test]
     fn lines_end_at_the_boundary_and_leave_islands_out() {
         let contours = [square(0.0, 10.0), square(2.0, 8.0), square(4.0, 6.0)];
-        let drawn = lines(&contours, &[family(0.0, 1.0, &[])], 0.0, 1e-6).unwrap();
+        let drawn = lines(&contours, &[family(0.0, 1.0, &[])], 0.0, 1e-6, &mut Budget::default()).unwrap();
         // At y = 0.5, 1.5, … 9.5: area by area, the length is the area divided by the distance of 1.
         assert!((length(&drawn) - (100.0 - 36.0 + 4.0)).abs() < 1e-9);
-        let dashed =
-            lines(&contours[..1], &[family(0.0, 1.0, &[0.5, -0.25, 0.0, -0.25])], 0.0, 1e-6).unwrap();
+        let dashed = lines(
+            &contours[..1],
+            &[family(0.0, 1.0, &[0.5, -0.25, 0.0, -0.25])],
+            0.0,
+            1e-6,
+            &mut Budget::default(),
+        )
+        .unwrap();
         assert!((length(&dashed) - 50.0).abs() < 1e-9);
         assert_eq!(dashed.iter().filter(|item| matches!(item, Item::Dot(_))).count(), 100);
     }
@@ -215,16 +280,78 @@ mod tests {
     fn styles_choose_their_islands() {
         let contours = || vec![square(0.0, 10.0), square(2.0, 8.0), square(4.0, 6.0)];
         for (style, count) in [(Style::EvenOdd, 3), (Style::Outermost, 2), (Style::IgnoreIslands, 1)] {
-            assert_eq!(filled_part(contours(), style, 1e-6).len(), count, "{style:?}");
+            assert_eq!(
+                filled_part(contours(), style, 1e-6, &mut Budget::default()).unwrap().len(),
+                count,
+                "{style:?}"
+            );
         }
     }
 
     #[test]
     fn dense_patterns_are_refused_and_degenerate_ones_end() {
-        let dense = lines(&[square(0.0, 10.0)], &[family(0.0, 1e-7, &[])], 0.0, 1e-6);
+        let dense = lines(&[square(0.0, 10.0)], &[family(0.0, 1e-7, &[])], 0.0, 1e-6, &mut Budget::default());
         assert!(dense.unwrap_err().contains("too dense"));
-        let dashes = lines(&[square(0.0, 10.0)], &[family(0.0, 1.0, &[1e-9, -1e-9])], 0.0, 1e-6);
+        let dashes = lines(
+            &[square(0.0, 10.0)],
+            &[family(0.0, 1.0, &[1e-9, -1e-9])],
+            0.0,
+            1e-6,
+            &mut Budget::default(),
+        );
         assert!(dashes.unwrap_err().contains("too dense"));
-        assert_eq!(lines(&[square(0.0, 10.0)], &[family(0.0, 0.0, &[])], 0.0, 1e-6).unwrap().len(), 0);
+        assert_eq!(
+            lines(&[square(0.0, 10.0)], &[family(0.0, 0.0, &[])], 0.0, 1e-6, &mut Budget::default())
+                .unwrap()
+                .len(),
+            0
+        );
+    }
+
+    #[test]
+    fn gaps_and_families_that_draw_nothing_take_work_too() {
+        // 5e5 lines with 5e5 gaps each on a square of 100: 2.5e11 steps, and not one piece.
+        let gaps =
+            lines(&[square(0.0, 100.0)], &[family(0.0, 2e-4, &[-2e-4])], 0.0, 1e-6, &mut Budget::default());
+        assert!(gaps.unwrap_err().contains("too dense"));
+        let mut budget = Budget::default();
+        let families = vec![family(0.0, 1.0, &[-1000.0, -1000.0]); 200_000];
+        assert!(lines(&[square(0.0, 100.0)], &families, 0.0, 1e-6, &mut budget).is_err());
+        // The drawing has work left for its other hatches, but not for as many of these as it likes.
+        assert_eq!(budget.exceeded(), None);
+        while budget.exceeded().is_none() {
+            budget.begin_entity();
+            assert!(lines(&[square(0.0, 100.0)], &families, 0.0, 1e-6, &mut budget).is_err());
+        }
+        assert_eq!(budget.exceeded(), Some(Cost::Steps));
+    }
+
+    #[test]
+    fn boundaries_of_huge_arcs_are_refused_before_they_are_flattened() {
+        let (center, u, v) = (Vector3::zeros(), Vector3::x() * 9e6, Vector3::y() * 9e6);
+        let circle = SpaceSegment::Arc { center, u, v, start: 0.0, sweep: std::f64::consts::TAU };
+        let contour = Curve { segments: vec![circle; 1500], closed: true };
+        let refused = lines(&[contour], &[family(0.0, 1e5, &[])], 0.0, 1e-4, &mut Budget::default());
+        assert!(refused.unwrap_err().contains("its boundary is too large"));
+    }
+
+    #[test]
+    fn islands_are_told_apart_or_the_hatch_is_refused() {
+        // A frame round 10,000 squares side by side: 1e8 comparisons of each with each, few from left to right.
+        let grid = |index: u32| {
+            let corner = Vector3::new(f64::from(index % 100), f64::from(index / 100), 0.0) * 10.0;
+            square(1.0, 9.0).placed(&Placement { offset: corner, ..Placement::scaling(1.0) })
+        };
+        let islands: Vec<Curve> = (0..10_000).map(grid).collect();
+        let mut budget = Budget::default();
+        let contours = [vec![square(-1.0, 1001.0)], islands, vec![square(2.0, 3.0)]].concat();
+        for (style, count) in [(Style::Outermost, 10_001), (Style::IgnoreIslands, 1)] {
+            budget.begin_entity();
+            let kept = filled_part(contours.clone(), style, 1e-6, &mut budget).unwrap();
+            assert_eq!(kept.len(), count, "{style:?}");
+        }
+        let nested = (0..20_000).map(|index| square(-f64::from(index) - 1.0, f64::from(index) + 1.0));
+        let refused = filled_part(nested.collect(), Style::Outermost, 1e-6, &mut Budget::default());
+        assert!(refused.unwrap_err().contains("islands are too many"));
     }
 }

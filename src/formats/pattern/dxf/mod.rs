@@ -8,6 +8,7 @@
 //! taken.
 
 pub(super) mod scan;
+mod budget;
 mod code_page;
 mod structure;
 mod colour;
@@ -35,7 +36,8 @@ const SPLINE_TOLERANCE: f64 = 1e-4;
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     let mut scan = scan::scan(bytes)?;
-    let structure = structure::structure(&mut scan)?;
+    let mut budget = budget::Budget::default();
+    let structure = structure::structure(&mut scan, &mut budget)?;
     let header = &structure.header;
     let hints = UnitHints { code: header.unit_code, measurement: header.measurement };
     let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
@@ -43,12 +45,15 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
     let mut remarks = entities::Remarks { strict: options.strict, ..entities::Remarks::default() };
     let tolerance = SPLINE_TOLERANCE / unit.in_mm();
     let reader = entities::Reader { scan: &scan, structure: &structure, tolerance };
-    let unfolded = blocks::unfold(&reader, &mut remarks, unit.in_mm())?;
+    let unfolded = blocks::unfold(&reader, &mut remarks, &mut budget, unit.in_mm())?;
     if unfolded.paths.is_empty() {
         return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
     }
     let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
     let drawn = paths.len();
+    let extra_points = findings::extra_points(&structure, &scan, &remarks);
+    // Mending takes the most memory, and nobody asks for a group code any more.
+    drop(scan);
     let mending = match options.strict {
         true => contour::examine(paths),
         false => contour::mend(paths, options.joining_tolerance),
@@ -70,9 +75,7 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
         not_taken: unfolded.not_taken,
         repairs: match options.strict {
             true => Vec::new(),
-            false => {
-                findings::repairs(&mending, &layers, &structure, &scan, &remarks, options.joining_tolerance)
-            }
+            false => findings::repairs(&mending, &layers, &remarks, extra_points, options.joining_tolerance),
         },
         notices: unit_notice.into_iter().collect(),
         picture: None,

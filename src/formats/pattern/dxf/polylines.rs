@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::super::error::PatternReadError;
+use super::budget::{Budget, Exceeded};
 use super::curves::{BulgeVertex, Curve, Placement, SpaceSegment, bulge_segment, bulged, through};
 use super::entities::{Item, Remarks};
 use super::groups::Groups;
@@ -31,11 +32,16 @@ pub(super) fn light(
     index: usize,
     record: &Record,
     remarks: &mut Remarks,
+    budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let wanted = |code| matches!(code, 38 | 70 | 43 | 10 | 20 | 40..=42 | 90 | 210 | 220 | 230);
     let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
     let width = groups.or(43, 0.0);
-    let mut vertices: Vec<WideVertex> = Vec::with_capacity(groups.0.len() / 2);
+    let count = groups.0.iter().filter(|(code, _)| *code == 10).count();
+    if let Err(exceeded) = budget.hold(count) {
+        return Ok(Item::NotTaken(exceeded.into()));
+    }
+    let mut vertices: Vec<WideVertex> = Vec::with_capacity(count);
     for (code, number) in &groups.0 {
         match (code, vertices.last_mut()) {
             (10, _) => vertices.push(WideVertex {
@@ -55,7 +61,7 @@ pub(super) fn light(
         }
         remarks.extra_vertices.push(index);
     }
-    Ok(drawn(&vertices, groups.flags(70) & 1 == 1, &groups.plane(), groups.or(38, 0.0)))
+    Ok(drawn(&vertices, groups.flags(70) & 1 == 1, &groups.plane(), groups.or(38, 0.0), budget))
 }
 
 /// The old FreeCAD exporter writes LWPOLYLINE into R12 files with a first point that is not counted in group 90.
@@ -70,6 +76,7 @@ pub(super) fn heavy(
     scan: &Scan<'_>,
     structure: &Structure,
     record: &Record,
+    budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let read = |pairs: &[Pair]| {
         let wanted = |code| matches!(code, 10 | 20 | 30 | 40..=42 | 70 | 210 | 220 | 230);
@@ -87,6 +94,9 @@ pub(super) fn heavy(
         if groups.flags(70) & 16 != 0 {
             continue;
         }
+        if let Err(exceeded) = budget.hold(1) {
+            return Ok(Item::NotTaken(exceeded.into()));
+        }
         let at = groups.point(10);
         points.push(at);
         vertices.push(WideVertex {
@@ -97,11 +107,11 @@ pub(super) fn heavy(
     let closed = head.flags(70) & 1 == 1;
     Ok(match points.len() {
         2.. if head.flags(70) & 8 != 0 => Item::Curve(through(&points, closed)),
-        _ => drawn(&vertices, closed, &head.plane(), head.or(30, 0.0)),
+        _ => drawn(&vertices, closed, &head.plane(), head.or(30, 0.0), budget),
     })
 }
 
-fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64) -> Item {
+fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64, budget: &mut Budget) -> Item {
     match vertices {
         [] => return Item::DrawsNothing("it has no vertex"),
         [_] => return Item::DrawsNothing(SINGLE_VERTEX),
@@ -113,7 +123,10 @@ fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64) 
         let middle: Vec<BulgeVertex> = vertices.iter().map(|wide| wide.vertex).collect();
         return Item::Curve(bulged(&middle, closed, plane, height));
     }
-    let contours = band(vertices, closed, height);
+    let contours = match band(vertices, closed, height, budget) {
+        Ok(contours) => contours,
+        Err(exceeded) => return Item::NotTaken(exceeded.into()),
+    };
     match contours.is_empty() {
         true => Item::DrawsNothing("it has a width but no length"),
         false => Item::Fill(contours.iter().map(|contour| contour.placed(plane)).collect()),
@@ -121,7 +134,12 @@ fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64) 
 }
 
 /// The contours of a filled band: one round an open polyline, two for a closed one.
-fn band(vertices: &[WideVertex], closed: bool, height: f64) -> Vec<Curve> {
+fn band(
+    vertices: &[WideVertex],
+    closed: bool,
+    height: f64,
+    budget: &mut Budget,
+) -> Result<Vec<Curve>, Exceeded> {
     let following = vertices.iter().skip(1).chain(vertices.first().filter(|_| closed));
     let pieces: Vec<(SpaceSegment, [f64; 2])> = vertices
         .iter()
@@ -129,13 +147,13 @@ fn band(vertices: &[WideVertex], closed: bool, height: f64) -> Vec<Curve> {
         .filter(|(from, to)| (from.vertex.x, from.vertex.y) != (to.vertex.x, to.vertex.y))
         .map(|(from, to)| (bulge_segment(&from.vertex, &to.vertex, height), from.widths))
         .collect();
-    let left = edge(&pieces, 0.5, closed);
-    let right = edge(&pieces, -0.5, closed);
+    let left = edge(&pieces, 0.5, closed, budget)?;
+    let right = edge(&pieces, -0.5, closed, budget)?;
     let contour = |segments: Vec<SpaceSegment>| Curve { segments, closed: true };
     if closed {
         // A disc is a ring without a hole: its inner edge has shrunk to the centre.
         let is_hole = |edge: &Vec<SpaceSegment>| edge.iter().any(|segment| segment.start() != segment.end());
-        return [left, right].into_iter().filter(is_hole).map(contour).collect();
+        return Ok([left, right].into_iter().filter(is_hole).map(contour).collect());
     }
     let mut around = left;
     for segment in right.into_iter().rev().map(SpaceSegment::reversed) {
@@ -145,22 +163,22 @@ fn band(vertices: &[WideVertex], closed: bool, height: f64) -> Vec<Curve> {
     if let Some(start) = around.first().map(SpaceSegment::start) {
         bridge(&mut around, start);
     }
-    if around.len() > 1 { vec![contour(around)] } else { Vec::new() }
+    Ok(if around.len() > 1 { vec![contour(around)] } else { Vec::new() })
 }
 
 /// One edge of a band, `side` widths to the left of its middle line, with its corners mitred.
-fn edge(pieces: &[(SpaceSegment, [f64; 2])], side: f64, closed: bool) -> Vec<SpaceSegment> {
-    let offset: Vec<Vec<SpaceSegment>> = pieces
-        .iter()
-        .map(|(segment, widths)| moved_aside(segment, widths.map(|width| width * side)))
-        .collect();
+fn edge(
+    pieces: &[(SpaceSegment, [f64; 2])],
+    side: f64,
+    closed: bool,
+    budget: &mut Budget,
+) -> Result<Vec<SpaceSegment>, Exceeded> {
     let mut around: Vec<SpaceSegment> = Vec::new();
-    for (index, segments) in offset.iter().enumerate() {
-        for (position, segment) in segments.iter().enumerate() {
-            let mut segment = segment.clone();
+    for (middle, widths) in pieces {
+        let moved = moved_aside(middle, widths.map(|width| width * side), budget)?;
+        for (position, mut segment) in moved.into_iter().enumerate() {
             if let (0, Some(last)) = (position, around.last_mut()) {
-                let half = pieces[index].1[0] * side;
-                mitre(last, &mut segment, pieces[index].0.start(), half);
+                mitre(last, &mut segment, middle.start(), widths[0] * side);
             }
             bridge(&mut around, segment.start());
             around.push(segment);
@@ -172,7 +190,7 @@ fn edge(pieces: &[(SpaceSegment, [f64; 2])], side: f64, closed: bool) -> Vec<Spa
         let start = first.start();
         bridge(&mut around, start);
     }
-    around
+    Ok(around)
 }
 
 /// Lets two lines that meet at a corner of the middle line end where they cross, unless that is too far away.
@@ -194,9 +212,15 @@ fn mitre(before: &mut SpaceSegment, after: &mut SpaceSegment, corner: Vector3<f6
 }
 
 /// The segment moved to its left by the first distance at its start and the second at its end.
-fn moved_aside(segment: &SpaceSegment, distances: [f64; 2]) -> Vec<SpaceSegment> {
+fn moved_aside(
+    segment: &SpaceSegment,
+    distances: [f64; 2],
+    budget: &mut Budget,
+) -> Result<Vec<SpaceSegment>, Exceeded> {
     let line = |from, to| SpaceSegment::Line { from, to };
-    match segment {
+    // With the line that may be needed to the next one.
+    budget.hold(2)?;
+    Ok(match segment {
         SpaceSegment::Arc { center, u, start, sweep, .. } => {
             // The left of an arc that turns left is towards its centre.
             let radius = |share: f64| {
@@ -204,9 +228,10 @@ fn moved_aside(segment: &SpaceSegment, distances: [f64; 2]) -> Vec<SpaceSegment>
             };
             if distances[0] == distances[1] && radius(0.0) >= 0.0 {
                 let (u, v) = (Vector3::x() * radius(0.0), Vector3::y() * radius(0.0));
-                return vec![SpaceSegment::Arc { center: *center, u, v, start: *start, sweep: *sweep }];
+                return Ok(vec![SpaceSegment::Arc { center: *center, u, v, start: *start, sweep: *sweep }]);
             }
             let count = (sweep.abs() / std::f64::consts::TAU * TAPERED_CHORDS).ceil().max(1.0);
+            budget.hold(count as usize)?;
             let at = |step: f64| {
                 let (sin, cos) = (start + sweep * step / count).sin_cos();
                 center + Vector3::new(cos, sin, 0.0) * radius(step / count)
@@ -219,7 +244,7 @@ fn moved_aside(segment: &SpaceSegment, distances: [f64; 2]) -> Vec<SpaceSegment>
             let left = Vector3::new(-along.y, along.x, 0.0);
             vec![line(from + left * distances[0], to + left * distances[1])]
         }
-    }
+    })
 }
 
 /// Adds a line to `target` if the last segment does not end there, up to rounding.
@@ -238,6 +263,10 @@ mod tests {
 
     fn wide(x: f64, y: f64, bulge: f64, widths: [f64; 2]) -> WideVertex {
         WideVertex { vertex: BulgeVertex { x, y, bulge }, widths }
+    }
+
+    fn band(vertices: &[WideVertex], closed: bool, height: f64) -> Vec<Curve> {
+        super::band(vertices, closed, height, &mut Budget::default()).unwrap()
     }
 
     /// Inked area of a band by the even-odd rule; its contours do not cross here.
@@ -286,5 +315,22 @@ mod tests {
         // Half a ring whose width grows from 0 to 2 about the radius 5: ∫ w(φ)·5 dφ over π = 5π.
         let horn = [wide(5.0, 0.0, 1.0, [0.0, 2.0]), wide(-5.0, 0.0, 0.0, [0.0; 2])];
         assert!((area(&band(&horn, false, 0.0)) - 5.0 * PI).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_grows_wider_along_arcs_is_counted_before_it_is_drawn() {
+        // Each arc of nearly a full turn needs 254 chords on each side: 12,000 of them more than is held.
+        let bow = |index: u32| wide(f64::from(index % 2), 0.0, 99.0, [1.0, 2.0]);
+        let mut budget = Budget::default();
+        let Item::NotTaken(_) = drawn(
+            &(0..12_000).map(bow).collect::<Vec<_>>(),
+            false,
+            &Placement::scaling(1.0),
+            0.0,
+            &mut budget,
+        ) else {
+            panic!()
+        };
+        assert_eq!(budget.exceeded(), Some(super::super::budget::Cost::Held));
     }
 }

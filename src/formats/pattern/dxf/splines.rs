@@ -7,12 +7,13 @@
 
 use nalgebra::{Vector3, Vector4};
 
+use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, SpaceSegment, through};
 
 /// Largest degree that is read; drawing programs draw with 3 and stop at 11.
 const MAX_DEGREE: usize = 11;
-/// Largest number of pieces of one spline.
-const MAX_PIECES: usize = 1_000_000;
+/// Judging an approximation takes so many steps of the budget.
+const STEPS_OF_APPROXIMATION: usize = 64;
 
 /// Ends no farther apart than this share of the curve's reach are one point, computed twice.
 const ROUNDING: f64 = 1e-12;
@@ -33,7 +34,11 @@ pub(super) struct ControlSpline<'s> {
 ///
 /// # Errors
 /// A sentence on what is wrong with its knots, weights or degree.
-pub(super) fn by_control_points(spline: &ControlSpline<'_>, tolerance: f64) -> Result<Curve, String> {
+pub(super) fn by_control_points(
+    spline: &ControlSpline<'_>,
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Curve, String> {
     let degree = spline.degree;
     if !(1..=MAX_DEGREE).contains(&degree) {
         return Err(format!("its degree {degree} is not between 1 and {MAX_DEGREE}"));
@@ -62,10 +67,7 @@ pub(super) fn by_control_points(spline: &ControlSpline<'_>, tolerance: f64) -> R
     for span in degree..points.len() {
         if knots[span] < knots[span + 1] {
             let piece = bezier_piece(&points, knots, degree, span);
-            into_cubics(&piece, tolerance, &mut segments);
-        }
-        if segments.len() > MAX_PIECES {
-            return Err(format!("it needs more than {MAX_PIECES} pieces"));
+            into_cubics(&piece, tolerance, &mut segments, budget)?;
         }
     }
     if segments.is_empty() {
@@ -83,7 +85,9 @@ pub(super) fn through_fit_points(
     points: &[Vector3<f64>],
     closed: bool,
     directions: [Option<Vector3<f64>>; 2],
+    budget: &mut Budget,
 ) -> Result<Curve, String> {
+    budget.hold(points.len())?;
     let mut points: Vec<Vector3<f64>> = points.to_vec();
     points.dedup();
     if closed && points.len() > 2 && points.first() != points.last() {
@@ -237,15 +241,21 @@ fn bezier_piece(points: &[Vector4<f64>], knots: &[f64], degree: usize, span: usi
 }
 
 /// Adds cubic pieces for a homogeneous Bézier curve of any degree.
-fn into_cubics(piece: &[Vector4<f64>], tolerance: f64, segments: &mut Vec<SpaceSegment>) {
-    match piece {
-        [a, b] => segments.push(SpaceSegment::Line { from: on_ground(a), to: on_ground(b) }),
-        [a, b, c] => {
-            segments.push(cubic([*a, a / 3.0 + b * (2.0 / 3.0), b * (2.0 / 3.0) + c / 3.0, *c]));
-        }
-        [a, b, c, d] => segments.push(cubic([*a, *b, *c, *d])),
-        _ => approximate(piece, 0.0, 1.0, tolerance, 0, segments),
-    }
+fn into_cubics(
+    piece: &[Vector4<f64>],
+    tolerance: f64,
+    segments: &mut Vec<SpaceSegment>,
+    budget: &mut Budget,
+) -> Result<(), Exceeded> {
+    let segment = match piece {
+        [a, b] => SpaceSegment::Line { from: on_ground(a), to: on_ground(b) },
+        [a, b, c] => cubic([*a, a / 3.0 + b * (2.0 / 3.0), b * (2.0 / 3.0) + c / 3.0, *c]),
+        [a, b, c, d] => cubic([*a, *b, *c, *d]),
+        _ => return approximate(piece, 0.0, 1.0, tolerance, 0, segments, budget),
+    };
+    budget.hold(1)?;
+    segments.push(segment);
+    Ok(())
 }
 
 fn on_ground(point: &Vector4<f64>) -> Vector3<f64> {
@@ -268,7 +278,9 @@ fn approximate(
     tolerance: f64,
     depth: u32,
     segments: &mut Vec<SpaceSegment>,
-) {
+    budget: &mut Budget,
+) -> Result<(), Exceeded> {
+    budget.work(STEPS_OF_APPROXIMATION)?;
     let (start, start_slope) = point_and_derivative(piece, from);
     let (end, end_slope) = point_and_derivative(piece, to);
     let third = (to - from) / 3.0;
@@ -286,12 +298,13 @@ fn approximate(
         .fold(0.0, f64::max);
     // Half the tolerance, as the largest error may lie between the parameters.
     if error <= tolerance / 2.0 || depth == 10 {
+        budget.hold(1)?;
         segments.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
-        return;
+        return Ok(());
     }
     let middle = (from + to) / 2.0;
-    approximate(piece, from, middle, tolerance, depth + 1, segments);
-    approximate(piece, middle, to, tolerance, depth + 1, segments);
+    approximate(piece, from, middle, tolerance, depth + 1, segments, budget)?;
+    approximate(piece, middle, to, tolerance, depth + 1, segments, budget)
 }
 
 /// A point of a homogeneous Bézier curve and its derivative, by de Casteljau's scheme.
@@ -338,7 +351,7 @@ mod tests {
             weights: &[1.0, w, 1.0, w, 1.0, w, 1.0, w, 1.0],
             closed: true,
         };
-        let curve = by_control_points(&spline, 1e-4).unwrap();
+        let curve = by_control_points(&spline, 1e-4, &mut Budget::default()).unwrap();
         assert!(curve.closed && curve.segments.len() == 4);
         assert!(flattened(&curve).iter().all(|point| (point.coords().norm() - 5.0).abs() < 1e-9));
     }
@@ -349,7 +362,7 @@ mod tests {
         let points = [point(0.0, 0.0), point(6.0, 6.0), point(12.0, 0.0), point(18.0, 6.0)];
         let knots = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let spline = ControlSpline { degree: 3, knots: &knots, points: &points, weights: &[], closed: false };
-        let curve = by_control_points(&spline, 1e-4).unwrap();
+        let curve = by_control_points(&spline, 1e-4, &mut Budget::default()).unwrap();
         assert_eq!(curve.segments.len(), 1);
         assert!((curve.segments[0].start() - point(6.0, 4.0)).norm() < 1e-12);
         assert!((curve.segments[0].end() - point(12.0, 2.0)).norm() < 1e-12);
@@ -362,7 +375,7 @@ mod tests {
             (0..6).map(|i| point(f64::from(i) * 0.4, if i == 5 { 32.0 } else { 0.0 })).collect();
         let knots = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
         let spline = ControlSpline { degree: 5, knots: &knots, points: &points, weights: &[], closed: false };
-        let curve = by_control_points(&spline, 1e-4).unwrap();
+        let curve = by_control_points(&spline, 1e-4, &mut Budget::default()).unwrap();
         // The distance to the curve is at most the vertical distance; flattening adds 1e-4.
         let steep = |x: f64| (1.0 + 25.0 * x.powi(8)).sqrt();
         assert!(flattened(&curve).iter().all(|p| (p.y - p.x.powi(5)).abs() / steep(p.x) < 2e-4));
@@ -371,11 +384,12 @@ mod tests {
     #[test]
     fn fit_points_are_met_and_a_closed_spline_is_smooth_at_its_seam() {
         let points = [point(0.0, 0.0), point(10.0, 5.0), point(20.0, 0.0), point(8.0, -9.0)];
-        let open = through_fit_points(&points, false, [Some(point(0.0, 1.0)), None]).unwrap();
+        let open = through_fit_points(&points, false, [Some(point(0.0, 1.0)), None], &mut Budget::default())
+            .unwrap();
         assert_eq!(open.segments.len(), 3);
         let SpaceSegment::Bezier { points: first, .. } = &open.segments[0] else { panic!() };
         assert!((first[1].x - first[0].x).abs() < 1e-12 && first[1].y > first[0].y);
-        let closed = through_fit_points(&points, true, [None, None]).unwrap();
+        let closed = through_fit_points(&points, true, [None, None], &mut Budget::default()).unwrap();
         let (SpaceSegment::Bezier { points: first, .. }, SpaceSegment::Bezier { points: last, .. }) =
             (&closed.segments[0], &closed.segments[3])
         else {
@@ -396,8 +410,12 @@ mod tests {
     fn faults_are_said() {
         let points = [point(0.0, 0.0), point(1.0, 0.0), point(2.0, 1.0)];
         let faulty = |degree, knots: &[f64], weights: &[f64]| {
-            by_control_points(&ControlSpline { degree, knots, points: &points, weights, closed: false }, 1e-4)
-                .unwrap_err()
+            by_control_points(
+                &ControlSpline { degree, knots, points: &points, weights, closed: false },
+                1e-4,
+                &mut Budget::default(),
+            )
+            .unwrap_err()
         };
         assert!(faulty(0, &[], &[]).contains("degree"));
         assert!(faulty(2, &[0.0; 5], &[]).contains("5 knots"));

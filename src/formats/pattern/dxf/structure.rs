@@ -5,14 +5,12 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::budget::{Budget, Cost};
 use super::code_page::CodePage;
 use super::colour::nearest_index;
 use super::scan::{Pair, Scan};
 use crate::formats::pattern::error::{EntityName, PatternReadError};
 use crate::geometry::pattern::Color;
-
-/// Largest number of entities in a file, those of its blocks too.
-const MAX_ENTITIES: usize = 2_000_000;
 
 /// The inventory of a drawing.
 #[derive(Default)]
@@ -177,7 +175,7 @@ impl Record {
 ///
 /// # Errors
 /// There are more entities than can be held in memory.
-pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadError> {
+pub(super) fn structure(scan: &mut Scan<'_>, budget: &mut Budget) -> Result<Structure, PatternReadError> {
     let mut found = Structure { header: header(scan), ..Structure::default() };
     scan.code_page = code_page(&found.header);
     let scan: &Scan<'_> = scan;
@@ -244,10 +242,8 @@ pub(super) fn structure(scan: &mut Scan<'_>) -> Result<Structure, PatternReadErr
                     b"ATTRIB" if follows_insert => record.insert = insert,
                     _ => {}
                 }
-                if found.entities.len() == MAX_ENTITIES {
-                    let entity = Some(found.name(scan, &record));
-                    return Err(PatternReadError::TooMany { what: "entities", limit: MAX_ENTITIES, entity });
-                }
+                let listed = budget.spend(Cost::Listed, 1);
+                listed.map_err(|_| Cost::Listed.too_many(found.name(scan, &record)))?;
                 found.entities.push(record);
                 if section == b"ENTITIES" {
                     let last = found.entities.len();

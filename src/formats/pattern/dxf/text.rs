@@ -7,6 +7,7 @@ mod font;
 mod paragraphs;
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,6 +15,7 @@ use self::codes::{Letter, Ruled, letters};
 pub(super) use self::font::Typeface;
 use self::font::stand_in;
 use super::super::error::PatternReadError;
+use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};
 use super::entities::Item;
 use super::groups::{Groups, own};
@@ -21,7 +23,7 @@ use super::scan::Scan;
 use super::structure::{Record, Structure, TextStyle};
 
 /// A font that a drawing asks for, and the one that was used.
-pub(super) type FontUse = (String, Typeface);
+pub(super) type FontUse = (Rc<str>, Typeface);
 
 /// Fonts used by a text that are not the ones that it asks for.
 pub(super) type FontUses = BTreeSet<FontUse>;
@@ -37,6 +39,8 @@ const BLANK: &str = "it is blank";
 
 /// Texts of more bytes than this are no labels.
 const LONGEST: usize = 50_000;
+/// Names of fonts are told up to so many letters.
+const LONGEST_NAME: usize = 100;
 /// Said of longer ones.
 const TOO_LONG: &str =
     "it has more than 50000 letters: split it, or convert it to outlines in the drawing program";
@@ -47,6 +51,7 @@ pub(super) fn single_line(
     structure: &Structure,
     record: &Record,
     uses: &mut FontUses,
+    budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let kind = structure.kind(record);
     let wanted =
@@ -65,7 +70,7 @@ pub(super) fn single_line(
     }
     let letters = letters(&text, scan.page_of_letters());
     let font = Font::of(structure, &string(scan, record, 7));
-    let row = match font.row(&letters, 1.0, uses) {
+    let row = match font.row(&letters, 1.0, uses, budget) {
         Ok(row) => row,
         Err(why) => return Ok(Item::NotTaken(why.into())),
     };
@@ -123,8 +128,9 @@ pub(super) fn paragraphs(
     structure: &Structure,
     record: &Record,
     uses: &mut FontUses,
+    budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
-    paragraphs::drawn(scan, structure, record, uses)
+    paragraphs::drawn(scan, structure, record, uses, budget)
 }
 
 /// Slanted by an angle, then moved. Slants of a right angle and more are none.
@@ -144,7 +150,7 @@ fn string(scan: &Scan<'_>, record: &Record, code: i32) -> String {
 /// A font as a drawing asks for it.
 #[derive(Debug, Clone, PartialEq)]
 struct Font {
-    asked: String,
+    asked: Rc<str>,
     face: Typeface,
     is_exact: bool,
 }
@@ -152,7 +158,8 @@ struct Font {
 impl Font {
     fn named(asked: &str, is_family: bool) -> Self {
         let (face, is_exact) = stand_in(asked, is_family);
-        Self { asked: asked.into(), face, is_exact }
+        let asked = asked.chars().take(LONGEST_NAME).collect::<String>().into();
+        Self { asked, face, is_exact }
     }
 
     /// The font of a text style; that of `Standard` if none is named.
@@ -169,8 +176,14 @@ impl Font {
     /// of the distances between letters.
     ///
     /// # Errors
-    /// No font has one of the letters, as a sentence.
-    fn row(&self, letters: &[Letter], tracking: f64, uses: &mut FontUses) -> Result<Row, String> {
+    /// No font has one of the letters, or there are more of them than the budget allows, as a sentence.
+    fn row(
+        &self,
+        letters: &[Letter],
+        tracking: f64,
+        uses: &mut FontUses,
+        budget: &mut Budget,
+    ) -> Result<Row, String> {
         let lacks = |face: Typeface| letters.iter().any(|letter| face.glyph(letter.char).is_none());
         let face = if lacks(self.face) { Typeface::Outline } else { self.face };
         let missing: BTreeSet<char> =
@@ -185,7 +198,7 @@ impl Font {
         {
             uses.insert((self.asked.clone(), face));
         }
-        Ok(Row::new(letters, face, tracking))
+        Ok(Row::new(letters, face, tracking, budget)?)
     }
 }
 
@@ -197,12 +210,13 @@ struct Row {
 }
 
 impl Row {
-    fn new(letters: &[Letter], face: Typeface, tracking: f64) -> Self {
+    fn new(letters: &[Letter], face: Typeface, tracking: f64, budget: &mut Budget) -> Result<Self, Exceeded> {
         let mut row = Self { items: Vec::new(), width: 0.0, face };
         let mut starts = Vec::with_capacity(letters.len() + 1);
         for letter in letters {
             starts.push(row.width);
             let Some(glyph) = face.glyph(letter.char) else { continue };
+            budget.hold(glyph.curves.iter().map(|curve| curve.segments.len()).sum())?;
             let shift = sheared(0.0, Vector3::new(row.width, 0.0, 0.0));
             let curves: Vec<Curve> = glyph.curves.iter().map(|curve| curve.placed(&shift)).collect();
             match face {
@@ -220,11 +234,12 @@ impl Row {
                 let (from, to) = (starts[index], starts[index + run.len()]);
                 index += run.len();
                 if run.first().is_some_and(|letter| is_ruled(&letter.ruled)) {
+                    budget.hold(4)?;
                     row.items.push(rule(face, from, to, height));
                 }
             }
         }
-        row
+        Ok(row)
     }
 
     fn placed(&self, placement: &Placement) -> Item {

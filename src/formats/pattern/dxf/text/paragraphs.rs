@@ -1,8 +1,11 @@
 //! MTEXT: paragraphs broken into lines, with formats that change inside them.
 
+use std::rc::Rc;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::super::error::PatternReadError;
+use super::super::budget::Budget;
 use super::super::colour::nearest_index;
 use super::super::curves::{Placement, through};
 use super::super::entities::Item;
@@ -15,6 +18,8 @@ use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
 const LEADING: f64 = 5.0 / 3.0;
+/// In a step of the budget so many bytes of a text are searched.
+const BYTES_SEARCHED: usize = 64;
 /// Height of stacked letters beside the others.
 const STACKED: f64 = 0.7;
 /// Distance of tab stops where none are set, in heights of the text.
@@ -40,7 +45,8 @@ struct Layout {
     first: f64,
     left: f64,
     right: f64,
-    tabs: Vec<f64>,
+    /// Tab stops from left to right.
+    tabs: Rc<[f64]>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,6 +89,7 @@ pub(super) fn drawn(
     structure: &Structure,
     record: &Record,
     uses: &mut FontUses,
+    budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let wanted =
         |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 50 | 71 | 73 | 210 | 220 | 230);
@@ -111,7 +118,11 @@ pub(super) fn drawn(
         align: 0,
         color: None,
     };
-    let paragraphs = match set(tokens(&text, scan.page_of_letters()), format, uses) {
+    // Every code is searched for its end.
+    if let Err(exceeded) = budget.work(text.matches('\\').count() * text.len() / BYTES_SEARCHED) {
+        return Ok(Item::NotTaken(exceeded.into()));
+    }
+    let paragraphs = match set(tokens(&text, scan.page_of_letters()), format, uses, budget) {
         Ok(paragraphs) => paragraphs,
         Err(why) => return Ok(Item::NotTaken(why.into())),
     };
@@ -200,8 +211,13 @@ fn columns(scan: &Scan<'_>, record: &Record) -> i64 {
 /// The text as paragraphs of cells.
 ///
 /// # Errors
-/// No font has one of the letters, as a sentence.
-fn set(tokens: Vec<Token>, format: Format, uses: &mut FontUses) -> Result<Vec<Paragraph>, String> {
+/// No font has one of the letters, or there are more of them than the budget allows, as a sentence.
+fn set(
+    tokens: Vec<Token>,
+    format: Format,
+    uses: &mut FontUses,
+    budget: &mut Budget,
+) -> Result<Vec<Paragraph>, String> {
     let mut format = format;
     let mut outer = Vec::new();
     let mut layout = Layout::default();
@@ -213,12 +229,16 @@ fn set(tokens: Vec<Token>, format: Format, uses: &mut FontUses) -> Result<Vec<Pa
             word.push(Letter { char, ruled: format.ruled });
             continue;
         }
-        format.finish(&mut word, &mut cells, uses)?;
+        format.finish(&mut word, &mut cells, uses, budget)?;
         match token {
             Token::Letter(_) => {}
             Token::Blank => {
-                let blank =
-                    format.font.row(&[Letter { char: ' ', ruled: format.ruled }], format.tracking, uses)?;
+                let blank = format.font.row(
+                    &[Letter { char: ' ', ruled: format.ruled }],
+                    format.tracking,
+                    uses,
+                    budget,
+                )?;
                 let width = blank.width * format.height * format.width;
                 let height = format.height;
                 if format.ruled == Ruled::default() {
@@ -236,7 +256,7 @@ fn set(tokens: Vec<Token>, format: Format, uses: &mut FontUses) -> Result<Vec<Pa
             Token::Open => outer.push(format.clone()),
             Token::Close => format = outer.pop().unwrap_or(format),
             Token::Stack(upper, lower, sign) => {
-                cells.push(format.stacked(&upper, &lower, sign, uses)?);
+                cells.push(format.stacked(&upper, &lower, sign, uses, budget)?);
             }
             Token::Rule(kind, on) => match kind {
                 RuleKind::Under => format.ruled.under = on,
@@ -262,7 +282,7 @@ fn set(tokens: Vec<Token>, format: Format, uses: &mut FontUses) -> Result<Vec<Pa
             Token::Layout(text) => layout = layout.changed(&text),
         }
     }
-    format.finish(&mut word, &mut cells, uses)?;
+    format.finish(&mut word, &mut cells, uses, budget)?;
     paragraphs.push(Paragraph { layout, cells, height: format.height });
     Ok(paragraphs)
 }
@@ -286,11 +306,12 @@ impl Format {
         word: &mut Vec<Letter>,
         cells: &mut Vec<Cell>,
         uses: &mut FontUses,
+        budget: &mut Budget,
     ) -> Result<(), String> {
         if word.is_empty() {
             return Ok(());
         }
-        let row = self.font.row(&std::mem::take(word), self.tracking, uses)?;
+        let row = self.font.row(&std::mem::take(word), self.tracking, uses, budget)?;
         let width = row.width * self.height * self.width;
         cells.push(self.cell(self.items(&row), width));
         Ok(())
@@ -301,11 +322,18 @@ impl Format {
     }
 
     /// Two rows above each other, or side by side with a slanted line.
-    fn stacked(&self, upper: &str, lower: &str, sign: char, uses: &mut FontUses) -> Result<Cell, String> {
+    fn stacked(
+        &self,
+        upper: &str,
+        lower: &str,
+        sign: char,
+        uses: &mut FontUses,
+        budget: &mut Budget,
+    ) -> Result<Cell, String> {
         let mut row = |text: &str| {
             let letters: Vec<Letter> =
                 text.chars().map(|char| Letter { char, ruled: Ruled::default() }).collect();
-            self.font.row(&letters, self.tracking, uses)
+            self.font.row(&letters, self.tracking, uses, budget)
         };
         let (upper, lower) = (row(upper)?, row(lower)?);
         let small = self.height * STACKED;
@@ -346,7 +374,7 @@ impl Format {
 impl Layout {
     /// With what `\p` says: `i`, `l` and `r` indents, `q` alignment, `t` tab stops.
     fn changed(mut self, text: &str) -> Self {
-        let mut in_tabs = false;
+        let mut tabs: Option<Vec<f64>> = None;
         for part in text.split(',') {
             let mut rest = part.trim();
             // `x` says that what follows was set by hand.
@@ -357,7 +385,7 @@ impl Layout {
             match (key, value) {
                 ('i', value) => self.first = value.unwrap_or(0.0),
                 ('l', value) => self.left = value.unwrap_or(0.0),
-                ('r', Some(value)) if !in_tabs => self.right = value,
+                ('r', Some(value)) if tabs.is_none() => self.right = value,
                 ('q', _) => {
                     self.align = match rest.get(1..) {
                         Some("l") => Some(Align::Left),
@@ -366,13 +394,17 @@ impl Layout {
                         _ => None,
                     };
                 }
-                ('t', value) => {
-                    in_tabs = true;
-                    self.tabs = value.into_iter().collect();
+                ('t', value) => tabs = Some(value.into_iter().collect()),
+                _ => {
+                    if let Some(tabs) = &mut tabs {
+                        tabs.extend(number(rest.trim_start_matches(['c', 'r'])));
+                    }
                 }
-                _ if in_tabs => self.tabs.extend(number(rest.trim_start_matches(['c', 'r']))),
-                _ => {}
             }
+        }
+        if let Some(mut tabs) = tabs {
+            tabs.sort_by(f64::total_cmp);
+            self.tabs = tabs.into();
         }
         self
     }
@@ -406,7 +438,8 @@ fn broken(paragraph: Paragraph, box_width: f64, unit: f64, align: Align) -> Vec<
             }
             Cell::Tab { height: its } => {
                 height = height.max(its);
-                let set = layout.tabs.iter().map(|stop| stop * unit).find(|stop| *stop > pen + 1e-9);
+                let passed = layout.tabs.partition_point(|stop| stop * unit <= pen + 1e-9);
+                let set = layout.tabs.get(passed).map(|stop| stop * unit);
                 pen = set.unwrap_or_else(|| ((pen / (TAB * unit)).floor() + 1.0) * TAB * unit);
             }
             Cell::Block(first) => {
