@@ -25,9 +25,9 @@ pub(super) struct Curve {
 
 impl Curve {
     /// The curve where the placement puts it.
-    pub(super) fn placed(&self, placement: &Placement) -> Self {
-        let segments = self.segments.iter().map(|segment| segment.placed(placement)).collect();
-        Self { segments, closed: self.closed }
+    pub(super) fn placed(mut self, placement: &Placement) -> Self {
+        self.segments.iter_mut().for_each(|segment| *segment = segment.placed(placement));
+        self
     }
 }
 

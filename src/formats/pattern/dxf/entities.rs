@@ -38,24 +38,20 @@ pub(super) enum Item {
 
 impl Item {
     /// The item where the placement puts it.
-    pub(super) fn placed(&self, placement: &Placement) -> Self {
+    pub(super) fn placed(self, placement: &Placement) -> Self {
+        let placed = |contour: Curve| contour.placed(placement);
         match self {
-            Self::Dot(point) => Self::Dot(placement.point(*point)),
-            Self::Curve(curve) => Self::Curve(curve.placed(placement)),
-            Self::Fill(contours) => {
-                Self::Fill(contours.iter().map(|contour| contour.placed(placement)).collect())
-            }
-            Self::Several(items) => {
-                Self::Several(items.iter().map(|(color, item)| (*color, item.placed(placement))).collect())
-            }
-            Self::Insert(insert) => {
-                let mut insert = insert.clone();
+            Self::Dot(point) => Self::Dot(placement.point(point)),
+            Self::Curve(curve) => Self::Curve(placed(curve)),
+            Self::Fill(contours) => Self::Fill(contours.into_iter().map(placed).collect()),
+            Self::Several(items) => Self::Several(
+                items.into_iter().map(|(color, item)| (color, item.placed(placement))).collect(),
+            ),
+            Self::Insert(mut insert) => {
                 insert.placement = placement.after(&insert.placement);
                 Self::Insert(insert)
             }
-            Self::Template => Self::Template,
-            Self::DrawsNothing(why) => Self::DrawsNothing(why),
-            Self::NotTaken(why) => Self::NotTaken(why.clone()),
+            Self::Template | Self::DrawsNothing(_) | Self::NotTaken(_) => self,
         }
     }
 }

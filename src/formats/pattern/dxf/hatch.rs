@@ -54,7 +54,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     };
     let plane = head.plane();
     if is_solid {
-        return Item::Fill(contours.iter().map(|contour| contour.placed(&plane)).collect());
+        return Item::Fill(contours.into_iter().map(|contour| contour.placed(&plane)).collect());
     }
     match lines(&contours, &families(&mut cursor), height, tolerance, budget) {
         Ok(drawn) if drawn.is_empty() => {

@@ -129,7 +129,7 @@ fn drawn(vertices: &[WideVertex], closed: bool, plane: &Placement, height: f64, 
     };
     match contours.is_empty() {
         true => Item::DrawsNothing("it has a width but no length"),
-        false => Item::Fill(contours.iter().map(|contour| contour.placed(plane)).collect()),
+        false => Item::Fill(contours.into_iter().map(|contour| contour.placed(plane)).collect()),
     }
 }
 

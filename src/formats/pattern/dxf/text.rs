@@ -218,7 +218,7 @@ impl Row {
             let Some(glyph) = face.glyph(letter.char) else { continue };
             budget.hold(glyph.curves.iter().map(|curve| curve.segments.len()).sum())?;
             let shift = sheared(0.0, Vector3::new(row.width, 0.0, 0.0));
-            let curves: Vec<Curve> = glyph.curves.iter().map(|curve| curve.placed(&shift)).collect();
+            let curves: Vec<Curve> = glyph.curves.into_iter().map(|curve| curve.placed(&shift)).collect();
             match face {
                 Typeface::Outline if curves.is_empty() => {}
                 Typeface::Outline => row.items.push(Item::Fill(curves)),
@@ -242,8 +242,8 @@ impl Row {
         Ok(row)
     }
 
-    fn placed(&self, placement: &Placement) -> Item {
-        Item::Several(self.items.iter().map(|item| (None, item.placed(placement))).collect())
+    fn placed(self, placement: &Placement) -> Item {
+        Item::Several(self.items.into_iter().map(|item| (None, item.placed(placement))).collect())
     }
 }
 

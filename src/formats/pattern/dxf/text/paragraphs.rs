@@ -245,7 +245,7 @@ fn set(
                     cells.push(Cell::Blank { width, height });
                 } else {
                     // A ruled blank is drawn, so lines do not break there.
-                    cells.push(format.cell(format.items(&blank), width));
+                    cells.push(format.cell(format.items(blank), width));
                 }
             }
             Token::Tab => cells.push(Cell::Tab { height: format.height }),
@@ -289,15 +289,15 @@ fn set(
 
 impl Format {
     /// The items of a row, in units of the drawing.
-    fn items(&self, row: &Row) -> Vec<(Option<RecordColor>, Item)> {
+    fn items(&self, row: Row) -> Vec<(Option<RecordColor>, Item)> {
         self.items_at(row, self.height, Vector3::zeros())
     }
 
-    fn items_at(&self, row: &Row, height: f64, at: Vector3<f64>) -> Vec<(Option<RecordColor>, Item)> {
+    fn items_at(&self, row: Row, height: f64, at: Vector3<f64>) -> Vec<(Option<RecordColor>, Item)> {
         let scale = Matrix3::from_diagonal(&Vector3::new(height * self.width, height, 1.0));
         let placement =
             Placement { linear: scale, offset: at }.after(&sheared(self.oblique, Vector3::zeros()));
-        row.items.iter().map(|item| (self.color, item.placed(&placement))).collect()
+        row.items.into_iter().map(|item| (self.color, item.placed(&placement))).collect()
     }
 
     /// Makes a cell of the letters of a word.
@@ -313,7 +313,7 @@ impl Format {
         }
         let row = self.font.row(&std::mem::take(word), self.tracking, uses, budget)?;
         let width = row.width * self.height * self.width;
-        cells.push(self.cell(self.items(&row), width));
+        cells.push(self.cell(self.items(row), width));
         Ok(())
     }
 
@@ -364,8 +364,8 @@ impl Format {
                 lower_at.y = 0.3 * self.height - small;
             }
         }
-        let mut items = self.items_at(&upper, small, upper_at);
-        items.extend(self.items_at(&lower, small, lower_at));
+        let mut items = self.items_at(upper, small, upper_at);
+        items.extend(self.items_at(lower, small, lower_at));
         items.extend(line.map(|ends| (self.color, Item::Curve(through(&ends, false)))));
         Ok(self.cell(items, width))
     }
