@@ -100,6 +100,7 @@ impl Reader<'_> {
         budget: &mut Budget,
     ) -> Result<Vec<Item>, PatternReadError> {
         let mut drawn = self.structure.drawn.iter().cloned().flatten().peekable();
+        // What follows the last block is drawn by itself, in most drawings nearly everything.
         let last = self.structure.blocks.values().map(|block| block.entities.end).max().unwrap_or(0);
         let item = |index| match drawn.next_if_eq(&index) {
             Some(_) => Ok(Item::Template),

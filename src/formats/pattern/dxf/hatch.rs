@@ -144,8 +144,7 @@ fn edge_path(
     let mut done = 0.0;
     while done < count {
         let Some(kind) = cursor.take(72) else { break };
-        // With the line that may be needed to the next one.
-        budget.hold(2)?;
+        budget.hold(1)?;
         let mut edge = edge(cursor, kind as i64, height, tolerance, budget)?;
         done += 1.0;
         // Some programs write an edge against the direction of the path; what follows tells of the first one.
@@ -167,12 +166,12 @@ fn edge_path(
             edge = turned;
         }
         for segment in edge {
-            bridge(&mut segments, segment.start());
+            bridge(&mut segments, segment.start(), budget)?;
             segments.push(segment);
         }
     }
     if let Some(start) = segments.first().map(SpaceSegment::start) {
-        bridge(&mut segments, start);
+        bridge(&mut segments, start, budget)?;
     }
     Ok(Curve { segments, closed: true })
 }

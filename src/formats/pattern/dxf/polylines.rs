@@ -157,11 +157,11 @@ fn band(
     }
     let mut around = left;
     for segment in right.into_iter().rev().map(SpaceSegment::reversed) {
-        bridge(&mut around, segment.start());
+        bridge(&mut around, segment.start(), budget)?;
         around.push(segment);
     }
     if let Some(start) = around.first().map(SpaceSegment::start) {
-        bridge(&mut around, start);
+        bridge(&mut around, start, budget)?;
     }
     Ok(if around.len() > 1 { vec![contour(around)] } else { Vec::new() })
 }
@@ -180,7 +180,7 @@ fn edge(
             if let (0, Some(last)) = (position, around.last_mut()) {
                 mitre(last, &mut segment, middle.start(), widths[0] * side);
             }
-            bridge(&mut around, segment.start());
+            bridge(&mut around, segment.start(), budget)?;
             around.push(segment);
         }
     }
@@ -188,7 +188,7 @@ fn edge(
     {
         mitre(last, first, middle.start(), widths[0] * side);
         let start = first.start();
-        bridge(&mut around, start);
+        bridge(&mut around, start, budget)?;
     }
     Ok(around)
 }
@@ -218,8 +218,7 @@ fn moved_aside(
     budget: &mut Budget,
 ) -> Result<Vec<SpaceSegment>, Exceeded> {
     let line = |from, to| SpaceSegment::Line { from, to };
-    // With the line that may be needed to the next one.
-    budget.hold(2)?;
+    budget.hold(1)?;
     Ok(match segment {
         SpaceSegment::Arc { center, u, start, sweep, .. } => {
             // The left of an arc that turns left is towards its centre.
@@ -248,11 +247,17 @@ fn moved_aside(
 }
 
 /// Adds a line to `target` if the last segment does not end there, up to rounding.
-pub(super) fn bridge(segments: &mut Vec<SpaceSegment>, target: Vector3<f64>) {
+pub(super) fn bridge(
+    segments: &mut Vec<SpaceSegment>,
+    target: Vector3<f64>,
+    budget: &mut Budget,
+) -> Result<(), Exceeded> {
     let is_gap = |from: &Vector3<f64>| (target - from).norm() > 1e-9 * (1.0 + target.norm());
     if let Some(from) = segments.last().map(SpaceSegment::end).filter(is_gap) {
+        budget.hold(1)?;
         segments.push(SpaceSegment::Line { from, to: target });
     }
+    Ok(())
 }
 
 #[cfg(test)]
