@@ -88,6 +88,7 @@ fn outline(letter: char) -> Option<Glyph> {
     let mut pen = Pen { scale, at: Vector3::zeros(), contours: Vec::new() };
     face.outline_glyph(id, &mut pen);
     pen.contours.retain(|contour| contour.segments.len() > 1);
+    pen.contours.iter_mut().for_each(|contour| contour.segments.shrink_to_fit());
     Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, curves: pen.contours })
 }
 
