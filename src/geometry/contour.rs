@@ -4,7 +4,7 @@
 //! Two ends are joined when they lie within the tolerance of each other and of no third end, on the same layer and in
 //! the same colour. A piece keeps its place in the drawing order; a chain takes that of its first piece.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -403,34 +403,35 @@ fn copies(paths: &[Path]) -> Vec<bool> {
     for (region, key) in &fills {
         seen.entry(*key).or_insert(*region);
     }
-    // An open line that draws a contour adds nothing, and to take the contour out instead would lose what it bounds.
-    let is_contour = |path: &Path| path.region.is_none() && path.shape.is_closed();
-    let contours: HashSet<(Group, Drawn)> = paths
-        .iter()
-        .zip(&drawn)
-        .filter(|(path, _)| is_contour(path))
-        .map(|(path, drawn)| (group(path), *drawn))
-        .collect();
-    // Contours of fills that stay, and all other paths so far. Only asked what they hold, so their order is no matter.
-    let mut outlines: HashSet<(Group, Drawn)> = HashSet::with_capacity(paths.len());
     let is_kept = |region: u32| fills.get(&region).and_then(|key| seen.get(key)) == Some(&region);
-    for (path, drawn) in paths.iter().zip(&drawn) {
-        if path.region.is_some_and(is_kept) {
-            outlines.insert((group(path), *drawn));
+    // Of all that draw the same the first by rank stays: an open line that draws a contour adds nothing, and to take the
+    // contour out instead would lose what it bounds.
+    let (of_fill, contour, line) = (0, 1, 2);
+    let mut is_copy = vec![false; paths.len()];
+    let mut ranked: Vec<([u64; 2], i32, usize)> = Vec::with_capacity(paths.len());
+    for (index, (path, drawn)) in paths.iter().zip(&drawn).enumerate() {
+        let rank = match path.region {
+            Some(region) if is_kept(region) => of_fill,
+            Some(_) => {
+                is_copy[index] = true;
+                continue;
+            }
+            None if path.shape.is_closed() => contour,
+            None => line,
+        };
+        ranked.push((drawn.in_group(group(path)), rank, index));
+    }
+    ranked.sort_unstable();
+    for same in ranked.chunk_by(|a, b| a.0 == b.0) {
+        for (_, rank, index) in &same[1..] {
+            is_copy[*index] = *rank != of_fill;
         }
     }
-    let is_copy = |(path, drawn): (&Path, &Drawn)| match path.region {
-        Some(region) => !is_kept(region),
-        None => {
-            let key = (group(path), *drawn);
-            !path.shape.is_closed() && contours.contains(&key) || !outlines.insert(key)
-        }
-    };
-    paths.iter().zip(&drawn).map(is_copy).collect()
+    is_copy
 }
 
 /// What is drawn, rounded to 1e-6 mm, as sums over its pieces that depend neither on their order nor on their direction.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Drawn {
     pieces: usize,
     sum: u64,
@@ -455,6 +456,13 @@ impl Drawn {
             });
         }
         drawn
+    }
+
+    /// A number that tells this drawn in one group from anything else in any.
+    fn in_group(&self, (layer, (kind, aci, [red, green, blue])): Group) -> [u64; 2] {
+        let color = u64::from_le_bytes([kind, aci, red, green, blue, 0, 0, 0]);
+        let group = stirred(stirred(layer as u64) ^ color);
+        [self.sum ^ group, stirred(self.sum_of_others ^ stirred(self.pieces as u64) ^ group)]
     }
 
     fn see(&mut self, piece: u64) {

@@ -32,7 +32,7 @@ pub(super) struct Unfolded {
     pub(super) not_taken: Vec<NotTaken>,
     /// Number of lines drawn whole that the drawing shows as dashes or dots, with the first.
     pub(super) dashed: Option<(usize, EntityName)>,
-    /// Which entities of the inventory made a path.
+    /// Which entities of the inventory made several strokes or a fill; texts and wide lines are among them.
     pub(super) drawn: BTreeSet<usize>,
 }
 
@@ -114,7 +114,7 @@ impl<'u> Unfolding<'u> {
         let of_insert;
         let mut context = context;
         if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
-            let (layer, entry) = self.layer(insert, context);
+            let (layer, entry) = layer_of(structure, insert, context);
             if why_hidden(insert, entry, true).is_some() {
                 self.name(index, record, "the block that it belongs to is hidden".into(), true);
                 return Ok(());
@@ -122,7 +122,7 @@ impl<'u> Unfolding<'u> {
             of_insert = self.inside(insert, context, context.placement, layer);
             context = &of_insert;
         }
-        let (layer, entry) = self.layer(record, context);
+        let (layer, entry) = layer_of(structure, record, context);
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
             self.name(index, record, why.into(), true);
@@ -133,13 +133,13 @@ impl<'u> Unfolding<'u> {
             let first = || (0, structure.name(self.scan, record));
             self.result.dashed.get_or_insert_with(first).0 += 1;
         }
-        if !matches!(item, Item::DrawsNothing(_) | Item::NotTaken(_)) {
+        if matches!(item, Item::Several(_) | Item::Fill(_)) {
             self.result.drawn.insert(index);
         }
         if let Item::Insert(insert) = item {
             return self.insert(index, record, insert, context, layer);
         }
-        self.item(index, record, item, context, Look { layer: &layer, color, is_stroke: false })
+        self.item(index, record, item, context, Look { layer, color, is_stroke: false })
     }
 
     fn item(
@@ -183,17 +183,17 @@ impl<'u> Unfolding<'u> {
                 self.check(point.amax(), record)?;
                 self.see_height(point.z);
                 let shape = Shape::Dot(FlatPoint::new(point.x, point.y));
-                self.push(shape, None, look, record)?;
+                self.push(shape, None, look, record);
             }
             Item::Curve(curve) => {
                 let shape = self.shape(&placed(curve), curve.closed, record)?;
-                self.push(shape, None, look, record)?;
+                self.push(shape, None, look, record);
             }
             Item::Fill(contours) => {
                 self.regions += 1;
                 for contour in contours {
                     let shape = self.shape(&placed(contour), true, record)?;
-                    self.push(shape, Some(self.regions), look, record)?;
+                    self.push(shape, Some(self.regions), look, record);
                 }
             }
         }
@@ -206,7 +206,7 @@ impl<'u> Unfolding<'u> {
         record: &Record,
         insert: &Insert,
         context: &Context,
-        layer: String,
+        layer: &str,
     ) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
@@ -242,7 +242,7 @@ impl<'u> Unfolding<'u> {
             let mut placement = insert.placement;
             placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
             let placement = context.placement.after(&placement.after(&base));
-            let inner = self.inside(record, context, placement, layer.clone());
+            let inner = self.inside(record, context, placement, layer);
             // An empty block counts too, or a large array of nothing would take for ever.
             self.spend(Cost::Unfolded, 1, record)?;
             let items = self.items;
@@ -263,27 +263,13 @@ impl<'u> Unfolding<'u> {
         Ok(())
     }
 
-    /// The layer that an entity ends up on, and its entry in the table.
-    fn layer(&self, record: &Record, context: &Context) -> (String, Option<&'u LayerRecord>) {
-        let own = self.structure.layer(record);
-        let layer = match &context.layer {
-            Some(outer) if own == "0" => outer,
-            _ => own,
-        };
-        let entry = self.structure.layers.get(&layer.to_uppercase());
-        (entry.map_or(layer, |entry| &entry.name).to_owned(), entry)
-    }
-
     /// What the content of an insert, and its attributes, take over from it.
-    fn inside(&self, insert: &Record, context: &Context, placement: Placement, layer: String) -> Context {
+    fn inside(&self, insert: &Record, context: &Context, placement: Placement, layer: &str) -> Context {
         let color = match own_color(insert, context) {
-            Color::ByLayer => {
-                let entry = self.structure.layers.get(&layer.to_uppercase());
-                entry.map_or(Color::Aci(7), |entry| entry.color)
-            }
+            Color::ByLayer => self.structure.entry(layer).map_or(Color::Aci(7), |entry| entry.color),
             own => own,
         };
-        Context { placement, layer: Some(layer), color }
+        Context { placement, layer: Some(layer.to_owned()), color }
     }
 
     fn shape(
@@ -327,8 +313,7 @@ impl<'u> Unfolding<'u> {
         region: Option<u32>,
         Look { layer, color, is_stroke }: Look<'_>,
         record: &Record,
-    ) -> Result<(), PatternReadError> {
-        let name = self.structure.name(self.scan, record);
+    ) {
         let names = &mut self.result.layer_names;
         let layer = match self.layer_numbers.get(layer) {
             Some(number) => *number,
@@ -338,9 +323,9 @@ impl<'u> Unfolding<'u> {
                 names.len() - 1
             }
         };
-        let source = Source { entity: name.kind, handle: name.handle, is_stroke };
+        let entity = self.structure.kind(record).to_owned();
+        let source = Source { entity, handle: self.structure.handle(self.scan, record), is_stroke };
         self.result.paths.push(Path { layer, color, shape, region, source });
-        Ok(())
     }
 
     fn name(&mut self, index: usize, record: &Record, why: Cow<'static, str>, is_loss: bool) {
@@ -359,6 +344,20 @@ impl<'u> Unfolding<'u> {
     fn too_many(&self, what: &'static str, limit: usize, record: &Record) -> PatternReadError {
         PatternReadError::TooMany { what, limit, entity: Some(self.structure.name(self.scan, record)) }
     }
+}
+
+/// The layer that an entity ends up on, and its entry in the table.
+fn layer_of<'l>(
+    structure: &'l Structure,
+    record: &Record,
+    context: &'l Context,
+) -> (&'l str, Option<&'l LayerRecord>) {
+    let layer = match (structure.layer(record), &context.layer) {
+        ("0", Some(outer)) => outer,
+        (own, _) => own,
+    };
+    let entry = structure.entry(layer);
+    (entry.map_or(layer, |entry| &entry.name), entry)
 }
 
 /// The colour that an entity asks for. "By layer" means the layer that the entity ends up on.

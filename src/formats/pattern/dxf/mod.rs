@@ -98,7 +98,7 @@ fn in_table_order(
     names: Vec<String>,
     mut paths: Vec<Path>,
 ) -> (Vec<Layer>, Vec<Path>) {
-    let entry = |name: &String| structure.layers.get(&name.to_uppercase());
+    let entry = |name: &String| structure.entry(name);
     let mut order: Vec<usize> = (0..names.len()).collect();
     order.sort_by_key(|number| entry(&names[*number]).map_or(usize::MAX, |entry| entry.order));
     let mut place = vec![0; names.len()];

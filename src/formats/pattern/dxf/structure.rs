@@ -145,6 +145,11 @@ impl Structure {
         self.blocks.iter().filter(move |(name, _)| is_sheet(name)).map(|(_, block)| block)
     }
 
+    /// The entry of the layer table with this name, in capitals or not.
+    pub(super) fn entry(&self, layer: &str) -> Option<&LayerRecord> {
+        self.layers.get(layer).or_else(|| self.layers.get(&layer.to_uppercase()))
+    }
+
     pub(super) fn kind(&self, record: &Record) -> &str {
         self.kinds.name(record.kind)
     }
@@ -153,9 +158,13 @@ impl Structure {
         self.layer_names.name(record.layer)
     }
 
+    pub(super) fn handle(&self, scan: &Scan<'_>, record: &Record) -> Option<String> {
+        record.handle.and_then(|pair| scan.pairs.get(pair as usize)).map(|pair| scan.text(pair))
+    }
+
     pub(super) fn name(&self, scan: &Scan<'_>, record: &Record) -> EntityName {
-        let handle = record.handle.and_then(|pair| scan.pairs.get(pair as usize)).map(|pair| scan.text(pair));
-        EntityName { kind: self.kind(record).into(), handle, layer: self.layer(record).into() }
+        let (kind, layer) = (self.kind(record).into(), self.layer(record).into());
+        EntityName { kind, handle: self.handle(scan, record), layer }
     }
 }
 
