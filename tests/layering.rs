@@ -57,7 +57,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["config", "pipeline", "hotfolder"]),
     ("std::thread", &["hotfolder"]),
-    ("std::process", &["cli", "main"]),
+    // Only its own number, which the lock tells others.
+    ("std::process", &["hotfolder", "cli", "main"]),
     ("std::env", &["cli"]),
     ("std::net", &[]),
     ("tracing", &["pipeline", "hotfolder"]),

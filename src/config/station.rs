@@ -47,6 +47,8 @@ pub struct FolderPaths {
     pub reports: PathBuf,
     /// Where the SKUs' settings are read from.
     pub skus: PathBuf,
+    /// Where the station keeps its lock, its journal and its status; no two stations may share it.
+    pub state: PathBuf,
 }
 
 /// How drops are noticed, and when they count as whole.
@@ -173,6 +175,7 @@ struct FolderKeys {
     cache: Option<Spanned<PathBuf>>,
     reports: Option<Spanned<PathBuf>>,
     skus: Option<Spanned<PathBuf>>,
+    state: Option<Spanned<PathBuf>>,
 }
 
 impl FolderKeys {
@@ -185,6 +188,7 @@ impl FolderKeys {
             ("cache", self.cache.as_ref()),
             ("reports", self.reports.as_ref()),
             ("skus", self.skus.as_ref()),
+            ("state", self.state.as_ref()),
         ]
         .map(|(name, given)| {
             let path = given.map_or(Path::new(name), |given| given.get_ref());
@@ -210,8 +214,8 @@ impl FolderKeys {
                 });
             }
         }
-        let [hot, import, archive, rejected, cache, reports, skus] = all.map(|(_, path, _)| path);
-        Ok(FolderPaths { hot, import, archive, rejected, cache, reports, skus })
+        let [hot, import, archive, rejected, cache, reports, skus, state] = all.map(|(_, path, _)| path);
+        Ok(FolderPaths { hot, import, archive, rejected, cache, reports, skus, state })
     }
 }
 

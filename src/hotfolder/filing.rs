@@ -41,9 +41,15 @@ pub(super) struct Original<'a> {
 /// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
 /// where a share is not mounted, it would swallow drawings.
 pub(super) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBuf, io::Error)> {
-    let FolderPaths { hot, archive, rejected, cache, reports, import: _, skus: _ } = folders;
-    let ours =
-        [("hot", hot), ("archive", archive), ("rejected", rejected), ("cache", cache), ("reports", reports)];
+    let FolderPaths { hot, archive, rejected, cache, reports, state, import: _, skus: _ } = folders;
+    let ours = [
+        ("hot", hot),
+        ("archive", archive),
+        ("rejected", rejected),
+        ("cache", cache),
+        ("reports", reports),
+        ("state", state),
+    ];
     for (purpose, path) in ours {
         fs::create_dir_all(path).map_err(|error| (purpose, path.clone(), error))?;
     }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::lock::Holder;
 use crate::config::{JobSettings, Sku};
 use crate::files::read_beside;
 use crate::reason::Reason;
@@ -165,6 +166,17 @@ pub enum StationError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// Another process runs this station.
+    #[error("{}", held_words(.0))]
+    Held(Option<Holder>),
+    /// The lock of the station cannot be taken for another reason than that somebody holds it.
+    #[error("the station's lock {path} cannot be taken: {source}")]
+    Lock {
+        /// The lock's file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// A job said that nothing can be done any more.
     #[error("{}", .0.what)]
     Stopped(Reason),
@@ -178,7 +190,23 @@ impl StationError {
                 let remedy = format!("Make the folder, or change `folders.{purpose}` in the station file.");
                 Reason::new("folder-missing", format!("{self}."), remedy).in_file(path.display().to_string())
             }
+            Self::Held(_) => {
+                let remedy = "Stop that one first, or give this station a `folders.state` of its own.";
+                Reason::new("station-held", format!("{self}."), remedy)
+            }
+            Self::Lock { .. } => {
+                let remedy =
+                    "Let isomark write into `folders.state`, and choose a folder on a local disk for it.";
+                Reason::new("station-lock", format!("{self}."), remedy)
+            }
             Self::Stopped(reason) => reason.clone(),
         }
+    }
+}
+
+fn held_words(holder: &Option<Holder>) -> String {
+    match holder {
+        Some(holder) => format!("the station is run by {holder}"),
+        None => "the station is run by another process".into(),
     }
 }

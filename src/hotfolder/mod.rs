@@ -14,6 +14,8 @@
 
 pub mod names;
 pub mod settle;
+mod clock;
+mod lock;
 mod job;
 mod watcher;
 mod folders;
@@ -30,5 +32,6 @@ pub use job::{
     Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, StationError,
     Tally, Waiting,
 };
+pub use lock::{Holder, StationLock};
 pub use watcher::StopSignal;
 pub use worker::run;

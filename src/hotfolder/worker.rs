@@ -9,6 +9,7 @@ use super::drops::Drops;
 use super::filing;
 use super::folders::{self, Found};
 use super::job::{Corrector, Delivery, Mode, StationError, Tally};
+use super::lock::StationLock;
 use super::names::is_ignored;
 use super::settle::{Moment, SettleTimes, Stamp};
 use super::watcher::{Signal, StopSignal, Watcher};
@@ -54,6 +55,7 @@ pub fn run(
         path,
         source,
     })?;
+    let _lock = StationLock::take(&worker.folders().state, &worker.settings.station().name)?;
     worker.introduce();
     worker.work_until_done()?;
     let (waiting, incomplete) = worker.drops.left();

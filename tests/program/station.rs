@@ -306,6 +306,20 @@ fn settings_are_followed_while_it_runs() {
     assert_eq!([method("a"), method("b"), method("c")], ["cylinder", "cylinder", "none"]);
 }
 
+#[test]
+fn a_station_runs_once_and_a_crash_frees_it() {
+    let mut station = Station::running();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.waits_for_empty_hot();
+    let holder = format!("process {} ", station.running.as_ref().unwrap().id());
+    station
+        .once()
+        .refused(3, &["The station is run by ", &holder, "as \"test\" since 20", "Stop that one first"]);
+    station.kill();
+    let said = station.once();
+    assert_eq!(said.code, 0, "{}", said.err);
+}
+
 #[cfg(unix)]
 #[test]
 fn it_stops_cleanly_when_asked() {

@@ -1,0 +1,176 @@
+//! One station, one process: a lock that the operating system frees however its holder ends.
+//!
+//! ```text
+//! state/station.lock      locked as long as the station runs; empty, and never removed
+//! state/station.toml      who holds it: process, machine and time; what it says holds only while the lock is taken
+//! ```
+//!
+//! The words lie beside the lock and not in it, because on Windows nobody else can read a locked file.
+
+use std::fmt::{Display, Formatter};
+use std::fs::TryLockError;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::time::Duration;
+
+use fs_err as fs;
+
+use super::clock;
+use super::job::StationError;
+use crate::files::{read_if_there, write_whole_unsynced};
+
+const LOCK: &str = "station.lock";
+const HOLDER: &str = "station.toml";
+/// `isomark status` takes the lock for a moment to see whether somebody has it; a start waits for as long as that.
+const ATTEMPTS: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// The right to run a station; dropping it, or the end of the process, gives it back.
+#[derive(Debug)]
+pub struct StationLock {
+    _file: std::fs::File,
+}
+
+/// Who runs a station.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Holder {
+    /// The station's name.
+    pub station: String,
+    /// The number of its process.
+    pub process: u32,
+    /// The machine it runs on, as far as it is known.
+    pub machine: String,
+    /// Since when, in universal time.
+    pub since: String,
+}
+
+impl StationLock {
+    /// Takes the lock in the station's state folder, which must exist.
+    ///
+    /// # Errors
+    /// [`StationError::Held`] with who holds it, or [`StationError::Lock`] when the file cannot be made or locked.
+    pub fn take(state: &Path, station: &str) -> Result<Self, StationError> {
+        let path = state.join(LOCK);
+        let trouble = |source| StationError::Lock { path: path.clone(), source };
+        let file = fs::OpenOptions::new().create(true).append(true).open(&path).map_err(trouble)?;
+        let file = file.into_parts().0;
+        for attempt in 1..=ATTEMPTS {
+            match file.try_lock() {
+                Ok(()) => break,
+                Err(TryLockError::WouldBlock) if attempt == ATTEMPTS => {
+                    return Err(StationError::Held(holder_words(state)));
+                }
+                Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
+                Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
+                    tracing::warn!(
+                        "{} cannot be locked there: see to it yourself that no second isomark runs this station",
+                        path.display()
+                    );
+                    break;
+                }
+                Err(TryLockError::Error(error)) => return Err(trouble(error)),
+            }
+        }
+        let holder = Holder {
+            station: station.into(),
+            process: std::process::id(),
+            machine: machine(),
+            since: clock::now(),
+        };
+        // The lock holds without these words, too: a full disk must not keep a station from starting.
+        if let Err(error) = write_whole_unsynced(state, HOLDER, holder.to_lines().as_bytes()) {
+            tracing::warn!("others cannot be told who runs this station: {error}");
+        }
+        Ok(Self { _file: file })
+    }
+
+    /// Who runs the station now; `None` when nobody does.
+    ///
+    /// # Errors
+    /// When the lock's file cannot be looked at.
+    pub fn holder(state: &Path) -> std::io::Result<Option<Holder>> {
+        let file = match fs::File::open(state.join(LOCK)) {
+            Ok(file) => file.into_parts().0,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        match file.try_lock_shared() {
+            Ok(()) => Ok(None),
+            Err(TryLockError::WouldBlock) => Ok(Some(holder_words(state).unwrap_or_else(|| Holder {
+                station: "a station".into(),
+                process: 0,
+                machine: String::new(),
+                since: String::new(),
+            }))),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+}
+
+impl Holder {
+    fn to_lines(&self) -> String {
+        let quoted = |text: &str| text.replace(['"', '\\'], "'");
+        format!(
+            "station = \"{}\"\nprocess = {}\nmachine = \"{}\"\nsince = {}\n",
+            quoted(&self.station),
+            self.process,
+            quoted(&self.machine),
+            self.since
+        )
+    }
+
+    /// `None` for a file that does not hold what [`Holder::to_lines`] writes.
+    fn from_lines(text: &str) -> Option<Self> {
+        let value = |key: &str| {
+            let line = text.lines().find_map(|line| line.strip_prefix(key)?.trim_start().strip_prefix('='));
+            line.map(|value| value.trim().trim_matches('"').to_owned())
+        };
+        Some(Self {
+            station: value("station")?,
+            process: value("process")?.parse().ok()?,
+            machine: value("machine")?,
+            since: value("since")?,
+        })
+    }
+}
+
+impl Display for Holder {
+    fn fmt(&self, out: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(out, "process {}", self.process)?;
+        if !self.machine.is_empty() {
+            write!(out, " on {}", self.machine)?;
+        }
+        write!(out, " as \"{}\" since {}", self.station, self.since)
+    }
+}
+
+fn holder_words(state: &Path) -> Option<Holder> {
+    let bytes = read_if_there(&state.join(HOLDER)).ok()??;
+    Holder::from_lines(&String::from_utf8_lossy(&bytes))
+}
+
+/// The machine's name where the system keeps it in a file; empty elsewhere.
+fn machine() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_start_is_told_who_holds_the_lock_and_gets_it_afterwards() {
+        let state = tempfile::tempdir().unwrap();
+        assert_eq!(StationLock::holder(state.path()).unwrap(), None);
+        let lock = StationLock::take(state.path(), "Laser \"1\"").unwrap();
+        let Err(StationError::Held(Some(holder))) = StationLock::take(state.path(), "other") else {
+            panic!("the lock is held")
+        };
+        assert_eq!((holder.process, holder.station.as_str()), (std::process::id(), "Laser '1'"));
+        assert_eq!(StationLock::holder(state.path()).unwrap(), Some(holder));
+        drop(lock);
+        assert_eq!(StationLock::holder(state.path()).unwrap(), None);
+        StationLock::take(state.path(), "other").unwrap();
+    }
+}
