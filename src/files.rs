@@ -45,10 +45,38 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     sync_folder(folder)
 }
 
+/// How the names of files begin and end that are not whole yet; importers and this program itself ignore them.
+pub(crate) const TEMPORARY_START: &str = ".isomark-";
+pub(crate) const TEMPORARY_END: &str = ".part";
+
+/// Writes a file, over an older one of the same name, so that file and name survive a power cut. Readable for everybody.
+///
+/// # Errors
+/// When the folder cannot be written to or the disk is full; a part of the file may then be there.
+pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut options = fs::OpenOptions::new();
+    options.create(true).truncate(true).write(true);
+    #[cfg(unix)]
+    fs::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o644);
+    let mut file = options.open(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    sync_folder(path.parent().unwrap_or(Path::new("")))
+}
+
+/// Renames a file, over an older one of the new name; when it returns, that survives a power cut.
+///
+/// # Errors
+/// When the system refuses it; both files are then as they were.
+pub fn rename_flushed(from: &Path, to: &Path) -> io::Result<()> {
+    fs::rename(from, to)?;
+    sync_folder(to.parent().unwrap_or(Path::new("")))
+}
+
 /// A file whose name importers and this program itself ignore, readable for everybody.
 pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".isomark-").suffix(".part");
+    builder.prefix(TEMPORARY_START).suffix(TEMPORARY_END);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
     builder.tempfile_in(folder).map_err(|error| named(error, "cannot write into", folder))

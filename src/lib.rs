@@ -119,7 +119,7 @@
 //! | [`diff`] | what changed between two drawings, in words | `geometry` |
 //! | [`report`] | one job's story in numbers | `geometry`, `reason`, `formats`, `cache`, `diff` |
 //! | [`pipeline`] | the corridor: read, sample, fit, map, bend, check, write | all above but `files` |
-//! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `reason` |
+//! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `reason` |
 //! | [`cli`] | what can be typed | all above but `preview` |
 //!
 //! No arrow leads back. `tests/layering.rs` reads the sources and keeps it so, crates included.

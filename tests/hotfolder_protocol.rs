@@ -4,11 +4,12 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use fs_err as fs;
-use isomark::config::{JobSettings, LiveSettings, Sku};
+use isomark::config::{JobSettings, LiveSettings, Sku, Station};
 use isomark::hotfolder::{
     self, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
     StationError, StopSignal, Tally,
@@ -18,7 +19,7 @@ use isomark::reason::Reason;
 /// Parts and patterns are lines of text that end in `EOF`; the words before it say what shall happen.
 #[derive(Default)]
 struct Pretender {
-    surfaces: BTreeMap<Sku, String>,
+    surfaces: Mutex<BTreeMap<Sku, String>>,
 }
 
 fn obey(bytes: &[u8]) -> Result<String, JobError> {
@@ -45,34 +46,38 @@ impl Corrector for Pretender {
         Completeness::Whole { companions: [named(true, "needs "), named(false, "likes ")].concat() }
     }
 
-    fn knows(&mut self, sku: &Sku, _: &JobSettings) -> bool {
-        self.surfaces.contains_key(sku)
+    fn knows(&self, sku: &Sku, _: &JobSettings) -> bool {
+        self.surfaces.lock().unwrap().contains_key(sku)
     }
 
-    fn learn_part(
-        &mut self,
-        sku: &Sku,
-        part: &DroppedFile,
-        _: &JobSettings,
-    ) -> Result<PartLearned, JobError> {
-        self.surfaces.insert(sku.clone(), obey(&part.bytes)?);
+    fn surface_name(&self, sku: &Sku, _: &JobSettings) -> Result<Option<String>, JobError> {
+        Ok(self.surfaces.lock().unwrap().get(sku).cloned())
+    }
+
+    fn follow(&self, _: &Station) {}
+
+    fn learn_part(&self, sku: &Sku, part: &DroppedFile, _: &JobSettings) -> Result<PartLearned, JobError> {
+        let surface = obey(&part.bytes)?;
+        self.surfaces.lock().unwrap().insert(sku.clone(), surface);
         Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
     }
 
     fn correct(
-        &mut self,
+        &self,
         sku: &Sku,
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
         settings: &JobSettings,
     ) -> Result<Delivery, JobError> {
         let turn = settings.placement.rotate.to_degrees();
-        let drawing = format!("{} on {} at {turn:.0}", obey(&pattern.bytes)?, self.surfaces[sku]);
+        let surface = self.surfaces.lock().unwrap()[sku].clone();
+        let drawing = format!("{} on {surface} at {turn:.0}", obey(&pattern.bytes)?);
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {
             drawing: drawing.into(),
             report: report.into(),
             preview: Some(b"<svg/>".to_vec()),
+            size: None,
             summary: "good".into(),
         })
     }
@@ -108,7 +113,7 @@ impl Line {
         let settings = LiveSettings::open(&self.path("station.toml")).unwrap();
         self.stop = StopSignal::default();
         let stop = self.stop.clone();
-        let work = move || hotfolder::run(settings, &mut Pretender::default(), &stop, mode);
+        let work = move || hotfolder::run(settings, &Pretender::default(), &stop, mode, &mut |_| {});
         self.running = Some(std::thread::spawn(work));
     }
 

@@ -19,7 +19,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("diff", &["geometry"]),
     ("report", &["geometry", "reason", "formats", "cache", "diff"]),
     ("pipeline", &["geometry", "reason", "formats", "config", "cache", "preview", "diff", "report"]),
-    ("hotfolder", &["reason", "formats", "config", "files", "pipeline"]),
+    ("hotfolder", &["reason", "formats", "config", "files", "cache", "diff", "pipeline"]),
     (
         "cli",
         &[
@@ -50,7 +50,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),
     ("postcard", &["cache"]),
-    ("blake3", &["cache", "pipeline"]),
+    ("blake3", &["cache", "pipeline", "hotfolder"]),
     ("similar", &["diff"]),
     ("tempfile", &["files", "hotfolder"]),
     ("fs_err", &["files", "config", "cache", "hotfolder", "cli"]),
@@ -60,7 +60,8 @@ const HOMES: &[(&str, &[&str])] = &[
     // Only its own number, which the lock tells others.
     ("std::process", &["hotfolder", "cli", "main"]),
     ("std::env", &["cli"]),
-    ("std::net", &[]),
+    // BeamServer is the only one that is talked to.
+    ("std::net", &["hotfolder"]),
     ("tracing", &["pipeline", "hotfolder"]),
     ("tracing_subscriber", &["cli"]),
     ("notify", &["hotfolder"]),

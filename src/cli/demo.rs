@@ -45,8 +45,8 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     set_up(folder).map_err(|error| Failure::environment(&error))?;
     let settings = LiveSettings::open(&folder.join("station.toml"))?;
     let folders = settings.station().folders.clone();
-    let mut corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&folders.cache))));
-    let tally = hotfolder::run(settings, &mut corrector, &StopSignal::default(), Mode::Once)
+    let corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&folders.cache))));
+    let tally = hotfolder::run(settings, &corrector, &StopSignal::default(), Mode::Once, &mut |_| {})
         .map_err(|error| Failure { exit: super::Exit::Environment, reason: error.reason() })?;
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
     print(&format!(

@@ -29,10 +29,11 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     if let Err(error) = ctrlc::set_handler(move || raise.raise()) {
         tell(&format!("isomark: Ctrl-C will not end the station cleanly: {error}"));
     }
-    let mut corrector =
+    let corrector =
         PipelineCorrector::new(Pipeline::new(Some(Cache::new(&settings.station().folders.cache))));
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
-    let tally = hotfolder::run(settings, &mut corrector, &stop, mode).map_err(|error| failure(&error))?;
+    let tally =
+        hotfolder::run(settings, &corrector, &stop, mode, &mut |_| {}).map_err(|error| failure(&error))?;
     if arguments.once {
         print(&words(&tally));
     }

@@ -206,11 +206,48 @@ choices! {
 choices! {
     /// How new files in the hot folder are noticed between two listings.
     Backend, "backend" {
-        /// By the operating system's events: at once, on local disks.
+        /// Native on local disks, by listing on network shares.
         #[default]
+        Auto = "auto",
+        /// By the operating system's events: at once, on local disks.
         Native = "native",
         /// By listing alone: for network shares, which raise no events for other computers' files.
         Poll = "poll",
+    }
+}
+
+choices! {
+    /// How a corrected drawing reaches the marking software.
+    DeliveryKind, "delivery" {
+        /// It lies in the import folder.
+        #[default]
+        Folder = "folder",
+        /// It lies there, and BeamServer is told to import it.
+        Beamserver = "beamserver",
+    }
+}
+
+choices! {
+    /// What is done with a drawing that was delivered before, from the same part and settings.
+    Repeat, "repeat" {
+        /// It is not delivered again, even when the importer took the result away.
+        Never = "never",
+        /// It is delivered again when the result is gone from the import folder.
+        #[default]
+        IfGone = "if-gone",
+        /// It is delivered again, over the result that lies there.
+        Always = "always",
+    }
+}
+
+choices! {
+    /// What is done with delivered drawings whose part or settings changed.
+    Outdated, "outdated" {
+        /// They are named in the status.
+        #[default]
+        Mark = "mark",
+        /// They are corrected again from the archive and delivered.
+        Correct = "correct",
     }
 }
 

@@ -124,6 +124,30 @@ impl JobKeys {
     }
 }
 
+/// What may stand beside a pattern: nothing that changes the part, the field or the laser.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct SidecarKeys {
+    pattern: PatternKeys,
+    placement: PlacementKeys,
+    correction: SidecarCorrectionKeys,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct SidecarCorrectionKeys {
+    method: Option<Method>,
+}
+
+impl SidecarKeys {
+    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        self.pattern.apply(text, to)?;
+        self.placement.apply(text, to)?;
+        to.correction.method = self.correction.method.unwrap_or(to.correction.method);
+        Ok(())
+    }
+}
+
 impl PartKeys {
     fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
         to.part.figure = self.figure(text, to.part.figure)?;

@@ -17,6 +17,8 @@ pub struct LiveSettings {
     skus: BTreeMap<Sku, SkuFile>,
     /// The complaint about each broken file, so that it is told once.
     complaints: BTreeMap<PathBuf, String>,
+    /// The folder of the SKU files was listed once, so a file that is new was made since.
+    skus_listed: bool,
     events: Vec<SettingsEvent>,
 }
 
@@ -24,9 +26,21 @@ pub struct LiveSettings {
 #[derive(Debug)]
 pub enum SettingsEvent {
     /// The station file changed and is in force.
-    StationChanged,
-    /// The SKU's file changed or went, and that is in force.
-    SkuChanged(Sku),
+    StationChanged {
+        /// Its text before.
+        old: String,
+        /// Its text now.
+        new: String,
+    },
+    /// The SKU's file came, changed or went, and that is in force.
+    SkuChanged {
+        /// The SKU.
+        sku: Sku,
+        /// The file's text before; empty when there was none.
+        old: String,
+        /// Its text now; empty when it went.
+        new: String,
+    },
     /// The file is broken; the settings from before stay in force.
     Broken(ConfigError),
 }
@@ -50,6 +64,7 @@ impl LiveSettings {
             station_text,
             skus: BTreeMap::new(),
             complaints: BTreeMap::new(),
+            skus_listed: false,
             events: Vec::new(),
         })
     }
@@ -70,9 +85,9 @@ impl LiveSettings {
         match Station::parse(&file, &text) {
             Ok(station) => {
                 self.station = station;
-                self.station_text = text;
+                let old = std::mem::replace(&mut self.station_text, text.clone());
                 self.forgive(&file);
-                self.events.push(SettingsEvent::StationChanged);
+                self.events.push(SettingsEvent::StationChanged { old, new: text });
             }
             Err(error) => self.complain(error),
         }
@@ -83,7 +98,7 @@ impl LiveSettings {
     /// # Errors
     /// When the SKU's file is wrong and there is no older right version of it.
     pub fn job(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
-        match self.read_sku(sku) {
+        match find_sku_file(&self.station.folders.skus, sku).and_then(|file| self.read_sku(sku, file)) {
             Ok(settings) => Ok(settings),
             Err(error) => {
                 let Some(old) = self.skus.get(sku) else { return Err(error) };
@@ -94,16 +109,44 @@ impl LiveSettings {
         }
     }
 
+    /// Looks at all SKU files again, so that an edit is noticed before the SKU's next job.
+    pub fn refresh_skus(&mut self) {
+        let Ok(entries) = std::fs::read_dir(&self.station.folders.skus) else {
+            self.skus_listed = true;
+            return;
+        };
+        let mut found = BTreeMap::new();
+        for path in entries.flatten().map(|entry| entry.path()) {
+            let is_settings = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+            let sku = path.file_stem().and_then(|stem| stem.to_str()?.parse::<Sku>().ok());
+            if let Some(sku) = sku.filter(|_| is_settings) {
+                found.insert(sku, path);
+            }
+        }
+        let gone: Vec<Sku> = self.skus.keys().filter(|sku| !found.contains_key(*sku)).cloned().collect();
+        found
+            .into_iter()
+            .map(|(sku, path)| (sku, Some(path)))
+            .chain(gone.into_iter().map(|sku| (sku, None)))
+            .for_each(|(sku, path)| {
+                if let Err(error) = self.read_sku(&sku, path) {
+                    self.complain(error);
+                }
+            });
+        self.skus_listed = true;
+    }
+
     /// What was noticed since the last call.
     pub fn take_events(&mut self) -> Vec<SettingsEvent> {
         std::mem::take(&mut self.events)
     }
 
-    fn read_sku(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
-        let Some(file) = find_sku_file(&self.station.folders.skus, sku)? else {
+    fn read_sku(&mut self, sku: &Sku, file: Option<PathBuf>) -> Result<JobSettings, ConfigError> {
+        let Some(file) = file else {
             if let Some(gone) = self.skus.remove(sku) {
                 self.forgive(&gone.file);
-                self.events.push(SettingsEvent::SkuChanged(sku.clone()));
+                let (old, new) = (gone.text, String::new());
+                self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new });
             }
             return Ok(self.station.settings.clone());
         };
@@ -111,8 +154,10 @@ impl LiveSettings {
         let settings = self.station.settings.overridden_by(&file, &text)?;
         self.forgive(&file);
         let old = self.skus.insert(sku.clone(), SkuFile { file, text: text.clone() });
-        if old.is_some_and(|old| old.text != text) {
-            self.events.push(SettingsEvent::SkuChanged(sku.clone()));
+        let old =
+            old.map_or_else(|| (!self.skus_listed).then(|| text.clone()).unwrap_or_default(), |old| old.text);
+        if old != text {
+            self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new: text });
         }
         Ok(settings)
     }

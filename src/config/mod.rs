@@ -19,8 +19,8 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DxfVersion, FieldOrigin, FloaterWeights, Method, PartShape, Slip, Smoothing, UnknownChoice,
-    Vertices, Weighting, parse_axis, parse_facing,
+    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Method, Outdated, PartShape, Repeat, Slip,
+    Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use error::{ConfigError, Spot};
 pub use keys::{JOINING, LOW_PASS};
@@ -30,7 +30,7 @@ pub use settings::{
     PatternSettings, Placement,
 };
 pub use sku::{BadSku, Sku};
-pub use station::{FolderPaths, Station, Watch};
+pub use station::{DeliverySettings, FolderPaths, LogSettings, Station, Watch};
 
 #[cfg(test)]
 mod tests;

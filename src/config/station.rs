@@ -6,11 +6,11 @@ use std::time::Duration;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::choices::Backend;
+use super::choices::{Backend, DeliveryKind, Outdated, Repeat};
 use super::error::ConfigError;
 use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
-    PlacementKeys,
+    PlacementKeys, SidecarKeys,
 };
 use super::settings::JobSettings;
 use super::text::SettingsText;
@@ -26,6 +26,10 @@ pub struct Station {
     pub folders: FolderPaths,
     /// How drops are noticed.
     pub watch: Watch,
+    /// How results reach the marking software.
+    pub delivery: DeliverySettings,
+    /// The log file, if there is one.
+    pub log: Option<LogSettings>,
     /// What holds for every SKU that has no file of its own.
     pub settings: JobSettings,
 }
@@ -62,6 +66,62 @@ pub struct Watch {
     pub incomplete: Duration,
     /// What notices new files between two listings.
     pub backend: Backend,
+    /// Number of jobs done side by side; `None` for as many as the machine has processors.
+    pub jobs: Option<usize>,
+}
+
+/// How results reach the marking software.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DeliverySettings {
+    /// By folder alone, or with BeamServer.
+    pub kind: DeliveryKind,
+    /// What is done with a drawing that was delivered before.
+    pub repeat: Repeat,
+    /// What is done with delivered drawings whose part or settings changed.
+    pub outdated: Outdated,
+    /// Where BeamServer listens, as `host:port`.
+    pub address: String,
+    /// The import folder as BeamServer knows it; `None` for the same name as here.
+    pub server_folder: Option<String>,
+    /// How long BeamServer may take for an answer.
+    pub answer: Duration,
+}
+
+impl Default for DeliverySettings {
+    fn default() -> Self {
+        Self {
+            kind: DeliveryKind::default(),
+            repeat: Repeat::default(),
+            outdated: Outdated::default(),
+            address: "127.0.0.1:11350".into(),
+            server_folder: None,
+            answer: Duration::from_secs(30),
+        }
+    }
+}
+
+impl DeliverySettings {
+    /// The path of a drawing in the import folder, as BeamServer knows it.
+    pub fn path_for_server(&self, import: &Path, name: &str) -> PathBuf {
+        match &self.server_folder {
+            // The server's system may not be ours, so the separator is taken from the setting.
+            Some(folder) if folder.ends_with(['/', '\\']) => format!("{folder}{name}").into(),
+            Some(folder) if folder.contains('\\') => format!("{folder}\\{name}").into(),
+            Some(folder) => format!("{folder}/{name}").into(),
+            None => std::path::absolute(import).unwrap_or_else(|_| import.into()).join(name),
+        }
+    }
+}
+
+/// A log file that is kept small.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogSettings {
+    /// The file.
+    pub file: PathBuf,
+    /// Size at which a new one is begun, bytes.
+    pub largest: u64,
+    /// Number of older ones that are kept, as `<file>.1`, `<file>.2` …
+    pub keep: usize,
 }
 
 impl Default for Watch {
@@ -70,7 +130,8 @@ impl Default for Watch {
             settle: Duration::from_millis(500),
             rescan: Duration::from_secs(5),
             incomplete: Duration::from_secs(120),
-            backend: Backend::Native,
+            backend: Backend::Auto,
+            jobs: None,
         }
     }
 }
@@ -110,12 +171,25 @@ impl Station {
             file: file.into(),
             folders: keys.folders.resolve(&text, file.parent().unwrap_or(Path::new("")))?,
             watch: keys.watch.check(&text)?,
+            delivery: keys.delivery.check(&text)?,
+            log: keys.log.check(&text, file.parent().unwrap_or(Path::new("")))?,
             settings,
         })
     }
 }
 
 impl JobSettings {
+    /// These settings with those that stand beside a pattern: where it goes, which of its layers count, and the method.
+    ///
+    /// # Errors
+    /// When anything in the text is wrong; see [`ConfigError`].
+    pub fn with_sidecar(&self, file: &Path, text: &str) -> Result<Self, ConfigError> {
+        let text = SettingsText::new(Path::new(file.file_name().unwrap_or_default()), text);
+        let mut settings = self.clone();
+        text.parse::<SidecarKeys>()?.apply(&text, &mut settings)?;
+        Ok(settings)
+    }
+
     /// These settings with those that the text of a SKU file names; `file` is what errors name.
     ///
     /// # Errors
@@ -157,6 +231,10 @@ struct StationKeys {
     output: OutputKeys,
     #[serde(default)]
     watch: WatchKeys,
+    #[serde(default)]
+    delivery: DeliveryKeys,
+    #[serde(default)]
+    log: LogKeys,
 }
 
 #[derive(Deserialize)]
@@ -241,6 +319,7 @@ struct WatchKeys {
     settle_ms: Option<Spanned<f64>>,
     rescan_s: Option<Spanned<f64>>,
     incomplete_s: Option<Spanned<f64>>,
+    jobs: Option<Spanned<f64>>,
 }
 
 impl WatchKeys {
@@ -262,6 +341,69 @@ impl WatchKeys {
             let seconds = text.number("watch.incomplete_s", limit, 0.0..=86_400.0, "s")?;
             watch.incomplete = Duration::from_secs_f64(seconds);
         }
+        if let Some(jobs) = &self.jobs {
+            watch.jobs = Some(text.number("watch.jobs", jobs, 2.0..=64.0, "jobs")? as usize);
+        }
         Ok(watch)
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct DeliveryKeys {
+    kind: DeliveryKind,
+    repeat: Repeat,
+    outdated: Outdated,
+    address: Option<Spanned<String>>,
+    server_folder: Option<String>,
+    answer_s: Option<Spanned<f64>>,
+}
+
+impl DeliveryKeys {
+    fn check(self, text: &SettingsText) -> Result<DeliverySettings, ConfigError> {
+        let mut delivery = DeliverySettings {
+            kind: self.kind,
+            repeat: self.repeat,
+            outdated: self.outdated,
+            server_folder: self.server_folder,
+            ..DeliverySettings::default()
+        };
+        if let Some(address) = self.address {
+            let port = address.get_ref().rsplit_once(':').map(|(host, port)| (host, port.parse::<u16>()));
+            if !matches!(port, Some((host, Ok(_))) if !host.is_empty()) {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&address.span()),
+                    what: "`delivery.address` is no address.".into(),
+                    remedy: "Give the host and the port, such as \"127.0.0.1:11350\".".into(),
+                });
+            }
+            delivery.address = address.into_inner();
+        }
+        if let Some(answer) = &self.answer_s {
+            let seconds = text.number("delivery.answer_s", answer, 0.1..=3600.0, "s")?;
+            delivery.answer = Duration::from_secs_f64(seconds);
+        }
+        Ok(delivery)
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct LogKeys {
+    file: Option<PathBuf>,
+    max_mb: Option<Spanned<f64>>,
+    keep: Option<Spanned<f64>>,
+}
+
+impl LogKeys {
+    fn check(self, text: &SettingsText, base: &Path) -> Result<Option<LogSettings>, ConfigError> {
+        let number = |key, given: &Option<Spanned<f64>>, default, range, unit| match given {
+            Some(given) => text.number(key, given, range, unit),
+            None => Ok(default),
+        };
+        let megabytes = number("log.max_mb", &self.max_mb, 10.0, 0.001..=10_000.0, "MB")?;
+        let keep = number("log.keep", &self.keep, 5.0, 1.0..=1000.0, "files")? as usize;
+        let largest = (megabytes * 1e6) as u64;
+        Ok(self.file.map(|file| LogSettings { file: normal(&base.join(file)), largest, keep }))
     }
 }

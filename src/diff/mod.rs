@@ -35,6 +35,22 @@ use outline::{Outline, deviation};
 /// Smaller differences, in mm, are not looked at by default: drawings are written with a few more digits than that.
 pub const TOLERANCE: f64 = 0.001;
 
+/// The lines that two texts differ in, each behind the `-` or `+` that says in which of them it stands.
+///
+/// ```
+/// let lines = isomark::diff::text_changes("a = 1\nb = 2\n", "a = 1\nb = 3\n");
+/// assert_eq!(lines, ["- b = 2", "+ b = 3"]);
+/// ```
+pub fn text_changes(old: &str, new: &str) -> Vec<String> {
+    let diff = similar::TextDiff::from_lines(old, new);
+    let changed = diff.iter_all_changes().filter_map(|change| match change.tag() {
+        similar::ChangeTag::Equal => None,
+        similar::ChangeTag::Delete => Some(format!("- {}", change.value().trim_end())),
+        similar::ChangeTag::Insert => Some(format!("+ {}", change.value().trim_end())),
+    });
+    changed.collect()
+}
+
 /// One path of a drawing, as far as a comparison needs it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiffPath {

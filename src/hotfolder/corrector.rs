@@ -1,37 +1,70 @@
 //! The pipeline behind the hot folder's [`Corrector`].
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned};
-use crate::config::{JobSettings, PartSettings, Sku};
+use crate::cache::Cache;
+use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
 use crate::reason::Reason;
 
+/// Surfaces that are held in memory: most drops in a row are for few products.
+const SURFACES: usize = 16;
+
 /// Fits parts and corrects patterns with the [`Pipeline`].
 #[derive(Debug)]
 pub struct PipelineCorrector {
-    pipeline: Pipeline,
-    /// The surface of the last job: most drops in a row are for one product.
-    last: Option<(Sku, PartSettings, LearnedPart)>,
+    pipeline: Mutex<Pipeline>,
+    /// The surfaces of the last jobs, the newest last.
+    recent: Mutex<Vec<Recent>>,
+}
+
+#[derive(Debug)]
+struct Recent {
+    sku: Sku,
+    settings: PartSettings,
+    learned: Arc<LearnedPart>,
 }
 
 impl PipelineCorrector {
     /// A corrector that works with `pipeline`.
     pub fn new(pipeline: Pipeline) -> Self {
-        Self { pipeline, last: None }
+        Self { pipeline: Mutex::new(pipeline), recent: Mutex::default() }
+    }
+
+    fn pipeline(&self) -> Pipeline {
+        self.pipeline.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn recent(&self) -> MutexGuard<'_, Vec<Recent>> {
+        self.recent.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The surface kept for a SKU, from memory while the cache says it is still the current one.
-    fn surface(&mut self, sku: &Sku, settings: &PartSettings) -> Result<Option<&LearnedPart>, PipelineError> {
-        let current = self.pipeline.current_key(sku, settings)?;
-        let fresh = self.last.as_ref().is_some_and(|(known, under, learned)| {
-            known == sku && under == settings && Some(&learned.key) == current.as_ref()
-        });
-        if !fresh {
-            let recalled = self.pipeline.recall(sku, settings, &mut Vec::new())?;
-            self.last = recalled.map(|learned| (sku.clone(), settings.clone(), learned));
+    fn surface(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<Arc<LearnedPart>>, PipelineError> {
+        let pipeline = self.pipeline();
+        let Some(current) = pipeline.current_key(sku, settings)? else { return Ok(None) };
+        let is_it = |recent: &&Recent| {
+            recent.sku == *sku && recent.settings == *settings && recent.learned.key == current
+        };
+        if let Some(recent) = self.recent().iter().find(is_it) {
+            return Ok(Some(recent.learned.clone()));
         }
-        Ok(self.last.as_ref().map(|(.., learned)| learned))
+        let recalled = pipeline.recall(sku, settings, &mut Vec::new())?;
+        Ok(recalled.map(|learned| self.remember(sku, settings, learned)))
+    }
+
+    fn remember(&self, sku: &Sku, settings: &PartSettings, learned: LearnedPart) -> Arc<LearnedPart> {
+        let learned = Arc::new(learned);
+        let mut recent = self.recent();
+        recent.retain(|recent| recent.sku != *sku || recent.settings != *settings);
+        if recent.len() >= SURFACES {
+            recent.remove(0);
+        }
+        recent.push(Recent { sku: sku.clone(), settings: settings.clone(), learned: learned.clone() });
+        learned
     }
 }
 
@@ -43,20 +76,30 @@ impl Corrector for PipelineCorrector {
         }
     }
 
-    fn knows(&mut self, sku: &Sku, settings: &JobSettings) -> bool {
+    fn knows(&self, sku: &Sku, settings: &JobSettings) -> bool {
         // A cache that cannot be read is told by the job itself, as something to try again.
         !matches!(self.surface(sku, &settings.part), Ok(None))
     }
 
+    fn surface_name(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
+        let key = self.pipeline().current_key(sku, &settings.part)?;
+        Ok(key.map(|key| key.as_str().to_owned()))
+    }
+
+    fn follow(&self, station: &Station) {
+        let pipeline = Pipeline::new(Some(Cache::new(&station.folders.cache)));
+        *self.pipeline.lock().unwrap_or_else(PoisonError::into_inner) = pipeline;
+    }
+
     fn learn_part(
-        &mut self,
+        &self,
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
     ) -> Result<PartLearned, JobError> {
         let input =
             PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
-        let learned = self.pipeline.learn(sku, input, &settings.part)?;
+        let learned = self.pipeline().learn(sku, input, &settings.part)?;
         let [x, y, z] = learned.kept.facts.size;
         let residual = &learned.kept.surface.residual;
         let surface = match &learned.kept.facts.scan {
@@ -70,18 +113,17 @@ impl Corrector for PipelineCorrector {
             part.name,
             if learned.from_cache { ", already known" } else { "" }
         );
-        self.last = Some((sku.clone(), settings.part.clone(), learned));
+        self.remember(sku, &settings.part, learned);
         Ok(PartLearned { summary, report: None })
     }
 
     fn correct(
-        &mut self,
+        &self,
         sku: &Sku,
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
         settings: &JobSettings,
     ) -> Result<Delivery, JobError> {
-        let pipeline = self.pipeline.clone();
         let learned = self.surface(sku, &settings.part)?.ok_or_else(|| {
             let what = format!("The surface of the SKU {sku} went from the cache.");
             JobError::Retry(Reason::new(
@@ -91,12 +133,14 @@ impl Corrector for PipelineCorrector {
             ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
-        let corrected = pipeline.correct(sku, learned, input, settings, true)?;
+        let corrected = self.pipeline().correct(sku, &learned, input, settings, true)?;
         let report = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
+        let [left, bottom, right, top] = corrected.report.output.extents_mm;
         Ok(Delivery {
             drawing: corrected.dxf,
             report: report.into_bytes(),
             preview: corrected.preview.map(String::into_bytes),
+            size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
         })
     }

@@ -8,8 +8,9 @@ use super::filing::with_slashes;
 use super::folders::Found;
 use super::job::Waiting;
 use super::names::{Meaning, meaning};
-use super::settle::{Moment, Settle, SettleTimes};
+use super::settle::{Moment, Settle, SettleTimes, Verdict};
 use crate::config::Sku;
+use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
 /// One drop.
@@ -19,6 +20,8 @@ pub(super) struct Drop {
     /// What it is, or why it is nothing.
     pub(super) meaning: Result<Meaning, Reason>,
     pub(super) settle: Settle,
+    /// Its place in the order in which drops came.
+    number: u64,
     pub(super) block: Block,
     /// What it waits for or lacks, as it was last told.
     pub(super) reason: Option<Reason>,
@@ -45,6 +48,10 @@ pub(super) struct Drops {
     all: BTreeMap<PathBuf, Drop>,
     /// Number of parts per SKU.
     parts: BTreeMap<Sku, usize>,
+    /// What may belong to a part or pattern beside it.
+    companions: BTreeSet<PathBuf>,
+    /// How many came so far.
+    count: u64,
 }
 
 impl Drops {
@@ -56,7 +63,7 @@ impl Drops {
         self.all.get_mut(path)
     }
 
-    /// Something lies at `hot/relative`; returns whether it is a part.
+    /// Something lies at `hot/relative`.
     pub(super) fn see(
         &mut self,
         hot: &Path,
@@ -65,12 +72,12 @@ impl Drops {
         closed: bool,
         now: Moment,
         still_for: Duration,
-    ) -> bool {
+    ) {
         let path = hot.join(relative);
         let (stamp, is_file) = match found {
             Found::File(stamp) => (stamp, true),
             Found::Other(stamp) => (stamp, false),
-            Found::Folder => return false,
+            Found::Folder => return,
         };
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
@@ -79,23 +86,27 @@ impl Drops {
             if changed && drop.block != Block::UnknownSku {
                 drop.block = Block::Free;
             }
-            return matches!(drop.meaning, Ok(Meaning::Part(_)));
+            return;
         }
         let meaning = if is_file { meaning(relative) } else { Err(not_a_file()) };
         let part = if let Ok(Meaning::Part(sku)) = &meaning { Some(sku.clone()) } else { None };
-        let is_part = part.is_some();
+        if meaning == Ok(Meaning::Companion) || is_picture(&relative.to_string_lossy()) {
+            self.companions.insert(path.clone());
+        }
         if let Some(sku) = part {
             *self.parts.entry(sku).or_default() += 1;
         }
         let settle = Settle::new(stamp, closed, now, still_for);
-        let drop = Drop { relative: relative.into(), meaning, settle, block: Block::Free, reason: None };
+        let (number, block) = (self.count, Block::Free);
+        self.count += 1;
+        let drop = Drop { relative: relative.into(), meaning, settle, number, block, reason: None };
         self.all.insert(path, drop);
-        is_part
     }
 
     /// The drop is gone from the hot folder.
     pub(super) fn forget(&mut self, path: &Path) {
         let Some(drop) = self.all.remove(path) else { return };
+        self.companions.remove(path);
         if let Ok(Meaning::Part(sku)) = drop.meaning {
             let left = self.parts.get(&sku).map_or(0, |count| count - 1);
             if left == 0 {
@@ -117,21 +128,41 @@ impl Drops {
         self.parts.contains_key(sku)
     }
 
-    /// What can be done now: parts first, because patterns need them.
-    pub(super) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<PathBuf> {
+    /// What can be done now, each with its SKU: parts first, because patterns need them, then as they came.
+    pub(super) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<(Option<Sku>, PathBuf)> {
         let mut ready: Vec<_> = self
             .all
             .iter()
             .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now))
-            .map(|(path, drop)| (rank(drop), path))
+            .map(|(path, drop)| (rank(drop), drop.number, path, drop))
             .collect();
-        ready.sort();
-        ready.into_iter().map(|(_, path)| path.clone()).collect()
+        ready.sort_by_key(|(rank, number, ..)| (*rank, *number));
+        ready.into_iter().map(|(.., path, drop)| (drop.sku().cloned(), path.clone())).collect()
+    }
+
+    /// The companions beside a drop that may still be written.
+    pub(super) fn settling_beside(&self, path: &Path, now: Moment, times: &SettleTimes) -> BTreeSet<PathBuf> {
+        let beside = self.companions.iter().filter(|companion| companion.parent() == path.parent());
+        let settles = |companion: &&PathBuf| {
+            let drop = self.all.get(*companion);
+            drop.is_some_and(|drop| matches!(drop.settle.verdict(now, times), Verdict::Wait(_)))
+        };
+        beside.filter(settles).cloned().collect()
+    }
+
+    /// What waits for its next try need not wait any longer.
+    pub(super) fn free_all(&mut self) {
+        for drop in self.all.values_mut() {
+            if matches!(drop.block, Block::Until { .. } | Block::UnknownSku) {
+                drop.block = Block::Free;
+            }
+        }
     }
 
     /// When the next drop can be done, if nothing else happens.
-    pub(super) fn next_due(&self, times: &SettleTimes) -> Option<Moment> {
-        self.all.values().filter_map(|drop| self.due(drop, times)).min()
+    pub(super) fn next_due(&self, times: &SettleTimes, except: impl Fn(&Path) -> bool) -> Option<Moment> {
+        let others = self.all.iter().filter(|(path, _)| !except(path));
+        others.filter_map(|(_, drop)| self.due(drop, times)).min()
     }
 
     /// When the drop can be done; `None` as long as something else must happen first.
@@ -167,11 +198,11 @@ impl Drops {
         }
     }
 
-    /// A companion came into the folder: parts there that lack one are looked at again.
+    /// A companion came into the folder: what lacks one there is looked at again.
     pub(super) fn companion_came(&mut self, companion: &Path) {
         let folder = companion.parent();
         for (path, drop) in &mut self.all {
-            if path.parent() == folder && matches!(drop.meaning, Ok(Meaning::Part(_))) {
+            if path.parent() == folder && drop.sku().is_some() {
                 drop.settle.companion_came();
             }
         }
@@ -186,6 +217,16 @@ impl Drops {
             kind.push(Waiting { drop: with_slashes(&drop.relative), reason });
         }
         (waiting, incomplete)
+    }
+}
+
+impl Drop {
+    /// The SKU that it is a part or pattern of.
+    fn sku(&self) -> Option<&Sku> {
+        match &self.meaning {
+            Ok(Meaning::Part(sku) | Meaning::Pattern { sku, .. }) => Some(sku),
+            _ => None,
+        }
     }
 }
 

@@ -61,21 +61,6 @@ pub(super) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
     read_if_there(&folders.import.join(name))
 }
 
-/// Puts the drawing into the import folder and returns whether it is new: the same bytes are not written twice,
-/// because importers would take them twice.
-pub(super) fn deliver(
-    folders: &FolderPaths,
-    name: &str,
-    drawing: &[u8],
-    previous: Option<&[u8]>,
-) -> io::Result<bool> {
-    if previous == Some(drawing) {
-        return Ok(false);
-    }
-    write_whole(&folders.import, name, drawing)?;
-    Ok(true)
-}
-
 /// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it.
 pub(super) fn write_report(
     folders: &FolderPaths,
@@ -89,23 +74,36 @@ pub(super) fn write_report(
     write_whole_unsynced(&folder, &format!("{name}.{ending}"), bytes)
 }
 
-/// Moves an original that is done into the SKU's archive folder and returns where it went.
-pub(super) fn archive(
+/// Where an original that is done goes in the SKU's archive folder; the folder is made.
+pub(super) fn archive_place(
     folders: &FolderPaths,
     sku: &Sku,
     name: &str,
     original: &Original,
 ) -> io::Result<PathBuf> {
     let place = free_place(&folders.archive.join(sku.key()), &all_names(name.as_ref(), original))?;
-    put_away(original, &place.join(name))?;
     Ok(place.join(name))
+}
+
+/// A path in the SKU's archive folder, relative to it, with `/`.
+pub(super) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> String {
+    with_slashes(archived.strip_prefix(folders.archive.join(sku.key())).unwrap_or(archived))
+}
+
+/// Removes an original whose copy lies in the archive, and lets its companions follow.
+pub(super) fn remove_copied(original: &Original, copy: &Path) -> io::Result<()> {
+    match fs::remove_file(original.path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    companions_follow(original, copy);
+    Ok(())
 }
 
 /// Notes that the SKU's surface comes from this archived part.
 pub(super) fn set_current_part(folders: &FolderPaths, sku: &Sku, archived: &Path) -> io::Result<()> {
     let folder = folders.archive.join(sku.key());
-    let relative = archived.strip_prefix(&folder).unwrap_or(archived);
-    write_whole(&folder, CURRENT_PART, format!("{}\n", with_slashes(relative)).as_bytes())
+    write_whole(&folder, CURRENT_PART, format!("{}\n", in_archive(folders, sku, archived)).as_bytes())
 }
 
 /// The archived part that the SKU's surface comes from, if there is one.
@@ -117,12 +115,13 @@ pub(super) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> 
 }
 
 /// Moves an original that cannot be done into the rejected folder, with the reason beside it. The reason is written
-/// first, so that no rejected file is ever without one.
+/// first, so that no rejected file is ever without one. `before` is told where it goes before it is moved there.
 pub(super) fn reject(
     folders: &FolderPaths,
     relative: &Path,
     original: &Original,
     reason: &Reason,
+    before: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<PathBuf> {
     let folder = folders.rejected.join(relative.parent().unwrap_or(Path::new("")));
     let file_name = relative.file_name().unwrap_or_default();
@@ -136,6 +135,7 @@ pub(super) fn reject(
     let stem = shortened(&name);
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
+    before(&place.join(file_name))?;
     put_away(original, &place.join(file_name))?;
     Ok(place.join(file_name))
 }
@@ -147,13 +147,18 @@ pub(super) fn follow(companion: &Path, place: &Path) -> io::Result<()> {
 
 /// Moves the original to `target` and its companions beside it, the original first: what may be left behind by an
 /// interruption is a companion without a part, which does no harm.
-fn put_away(original: &Original, target: &Path) -> io::Result<()> {
+pub(super) fn put_away(original: &Original, target: &Path) -> io::Result<()> {
     match original.content {
         Some((bytes, stamp)) if look(original.path)? != Some(Found::File(stamp)) => write_new(target, bytes)?,
         Some(_) => move_new(original.path, target)?,
         None if look(original.path)?.is_some() => move_new(original.path, target)?,
         None => {}
     }
+    companions_follow(original, target);
+    Ok(())
+}
+
+fn companions_follow(original: &Original, target: &Path) {
     let place = target.parent().unwrap_or(Path::new(""));
     for companion in original.companions {
         match follow(companion, place) {
@@ -163,7 +168,6 @@ fn put_away(original: &Original, target: &Path) -> io::Result<()> {
             _ => {}
         }
     }
-    Ok(())
 }
 
 fn all_names<'a>(name: &'a OsStr, original: &'a Original) -> Vec<&'a OsStr> {

@@ -143,6 +143,69 @@ pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
     Ok((same && bytes.len() as u64 == before.size).then_some((bytes, before)))
 }
 
+/// Whether the file holds exactly these bytes.
+pub(super) fn has_content(path: &Path, bytes: &[u8]) -> bool {
+    matches!(look(path), Ok(Some(Found::File(stamp))) if stamp.size == bytes.len() as u64)
+        && matches!(read_whole(path), Ok(Some((content, _))) if content == bytes)
+}
+
+/// Whether the folder lies on another computer, whose files raise no events here.
+#[cfg(target_os = "linux")]
+pub(super) fn is_on_network(folder: &Path) -> bool {
+    let Ok(folder) = fs::canonicalize(folder) else { return false };
+    let mounts = std::fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
+    is_mounted_from_network(&folder, &mounts)
+}
+
+/// Whether the folder lies on another computer: its full name is that of a share, also behind a drive's letter.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn is_on_network(folder: &Path) -> bool {
+    use std::path::Prefix::{UNC, VerbatimUNC};
+    let full = fs::canonicalize(folder).unwrap_or_else(|_| folder.into());
+    matches!(full.components().next(), Some(std::path::Component::Prefix(prefix))
+        if matches!(prefix.kind(), UNC(..) | VerbatimUNC(..)))
+}
+
+/// The file systems whose files other computers, or the host of a virtual machine, change behind the kernel's back.
+#[cfg(target_os = "linux")]
+const NETWORK_FILE_SYSTEMS: &[&str] = &[
+    "nfs",
+    "nfs4",
+    "cifs",
+    "smb3",
+    "smbfs",
+    "9p",
+    "afs",
+    "ceph",
+    "glusterfs",
+    "lustre",
+    "ncpfs",
+    "vboxsf",
+    "vmhgfs",
+    "prl_fs",
+    "virtiofs",
+    "drvfs",
+    "davfs",
+];
+
+/// `mounts` has the form of `/proc/self/mountinfo`: the fifth word is where, the one after ` - ` which file system.
+#[cfg(target_os = "linux")]
+fn is_mounted_from_network(folder: &Path, mounts: &str) -> bool {
+    let mut nearest = (0, "");
+    for line in mounts.lines() {
+        let Some((head, tail)) = line.split_once(" - ") else { continue };
+        let (Some(point), Some(kind)) = (head.split(' ').nth(4), tail.split(' ').next()) else { continue };
+        let point = point.replace("\\040", " ");
+        // Of two on one point, the later lies on top.
+        if folder.starts_with(&point) && point.len() >= nearest.0 {
+            nearest = (point.len(), kind);
+        }
+    }
+    let kind = nearest.1;
+    let over_network = ["fuse.sshfs", "fuse.rclone", "fuse.smbnetfs", "fuse.glusterfs", "fuse.vmhgfs-fuse"];
+    NETWORK_FILE_SYSTEMS.contains(&kind) || over_network.contains(&kind)
+}
+
 /// Moves a file, across file systems too, and never over another one.
 ///
 /// # Errors
@@ -268,6 +331,23 @@ mod tests {
             fs::create_dir(&folder).unwrap();
             assert_ne!(identity(&folder), first);
         }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_is_on_what_is_mounted_nearest_to_it() {
+        let mounts = "22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw\n\
+                      31 22 0:45 / /mnt/laser\\040one rw - nfs4 server:/share rw\n\
+                      32 31 0:46 / /mnt/laser\\040one/local rw shared:3 - tmpfs tmpfs rw\n";
+        for (folder, expected) in [
+            ("/home/hot", false),
+            ("/mnt/laser", false),
+            ("/mnt/laser one/hot", true),
+            ("/mnt/laser one/local/hot", false),
+        ] {
+            assert_eq!(is_mounted_from_network(Path::new(folder), mounts), expected, "{folder}");
+        }
+        assert!(!is_on_network(Path::new("/proc")));
     }
 
     #[cfg(unix)]

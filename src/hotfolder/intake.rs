@@ -1,17 +1,20 @@
 //! Reading a drop: whole, with the files that travel along.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::filing::{Original, with_slashes};
+use super::bench::{Broken, Outcome, folder_trouble};
+use super::filing::Original;
 use super::folders::{self, Found, LARGEST_DROP};
-use super::job::{Companion, Completeness, Corrector, DroppedFile, JobError};
-use super::names::{Meaning, meaning};
-use super::outcome::{folder_trouble, guarded};
-use super::settle::{Gap, Stamp, Verdict};
-use super::worker::Worker;
+use super::job::{Companion, Completeness, DroppedFile, JobError};
+use super::names::{Meaning, SIDECAR, meaning};
+use super::settle::{Gap, Stamp};
 use crate::files::is_plain;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
+
+/// The largest sidecar that is taken, bytes.
+const LARGEST_SIDECAR: u64 = 1 << 20;
 
 /// A drop as it was read.
 pub(super) struct Read {
@@ -21,6 +24,8 @@ pub(super) struct Read {
     pub(super) companions: Vec<PathBuf>,
     /// Files that it names and that are not there, without need.
     pub(super) absent: Vec<PathBuf>,
+    /// A pattern's own settings: the file and its text.
+    pub(super) sidecar: Option<(PathBuf, String)>,
 }
 
 impl Read {
@@ -29,110 +34,131 @@ impl Read {
     }
 }
 
-impl<C: Corrector> Worker<'_, C> {
-    /// Reads a drop; `None` when it is not whole yet, or changed or went meanwhile.
-    pub(super) fn read(&mut self, path: &Path, name: Option<&str>) -> Result<Option<Read>, JobError> {
-        let (now, times) = (self.now(), self.times());
-        let Some(drop) = self.drops.get(path) else { return Ok(None) };
-        let last_chance = match drop.settle.verdict(now, &times) {
-            Verdict::Wait(_) => return Ok(None),
-            Verdict::GiveUp(Gap::Content) => {
-                let reason = drop.reason.clone().unwrap_or_else(cut_short);
-                return Err(JobError::Rejected(reason));
-            }
-            Verdict::GiveUp(Gap::Companion) => true,
-            Verdict::Read => false,
-        };
-        let (expected, own_name) = (drop.settle.stamp(), with_slashes(&drop.relative));
-        let own_name = own_name.rsplit('/').next().unwrap_or_default();
-        if expected.size > LARGEST_DROP {
-            return Err(JobError::Rejected(too_large(expected.size)));
-        }
-        let content = folders::read_whole(path).map_err(|error| unreadable(&error))?;
-        let Some((bytes, stamp)) = content.filter(|(_, stamp)| *stamp == expected) else {
-            self.look_again(path);
-            let unchanged = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == expected);
-            return if unchanged { Err(JobError::Retry(unsteady())) } else { Ok(None) };
-        };
-        match guarded(|| Ok(self.corrector.completeness(own_name, &bytes)))? {
-            Completeness::Whole { companions } => {
-                let file = DroppedFile { name: name.unwrap_or(own_name).into(), path: path.into(), bytes };
-                self.with_companions(file, stamp, &companions, last_chance)
-            }
-            Completeness::CutShort(reason) => {
-                self.incomplete(path, Gap::Content, reason.in_file(own_name));
-                Ok(None)
-            }
-        }
-    }
+/// What is to be read.
+pub(super) struct Intake<'a> {
+    pub(super) path: &'a Path,
+    /// Its name in its folder.
+    pub(super) own_name: &'a str,
+    /// What it is called; a pattern is named after its SKU even if it lay in a folder.
+    pub(super) name: &'a str,
+    /// The file as it was seen last.
+    pub(super) stamp: Stamp,
+    /// What is incomplete now stays so.
+    pub(super) last_chance: bool,
+    /// Other drops that may still be written.
+    pub(super) settling: &'a BTreeSet<PathBuf>,
+    /// A pattern may have settings beside it.
+    pub(super) wants_sidecar: bool,
+}
 
-    /// The file with those that travel along, once those it needs are there and whole.
-    fn with_companions(
-        &mut self,
-        file: DroppedFile,
-        stamp: Stamp,
-        named: &[Companion],
-        last_chance: bool,
-    ) -> Result<Option<Read>, JobError> {
-        let (mut companions, mut absent) = (Vec::new(), Vec::new());
-        let mut missing: Option<(Reason, bool)> = None;
-        for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
-            let path = file.path.with_file_name(&companion.name);
-            let size = match folders::look(&path).map_err(folder_trouble)? {
-                Some(Found::File(stamp)) => Some(stamp.size),
-                _ => None,
-            };
-            let settling = self.drops.get(&path).is_some_and(|drop| {
-                matches!(drop.settle.verdict(self.now(), &self.times()), Verdict::Wait(_))
-            });
-            match size {
-                Some(size) if size > LARGEST_DROP => return Err(JobError::Rejected(too_large(size))),
-                None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
-                None => absent.push(path),
-                Some(size) if settling || (companion.needed && size < companion.bytes) => {
-                    missing = Some((companion_short(&file.name, companion, size), settling));
-                    companions.push(path);
-                }
-                Some(_) => companions.push(path),
-            }
-        }
-        // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
-        companions.retain(|path| {
-            let name = path.file_name().unwrap_or_default();
-            meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
+/// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
+pub(super) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
+    pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
+}
+
+/// Reads a drop, if it is whole and did not change or go meanwhile.
+pub(super) fn read(
+    intake: &Intake,
+    completeness: impl FnOnce(&str, &[u8]) -> Result<Completeness, JobError>,
+) -> Result<Read, Broken> {
+    if intake.stamp.size > LARGEST_DROP {
+        return Err(JobError::Rejected(too_large(intake.stamp.size)).into());
+    }
+    let content = folders::read_whole(intake.path).map_err(|error| unreadable(&error))?;
+    let Some((bytes, stamp)) = content.filter(|(_, stamp)| *stamp == intake.stamp) else {
+        let unchanged =
+            matches!(folders::look(intake.path), Ok(Some(Found::File(now))) if now == intake.stamp);
+        return Err(if unchanged {
+            JobError::Retry(unsteady()).into()
+        } else {
+            Broken::Outcome(Outcome::Changed)
         });
-        match missing {
-            None => Ok(Some(Read { file, stamp, companions, absent })),
-            Some((reason, false)) if last_chance => Err(JobError::Rejected(reason)),
-            Some((reason, _)) => {
-                if last_chance {
-                    let now = self.now();
-                    self.drops.get_mut(&file.path).into_iter().for_each(|drop| drop.settle.wait_anew(now));
-                }
-                self.incomplete(&file.path, Gap::Companion, reason);
-                Ok(None)
-            }
+    };
+    match completeness(intake.own_name, &bytes)? {
+        Completeness::Whole { companions } => {
+            let file = DroppedFile { name: intake.name.into(), path: intake.path.into(), bytes };
+            with_companions(intake, file, stamp, &companions)
+        }
+        Completeness::CutShort(reason) => {
+            let reason = reason.in_file(intake.own_name);
+            Err(Broken::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, anew: false }))
         }
     }
+}
 
-    /// Takes the file as it is now, or forgets it when it is gone.
-    pub(super) fn look_again(&mut self, path: &Path) {
-        let hot = self.folders().hot.clone();
-        match folders::look(path) {
-            Ok(Some(what)) => {
-                self.see(&hot, path, what, false);
+/// The file with those that travel along, once those it needs are there and whole.
+fn with_companions(
+    intake: &Intake,
+    file: DroppedFile,
+    stamp: Stamp,
+    named: &[Companion],
+) -> Result<Read, Broken> {
+    let (mut companions, mut absent) = (Vec::new(), Vec::new());
+    let mut missing: Option<(Reason, bool)> = None;
+    for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
+        let path = file.path.with_file_name(&companion.name);
+        let size = match folders::look(&path).map_err(folder_trouble)? {
+            Some(Found::File(stamp)) => Some(stamp.size),
+            _ => None,
+        };
+        let settling = intake.settling.contains(&path);
+        match size {
+            Some(size) if size > LARGEST_DROP => return Err(JobError::Rejected(too_large(size)).into()),
+            None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
+            None => absent.push(path),
+            Some(size) if settling || (companion.needed && size < companion.bytes) => {
+                missing = Some((companion_short(&file.name, companion, size), settling));
+                companions.push(path);
             }
-            _ => self.drops.forget(path),
+            Some(_) => companions.push(path),
         }
     }
-
-    fn incomplete(&mut self, path: &Path, gap: Gap, reason: Reason) {
-        let Some(drop) = self.drops.get_mut(path) else { return };
-        drop.settle.found_incomplete(gap);
-        if drop.reason.as_ref() != Some(&reason) {
-            tracing::info!("{} is not complete yet: {}", with_slashes(&drop.relative), reason.what);
-            drop.reason = Some(reason);
+    // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
+    companions.retain(|path| {
+        let name = path.file_name().unwrap_or_default();
+        meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
+    });
+    let sidecar = match sidecar_of(intake.path).filter(|_| intake.wants_sidecar) {
+        Some(path) if intake.settling.contains(&path) => {
+            missing = Some((sidecar_settles(&file.name), true));
+            None
         }
+        Some(path) => read_sidecar(path)?,
+        None => None,
+    };
+    match missing {
+        None => {
+            companions.extend(sidecar.iter().map(|(path, _)| path.clone()));
+            Ok(Read { file, stamp, companions, absent, sidecar })
+        }
+        Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
+        Some((reason, _)) => {
+            let gap = Gap::Companion;
+            Err(Broken::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
+        }
+    }
+}
+
+fn read_sidecar(path: PathBuf) -> Result<Option<(PathBuf, String)>, JobError> {
+    match folders::look(&path).map_err(folder_trouble)? {
+        Some(Found::File(stamp)) if stamp.size > LARGEST_SIDECAR => {
+            let what = "The settings beside the pattern are too large to be settings.";
+            let reason = Reason::new("sidecar-too-large", what, "Write only what the pattern needs into it.");
+            let (size, limit) = (stamp.size as f64, LARGEST_SIDECAR as f64);
+            Err(JobError::Rejected(reason.with_number("size", size, "bytes", Some(limit))))
+        }
+        Some(Found::File(_)) => {
+            let Some((bytes, _)) = folders::read_whole(&path).map_err(|error| unreadable(&error))? else {
+                return Err(JobError::Retry(unsteady()));
+            };
+            let text = String::from_utf8(bytes).map_err(|_| {
+                let what = "The settings beside the pattern are not UTF-8 text.";
+                let reason = Reason::new("settings-unreadable", what, "Save the file as UTF-8.");
+                JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy()))
+            })?;
+            Ok(Some((path, text)))
+        }
+        _ => Ok(None),
     }
 }
 
@@ -157,10 +183,6 @@ fn too_large(size: u64) -> Reason {
     reason.with_number("size", size as f64, "bytes", Some(LARGEST_DROP as f64))
 }
 
-fn cut_short() -> Reason {
-    Reason::new("cut-short", "The file ends too early.", "Export or copy it again.")
-}
-
 fn companion_missing(part: &str, companion: &Companion) -> Reason {
     let what = format!("{part} needs {}, which is not there.", companion.name);
     Reason::new("companion-missing", what, format!("Drop {} beside it.", companion.name))
@@ -170,4 +192,9 @@ fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
     let what = format!("{part} needs {}, which is not whole.", companion.name);
     let reason = Reason::new("companion-short", what, format!("Copy {} again.", companion.name));
     reason.with_number("size", size as f64, "bytes", Some(companion.bytes as f64))
+}
+
+fn sidecar_settles(pattern: &str) -> Reason {
+    let what = format!("The settings beside {pattern} may still be written.");
+    Reason::new("sidecar-settling", what, "Nothing: they are looked at again.")
 }

@@ -3,27 +3,37 @@
 use std::path::PathBuf;
 
 use super::lock::Holder;
-use crate::config::{JobSettings, Sku};
+use crate::config::{JobSettings, Sku, Station};
 use crate::files::read_beside;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
 ///
-/// The hot folder calls it for one job at a time. A panic inside rejects the job and the next call follows on the
-/// same value, so an implementation keeps no half-changed state between calls.
-pub trait Corrector {
+/// The hot folder calls it from several threads, for one job of a SKU at a time. A panic inside rejects the job and the
+/// next call follows on the same value, so an implementation keeps no half-changed state between calls.
+pub trait Corrector: Sync {
     /// Whether the bytes of a part or pattern are whole, and which files it names.
     fn completeness(&self, name: &str, bytes: &[u8]) -> Completeness;
 
     /// Whether a surface for the SKU is at hand that fits the settings.
-    fn knows(&mut self, sku: &Sku, settings: &JobSettings) -> bool;
+    fn knows(&self, sku: &Sku, settings: &JobSettings) -> bool;
+
+    /// A name for the SKU's surface that changes with the part and with the settings that shape it; `None` for an
+    /// unknown SKU. The surface itself may be gone.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn surface_name(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError>;
+
+    /// The station's settings changed: other folders may count now.
+    fn follow(&self, station: &Station);
 
     /// Fits a part that was dropped, or one from the archive whose surface got lost, and keeps the surface.
     ///
     /// # Errors
     /// See [`JobError`].
     fn learn_part(
-        &mut self,
+        &self,
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
@@ -35,7 +45,7 @@ pub trait Corrector {
     /// # Errors
     /// See [`JobError`].
     fn correct(
-        &mut self,
+        &self,
         sku: &Sku,
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
@@ -105,6 +115,8 @@ pub struct Delivery {
     pub report: Vec<u8>,
     /// The preview as SVG, for the reports folder.
     pub preview: Option<Vec<u8>>,
+    /// Width and height of the drawing in the field, mm, for marking software that is asked for them.
+    pub size: Option<[f64; 2]>,
     /// One line for the log.
     pub summary: String,
 }
@@ -129,6 +141,17 @@ pub enum Mode {
     UntilStopped,
 }
 
+/// What a station tells whoever started it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pulse {
+    /// It takes drops from now on.
+    Ready,
+    /// It is alive.
+    Alive,
+    /// It is about to end.
+    Stopping,
+}
+
 /// What was done, and what still lies in the hot folder.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Tally {
@@ -136,6 +159,8 @@ pub struct Tally {
     pub delivered: u64,
     /// Number of parts fitted.
     pub learned: u64,
+    /// Number of drawings that were delivered before and not again.
+    pub repeated: u64,
     /// Number of drops moved to the rejected folder.
     pub rejected: u64,
     /// Drops that wait for something else: their part, a folder, a setting.
@@ -162,6 +187,14 @@ pub enum StationError {
         /// Which folder, as its key in the settings.
         purpose: &'static str,
         /// Where it should be.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The station's journal cannot be read or written.
+    #[error("the station's journal in {path} cannot be used: {source}")]
+    Journal {
+        /// The state folder.
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
@@ -193,6 +226,10 @@ impl StationError {
             Self::Held(_) => {
                 let remedy = "Stop that one first, or give this station a `folders.state` of its own.";
                 Reason::new("station-held", format!("{self}."), remedy)
+            }
+            Self::Journal { .. } => {
+                let remedy = "Let isomark read and write `folders.state`, and see to free space on its disk.";
+                Reason::new("station-journal", format!("{self}."), remedy)
             }
             Self::Lock { .. } => {
                 let remedy =

@@ -7,10 +7,11 @@
 //! ```
 //!
 //! The listing of the folder is the truth, events only make it quick. A drop stays in the hot folder until its result
-//! lies in the import folder, so that after any interruption the job is simply done again, with the same bytes.
+//! lies in the import folder; `journal` remembers what cannot be taken back, so that after any interruption the job
+//! goes on where it was and nothing is delivered twice.
 //!
 //! What a file name means is said in [`names`], when a file is whole in [`settle`], what a job needs from the rest of
-//! the program in [`Corrector`], and what lies where afterwards in `filing`.
+//! the program in [`Corrector`], what lies where afterwards in `filing`, who does what when in `worker` and `bench`.
 
 pub mod names;
 pub mod settle;
@@ -20,18 +21,25 @@ mod job;
 mod watcher;
 mod folders;
 mod filing;
+mod journal;
 mod drops;
 mod intake;
-mod outcome;
+mod delivery;
+mod beamserver;
+mod bench;
+mod reprocess;
+mod requests;
 mod worker;
+pub mod status;
 mod corrector;
 
 pub use corrector::PipelineCorrector;
 pub use filing::CURRENT_PART;
 pub use job::{
-    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, StationError,
-    Tally, Waiting,
+    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
+    StationError, Tally, Waiting,
 };
 pub use lock::{Holder, StationLock};
+pub use requests::Request;
 pub use watcher::StopSignal;
 pub use worker::run;

@@ -7,6 +7,7 @@
 //! | `<sku>/<anything>.glb` and so on | a part or a scan |
 //! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they travel with that part |
+//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.png` or `.bmp` in the same folder, with which it travels |
 //!
 //! Extensions may be written in any case. Temporary and system names are never touched ([`is_ignored`]).
 
@@ -19,6 +20,9 @@ use crate::reason::Reason;
 
 /// Extensions of files that belong to a part, in lower case.
 const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
+
+/// Extension of the settings beside a pattern.
+pub(super) const SIDECAR: &str = "toml";
 
 /// The longest file name that is taken, in bytes: file systems end at 255, and results need a suffix.
 const LONGEST_NAME: usize = 230;
@@ -89,6 +93,11 @@ pub fn is_ignored(name: &str) -> bool {
         || name.contains(".sync-conflict-")
 }
 
+/// Whether the file holds settings for the pattern beside it.
+pub(super) fn is_sidecar(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == SIDECAR)
+}
+
 /// What the file at `relative` (to the hot folder: a name, or a SKU's folder and a name) is.
 ///
 /// # Errors
@@ -122,7 +131,8 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
     let extension = extension.to_lowercase();
     // Nobody names a texture like a drawing for a SKU.
-    if COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@') {
+    let is_companion = COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@');
+    if is_companion || extension == SIDECAR {
         return Ok(Meaning::Companion);
     }
     let is_part = MeshFormat::from_name(name).is_some();

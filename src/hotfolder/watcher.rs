@@ -2,16 +2,25 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use notify::event::{AccessKind, AccessMode, EventKind, ModifyKind, RenameMode};
 use notify::{RecommendedWatcher, RecursiveMode, Watcher as _};
 
+use super::bench::End;
 use super::folders::{Identity, identity};
 use crate::config::Backend;
 
 /// What wakes the station.
+pub(super) enum Message {
+    /// Something outside.
+    Signal(Signal),
+    /// The job on this drop is over.
+    Finished(PathBuf, Box<End>),
+}
+
+/// What happens outside.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Signal {
     /// Something happened to this path.
@@ -33,7 +42,7 @@ pub struct StopSignal {
 #[derive(Debug, Default)]
 struct Shared {
     raised: AtomicBool,
-    station: Mutex<Option<Sender<Signal>>>,
+    station: Mutex<Option<SyncSender<Message>>>,
 }
 
 impl StopSignal {
@@ -42,8 +51,8 @@ impl StopSignal {
         self.shared.raised.store(true, Ordering::SeqCst);
         let station = self.shared.station.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(station) = station.as_ref() {
-            // A station that is gone needs no stopping.
-            let _ = station.send(Signal::Stop);
+            // A station that is gone needs no stopping, and one with many messages looks at the flag soon.
+            let _ = station.try_send(Message::Signal(Signal::Stop));
         }
     }
 
@@ -53,14 +62,16 @@ impl StopSignal {
     }
 
     /// Lets the signal wake the station that listens on the other end of the channel.
-    pub(super) fn connect(&self, station: Sender<Signal>) {
+    pub(super) fn connect(&self, station: SyncSender<Message>) {
         *self.shared.station.lock().unwrap_or_else(PoisonError::into_inner) = Some(station);
     }
 }
 
 /// Watches one folder for as long as that very folder exists.
 pub(super) struct Watcher {
-    sender: Sender<Signal>,
+    sender: SyncSender<Message>,
+    /// More happened than the channel holds.
+    lost: Arc<AtomicBool>,
     watched: Option<Watched>,
     /// What was last said about a watch that could not be set up.
     complaint: Option<String>,
@@ -74,8 +85,13 @@ struct Watched {
 }
 
 impl Watcher {
-    pub(super) fn new(sender: Sender<Signal>) -> Self {
-        Self { sender, watched: None, complaint: None }
+    pub(super) fn new(sender: SyncSender<Message>) -> Self {
+        Self { sender, lost: Arc::default(), watched: None, complaint: None }
+    }
+
+    /// Whether events were lost since the last call: then only a listing tells.
+    pub(super) fn lost_events(&self) -> bool {
+        self.lost.swap(false, Ordering::SeqCst)
     }
 
     /// Sees to it that the folder that now bears this path is watched: a watch on a folder that was removed or
@@ -90,7 +106,7 @@ impl Watcher {
             self.watched = None;
         } else if !self.watched.as_ref().is_some_and(good) {
             self.watched = None;
-            match watch(folder, self.sender.clone()) {
+            match watch(folder, self.sender.clone(), self.lost.clone()) {
                 Ok(events) => {
                     self.watched = Some(Watched { folder: folder.into(), identity: now, _events: events });
                     self.complaint = None;
@@ -109,13 +125,22 @@ impl Watcher {
     }
 }
 
-fn watch(folder: &Path, sender: Sender<Signal>) -> notify::Result<RecommendedWatcher> {
+fn watch(
+    folder: &Path,
+    sender: SyncSender<Message>,
+    lost: Arc<AtomicBool>,
+) -> notify::Result<RecommendedWatcher> {
     // Events bear absolute paths; the station knows its drops by the folder's path as the settings spell it.
     let (absolute, spelled) = (std::path::absolute(folder)?, folder.to_path_buf());
     let watched = absolute.clone();
-    // The handler does nothing but send: a slow one lets the system's queue overflow.
+    // The handler does nothing but send, and never waits: a slow one lets the system's queue overflow.
     let handler = move |event| {
-        signals(event, |signal| drop(sender.send(signal.respelled(&absolute, &spelled))));
+        signals(event, |signal| {
+            let message = Message::Signal(signal.respelled(&absolute, &spelled));
+            if matches!(sender.try_send(message), Err(TrySendError::Full(_))) {
+                lost.store(true, Ordering::SeqCst);
+            }
+        });
     };
     let config = notify::Config::default().with_follow_symlinks(false);
     let mut watcher = RecommendedWatcher::new(handler, config)?;

@@ -1,0 +1,195 @@
+//! A client of BeamServer: imports a drawing into BeamConstruct, sees to it that it has its true size, and removes the
+//! older drawing of the same name. It knows no command that starts marking: that is a person's decision.
+//!
+//! BeamServer (OpenAPC manual, 7.10) takes one ASCII command a line on TCP and answers with a line: `OK`, the value
+//! that was asked for, or `ERROR a b` with two numbers. It talks to one client at a time, so each delivery connects
+//! and lets go again.
+//!
+//! | step | commands |
+//! |---|---|
+//! | what is there | `CmdListName n`, `CmdListUID n` for n = 0, 1 … until an error |
+//! | import | `CmdImport <path>` |
+//! | find it | the list again: an element of this name that was not there before |
+//! | remove the older one | `CmdDeleteEnt <id>` |
+//! | its size | `CmdSelEntName \<name>`, `CmdGetSizeX`, `CmdGetSizeY`, in 1/10000 mm |
+//!
+//! The older drawing goes before the size is asked for, because elements are selected by name alone. A drawing of a
+//! wrong size is removed, too, so that it cannot be marked.
+
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::path::Path;
+use std::time::Duration;
+
+use super::job::JobError;
+use crate::config::DeliverySettings;
+use crate::reason::Reason;
+
+const CONNECT: Duration = Duration::from_secs(3);
+/// Elements that a project may hold; more are a server that counts for ever.
+const MOST_ELEMENTS: usize = 100_000;
+/// The longest answer, bytes.
+const LONGEST_ANSWER: u64 = 4096;
+/// Sizes are told in 1/10000 mm.
+const PER_MILLIMETRE: f64 = 10_000.0;
+/// How far the size may be off, mm: the importer works in whole micrometres, at both ends of the drawing.
+const SIZE_TOLERANCE: f64 = 0.01;
+/// BeamServer's first number for an element that does not exist.
+const NO_SUCH_ELEMENT: i64 = 7;
+/// Its first numbers for a file that cannot be opened or read.
+const UNREADABLE_FILE: [i64; 2] = [19, 21];
+
+/// Imports the file under its name; returns what was done, as words for the log.
+pub(super) fn import(
+    delivery: &DeliverySettings,
+    name: &str,
+    file: &Path,
+    size: Option<[f64; 2]>,
+) -> Result<String, JobError> {
+    let mut server = Server::connect(delivery)?;
+    let path =
+        file.to_str().filter(|path| path.is_ascii() && !path.contains(['\r', '\n'])).ok_or_else(|| {
+            let what = format!("BeamServer takes ASCII paths only, and {} is none.", file.display());
+            JobError::Rejected(Reason::new(
+                "beamserver-path",
+                what,
+                "Name SKU, drawing and folder in plain letters.",
+            ))
+        })?;
+    let before = server.elements(name)?;
+    server.command(&format!("CmdImport {path}"))?;
+    let after = server.elements(name)?;
+    let new: Vec<&String> = after.iter().filter(|id| !before.contains(id)).collect();
+    let [new] = new[..] else {
+        let what = format!("BeamConstruct holds {} new elements named {name} after the import.", new.len());
+        let remedy = "Look at BeamConstruct: its version may name imported elements differently.";
+        return Err(JobError::Retry(Reason::new("beamserver-lost", what, remedy)));
+    };
+    for old in &before {
+        server.command(&format!("CmdDeleteEnt {old}"))?;
+    }
+    let mut story = "imported into BeamConstruct".to_owned();
+    if !before.is_empty() {
+        story += ", in place of the older one";
+    }
+    if let Some(expected) = size {
+        server.command(&format!("CmdSelEntName \\{name}"))?;
+        for (axis, expected) in ["X", "Y"].into_iter().zip(expected) {
+            let found = server.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
+            if !((found - expected).abs() <= SIZE_TOLERANCE) {
+                server.command(&format!("CmdDeleteEnt {new}"))?;
+                return Err(JobError::Rejected(wrong_size(name, axis, found, expected)));
+            }
+        }
+        story += &format!(", {:.3} x {:.3} mm as it should be", expected[0], expected[1]);
+    }
+    Ok(story)
+}
+
+struct Server {
+    stream: BufReader<TcpStream>,
+    address: String,
+}
+
+impl Server {
+    fn connect(delivery: &DeliverySettings) -> Result<Self, JobError> {
+        let address = delivery.address.clone();
+        let failed = |error: std::io::Error| {
+            let what = format!("BeamServer at {address} cannot be reached: {error}.");
+            let remedy =
+                "Start BeamServer, end other programs that talk to it, or correct `delivery.address`.";
+            JobError::Retry(Reason::new("beamserver-unreachable", what, remedy))
+        };
+        let mut addresses = address.to_socket_addrs().map_err(failed)?;
+        let first = addresses.next().ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
+        let stream = TcpStream::connect_timeout(&first, CONNECT).map_err(failed)?;
+        stream.set_read_timeout(Some(delivery.answer)).map_err(failed)?;
+        stream.set_write_timeout(Some(delivery.answer)).map_err(failed)?;
+        stream.set_nodelay(true).map_err(failed)?;
+        Ok(Self { stream: BufReader::new(stream), address })
+    }
+
+    /// Sends a command and returns the answer; `Err(Ok(numbers))` for an `ERROR`.
+    fn ask(&mut self, command: &str) -> Result<Result<String, [i64; 2]>, JobError> {
+        let answer = self.exchange(command).map_err(|error| {
+            let what = format!("BeamServer at {} gave no answer to `{command}`: {error}.", self.address);
+            let remedy = "Nothing, if BeamServer is restarted or busy: it is tried again. \
+                          Else raise `delivery.answer_s`, and end other programs that talk to it.";
+            JobError::Retry(Reason::new("beamserver-silent", what, remedy))
+        })?;
+        let words: Vec<&str> = answer.split_whitespace().collect();
+        Ok(match words[..] {
+            ["ERROR", first, second, ..] => {
+                Err([first, second].map(|number| number.trim_end_matches(',').parse().unwrap_or(-1)))
+            }
+            ["ERROR", ..] => Err([-1, -1]),
+            ["OK", ref value @ ..] => Ok(value.join(" ")),
+            _ => Ok(answer),
+        })
+    }
+
+    fn exchange(&mut self, command: &str) -> std::io::Result<String> {
+        self.stream.get_mut().write_all(format!("{command}\n").as_bytes())?;
+        let mut answer = String::new();
+        (&mut self.stream).take(LONGEST_ANSWER).read_line(&mut answer)?;
+        if !answer.ends_with('\n') {
+            return Err(ErrorKind::UnexpectedEof.into());
+        }
+        Ok(answer.trim().to_owned())
+    }
+
+    /// Sends a command that has to succeed.
+    fn command(&mut self, command: &str) -> Result<String, JobError> {
+        self.ask(command)?.map_err(|numbers| refused(command, numbers))
+    }
+
+    fn number(&mut self, command: &str) -> Result<f64, JobError> {
+        let answer = self.command(command)?;
+        answer.parse().map_err(|_| {
+            let what = format!("BeamServer answered `{answer}` to `{command}`, which is no number.");
+            let remedy = "Report it with the version of BeamConstruct: its commands may have changed.";
+            JobError::Retry(Reason::new("beamserver-answer", what, remedy))
+        })
+    }
+
+    /// The ids of the elements that bear the name, with the separator that BeamConstruct puts before it or without.
+    fn elements(&mut self, name: &str) -> Result<Vec<String>, JobError> {
+        let mut ids = Vec::new();
+        for index in 0..MOST_ELEMENTS {
+            let element = match self.ask(&format!("CmdListName {index}"))? {
+                Ok(element) => element,
+                // Which number ends the list is not documented for all versions; an empty project ends at once.
+                Err([NO_SUCH_ELEMENT | 16, _]) => break,
+                Err(numbers) => return Err(refused("CmdListName", numbers)),
+            };
+            if element.trim_start_matches(['\\', '/']) == name {
+                ids.push(self.command(&format!("CmdListUID {index}"))?);
+            }
+        }
+        Ok(ids)
+    }
+}
+
+fn refused(command: &str, numbers: [i64; 2]) -> JobError {
+    let [first, second] = numbers;
+    let what = format!("BeamServer refused `{command}`: ERROR {first} {second}.");
+    let remedy = if UNREADABLE_FILE.contains(&first) {
+        "Let BeamServer read the import folder, or correct `delivery.server_folder`, its name for that folder."
+    } else {
+        "Look at BeamConstruct; the delivery is tried again."
+    };
+    JobError::Retry(Reason::new("beamserver-refused", what, remedy))
+}
+
+fn wrong_size(name: &str, axis: &str, found: f64, expected: f64) -> Reason {
+    let what = format!(
+        "BeamConstruct shows {name} {found:.4} mm large in {axis}, and it is {expected:.4} mm; it was removed there."
+    );
+    let remedy = "Check BeamConstruct's import settings: unit mm, no scaling, no fitting to the field; then drop it again.";
+    Reason::new("beamserver-size", what, remedy).with_number(
+        &format!("size in {axis}"),
+        found,
+        "mm",
+        Some(expected),
+    )
+}

@@ -1,0 +1,203 @@
+//! A drawing into the import folder: once, whole, and known for done after any crash. The protocol is that of the
+//! [`journal`](super::journal).
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::MutexGuard;
+use std::time::{Duration, SystemTime};
+
+use fs_err as fs;
+
+use super::bench::folder_trouble;
+use super::filing;
+use super::folders::{self, Found};
+use super::job::JobError;
+use super::journal::{Job, Journal, OpenJob};
+use super::reprocess::ARCHIVE;
+use super::settle::Stamp;
+use crate::config::{FolderPaths, Repeat, Sku, Station};
+use crate::files::{TEMPORARY_END, TEMPORARY_START, rename_flushed, write_flushed};
+use crate::reason::Reason;
+
+/// Code of the reason for which drawings wait when there is no import folder.
+pub(super) const IMPORT_MISSING: &str = "import-missing";
+/// A temporary file that nobody renamed for this long was left by a crash.
+const LEFT_BEHIND: Duration = Duration::from_secs(3600);
+
+/// How a drawing came to lie in the import folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum How {
+    /// There was none of its name.
+    New,
+    /// It replaced another drawing.
+    Replaced,
+    /// The same bytes lay there and were left alone: importers take a file that is written again for a new one.
+    Unchanged,
+    /// The same bytes lay there and were written again, because the settings say so.
+    Again,
+    /// The station put it there before it was interrupted.
+    BeforeTheCrash,
+}
+
+/// Puts the drawing into the import folder; `previous` is what lies there under its name.
+pub(super) fn deliver<'a>(
+    journal: impl Fn() -> MutexGuard<'a, Journal>,
+    station: &Station,
+    job: &Job,
+    stamp: Stamp,
+    drawing: &[u8],
+    previous: Option<&[u8]>,
+) -> Result<How, JobError> {
+    let how = match previous {
+        None => How::New,
+        Some(same) if same == drawing && station.delivery.repeat == Repeat::Always => How::Again,
+        Some(same) if same == drawing => return Ok(How::Unchanged),
+        Some(_) => How::Replaced,
+    };
+    let import = &station.folders.import;
+    let temporary = temporary_of(import, &journal(), job);
+    if let Err(error) = write_flushed(&temporary, drawing) {
+        remove_quietly(&temporary);
+        return Err(folder_trouble(error));
+    }
+    if let Err(error) = journal().delivering(job, stamp) {
+        remove_quietly(&temporary);
+        return Err(folder_trouble(error));
+    }
+    match rename_flushed(&temporary, &import.join(&job.name)) {
+        Ok(()) => {
+            // Should this line get lost, the missing temporary file says the same.
+            if let Err(error) = journal().delivered(&job.drop) {
+                tracing::warn!("the journal lacks a line: {error}");
+            }
+            Ok(how)
+        }
+        Err(error) => {
+            // As long as the journal says `delivering`, the temporary file is what says that it was not done.
+            if journal().cancelled(&job.drop).is_ok() {
+                remove_quietly(&temporary);
+            }
+            Err(folder_trouble(error))
+        }
+    }
+}
+
+/// Finds out whether a drawing that was about to be renamed was renamed, and notes it.
+pub(super) fn settle(
+    folders: &FolderPaths,
+    journal: &mut Journal,
+    drop: &str,
+    job: &Job,
+) -> Result<(), JobError> {
+    import_is_there(folders)?;
+    let temporary = temporary_of(&folders.import, journal, job);
+    match fs::symlink_metadata(&temporary) {
+        Ok(_) => {
+            journal.cancelled(drop).map_err(folder_trouble)?;
+            remove_quietly(&temporary);
+            Ok(())
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => journal.delivered(drop).map_err(folder_trouble),
+        Err(error) => Err(folder_trouble(error)),
+    }
+}
+
+/// Closes a job whose drop is gone from the hot folder: its last step was done, or somebody took the drop away.
+pub(super) fn close(
+    folders: &FolderPaths,
+    journal: &mut Journal,
+    drop: &str,
+    open: &OpenJob,
+) -> Result<(), JobError> {
+    if let Some(job) = open.job.as_ref().filter(|_| !open.delivered) {
+        settle(folders, journal, drop, job)?;
+        if !journal.all_begun().iter().any(|(begun, _)| begun == drop) {
+            return Ok(());
+        }
+    }
+    let Ok(sku) = open.sku.parse::<Sku>() else {
+        return journal.cancelled(drop).map_err(folder_trouble);
+    };
+    let archived = |to: &String| is_file(&folders.archive.join(sku.key()).join(to));
+    let original = match drop.strip_prefix(&format!("{ARCHIVE}{}/", sku.key())) {
+        Some(original) => original.to_owned(),
+        None => open.to.clone().filter(archived).unwrap_or_default(),
+    };
+    match &open.job {
+        Some(job) => journal.done(job, &original),
+        None if original.is_empty() => journal.cancelled(drop),
+        None => {
+            let part = folders.archive.join(sku.key()).join(&original);
+            filing::set_current_part(folders, &sku, &part).map_err(folder_trouble)?;
+            journal.learned(drop, sku.as_str(), &original)
+        }
+    }
+    .map_err(folder_trouble)
+}
+
+fn is_file(path: &Path) -> bool {
+    matches!(folders::look(path), Ok(Some(Found::File(_))))
+}
+
+/// Drawings wait for their import folder.
+pub(super) fn import_is_there(folders: &FolderPaths) -> Result<(), JobError> {
+    if folders.import.is_dir() {
+        return Ok(());
+    }
+    let what = format!("The import folder {} does not exist.", folders.import.display());
+    let remedy = "Make it, connect its share, or correct `folders.import`; the drawing is then delivered.";
+    Err(JobError::Retry(Reason::new(IMPORT_MISSING, what, remedy)))
+}
+
+/// Removes what crashes left behind: this station's temporary files in the import folder that no job needs any more,
+/// and old ones in its own folders.
+pub(super) fn sweep(folders: &FolderPaths, journal: &Journal) {
+    let ours = format!("{TEMPORARY_START}{}-", journal.tag());
+    let needed: Vec<PathBuf> = journal
+        .all_begun()
+        .into_iter()
+        .filter_map(|(_, open)| open.job.filter(|_| !open.delivered))
+        .map(|job| temporary_of(&folders.import, journal, &job))
+        .collect();
+    for (path, name) in temporaries(&folders.import) {
+        if name.starts_with(&ours) && !needed.contains(&path) {
+            remove_quietly(&path);
+        }
+    }
+    for own in [&folders.reports, &folders.archive, &folders.rejected, &folders.state] {
+        let below = fs::read_dir(own).into_iter().flatten().flatten().map(|entry| entry.path());
+        for folder in below.filter(|path| path.is_dir()).chain([own.clone()]) {
+            for (path, _) in temporaries(&folder) {
+                let written = fs::metadata(&path).and_then(|metadata| metadata.modified());
+                let age = written.ok().and_then(|written| SystemTime::now().duration_since(written).ok());
+                if age.is_some_and(|age| age > LEFT_BEHIND) {
+                    remove_quietly(&path);
+                }
+            }
+        }
+    }
+}
+
+fn temporaries(folder: &Path) -> Vec<(PathBuf, String)> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let named = entries.map(|entry| (entry.path(), entry.file_name().to_string_lossy().into_owned()));
+    named.filter(|(_, name)| name.starts_with(TEMPORARY_START) && name.ends_with(TEMPORARY_END)).collect()
+}
+
+/// The name bears the station's mark, because several stations may deliver into one folder.
+fn temporary_of(import: &Path, journal: &Journal, job: &Job) -> PathBuf {
+    import.join(format!("{TEMPORARY_START}{}-{}{TEMPORARY_END}", journal.tag(), &job.key))
+}
+
+/// Removes a drawing that the marking software must not have.
+pub(super) fn take_back(drawing: &Path) {
+    remove_quietly(drawing);
+}
+
+/// What cannot be removed is hidden, ignored by importers, and removed at a later start.
+fn remove_quietly(path: &Path) {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => tracing::warn!("{error}"),
+        _ => {}
+    }
+}

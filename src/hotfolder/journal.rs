@@ -1,0 +1,535 @@
+//! What the station must not forget, whatever happens to it: one line for each step that cannot be taken back.
+//!
+//! ```text
+//! state/journal.log
+//! 5b1c02aa {"at":"2026-03-01T12:34:56Z","did":"delivering","drop":"can@date.dxf", … }
+//! 09fe77d1 {"at":"2026-03-01T12:34:56Z","did":"delivered","drop":"can@date.dxf"}
+//! ```
+//!
+//! Each line begins with the first eight hexadecimal digits of the BLAKE3 hash of what follows, so that a line cut by
+//! a crash is known for what it is. Lines are only ever appended and flushed to the disk; when the journal has become
+//! long it is written anew, whole, with what still counts.
+//!
+//! # Exactly once
+//!
+//! A drawing lies flushed in the import folder under a name that importers ignore *before* the journal says
+//! `delivering`, and is renamed to its own name *after* that. Nobody but this station touches the temporary name, so
+//! after a crash it alone decides: it is still there, then the drawing was not delivered; it is gone, then it was, also
+//! when the importer has taken the drawing away since. A drop is known by its path and its [`Stamp`]: should another
+//! file bear its name by then, that is another drop.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, UNIX_EPOCH};
+
+use fs_err as fs;
+use serde::{Deserialize, Serialize};
+
+use super::clock;
+use super::settle::Stamp;
+use crate::config::Sku;
+use crate::files::{read_if_there, write_whole};
+
+const JOURNAL: &str = "journal.log";
+/// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
+const MOST_RESULTS: usize = 100_000;
+/// The journal is written anew when it has this many lines more than what still counts.
+const IDLE_LINES: usize = 20_000;
+
+/// What one drawing was made of and became.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Job {
+    /// The drop, relative to the hot folder, with `/`; for an archived original that is corrected again, its place in
+    /// the archive after `archive:`.
+    pub(super) drop: String,
+    /// The SKU's name.
+    pub(super) sku: String,
+    /// The name of the result in the import folder.
+    pub(super) name: String,
+    /// Hash of everything the result depends on: name, pattern, surface, settings and version.
+    pub(super) key: String,
+    /// Hash of what may change without a new drop: surface and settings.
+    pub(super) basis: String,
+    /// Hash of the pattern.
+    pub(super) pattern: String,
+    /// Hash of the corrected drawing.
+    pub(super) result: String,
+}
+
+/// A job that was begun and not filed away.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct OpenJob {
+    pub(super) stamp: StampRecord,
+    pub(super) sku: String,
+    /// The drawing; `None` for a part.
+    pub(super) job: Option<Job>,
+    /// Whether the drawing lies, or lay, in the import folder.
+    pub(super) delivered: bool,
+    /// Where its original goes in the archive, relative to the SKU's folder.
+    pub(super) to: Option<String>,
+}
+
+/// The newest result of a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Delivered {
+    pub(super) job: Job,
+    /// When it was delivered.
+    pub(super) at: String,
+    /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
+    pub(super) original: String,
+}
+
+/// A part that was rejected while an older shape of its SKU is known.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Refused {
+    pub(super) drop: String,
+    /// Where it lies in the rejected folder, with `/`.
+    pub(super) to: String,
+}
+
+/// A [`Stamp`] as it is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct StampRecord {
+    size: u64,
+    /// Nanoseconds since 1970.
+    modified: Option<u64>,
+    identity: u64,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(tag = "did", rename_all = "kebab-case")]
+enum Record {
+    /// The drawing lies in the import folder under its temporary name and is about to be renamed.
+    Delivering {
+        #[serde(flatten)]
+        job: Job,
+        stamp: StampRecord,
+    },
+    /// It bears its own name.
+    Delivered { drop: String },
+    /// It could not be renamed; the drop waits.
+    Cancelled { drop: String },
+    /// The original is about to go to the archive.
+    Filing { drop: String, sku: String, stamp: StampRecord, to: String },
+    /// A drawing is done; all that later jobs need to know of it.
+    Done {
+        #[serde(flatten)]
+        job: Job,
+        original: String,
+    },
+    /// A part is done.
+    Learned { drop: String, sku: String, original: String },
+    /// A drop was rejected; `part_of` names the SKU of a part.
+    Rejected {
+        drop: String,
+        code: String,
+        to: String,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        part_of: Option<String>,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct Line {
+    at: String,
+    #[serde(flatten)]
+    record: Record,
+}
+
+/// The journal with what still counts of it.
+pub(super) struct Journal {
+    folder: PathBuf,
+    /// Closed while the file is replaced, and opened again by the next line.
+    file: Option<std::fs::File>,
+    /// Length of the file up to the last whole line.
+    length: u64,
+    lines: usize,
+    open: BTreeMap<String, OpenJob>,
+    results: BTreeMap<String, Delivered>,
+    /// The names of the results of each SKU.
+    by_sku: BTreeMap<Sku, BTreeSet<String>>,
+    refused: BTreeMap<String, Refused>,
+}
+
+impl Journal {
+    /// Reads the journal in the state folder, or begins one. Lines that are damaged are told and skipped.
+    ///
+    /// # Errors
+    /// When the folder cannot be read or written.
+    pub(super) fn open(folder: &Path) -> io::Result<Self> {
+        let bytes = read_if_there(&folder.join(JOURNAL))?.unwrap_or_default();
+        let mut journal = Self {
+            folder: folder.into(),
+            file: None,
+            length: 0,
+            lines: 0,
+            open: BTreeMap::new(),
+            results: BTreeMap::new(),
+            by_sku: BTreeMap::new(),
+            refused: BTreeMap::new(),
+        };
+        let (mut damaged, mut read) = (0, 0);
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            read += line.len() as u64;
+            match parse(line) {
+                Some(line) => {
+                    journal.apply(&line.at, line.record);
+                    journal.length = read;
+                }
+                None => damaged += 1,
+            }
+            journal.lines += 1;
+        }
+        // What follows the last good line was being written when the station ended.
+        let length = journal.length;
+        journal.file()?.set_len(length)?;
+        if damaged > 0 {
+            tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
+        }
+        if journal.lines > 2 * journal.live() + 1000 {
+            journal.write_anew_if_possible();
+        }
+        Ok(journal)
+    }
+
+    fn live(&self) -> usize {
+        self.open.len() + self.results.len() + self.refused.len()
+    }
+
+    fn file(&mut self) -> io::Result<&mut std::fs::File> {
+        if self.file.is_none() {
+            let path = self.folder.join(JOURNAL);
+            let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+            self.file = Some(file.into_parts().0);
+        }
+        self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
+    }
+
+    /// The job that was begun on this very file.
+    pub(super) fn begun(&self, drop: &str, stamp: Stamp) -> Option<&OpenJob> {
+        self.open.get(drop).filter(|open| open.stamp == stamp.into())
+    }
+
+    /// All jobs that were begun and not filed away.
+    pub(super) fn all_begun(&self) -> Vec<(String, OpenJob)> {
+        self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
+    }
+
+    /// The newest result of a name.
+    pub(super) fn result(&self, name: &str) -> Option<&Delivered> {
+        self.results.get(name)
+    }
+
+    /// The newest results of a SKU.
+    pub(super) fn results_of(&self, sku: &Sku) -> Vec<Delivered> {
+        let names = self.by_sku.get(sku).into_iter().flatten();
+        names.filter_map(|name| self.results.get(name)).cloned().collect()
+    }
+
+    /// The SKUs of all results.
+    pub(super) fn skus(&self) -> BTreeSet<Sku> {
+        self.by_sku.keys().cloned().collect()
+    }
+
+    /// What this station's temporary files bear in their names.
+    pub(super) fn tag(&self) -> String {
+        let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
+        blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
+    }
+
+    /// The part of the SKU that was rejected last, if none was taken since.
+    pub(super) fn refused(&self, sku: &Sku) -> Option<&Refused> {
+        self.refused.get(sku.key())
+    }
+
+    /// The drawing lies flushed under its temporary name and is about to get its own.
+    pub(super) fn delivering(&mut self, job: &Job, stamp: Stamp) -> io::Result<()> {
+        self.append(Record::Delivering { job: job.clone(), stamp: stamp.into() }, true)
+    }
+
+    /// The drawing bears its own name.
+    pub(super) fn delivered(&mut self, drop: &str) -> io::Result<()> {
+        self.append(Record::Delivered { drop: drop.into() }, false)
+    }
+
+    /// The drawing was not given its own name.
+    pub(super) fn cancelled(&mut self, drop: &str) -> io::Result<()> {
+        self.append(Record::Cancelled { drop: drop.into() }, true)
+    }
+
+    /// The original is about to go to `to`, relative to the SKU's archive folder.
+    pub(super) fn filing(&mut self, drop: &str, sku: &str, stamp: Stamp, to: &str) -> io::Result<()> {
+        let record =
+            Record::Filing { drop: drop.into(), sku: sku.into(), stamp: stamp.into(), to: to.into() };
+        self.append(record, true)
+    }
+
+    /// A drawing is done, its original filed away.
+    pub(super) fn done(&mut self, job: &Job, original: &str) -> io::Result<()> {
+        self.append(Record::Done { job: job.clone(), original: original.into() }, false)
+    }
+
+    /// A part is done and filed away.
+    pub(super) fn learned(&mut self, drop: &str, sku: &str, original: &str) -> io::Result<()> {
+        let record = Record::Learned { drop: drop.into(), sku: sku.into(), original: original.into() };
+        self.append(record, false)
+    }
+
+    /// A drop lies in the rejected folder.
+    pub(super) fn rejected(
+        &mut self,
+        drop: &str,
+        code: &str,
+        to: &str,
+        part_of: Option<&Sku>,
+    ) -> io::Result<()> {
+        let part_of = part_of.map(|sku| sku.as_str().to_owned());
+        let record = Record::Rejected { drop: drop.into(), code: code.into(), to: to.into(), part_of };
+        // Without this line on the disk, patterns might go on with the older shape after a crash.
+        let keep = matches!(&record, Record::Rejected { part_of: Some(_), .. });
+        self.append(record, keep)
+    }
+
+    /// Appends a line; with `flush` it survives a power cut. What fails leaves the journal as it was.
+    fn append(&mut self, record: Record, flush: bool) -> io::Result<()> {
+        let at = clock::now();
+        let line = Line { at, record };
+        let text = written(&line)?;
+        if let Err(error) = self.write(text.as_bytes(), flush) {
+            // A line cut by a full disk would spoil the next one.
+            if let Some(file) = &self.file {
+                file.set_len(self.length)?;
+            }
+            return Err(crate::files::named(error, "cannot write", &self.folder.join(JOURNAL)));
+        }
+        self.length += text.len() as u64;
+        self.lines += 1;
+        self.apply(&line.at, line.record);
+        if self.lines > self.live() + IDLE_LINES {
+            self.write_anew_if_possible();
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, bytes: &[u8], flush: bool) -> io::Result<()> {
+        let end = self.length;
+        let file = self.file()?;
+        file.seek(SeekFrom::Start(end))?;
+        file.write_all(bytes)?;
+        if flush { file.sync_data() } else { Ok(()) }
+    }
+
+    fn write_anew_if_possible(&mut self) {
+        if let Err(error) = self.write_anew() {
+            tracing::warn!("the journal stays long: {error}");
+            self.lines = 0;
+        }
+    }
+
+    fn apply(&mut self, at: &str, record: Record) {
+        match record {
+            Record::Delivering { job, stamp } => {
+                let open = OpenJob {
+                    stamp,
+                    sku: job.sku.clone(),
+                    delivered: false,
+                    to: None,
+                    job: Some(job.clone()),
+                };
+                self.open.insert(job.drop, open);
+            }
+            Record::Delivered { drop } => {
+                self.open.entry(drop).and_modify(|open| open.delivered = true);
+            }
+            Record::Cancelled { drop } => {
+                self.open.remove(&drop);
+            }
+            Record::Filing { drop, sku, stamp, to } => {
+                let new = OpenJob { stamp, sku, job: None, delivered: false, to: None };
+                self.open.entry(drop).or_insert(new).to = Some(to);
+            }
+            Record::Done { job, original } => {
+                self.open.remove(&job.drop);
+                self.forget(&job.name);
+                if let Ok(sku) = job.sku.parse::<Sku>() {
+                    self.by_sku.entry(sku).or_default().insert(job.name.clone());
+                }
+                let result = Delivered { at: at.into(), original, job };
+                self.results.insert(result.job.name.clone(), result);
+            }
+            Record::Learned { drop, sku, .. } => {
+                self.open.remove(&drop);
+                if let Ok(sku) = sku.parse::<Sku>() {
+                    self.refused.remove(sku.key());
+                }
+            }
+            Record::Rejected { drop, to, part_of, .. } => {
+                self.open.remove(&drop);
+                if let Some(Ok(sku)) = part_of.map(|sku| sku.parse::<Sku>()) {
+                    self.refused.insert(sku.key().to_owned(), Refused { drop, to });
+                }
+            }
+        }
+    }
+
+    fn forget(&mut self, name: &str) {
+        let Some(result) = self.results.remove(name) else { return };
+        let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
+        if let Some(names) = self.by_sku.get_mut(&sku) {
+            names.remove(name);
+            if names.is_empty() {
+                self.by_sku.remove(&sku);
+            }
+        }
+    }
+
+    /// Writes what still counts, whole, over the old journal.
+    fn write_anew(&mut self) -> io::Result<()> {
+        if self.results.len() > MOST_RESULTS {
+            let mut by_age: Vec<_> =
+                self.results.values().map(|r| (r.at.clone(), r.job.name.clone())).collect();
+            by_age.sort();
+            let surplus = by_age.len() - MOST_RESULTS;
+            by_age.into_iter().take(surplus).for_each(|(_, name)| self.forget(&name));
+        }
+        let mut lines = Vec::new();
+        for result in self.results.values() {
+            let record = Record::Done { job: result.job.clone(), original: result.original.clone() };
+            lines.push(Line { at: result.at.clone(), record });
+        }
+        let at = clock::now();
+        let mut push = |record| lines.push(Line { at: at.clone(), record });
+        for (sku, refused) in &self.refused {
+            let Refused { drop, to } = refused.clone();
+            push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
+        }
+        for (drop, open) in &self.open {
+            if let Some(job) = &open.job {
+                push(Record::Delivering { job: job.clone(), stamp: open.stamp });
+            }
+            if open.delivered {
+                push(Record::Delivered { drop: drop.clone() });
+            }
+            if let Some(to) = &open.to {
+                let (drop, sku) = (drop.clone(), open.sku.clone());
+                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone() });
+            }
+        }
+        let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;
+        // Windows replaces no file that is open.
+        self.file = None;
+        write_whole(&self.folder, JOURNAL, text.as_bytes())?;
+        (self.lines, self.length) = (lines.len(), text.len() as u64);
+        Ok(())
+    }
+}
+
+impl From<Stamp> for StampRecord {
+    fn from(stamp: Stamp) -> Self {
+        let since = stamp.modified.and_then(|modified| modified.duration_since(UNIX_EPOCH).ok());
+        let modified = since.map(|since: Duration| since.as_nanos() as u64);
+        Self { size: stamp.size, modified, identity: stamp.identity }
+    }
+}
+
+fn checksum(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex()[..8].to_owned()
+}
+
+fn written(line: &Line) -> io::Result<String> {
+    let json = serde_json::to_string(line).map_err(io::Error::other)?;
+    Ok(format!("{} {json}\n", checksum(&json)))
+}
+
+fn parse(line: &[u8]) -> Option<Line> {
+    let text = std::str::from_utf8(line).ok()?.strip_suffix('\n')?;
+    let (sum, json) = text.split_once(' ')?;
+    if sum != checksum(json) {
+        return None;
+    }
+    serde_json::from_str(json).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(name: &str, key: &str) -> Job {
+        let text = |text: &str| text.to_owned();
+        Job {
+            drop: text(name),
+            sku: text("Can"),
+            name: text(name),
+            key: text(key),
+            basis: text("b"),
+            pattern: text("p"),
+            result: text("r"),
+        }
+    }
+
+    const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
+
+    /// Everything that counts, for comparison.
+    fn state(
+        journal: &Journal,
+    ) -> (BTreeMap<String, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
+        (journal.open.clone(), journal.results.clone(), journal.refused.clone())
+    }
+
+    #[test]
+    fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut states = Vec::new();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        let sku: Sku = "can".parse().unwrap();
+        states.push((0, state(&journal)));
+        for step in 0..6 {
+            match step {
+                0 => journal.delivering(&job("a.dxf", "1"), STAMP),
+                1 => journal.delivered("a.dxf"),
+                2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf"),
+                3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf"),
+                4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
+                _ => journal.delivering(&job("b.dxf", "2"), STAMP),
+            }
+            .unwrap();
+            states.push((journal.length, state(&journal)));
+        }
+        assert!(journal.begun("b.dxf", STAMP).is_some());
+        assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
+        assert_eq!(journal.results_of(&sku).len(), 1);
+        drop(journal);
+        let whole = fs::read(folder.path().join(JOURNAL)).unwrap();
+        for cut in 0..=whole.len() {
+            fs::write(folder.path().join(JOURNAL), &whole[..cut]).unwrap();
+            let expected = states.iter().rev().find(|(length, _)| *length <= cut as u64).unwrap();
+            let journal = Journal::open(folder.path()).unwrap();
+            assert_eq!(state(&journal), expected.1, "cut after {cut} bytes");
+            drop(journal);
+            assert_eq!(
+                state(&Journal::open(folder.path()).unwrap()),
+                expected.1,
+                "written anew after {cut} bytes"
+            );
+        }
+    }
+
+    #[test]
+    fn a_long_journal_is_written_anew_with_what_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        for round in 0..IDLE_LINES + 2 {
+            journal.done(&job("a.dxf", &round.to_string()), "a.dxf").unwrap();
+        }
+        journal.delivering(&job("b.dxf", "x"), STAMP).unwrap();
+        journal.done(&job("a.dxf", "last"), "a.dxf").unwrap();
+        let before = state(&journal);
+        assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
+        journal.delivered("b.dxf").unwrap();
+        drop(journal);
+        let journal = Journal::open(folder.path()).unwrap();
+        assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
+        assert!(journal.begun("b.dxf", STAMP).unwrap().delivered);
+    }
+}

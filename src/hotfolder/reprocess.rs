@@ -1,0 +1,158 @@
+//! Delivered drawings that would be others today, because their SKU has a new part or new settings.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use super::bench::Bench;
+use super::job::Corrector;
+use super::settle::Moment;
+use crate::config::{JobSettings, Outdated, Sku, Station};
+
+/// SKUs that are looked at in one go: the station must stay responsive.
+const AT_ONCE: usize = 20;
+
+/// What is outdated, and what of it is to be corrected again.
+#[derive(Default)]
+pub(super) struct Reprocessing {
+    unchecked: BTreeSet<Sku>,
+    /// At the start and after a change of the station's settings every SKU counts.
+    all_checked: bool,
+    marked: BTreeMap<String, Marked>,
+}
+
+/// One outdated drawing.
+struct Marked {
+    again: Again,
+    /// When it is corrected again; `None` until somebody asks for it.
+    due: Option<Moment>,
+    under_way: bool,
+}
+
+/// An archived pattern that is to be corrected again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Again {
+    pub(super) sku: Sku,
+    /// The name of the result.
+    pub(super) name: String,
+    /// The archived original.
+    pub(super) original: PathBuf,
+    /// The same relative to the SKU's archive folder.
+    place: String,
+}
+
+impl Again {
+    /// What the journal calls it.
+    pub(super) fn drop(&self) -> String {
+        format!("{ARCHIVE}{}/{}", self.sku.key(), self.place)
+    }
+}
+
+/// How the journal's names of archived originals begin.
+pub(super) const ARCHIVE: &str = "archive:";
+
+impl Reprocessing {
+    /// The SKU's part or settings may be others now.
+    pub(super) fn check(&mut self, sku: Sku) {
+        self.unchecked.insert(sku);
+    }
+
+    /// The settings of all may be others now.
+    pub(super) fn check_all(&mut self) {
+        self.all_checked = false;
+    }
+
+    /// The SKUs to look at now.
+    pub(super) fn to_check(&mut self, all: impl FnOnce() -> BTreeSet<Sku>) -> Vec<Sku> {
+        if !std::mem::replace(&mut self.all_checked, true) {
+            self.unchecked.extend(all());
+        }
+        let some: Vec<Sku> = self.unchecked.iter().take(AT_ONCE).cloned().collect();
+        self.unchecked.retain(|sku| !some.contains(sku));
+        some
+    }
+
+    /// Marks what is outdated of the SKU, and lets it be corrected again if the station's settings say so.
+    pub(super) fn look_at<C: Corrector>(
+        &mut self,
+        bench: &Bench<'_, C>,
+        station: &Station,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) {
+        let archive = station.folders.archive.join(sku.key());
+        let results = bench.journal().results_of(sku);
+        let mut news = 0;
+        for result in results.into_iter().filter(|result| !result.original.is_empty()) {
+            let name = result.job.name;
+            let original = archive.join(&result.original);
+            let settings = bench.settings_of_original(&original, settings);
+            let Ok(basis) = bench.basis(sku, &settings) else { continue };
+            if basis == result.job.basis {
+                self.forget(&name);
+                continue;
+            }
+            let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
+            let asked = station.delivery.outdated == Outdated::Correct;
+            news += usize::from(!self.marked.contains_key(&name));
+            let marked = self.marked.entry(name).or_insert(Marked { again, due: None, under_way: false });
+            if asked {
+                marked.due.get_or_insert(Moment::ZERO);
+            }
+        }
+        if news > 0 {
+            let then = match station.delivery.outdated {
+                Outdated::Correct => "they are corrected again from the archive",
+                Outdated::Mark => "`isomark retry --outdated` corrects them again",
+            };
+            tracing::warn!(
+                "{news} delivered drawings of {sku} are outdated by a new part or new settings: {then}"
+            );
+        }
+    }
+
+    /// The next drawing to correct again whose SKU is free.
+    pub(super) fn next(&mut self, now: Moment, busy: &BTreeSet<Sku>) -> Option<Again> {
+        let due = |marked: &&mut Marked| {
+            !marked.under_way && marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku)
+        };
+        let next = self.marked.values_mut().find(due)?;
+        next.under_way = true;
+        Some(next.again.clone())
+    }
+
+    /// It could not be done; `never` in a station that stops as soon as it can.
+    pub(super) fn again_later(&mut self, name: &str, moment: Moment, never: bool) {
+        if let Some(marked) = self.marked.get_mut(name) {
+            marked.under_way = false;
+            marked.due = (!never).then_some(moment);
+        }
+    }
+
+    /// It is up to date, or cannot be corrected again.
+    pub(super) fn forget(&mut self, name: &str) {
+        self.marked.remove(name);
+    }
+
+    /// Lets what is marked be corrected again, of one SKU or of all; returns how many.
+    pub(super) fn correct_marked(&mut self, sku: Option<&Sku>) -> usize {
+        let meant = self.marked.values_mut().filter(|m| sku.is_none_or(|sku| m.again.sku == *sku));
+        meant.map(|marked| marked.due = Some(Moment::ZERO)).count()
+    }
+
+    /// What waits for its time need not wait any longer.
+    pub(super) fn free_all(&mut self) {
+        self.marked.values_mut().filter_map(|marked| marked.due.as_mut()).for_each(|due| *due = Moment::ZERO);
+    }
+
+    /// Whether nothing is left to be looked at or corrected now.
+    pub(super) fn is_idle(&self, now: Moment) -> bool {
+        self.unchecked.is_empty()
+            && self.all_checked
+            && !self.marked.values().any(|m| m.under_way || m.due.is_some_and(|due| due <= now))
+    }
+
+    /// The names of all outdated drawings, each with its SKU.
+    pub(super) fn marked(&self) -> Vec<(String, Sku)> {
+        self.marked.iter().map(|(name, marked)| (name.clone(), marked.again.sku.clone())).collect()
+    }
+}

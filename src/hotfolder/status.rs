@@ -1,0 +1,277 @@
+//! What a station is at, for people at another terminal and for programs: `state/status.json`, written anew at most
+//! once a second.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::bench::Work;
+use super::clock;
+use super::drops::Drops;
+use super::settle::Moment;
+use super::worker::Running;
+use crate::config::{Sku, Station};
+use crate::files::write_whole_unsynced;
+use crate::reason::Reason;
+
+/// Name and version of the JSON form; `plugins/README.md` says what is stable.
+pub const SCHEMA: &str = "isomark.status/1";
+/// The file in the state folder.
+pub const FILE: &str = "status.json";
+
+const SHORTEST_INTERVAL: Duration = Duration::from_secs(1);
+/// A status that says nothing new is written anyway after this time, so that a station that hangs is seen.
+const LONGEST_INTERVAL: Duration = Duration::from_secs(10);
+const HOUR: Duration = Duration::from_secs(3600);
+/// Entries of a list that are written out; the rest is counted.
+const LISTED: usize = 500;
+const ERRORS: usize = 20;
+
+/// A station as it was at one moment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The station's name.
+    pub station: String,
+    /// Whether it ran when this was written; only the lock tells whether it still does.
+    pub running: bool,
+    /// When this was written, in universal time.
+    pub at: String,
+    /// When the station was started.
+    pub since: String,
+    /// What it did since then.
+    pub done: Done,
+    /// What it is doing.
+    pub under_way: Vec<UnderWay>,
+    /// What waits for something else.
+    pub waiting: Listed<Waits>,
+    /// What is still being written, or ends too early.
+    pub incomplete: Listed<Waits>,
+    /// Delivered drawings that would be others today.
+    pub outdated: Listed<OutdatedDrawing>,
+    /// The last rejections, newest first.
+    pub rejections: Vec<Rejection>,
+}
+
+/// Counts since the start, and of the last hour.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Done {
+    /// Corrected drawings delivered.
+    pub delivered: u64,
+    /// Parts fitted.
+    pub learned: u64,
+    /// Drops rejected.
+    pub rejected: u64,
+    /// Drawings delivered in the last hour.
+    pub delivered_last_hour: u64,
+    /// Drops rejected in the last hour.
+    pub rejected_last_hour: u64,
+}
+
+/// A job that is being done.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UnderWay {
+    /// The drop, relative to the hot folder.
+    pub drop: String,
+    /// For how long, s.
+    pub for_s: f64,
+}
+
+/// The first entries of a list, and how many there are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Listed<T> {
+    /// How many there are.
+    pub count: usize,
+    /// The first ones.
+    pub first: Vec<T>,
+}
+
+/// A drop that waits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Waits {
+    /// The drop, relative to the hot folder.
+    pub drop: String,
+    /// What it waits for.
+    pub reason: Reason,
+}
+
+/// A delivered drawing that would be another one today.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutdatedDrawing {
+    /// Its name in the import folder.
+    pub name: String,
+    /// Its SKU.
+    pub sku: String,
+}
+
+/// A drop that was rejected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rejection {
+    /// When.
+    pub at: String,
+    /// The drop, relative to the hot folder.
+    pub drop: String,
+    /// Why.
+    pub reason: Reason,
+}
+
+impl Status {
+    /// The status that a station wrote last; `None` when none ever did.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is not of this version's form.
+    pub fn read(state: &Path) -> std::io::Result<Option<Self>> {
+        let Some(bytes) = crate::files::read_if_there(&state.join(FILE))? else { return Ok(None) };
+        Ok(Some(serde_json::from_slice(&bytes)?))
+    }
+}
+
+/// What a station remembers to tell.
+pub(super) struct StatusBoard {
+    station: String,
+    since: String,
+    started: Instant,
+    done: Done,
+    /// Deliveries and rejections of the last hour, by minute since the start.
+    minutes: VecDeque<(u64, u64, u64)>,
+    rejections: VecDeque<Rejection>,
+    next: Moment,
+    heartbeat: Moment,
+    /// What was written last, without its time.
+    last: Option<Status>,
+    /// What crashes left behind was removed.
+    pub(super) swept: bool,
+    complained: bool,
+}
+
+/// What the status shows of the station.
+pub(super) struct View<'a> {
+    pub(super) drops: &'a Drops,
+    pub(super) running: &'a BTreeMap<PathBuf, Running>,
+    pub(super) outdated: Vec<(String, Sku)>,
+    pub(super) now: Moment,
+    pub(super) alive: bool,
+}
+
+impl StatusBoard {
+    pub(super) fn new(station: &Station) -> Self {
+        Self {
+            station: station.name.clone(),
+            since: clock::now(),
+            started: Instant::now(),
+            done: Done::default(),
+            minutes: VecDeque::new(),
+            rejections: VecDeque::new(),
+            next: Moment::ZERO,
+            heartbeat: Moment::ZERO,
+            last: None,
+            swept: false,
+            complained: false,
+        }
+    }
+
+    pub(super) fn follow(&mut self, station: &Station) {
+        self.station = station.name.clone();
+    }
+
+    pub(super) fn learned(&mut self) {
+        self.done.learned += 1;
+    }
+
+    pub(super) fn delivered(&mut self) {
+        self.done.delivered += 1;
+        self.minute().1 += 1;
+    }
+
+    pub(super) fn rejected(&mut self, drop: &str, reason: &Reason) {
+        self.done.rejected += 1;
+        self.minute().2 += 1;
+        self.rejections.push_front(Rejection { at: clock::now(), drop: drop.into(), reason: reason.clone() });
+        self.rejections.truncate(ERRORS);
+    }
+
+    pub(super) fn is_due(&self, now: Moment) -> bool {
+        now >= self.next
+    }
+
+    pub(super) fn write(&mut self, state: &Path, view: &View) {
+        self.next = view.now + SHORTEST_INTERVAL;
+        let mut status = self.status(view);
+        if self.last.as_ref() == Some(&status) && view.now < self.heartbeat {
+            return;
+        }
+        self.heartbeat = view.now + LONGEST_INTERVAL;
+        self.last = Some(status.clone());
+        status.at = clock::now();
+        let Ok(mut bytes) = serde_json::to_vec_pretty(&status) else { return };
+        bytes.push(b'\n');
+        match write_whole_unsynced(state, FILE, &bytes) {
+            Ok(()) => self.complained = false,
+            Err(error) => {
+                if !std::mem::replace(&mut self.complained, true) {
+                    tracing::warn!("the status cannot be told: {error}");
+                }
+            }
+        }
+    }
+
+    fn status(&mut self, view: &View) -> Status {
+        let oldest = (self.started.elapsed().saturating_sub(HOUR)).as_secs() / 60;
+        while self.minutes.front().is_some_and(|(minute, ..)| *minute < oldest) {
+            self.minutes.pop_front();
+        }
+        let mut done = self.done.clone();
+        done.delivered_last_hour = self.minutes.iter().map(|(_, delivered, _)| delivered).sum();
+        done.rejected_last_hour = self.minutes.iter().map(|(.., rejected)| rejected).sum();
+        let running = |drop: &str| view.running.values().any(|running| running.drop == drop);
+        let (waiting, incomplete) = view.drops.left();
+        let waits = |list: Vec<super::job::Waiting>| {
+            let list = list.into_iter().filter(|waiting| !running(&waiting.drop));
+            listed(list.map(|waiting| Waits { drop: waiting.drop, reason: waiting.reason }).collect())
+        };
+        let outdated = view.outdated.iter();
+        Status {
+            schema: SCHEMA.into(),
+            station: self.station.clone(),
+            running: view.alive,
+            at: String::new(),
+            since: self.since.clone(),
+            done,
+            under_way: view
+                .running
+                .values()
+                .filter(|running| running.work != Work::Nothing)
+                .map(|running| UnderWay {
+                    drop: running.drop.clone(),
+                    for_s: (view.now.saturating_sub(running.since)).as_millis() as f64 / 1e3,
+                })
+                .collect(),
+            waiting: waits(waiting),
+            incomplete: waits(incomplete),
+            outdated: listed(
+                outdated
+                    .map(|(name, sku)| OutdatedDrawing { name: name.clone(), sku: sku.to_string() })
+                    .collect(),
+            ),
+            rejections: self.rejections.iter().cloned().collect(),
+        }
+    }
+
+    fn minute(&mut self) -> &mut (u64, u64, u64) {
+        let now = self.started.elapsed().as_secs() / 60;
+        if self.minutes.back().is_none_or(|(minute, ..)| *minute != now) {
+            self.minutes.push_back((now, 0, 0));
+        }
+        let last = self.minutes.len() - 1;
+        &mut self.minutes[last]
+    }
+}
+
+fn listed<T>(mut all: Vec<T>) -> Listed<T> {
+    let count = all.len();
+    all.truncate(LISTED);
+    Listed { count, first: all }
+}
