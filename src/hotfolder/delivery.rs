@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime};
 
 use fs_err as fs;
 
-use super::bench::folder_trouble;
+use super::executor::folder_trouble;
 use super::filing;
 use super::folders::{self, Found};
 use super::job::JobError;

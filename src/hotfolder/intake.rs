@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::bench::{Broken, Outcome, folder_trouble};
+use super::executor::{Broken, Outcome, folder_trouble};
 use super::filing::Original;
 use super::folders::{self, Found, LARGEST_DROP};
 use super::job::{Companion, Completeness, DroppedFile, JobError};

@@ -11,7 +11,7 @@
 //! goes on where it was and nothing is delivered twice.
 //!
 //! What a file name means is said in [`names`], when a file is whole in [`settle`], what a job needs from the rest of
-//! the program in [`Corrector`], what lies where afterwards in `filing`, who does what when in `worker` and `bench`.
+//! the program in [`Corrector`], what lies where afterwards in `filing`, who does what when in `worker` and `executor`.
 
 pub mod names;
 pub mod settle;
@@ -26,7 +26,7 @@ mod drops;
 mod intake;
 mod delivery;
 mod beamserver;
-mod bench;
+mod executor;
 mod reprocess;
 mod requests;
 mod worker;

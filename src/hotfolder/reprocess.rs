@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use super::bench::Bench;
+use super::executor::Executor;
 use super::job::Corrector;
 use super::settle::Moment;
 use crate::config::{JobSettings, Outdated, Sku, Station};
@@ -74,19 +74,19 @@ impl Reprocessing {
     /// Marks what is outdated of the SKU, and lets it be corrected again if the station's settings say so.
     pub(super) fn look_at<C: Corrector>(
         &mut self,
-        bench: &Bench<'_, C>,
+        executor: &Executor<'_, C>,
         station: &Station,
         sku: &Sku,
         settings: &JobSettings,
     ) {
         let archive = station.folders.archive.join(sku.key());
-        let results = bench.journal().results_of(sku);
+        let results = executor.journal().results_of(sku);
         let mut news = 0;
         for result in results.into_iter().filter(|result| !result.original.is_empty()) {
             let name = result.job.name;
             let original = archive.join(&result.original);
-            let settings = bench.settings_of_original(&original, settings);
-            let Ok(basis) = bench.basis(sku, &settings) else { continue };
+            let settings = executor.settings_of_original(&original, settings);
+            let Ok(basis) = executor.basis(sku, &settings) else { continue };
             if basis == result.job.basis {
                 self.forget(&name);
                 continue;

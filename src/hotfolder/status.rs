@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::bench::Work;
 use super::clock;
 use super::drops::Drops;
+use super::executor::Work;
 use super::settle::Moment;
 use super::worker::Running;
 use crate::config::{Sku, Station};

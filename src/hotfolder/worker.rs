@@ -1,6 +1,6 @@
 //! The station at work: hears, lists, hands out jobs to its threads, and takes in what became of them.
 //!
-//! One thread knows all drops and decides; the jobs themselves are done by others ([`Bench`]). Jobs of one SKU are
+//! One thread knows all drops and decides; the jobs themselves are done by others ([`Executor`]). Jobs of one SKU are
 //! done one after the other, parts first and then in the order in which the drops came; jobs of different SKUs side by
 //! side. Large jobs never take all threads, so that a small one has to wait for a small one at most.
 
@@ -10,9 +10,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-use super::bench::{Bench, End, Kept, Outcome, Task, Work, guarded};
 use super::delivery::{self, IMPORT_MISSING};
 use super::drops::{Block, Drops};
+use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing::{self, with_slashes};
 use super::folders::{self, Found};
 use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
@@ -71,7 +71,7 @@ pub fn run(
     let _lock = StationLock::take(&state, &station.name)?;
     let journal =
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
-    let bench = Bench::new(corrector, journal);
+    let executor = Executor::new(corrector, journal);
     let (sender, messages) = sync_channel(MOST_MESSAGES);
     stop.connect(sender.clone());
     let threads = threads(station.watch.jobs);
@@ -79,12 +79,12 @@ pub fn run(
     let taken = Mutex::new(taken);
     std::thread::scope(|scope| {
         for _ in 0..threads {
-            let (taken, bench, sender) = (&taken, &bench, sender.clone());
-            scope.spawn(move || labour(taken, bench, &sender));
+            let (taken, executor, sender) = (&taken, &executor, sender.clone());
+            scope.spawn(move || labour(taken, executor, &sender));
         }
         let mut worker = Worker {
             settings,
-            bench: &bench,
+            executor: &executor,
             stop,
             mode,
             state,
@@ -129,12 +129,16 @@ fn threads(asked: Option<usize>) -> usize {
 }
 
 /// Does jobs as long as any come.
-fn labour<C: Corrector>(tasks: &Mutex<Receiver<Task>>, bench: &Bench<'_, C>, sender: &SyncSender<Message>) {
+fn labour<C: Corrector>(
+    tasks: &Mutex<Receiver<Task>>,
+    executor: &Executor<'_, C>,
+    sender: &SyncSender<Message>,
+) {
     loop {
         let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(task) = next else { return };
         let path = task.path.clone();
-        let end = guarded(|| Ok(bench.perform(task))).unwrap_or_else(|error| match error {
+        let end = guarded(|| Ok(executor.perform(task))).unwrap_or_else(|error| match error {
             JobError::Rejected(reason) | JobError::Retry(reason) | JobError::Stop(reason) => {
                 End { outcome: Outcome::Retry(reason, None), went_along: Vec::new() }
             }
@@ -148,7 +152,7 @@ fn labour<C: Corrector>(tasks: &Mutex<Receiver<Task>>, bench: &Bench<'_, C>, sen
 /// A station at work.
 struct Worker<'a, C> {
     settings: LiveSettings,
-    bench: &'a Bench<'a, C>,
+    executor: &'a Executor<'a, C>,
     stop: &'a StopSignal,
     mode: Mode,
     /// The state folder in which lock and journal are, whatever the settings say later.
@@ -309,7 +313,10 @@ impl<C: Corrector> Worker<'_, C> {
         let (work, doomed) = match drop.meaning.clone() {
             Ok(Meaning::Companion) => return self.companion(path),
             // A texture of a part that was done before it came.
-            Ok(_) if is_picture(&drop.relative.to_string_lossy()) && self.late_companions.contains_key(path) => {
+            Ok(_)
+                if is_picture(&drop.relative.to_string_lossy())
+                    && self.late_companions.contains_key(path) =>
+            {
                 return self.companion(path);
             }
             Ok(Meaning::Part(sku)) => (Work::Learn(sku), doomed),
@@ -578,7 +585,7 @@ impl<C: Corrector> Worker<'_, C> {
                     if threads(station.watch.jobs) != self.threads {
                         tracing::warn!("`watch.jobs` counts from the next start on");
                     }
-                    self.bench.corrector.follow(station);
+                    self.executor.corrector.follow(station);
                     self.status.follow(station);
                     self.reprocessing.check_all();
                     self.next_listing = Moment::ZERO;
@@ -653,7 +660,8 @@ impl<C: Corrector> Worker<'_, C> {
         self.close_what_was_interrupted(&hot);
         for sku in self.drops.awaited() {
             // What is wrong with the settings or the surface is told when the pattern's turn comes.
-            let known = self.settings.job(&sku).map(|settings| self.bench.corrector.knows(&sku, &settings));
+            let known =
+                self.settings.job(&sku).map(|settings| self.executor.corrector.knows(&sku, &settings));
             let archived = filing::current_part(self.folders(), &sku).is_some();
             if !matches!(known, Ok(false)) || archived {
                 self.drops.release(&sku);
@@ -666,7 +674,7 @@ impl<C: Corrector> Worker<'_, C> {
     fn close_what_was_interrupted(&mut self, hot: &Path) {
         let folders = self.folders().clone();
         let running: BTreeSet<&str> = self.running.values().map(|running| running.drop.as_str()).collect();
-        let mut journal = self.bench.journal();
+        let mut journal = self.executor.journal();
         for (drop, open) in journal.all_begun() {
             let there = matches!(folders::look(&hot.join(&drop)), Ok(Some(Found::File(stamp))) if open.stamp == stamp.into());
             if running.contains(drop.as_str()) || there {
@@ -708,7 +716,7 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// Which delivered drawings would be others today.
     fn look_for_outdated(&mut self) {
-        let skus = self.reprocessing.to_check(|| self.bench.journal().skus());
+        let skus = self.reprocessing.to_check(|| self.executor.journal().skus());
         for sku in skus {
             if self.drops.has_part(&sku) || self.is_busy(&sku) {
                 self.reprocessing.check(sku);
@@ -716,7 +724,7 @@ impl<C: Corrector> Worker<'_, C> {
             }
             let Ok(settings) = self.job_settings(&sku) else { continue };
             let station = self.settings.station().clone();
-            self.reprocessing.look_at(self.bench, &station, &sku, &settings);
+            self.reprocessing.look_at(self.executor, &station, &sku, &settings);
         }
     }
 

@@ -30,7 +30,7 @@ use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
 /// What the threads of a station share.
-pub(super) struct Bench<'a, C> {
+pub(super) struct Executor<'a, C> {
     pub(super) corrector: &'a C,
     pub(super) journal: Mutex<Journal>,
     /// Archived parts that cannot be fitted with these settings.
@@ -140,7 +140,7 @@ struct Ready<'a> {
     read: &'a Read,
 }
 
-impl<'a, C: Corrector> Bench<'a, C> {
+impl<'a, C: Corrector> Executor<'a, C> {
     pub(super) fn new(corrector: &'a C, journal: Journal) -> Self {
         Self {
             corrector,
