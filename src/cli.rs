@@ -20,6 +20,8 @@ mod diff;
 mod evaluate;
 mod inspect;
 mod job;
+mod log;
+mod service;
 mod watch;
 
 /// Bends flat drawings so that a galvo laser marks true lengths on curved parts.

@@ -40,7 +40,7 @@ const DROPS: &[(&str, &[u8])] = &[
 ];
 
 pub(super) fn run(arguments: &DemoArguments) -> Outcome {
-    super::watch::start_log();
+    super::log::start(None).map_err(|error| Failure::environment(&error))?;
     let folder = &arguments.folder;
     set_up(folder).map_err(|error| Failure::environment(&error))?;
     let settings = LiveSettings::open(&folder.join("station.toml"))?;

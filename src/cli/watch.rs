@@ -1,29 +1,29 @@
 //! `isomark watch`: the hot folder.
 
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use clap::Args;
-use tracing_subscriber::EnvFilter;
 
-use super::{Exit, Failure, Outcome, print, tell};
+use super::service::ServiceManager;
+use super::{Exit, Failure, Outcome, log, print, tell};
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally};
 use crate::pipeline::Pipeline;
+use crate::reason::Reason;
 
 #[derive(Debug, Args)]
 pub(super) struct WatchArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Handles what lies in the hot folder, says what became of it, and stops.
+    /// Handles what lies in the hot folder, says what became of it, and stops; exit code 1 when something was rejected.
     #[arg(long)]
     once: bool,
 }
 
 pub(super) fn run(arguments: &WatchArguments) -> Outcome {
-    start_log();
     let settings = LiveSettings::open(&arguments.station)?;
+    log::start(settings.station().log.as_ref()).map_err(|error| Failure::environment(&error))?;
     let stop = StopSignal::default();
     let raise = stop.clone();
     if let Err(error) = ctrlc::set_handler(move || raise.raise()) {
@@ -32,28 +32,25 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     let corrector =
         PipelineCorrector::new(Pipeline::new(Some(Cache::new(&settings.station().folders.cache))));
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
-    let tally =
-        hotfolder::run(settings, &corrector, &stop, mode, &mut |_| {}).map_err(|error| failure(&error))?;
-    if arguments.once {
-        print(&words(&tally));
+    let mut manager = ServiceManager::of_this_process();
+    let tally = hotfolder::run(settings, &corrector, &stop, mode, &mut |pulse| manager.hear(pulse))
+        .map_err(|error| failure(&error))?;
+    if !arguments.once {
+        return Ok(());
     }
-    Ok(())
-}
-
-/// Lines for people on standard error; `RUST_LOG` chooses others.
-pub(super) fn start_log() {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
-    // A log that cannot be written (its disk is full, its reader went) must not end the station.
-    let lines = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_target(false)
-        .with_ansi(
-            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty()),
-        )
-        .with_writer(std::io::stderr)
-        .log_internal_errors(false);
-    // A second log in one process is a test's; the first one goes on.
-    let _ = lines.try_init();
+    print(&words(&tally));
+    match tally.rejected {
+        0 => Ok(()),
+        count => {
+            let drops = if count == 1 { "drop was" } else { "drops were" };
+            let remedy = "Read the .reason.txt beside each in the rejected folder.";
+            Err(Failure::rejected(Reason::new(
+                "drops-rejected",
+                format!("{count} {drops} rejected."),
+                remedy,
+            )))
+        }
+    }
 }
 
 fn failure(error: &StationError) -> Failure {
@@ -70,6 +67,9 @@ fn words(tally: &Tally) -> String {
         tally.waiting.len(),
         tally.incomplete.len()
     );
+    if tally.repeated > 0 {
+        text += &format!("{} delivered before and not again\n", tally.repeated);
+    }
     for left in tally.waiting.iter().chain(&tally.incomplete) {
         text += &format!("  {}: {}\n", left.drop, left.reason.what);
     }
