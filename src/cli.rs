@@ -23,6 +23,7 @@ mod job;
 mod log;
 mod service;
 mod watch;
+mod status;
 
 /// Bends flat drawings so that a galvo laser marks true lengths on curved parts.
 #[derive(Debug, Parser)]
@@ -40,6 +41,10 @@ enum Command {
     Evaluate(Box<evaluate::EvaluateArguments>),
     /// Runs a station: drops of parts and patterns become corrected drawings.
     Watch(watch::WatchArguments),
+    /// Says what a station is at: what it did, what waits for what, what was rejected last.
+    Status(status::StatusArguments),
+    /// Lets a station try again: what waits, what was rejected, or what is outdated.
+    Retry(status::RetryArguments),
     /// Says what isomark sees in a part or a drawing, and what it assumes.
     Inspect(inspect::InspectArguments),
     /// Says in words what changed between two drawings.
@@ -163,6 +168,8 @@ pub fn main() -> ExitCode {
         Command::Correct(arguments) => (correct::run(&arguments), arguments.json),
         Command::Evaluate(arguments) => (evaluate::run(&arguments), arguments.json),
         Command::Watch(arguments) => (watch::run(&arguments), false),
+        Command::Status(arguments) => (status::run(&arguments), arguments.json),
+        Command::Retry(arguments) => (status::retry(&arguments), false),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
         Command::Cache(arguments) => (cache::run(&arguments), false),

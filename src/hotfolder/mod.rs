@@ -29,6 +29,7 @@ mod beamserver;
 mod executor;
 mod reprocess;
 mod requests;
+mod rejected;
 mod worker;
 pub mod status;
 mod corrector;
@@ -40,6 +41,7 @@ pub use job::{
     StationError, Tally, Waiting,
 };
 pub use lock::{Holder, StationLock};
+pub use rejected::return_rejected;
 pub use requests::Request;
 pub use watcher::StopSignal;
 pub use worker::run;

@@ -1,0 +1,133 @@
+//! `isomark status` and `isomark retry`: a running station, looked at and spoken to from another terminal.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{Exit, Failure, Outcome, parse_sku, print};
+use crate::config::Station;
+use crate::hotfolder::status::{Listed, Status, Waits};
+use crate::hotfolder::{Holder, Request, StationLock, return_rejected};
+
+#[derive(Debug, Args)]
+pub(super) struct StatusArguments {
+    /// The station's settings.
+    station: PathBuf,
+    /// Writes the status for machines to standard output.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RetryArguments {
+    /// The station's settings.
+    station: PathBuf,
+    /// Rejected drops that go back into the hot folder, as they were named there; without any, what waits is tried now.
+    #[arg(value_name = "DROP")]
+    drops: Vec<String>,
+    /// Puts all rejected drops back into the hot folder.
+    #[arg(long, conflicts_with = "drops")]
+    rejected: bool,
+    /// Corrects delivered drawings again whose part or settings changed; of one SKU, or of all.
+    #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected"])]
+    outdated: Option<Option<String>>,
+}
+
+pub(super) fn run(arguments: &StatusArguments) -> Outcome {
+    let station = Station::load(&arguments.station)?;
+    let state = &station.folders.state;
+    let holder = StationLock::holder(state).map_err(|error| Failure::environment(&error))?;
+    let status = Status::read(state).map_err(|error| Failure::environment(&error))?;
+    let Some(mut status) = status else {
+        let what = format!("The station \"{}\" was never started.", station.name);
+        return Err(Failure::usage(what, "Start it with `isomark watch`."));
+    };
+    let ended_silently = status.running && holder.is_none();
+    status.running = holder.is_some();
+    if arguments.json {
+        let text =
+            serde_json::to_string_pretty(&status).map_err(|error| Failure::environment(&error.into()))?;
+        print(&(text + "\n"));
+    } else {
+        print(&words(&status, holder.as_ref(), ended_silently));
+    }
+    Ok(())
+}
+
+pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
+    let station = Station::load(&arguments.station)?;
+    let state = &station.folders.state;
+    let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
+    let then = if runs { "" } else { " when the station is started" };
+    if arguments.rejected || !arguments.drops.is_empty() {
+        let wanted = (!arguments.rejected).then_some(arguments.drops.as_slice());
+        let (returned, trouble) =
+            return_rejected(&station.folders, wanted).map_err(|error| Failure::environment(&error))?;
+        print(&returned.iter().map(|drop| format!("{drop} is back in the hot folder\n")).collect::<String>());
+        return match trouble.first() {
+            Some(reason) => Err(Failure { exit: Exit::Environment, reason: reason.clone() }),
+            None => Ok(()),
+        };
+    }
+    let request = match &arguments.outdated {
+        Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),
+        None => Request::Waiting,
+    };
+    request.leave(state).map_err(|error| Failure::environment(&error))?;
+    print(&match request {
+        Request::Waiting => format!("what waits is tried again{then}\n"),
+        Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),
+    });
+    Ok(())
+}
+
+fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> String {
+    let mut text = match holder {
+        Some(holder) => format!("{}: runs, {holder}\n", status.station),
+        None if ended_silently => {
+            format!("{}: does not run; it ended without a word after {}\n", status.station, status.at)
+        }
+        None => format!("{}: does not run; it was stopped at {}\n", status.station, status.at),
+    };
+    let done = &status.done;
+    text += &format!(
+        "since {}: {} delivered ({} in the last hour), {} rejected ({}), {} learned\n",
+        status.since,
+        done.delivered,
+        done.delivered_last_hour,
+        done.rejected,
+        done.rejected_last_hour,
+        if done.learned == 1 { "1 part".into() } else { format!("{} parts", done.learned) }
+    );
+    if !status.under_way.is_empty() {
+        text += "at work on\n";
+        let lines = status.under_way.iter().map(|job| format!("  {}, for {:.1} s\n", job.drop, job.for_s));
+        text.extend(lines);
+    }
+    let waits = |waits: &Waits| format!("{}: {} {}", waits.drop, waits.reason.what, waits.reason.remedy);
+    text += &list("waiting", &status.waiting, waits);
+    text +=
+        &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
+    text += &list("outdated by a new part or new settings", &status.outdated, |drawing| drawing.name.clone());
+    if !status.rejections.is_empty() {
+        text += "rejected last\n";
+        let line = |rejection: &crate::hotfolder::status::Rejection| {
+            format!("  {} {}: {}\n", rejection.at, rejection.drop, rejection.reason.what)
+        };
+        text.extend(status.rejections.iter().map(line));
+    }
+    text
+}
+
+fn list<T>(title: &str, listed: &Listed<T>, words: impl Fn(&T) -> String) -> String {
+    if listed.count == 0 {
+        return String::new();
+    }
+    let mut text = format!("{title}: {}\n", listed.count);
+    text.extend(listed.first.iter().map(|entry| format!("  {}\n", words(entry))));
+    let more = listed.count - listed.first.len();
+    if more > 0 {
+        text += &format!("  and {more} more\n");
+    }
+    text
+}
