@@ -24,6 +24,7 @@ mod log;
 mod service;
 mod watch;
 mod status;
+mod check;
 
 /// Bends flat drawings so that a galvo laser marks true lengths on curved parts.
 #[derive(Debug, Parser)]
@@ -45,6 +46,10 @@ enum Command {
     Status(status::StatusArguments),
     /// Lets a station try again: what waits, what was rejected, or what is outdated.
     Retry(status::RetryArguments),
+    /// Checks the settings of a station and of its SKUs.
+    Check(check::CheckArguments),
+    /// Sets up the folders and annotated settings of a station.
+    Init(check::InitArguments),
     /// Says what isomark sees in a part or a drawing, and what it assumes.
     Inspect(inspect::InspectArguments),
     /// Says in words what changed between two drawings.
@@ -170,6 +175,8 @@ pub fn main() -> ExitCode {
         Command::Watch(arguments) => (watch::run(&arguments), false),
         Command::Status(arguments) => (status::run(&arguments), arguments.json),
         Command::Retry(arguments) => (status::retry(&arguments), false),
+        Command::Check(arguments) => (check::run(&arguments), false),
+        Command::Init(arguments) => (check::init(&arguments), false),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
         Command::Cache(arguments) => (cache::run(&arguments), false),

@@ -1,0 +1,100 @@
+//! `isomark check` and `isomark init`: settings looked at before they count, and a station to begin with.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fs_err as fs;
+
+use super::{Exit, Failure, Outcome, print, tell};
+use crate::config::{ConfigError, DeliveryKind, Sku, Station};
+use crate::files::write_whole;
+use crate::reason::Reason;
+
+#[derive(Debug, Args)]
+pub(super) struct CheckArguments {
+    /// The station's settings.
+    station: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct InitArguments {
+    /// The folder to set the station up in; what lies there already stays as it is.
+    folder: PathBuf,
+}
+
+/// The samples, with every key explained.
+const FILES: &[(&str, &[u8])] = &[
+    ("station.toml", include_bytes!("../../watch-config/station.toml")),
+    ("skus/can-500.toml", include_bytes!("../../watch-config/skus/can-500.toml")),
+];
+
+pub(super) fn run(arguments: &CheckArguments) -> Outcome {
+    let station = Station::load(&arguments.station)?;
+    let (mut mistakes, mut skus) = (Vec::new(), 0);
+    for path in sku_files(&station.folders.skus)? {
+        match check_sku_file(&station, &path) {
+            Ok(()) => skus += 1,
+            Err(reason) => mistakes.push(reason),
+        }
+    }
+    let plural = if skus == 1 { "file" } else { "files" };
+    print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, arguments.station.display()));
+    let folders = &station.folders;
+    print(&format!("  drops from  {}\n  results to  {}\n", folders.hot.display(), folders.import.display()));
+    if station.delivery.kind == DeliveryKind::Beamserver {
+        print(&format!("  BeamServer  {}\n", station.delivery.address));
+    }
+    if !folders.import.is_dir() {
+        let what = format!("The import folder {} does not exist.", folders.import.display());
+        let remedy =
+            "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
+        mistakes.push(Reason::new("import-missing", what, remedy));
+    }
+    let Some(last) = mistakes.pop() else { return Ok(()) };
+    mistakes.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
+    Err(Failure { exit: Exit::Usage, reason: last })
+}
+
+fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(Failure::environment(&error)),
+    };
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")));
+    files.sort();
+    Ok(files)
+}
+
+fn check_sku_file(station: &Station, path: &Path) -> Result<(), Reason> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.parse::<Sku>().map_err(|error| error.reason().in_file(path.display().to_string()))?;
+    let unreadable = |source| ConfigError::Unreadable { file: path.into(), source };
+    let text = std::fs::read_to_string(path).map_err(unreadable);
+    text.and_then(|text| station.settings.overridden_by(path, &text))
+        .map(drop)
+        .map_err(|error| error.reason())
+}
+
+pub(super) fn init(arguments: &InitArguments) -> Outcome {
+    let folder = &arguments.folder;
+    let failed = |error: std::io::Error| Failure::environment(&error);
+    for name in ["hot", "import", "skus"] {
+        fs::create_dir_all(folder.join(name)).map_err(failed)?;
+    }
+    for (name, bytes) in FILES {
+        let path = folder.join(name);
+        let verb = if path.exists() { "stays" } else { "written" };
+        if let (false, Some(parent), Some(name)) = (path.exists(), path.parent(), path.file_name()) {
+            write_whole(parent, &name.to_string_lossy(), bytes).map_err(failed)?;
+        }
+        print(&format!("{verb:<8} {}\n", path.display()));
+    }
+    let station = folder.join("station.toml");
+    print(&format!(
+        "\nSet the import folder and the size of the field in {0}, then\n  isomark check {0}\n  isomark watch {0}\n",
+        station.display()
+    ));
+    Ok(())
+}
