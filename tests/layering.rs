@@ -66,6 +66,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("tracing_subscriber", &["cli"]),
     ("notify", &["hotfolder"]),
     ("ctrlc", &["cli"]),
+    ("unicode_normalization", &["config"]),
     ("clap", &["cli"]),
 ];
 

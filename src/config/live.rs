@@ -117,9 +117,7 @@ impl LiveSettings {
         };
         let mut found = BTreeMap::new();
         for path in entries.flatten().map(|entry| entry.path()) {
-            let is_settings = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-            let sku = path.file_stem().and_then(|stem| stem.to_str()?.parse::<Sku>().ok());
-            if let Some(sku) = sku.filter(|_| is_settings) {
+            if let Some(sku) = sku_of(&path) {
                 found.insert(sku, path);
             }
         }
@@ -174,7 +172,7 @@ impl LiveSettings {
     }
 }
 
-/// The SKU's settings file, whatever the case of its name.
+/// The SKU's settings file, however its name is spelled.
 fn find_sku_file(folder: &Path, sku: &Sku) -> Result<Option<PathBuf>, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: folder.into(), source };
     let entries = match std::fs::read_dir(folder) {
@@ -182,12 +180,17 @@ fn find_sku_file(folder: &Path, sku: &Sku) -> Result<Option<PathBuf>, ConfigErro
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(unreadable(error)),
     };
-    let wanted = format!("{}.toml", sku.key());
     for entry in entries {
-        let entry = entry.map_err(unreadable)?;
-        if entry.file_name().to_string_lossy().to_lowercase() == wanted {
-            return Ok(Some(entry.path()));
+        let path = entry.map_err(unreadable)?.path();
+        if sku_of(&path).as_ref() == Some(sku) {
+            return Ok(Some(path));
         }
     }
     Ok(None)
+}
+
+/// The SKU whose settings file this is by its name.
+fn sku_of(path: &Path) -> Option<Sku> {
+    path.extension().filter(|ending| ending.eq_ignore_ascii_case("toml"))?;
+    path.file_stem()?.to_str()?.parse().ok()
 }

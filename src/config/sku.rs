@@ -3,14 +3,16 @@
 use std::cmp::Ordering;
 use std::str::FromStr;
 
+use unicode_normalization::UnicodeNormalization;
+
 use crate::reason::Reason;
 
 /// The name of a product.
 ///
 /// It starts with a letter, a digit or `_`, holds no path separator, no `@` and nothing that some file system
 /// forbids, and has at most 100 characters, so it is a plain file name everywhere. Two names that differ only in
-/// case are the same SKU, because half of the world's file systems cannot tell them apart; the spelling is kept for
-/// people, [`Sku::key`] is what folders and comparisons use.
+/// case, or in how accents are composed, are the same SKU, because half of the world's file systems cannot tell them
+/// apart; the spelling is kept for people, [`Sku::key`] is what folders and comparisons use.
 #[derive(Debug, Clone)]
 pub struct Sku {
     name: String,
@@ -82,7 +84,8 @@ impl FromStr for Sku {
         if is_reserved_by_windows(name) {
             return Err(BadSku::Reserved(name.into()));
         }
-        Ok(Self { name: name.into(), key: name.to_lowercase() })
+        let name: String = name.nfc().collect();
+        Ok(Self { key: name.to_lowercase(), name })
     }
 }
 
@@ -146,7 +149,9 @@ mod tests {
         {
             assert_eq!(good.parse::<Sku>().unwrap().as_str(), good);
         }
-        assert_eq!("CAN-500".parse::<Sku>().unwrap(), "can-500".parse::<Sku>().unwrap());
+        for (one, other) in [("CAN-500", "can-500"), ("T\u{fc}r", "t\u{75}\u{308}r")] {
+            assert_eq!(one.parse::<Sku>().unwrap(), other.parse::<Sku>().unwrap());
+        }
     }
 
     #[test]

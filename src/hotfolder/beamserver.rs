@@ -36,6 +36,8 @@ const PER_MILLIMETRE: f64 = 10_000.0;
 const SIZE_TOLERANCE: f64 = 0.01;
 /// BeamServer's first number for an element that does not exist.
 const NO_SUCH_ELEMENT: i64 = 7;
+/// Its first number for an index that makes no sense.
+const BAD_INPUT: i64 = 16;
 /// Its first numbers for a file that cannot be opened or read.
 const UNREADABLE_FILE: [i64; 2] = [19, 21];
 
@@ -60,14 +62,14 @@ pub(super) fn import(
     server.command(&format!("CmdImport {path}"))?;
     let after = server.elements(name)?;
     let new: Vec<&String> = after.iter().filter(|id| !before.contains(id)).collect();
+    // Tried again, it would only pile up copies.
     let [new] = new[..] else {
         let what = format!("BeamConstruct holds {} new elements named {name} after the import.", new.len());
-        let remedy = "Look at BeamConstruct: its version may name imported elements differently.";
-        return Err(JobError::Retry(Reason::new("beamserver-lost", what, remedy)));
+        let remedy =
+            "Remove there what was imported. Its version may name imported elements differently; report it.";
+        return Err(JobError::Rejected(Reason::new("beamserver-lost", what, remedy)));
     };
-    for old in &before {
-        server.command(&format!("CmdDeleteEnt {old}"))?;
-    }
+    before.iter().try_for_each(|old| server.delete(old))?;
     let mut story = "imported into BeamConstruct".to_owned();
     if !before.is_empty() {
         story += ", in place of the older one";
@@ -77,7 +79,7 @@ pub(super) fn import(
         for (axis, expected) in ["X", "Y"].into_iter().zip(expected) {
             let found = server.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
             if !((found - expected).abs() <= SIZE_TOLERANCE) {
-                server.command(&format!("CmdDeleteEnt {new}"))?;
+                server.delete(new)?;
                 return Err(JobError::Rejected(wrong_size(name, axis, found, expected)));
             }
         }
@@ -109,7 +111,7 @@ impl Server {
         Ok(Self { stream: BufReader::new(stream), address })
     }
 
-    /// Sends a command and returns the answer; `Err(Ok(numbers))` for an `ERROR`.
+    /// Sends a command and returns the answer, or the numbers of an `ERROR`.
     fn ask(&mut self, command: &str) -> Result<Result<String, [i64; 2]>, JobError> {
         let answer = self.exchange(command).map_err(|error| {
             let what = format!("BeamServer at {} gave no answer to `{command}`: {error}.", self.address);
@@ -117,13 +119,13 @@ impl Server {
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
             JobError::Retry(Reason::new("beamserver-silent", what, remedy))
         })?;
-        let words: Vec<&str> = answer.split_whitespace().collect();
-        Ok(match words[..] {
-            ["ERROR", first, second, ..] => {
-                Err([first, second].map(|number| number.trim_end_matches(',').parse().unwrap_or(-1)))
+        let (first, rest) = answer.split_once(' ').unwrap_or((&answer, ""));
+        Ok(match first {
+            "ERROR" => {
+                let mut numbers = rest.split([' ', ',']).filter_map(|number| number.parse().ok());
+                Err([numbers.next().unwrap_or(-1), numbers.next().unwrap_or(-1)])
             }
-            ["ERROR", ..] => Err([-1, -1]),
-            ["OK", ref value @ ..] => Ok(value.join(" ")),
+            "OK" => Ok(rest.trim_start().to_owned()),
             _ => Ok(answer),
         })
     }
@@ -143,6 +145,15 @@ impl Server {
         self.ask(command)?.map_err(|numbers| refused(command, numbers))
     }
 
+    /// Removes an element, unless somebody did before.
+    fn delete(&mut self, id: &str) -> Result<(), JobError> {
+        let command = format!("CmdDeleteEnt {id}");
+        match self.ask(&command)? {
+            Ok(_) | Err([NO_SUCH_ELEMENT, _]) => Ok(()),
+            Err(numbers) => Err(refused(&command, numbers)),
+        }
+    }
+
     fn number(&mut self, command: &str) -> Result<f64, JobError> {
         let answer = self.command(command)?;
         answer.parse().map_err(|_| {
@@ -159,7 +170,7 @@ impl Server {
             let element = match self.ask(&format!("CmdListName {index}"))? {
                 Ok(element) => element,
                 // Which number ends the list is not documented for all versions; an empty project ends at once.
-                Err([NO_SUCH_ELEMENT | 16, _]) => break,
+                Err([NO_SUCH_ELEMENT | BAD_INPUT, _]) => break,
                 Err(numbers) => return Err(refused("CmdListName", numbers)),
             };
             if element.trim_start_matches(['\\', '/']) == name {

@@ -60,7 +60,7 @@ pub(super) fn deliver<'a>(
         remove_quietly(&temporary);
         return Err(folder_trouble(error));
     }
-    if let Err(error) = journal().delivering(job, stamp) {
+    if let Err(error) = journal().delivering(job, stamp, folders::identity(import)) {
         remove_quietly(&temporary);
         return Err(folder_trouble(error));
     }
@@ -87,6 +87,7 @@ pub(super) fn settle(
     folders: &FolderPaths,
     journal: &mut Journal,
     drop: &str,
+    open: &OpenJob,
     job: &Job,
 ) -> Result<(), JobError> {
     import_is_there(folders)?;
@@ -96,6 +97,12 @@ pub(super) fn settle(
             journal.cancelled(drop).map_err(folder_trouble)?;
             remove_quietly(&temporary);
             Ok(())
+        }
+        // What is missing in another folder, such as the place of a share that is not connected yet, says nothing.
+        Err(error)
+            if error.kind() == ErrorKind::NotFound && open.import != folders::identity(&folders.import) =>
+        {
+            Err(JobError::Retry(other_import(&folders.import)))
         }
         Err(error) if error.kind() == ErrorKind::NotFound => journal.delivered(drop).map_err(folder_trouble),
         Err(error) => Err(folder_trouble(error)),
@@ -110,7 +117,7 @@ pub(super) fn close(
     open: &OpenJob,
 ) -> Result<(), JobError> {
     if let Some(job) = open.job.as_ref().filter(|_| !open.delivered) {
-        settle(folders, journal, drop, job)?;
+        settle(folders, journal, drop, open, job)?;
         if !journal.all_begun().iter().any(|(begun, _)| begun == drop) {
             return Ok(());
         }
@@ -147,6 +154,15 @@ pub(super) fn import_is_there(folders: &FolderPaths) -> Result<(), JobError> {
     let what = format!("The import folder {} does not exist.", folders.import.display());
     let remedy = "Make it, connect its share, or correct `folders.import`; the drawing is then delivered.";
     Err(JobError::Retry(Reason::new(IMPORT_MISSING, what, remedy)))
+}
+
+fn other_import(import: &Path) -> Reason {
+    let what = format!(
+        "The station was interrupted while it delivered the drawing, and {} is another folder since.",
+        import.display()
+    );
+    let remedy = "Connect the share with the import folder; or see there whether the drawing arrived, and drop it again if not.";
+    Reason::new("import-other", what, remedy)
 }
 
 /// Removes what crashes left behind: this station's temporary files in the import folder that no job needs any more,

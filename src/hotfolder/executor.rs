@@ -216,7 +216,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let started = Instant::now();
         let drop = with_slashes(&task.relative);
         let name = &*delivered_as(pattern);
-        if let Some(kept) = kept.filter(|kept| kept.stamp == task.stamp) {
+        let is_of_use = |kept: &Kept| {
+            kept.stamp == task.stamp && (kept.imported || !is_missing_for_server(&task.station, name))
+        };
+        if let Some(kept) = kept.filter(is_of_use) {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
             return self.finish(&Ready { task, sku, pattern, name, read }, kept);
         }
@@ -363,9 +366,13 @@ impl<'a, C: Corrector> Executor<'a, C> {
     fn was_delivered(&self, task: &Task, drop: &str) -> Result<Option<Job>, JobError> {
         let mut journal = self.journal();
         let Some(open) = journal.begun(drop, task.stamp).cloned() else { return Ok(None) };
-        let Some(job) = open.job else { return Ok(None) };
+        let Some(job) = open.job.clone() else { return Ok(None) };
         if !open.delivered {
-            delivery::settle(&task.station.folders, &mut journal, drop, &job)?;
+            delivery::settle(&task.station.folders, &mut journal, drop, &open, &job)?;
+        }
+        // Nobody takes drawings away from BeamServer's folder as an importer does: it is to be made anew.
+        if open.to.is_none() && is_missing_for_server(&task.station, &job.name) {
+            journal.cancelled(drop).map_err(folder_trouble)?;
         }
         Ok(journal.begun(drop, task.stamp).is_some_and(|open| open.delivered).then_some(job))
     }
@@ -503,6 +510,13 @@ impl<'a, C: Corrector> Executor<'a, C> {
             _ => settings.clone(),
         }
     }
+}
+
+/// Whether BeamServer would look for a drawing that is not there.
+fn is_missing_for_server(station: &Station, name: &str) -> bool {
+    let there =
+        || matches!(folders::look(&station.folders.import.join(name)), Ok(Some(folders::Found::File(_))));
+    station.delivery.kind == DeliveryKind::Beamserver && !there()
 }
 
 fn words(how: How, last: Option<(&str, bool)>) -> String {

@@ -27,6 +27,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::clock;
+use super::folders::Identity;
 use super::settle::Stamp;
 use crate::config::Sku;
 use crate::files::{read_if_there, write_whole};
@@ -64,6 +65,8 @@ pub(super) struct OpenJob {
     pub(super) sku: String,
     /// The drawing; `None` for a part.
     pub(super) job: Option<Job>,
+    /// Which folder was the import folder.
+    pub(super) import: Option<Identity>,
     /// Whether the drawing lies, or lay, in the import folder.
     pub(super) delivered: bool,
     /// Where its original goes in the archive, relative to the SKU's folder.
@@ -105,6 +108,7 @@ enum Record {
         #[serde(flatten)]
         job: Job,
         stamp: StampRecord,
+        import: Option<Identity>,
     },
     /// It bears its own name.
     Delivered { drop: String },
@@ -244,8 +248,8 @@ impl Journal {
     }
 
     /// The drawing lies flushed under its temporary name and is about to get its own.
-    pub(super) fn delivering(&mut self, job: &Job, stamp: Stamp) -> io::Result<()> {
-        self.append(Record::Delivering { job: job.clone(), stamp: stamp.into() }, true)
+    pub(super) fn delivering(&mut self, job: &Job, stamp: Stamp, import: Option<Identity>) -> io::Result<()> {
+        self.append(Record::Delivering { job: job.clone(), stamp: stamp.into(), import }, true)
     }
 
     /// The drawing bears its own name.
@@ -329,9 +333,10 @@ impl Journal {
 
     fn apply(&mut self, at: &str, record: Record) {
         match record {
-            Record::Delivering { job, stamp } => {
+            Record::Delivering { job, stamp, import } => {
                 let open = OpenJob {
                     stamp,
+                    import,
                     sku: job.sku.clone(),
                     delivered: false,
                     to: None,
@@ -346,7 +351,7 @@ impl Journal {
                 self.open.remove(&drop);
             }
             Record::Filing { drop, sku, stamp, to } => {
-                let new = OpenJob { stamp, sku, job: None, delivered: false, to: None };
+                let new = OpenJob { stamp, sku, job: None, import: None, delivered: false, to: None };
                 self.open.entry(drop).or_insert(new).to = Some(to);
             }
             Record::Done { job, original } => {
@@ -406,7 +411,7 @@ impl Journal {
         }
         for (drop, open) in &self.open {
             if let Some(job) = &open.job {
-                push(Record::Delivering { job: job.clone(), stamp: open.stamp });
+                push(Record::Delivering { job: job.clone(), stamp: open.stamp, import: open.import });
             }
             if open.delivered {
                 push(Record::Delivered { drop: drop.clone() });
@@ -486,12 +491,12 @@ mod tests {
         states.push((0, state(&journal)));
         for step in 0..6 {
             match step {
-                0 => journal.delivering(&job("a.dxf", "1"), STAMP),
+                0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
                 1 => journal.delivered("a.dxf"),
                 2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf"),
                 3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf"),
                 4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
-                _ => journal.delivering(&job("b.dxf", "2"), STAMP),
+                _ => journal.delivering(&job("b.dxf", "2"), STAMP, Some(7)),
             }
             .unwrap();
             states.push((journal.length, state(&journal)));
@@ -522,7 +527,7 @@ mod tests {
         for round in 0..IDLE_LINES + 2 {
             journal.done(&job("a.dxf", &round.to_string()), "a.dxf").unwrap();
         }
-        journal.delivering(&job("b.dxf", "x"), STAMP).unwrap();
+        journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
         journal.done(&job("a.dxf", "last"), "a.dxf").unwrap();
         let before = state(&journal);
         assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);

@@ -153,7 +153,7 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
 
 /// Whether a stem already says which SKU it is for.
 fn names_sku(stem: &str, sku: &Sku) -> bool {
-    stem.split('@').next().unwrap_or(stem).to_lowercase() == sku.key()
+    stem.split('@').next().unwrap_or(stem).parse::<Sku>().as_ref() == Ok(sku)
 }
 
 fn unknown_kind(extension: &str) -> Reason {

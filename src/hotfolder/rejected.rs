@@ -60,7 +60,12 @@ pub fn return_rejected(
 
 /// Reasons lie up to two folders deep: a SKU's, and a numbered one in it.
 fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in fs::read_dir(folder)? {
+    let entries = match fs::read_dir(folder) {
+        // A station that never ran rejected nothing.
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        entries => entries?,
+    };
+    for entry in entries {
         let path = entry?.path();
         if path.is_dir() && depth < 2 {
             collect(&path, depth + 1, reasons)?;

@@ -17,5 +17,6 @@ mod refusals;
 mod cache;
 mod inspect_and_diff;
 mod station;
+mod control;
 mod demo;
 mod evaluate;

@@ -18,13 +18,13 @@ const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nim
 const CAN: &str = "[part]\nfacing = \"-y\"\n[placement]\nplace_mm = [0, 60]\n[fixture]\ny_mm = -60\n";
 
 /// A station's folders, and the program when it runs.
-struct Station {
-    desk: Desk,
-    running: Option<Child>,
+pub struct Station {
+    pub desk: Desk,
+    pub running: Option<Child>,
 }
 
 impl Station {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let desk = Desk::new();
         for folder in ["hot", "import", "elsewhere"] {
             fs::create_dir(desk.path(folder)).unwrap();
@@ -34,13 +34,13 @@ impl Station {
         Self { desk, running: None }
     }
 
-    fn running() -> Self {
+    pub fn running() -> Self {
         let mut station = Self::new();
         station.start();
         station
     }
 
-    fn start(&mut self) {
+    pub fn start(&mut self) {
         let log = fs::OpenOptions::new().create(true).append(true).open(self.path("log.txt")).unwrap();
         let child = Command::new(env!("CARGO_BIN_EXE_isomark"))
             .args(["watch", "station.toml"])
@@ -54,35 +54,35 @@ impl Station {
     }
 
     /// Handles what lies there and returns what was said.
-    fn once(&self) -> Said {
+    pub fn once(&self) -> Said {
         self.desk.isomark(&["watch", "station.toml", "--once"])
     }
 
     /// No time to tidy up.
-    fn kill(&mut self) {
+    pub fn kill(&mut self) {
         let mut child = self.running.take().unwrap();
         child.kill().unwrap();
         child.wait().unwrap();
     }
 
-    fn path(&self, relative: &str) -> PathBuf {
+    pub fn path(&self, relative: &str) -> PathBuf {
         self.desk.path(relative)
     }
 
-    fn log(&self) -> String {
+    pub fn log(&self) -> String {
         fs::read_to_string(self.path("log.txt")).unwrap_or_default()
     }
 
-    fn copy_into(&self, from: &str, name: &str) {
+    pub fn copy_into(&self, from: &str, name: &str) {
         self.desk.write(&format!("hot/{name}"), fs::read(from).unwrap());
     }
 
-    fn rename_into(&self, from: &str, name: &str) {
+    pub fn rename_into(&self, from: &str, name: &str) {
         self.desk.write("elsewhere/file", fs::read(from).unwrap());
         fs::rename(self.path("elsewhere/file"), self.path("hot").join(name)).unwrap();
     }
 
-    fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
+    pub fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
         let started = Instant::now();
         while !condition(self) {
             let tree = files(self.desk.root());
@@ -91,15 +91,15 @@ impl Station {
         }
     }
 
-    fn waits_for_file(&self, name: &str) {
+    pub fn waits_for_file(&self, name: &str) {
         self.waits_for(name, |station| station.path(name).exists());
     }
 
-    fn waits_for_empty_hot(&self) {
+    pub fn waits_for_empty_hot(&self) {
         self.waits_for("an empty hot folder", |station| files(&station.path("hot")).is_empty());
     }
 
-    fn import(&self) -> Vec<String> {
+    pub fn import(&self) -> Vec<String> {
         files(&self.path("import"))
     }
 }
