@@ -12,7 +12,7 @@ use crate::station::{Station, files};
 /// A shallow trough.
 const PART: &str =
     "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\nf 1 2 5 4\nf 2 3 6 5\n";
-/// Too high for a drawing in its middle to stay on it.
+/// Far off the part.
 const OFF: &str = "[placement]\nplace_mm = [0, 500]\n";
 
 fn status(station: &Station) -> Value {
@@ -124,6 +124,7 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     let mut station = delivered();
     let first = station.desk.read("import/trough.dxf");
     station.start();
+    station.waits_for("a first listing", |station| status(station)["running"] == true);
     station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
     station.waits_for("a mark", |station| status(station)["outdated"]["first"][0]["name"] == "trough.dxf");
     assert!(station.log().contains("+ place_mm = [3, 0]"), "{}", station.log());
@@ -165,7 +166,7 @@ fn a_drawing_dropped_again_is_delivered_again_as_the_settings_say() {
 fn settings_beside_a_drawing_hold_for_it_alone() {
     let station = delivered();
     let plain = station.desk.read("import/trough.dxf");
-    let sidecar = "[placement]\nplace_mm = [2, 1]\nrotate_deg = 30\n[correction]\nmethod = \"none\"\n";
+    let sidecar = "[placement]\nplace_mm = [1, 2]\nrotate_deg = 10\n[correction]\nmethod = \"none\"\n";
     station.desk.write("hot/trough@a.toml", sidecar);
     for name in ["trough@a.dxf", "trough@b.dxf"] {
         station.copy_into(&drawing("square"), name);
