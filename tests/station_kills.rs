@@ -101,7 +101,7 @@ impl Harness {
         for name in ["hot", "import", "outside", "taken"] {
             fs::create_dir(folder.path().join(name)).unwrap();
         }
-        let repeat = if seed % 2 == 0 { "never" } else { "if-gone" };
+        let repeat = if seed.is_multiple_of(2) { "never" } else { "if-gone" };
         fs::write(folder.path().join("station.toml"), settings(repeat)).unwrap();
         let (random, fates) = (Random(seed), BTreeMap::new());
         Self { folder, program: None, random, fates, slow: Vec::new(), taken: Vec::new(), repeat, count: 0 }

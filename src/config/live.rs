@@ -152,8 +152,11 @@ impl LiveSettings {
         let settings = self.station.settings.overridden_by(&file, &text)?;
         self.forgive(&file);
         let old = self.skus.insert(sku.clone(), SkuFile { file, text: text.clone() });
-        let old =
-            old.map_or_else(|| (!self.skus_listed).then(|| text.clone()).unwrap_or_default(), |old| old.text);
+        let old = match old {
+            Some(old) => old.text,
+            None if self.skus_listed => String::new(),
+            None => text.clone(),
+        };
         if old != text {
             self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new: text });
         }

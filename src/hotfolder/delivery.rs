@@ -213,7 +213,8 @@ pub(super) fn take_back(drawing: &Path) {
 /// What cannot be removed is hidden, ignored by importers, and removed at a later start.
 fn remove_quietly(path: &Path) {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => tracing::warn!("{error}"),
+        // A read-only disk says so also of what is not there.
+        Err(error) if fs::symlink_metadata(path).is_ok() => tracing::warn!("{error}"),
         _ => {}
     }
 }

@@ -112,7 +112,7 @@ pub(super) enum Outcome {
     /// The newest part of the SKU was rejected, and its older shape is not used.
     PartRefused(Reason),
     /// Something around the job fails.
-    Retry(Reason, Option<Kept>),
+    Retry(Reason, Option<Box<Kept>>),
     /// Nothing can be done any more.
     Stop(Reason),
 }
@@ -302,7 +302,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
     fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
         match self.finish_steps(ready, &mut kept) {
             Ok(()) => Ok(Outcome::Delivered),
-            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(kept))),
+            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(kept)))),
             Err(error) => Err(error.into()),
         }
     }

@@ -62,7 +62,7 @@ impl Reprocessing {
     }
 
     /// The SKUs to look at now.
-    pub(super) fn to_check(&mut self, all: impl FnOnce() -> BTreeSet<Sku>) -> Vec<Sku> {
+    pub(super) fn take_unchecked(&mut self, all: impl FnOnce() -> BTreeSet<Sku>) -> Vec<Sku> {
         if !std::mem::replace(&mut self.all_checked, true) {
             self.unchecked.extend(all());
         }

@@ -229,9 +229,11 @@ impl StatusBoard {
         let running = |drop: &str| view.running.values().any(|running| running.drop == drop);
         let (waiting, incomplete) = view.drops.left();
         let waits = |list: Vec<super::job::Waiting>| {
-            let list = list.into_iter().filter(|waiting| !running(&waiting.drop));
-            listed(list.map(|waiting| Waits { drop: waiting.drop, reason: waiting.reason }).collect())
+            let waits = |waiting: super::job::Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
+            listed(list.into_iter().map(waits).collect())
         };
+        // What waits goes on waiting while it is tried again; what is read for the first time lacks nothing yet.
+        let incomplete = incomplete.into_iter().filter(|drop| !running(&drop.drop)).collect();
         let outdated = view.outdated.iter();
         Status {
             schema: SCHEMA.into(),

@@ -441,7 +441,7 @@ impl<C: Corrector> Worker<'_, C> {
             Outcome::PartRefused(reason) => self.retry_later(path, reason),
             Outcome::Retry(reason, kept) => {
                 if let Some(kept) = kept {
-                    self.kept.insert(path.into(), kept);
+                    self.kept.insert(path.into(), *kept);
                 }
                 self.retry_later(path, reason);
             }
@@ -716,7 +716,7 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// Which delivered drawings would be others today.
     fn look_for_outdated(&mut self) {
-        let skus = self.reprocessing.to_check(|| self.executor.journal().skus());
+        let skus = self.reprocessing.take_unchecked(|| self.executor.journal().skus());
         for sku in skus {
             if self.drops.has_part(&sku) || self.is_busy(&sku) {
                 self.reprocessing.check(sku);
