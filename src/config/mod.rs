@@ -19,8 +19,8 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Method, Outdated, PartShape, Repeat, Slip,
-    Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Method, Outdated, PartShape, Repeat,
+    Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use error::{ConfigError, Spot};
 pub use keys::{JOINING, LOW_PASS};

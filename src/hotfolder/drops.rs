@@ -245,5 +245,6 @@ fn not_a_file() -> Reason {
 }
 
 fn still_settling() -> Reason {
-    Reason::new("still-settling", "The file may still be written.", "Nothing: it is looked at again.")
+    let what = "The file may still be written, or its turn has not come.";
+    Reason::new("still-settling", what, "Nothing: it is looked at again.")
 }

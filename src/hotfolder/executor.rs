@@ -223,7 +223,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
             return self.finish(&Ready { task, sku, pattern, name, read }, kept);
         }
-        if let Some(reason) = self.refused(&task.station.folders, sku) {
+        // The shape that settings give by its sizes is never that of a file.
+        let is_from_file = task.settings.part.figure.is_none();
+        if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
             return Ok(Outcome::PartRefused(reason));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings)? {
