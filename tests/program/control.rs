@@ -124,7 +124,9 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     let mut station = delivered();
     let first = station.desk.read("import/trough.dxf");
     station.start();
-    station.waits_for("a first listing", |station| status(station)["running"] == true);
+    // The lock is taken before the settings are looked at, and an edit is noticed only after that.
+    let has_listed = |station: &Station| station.desk.text("state/status.json").contains("\"running\": true");
+    station.waits_for("a first listing", has_listed);
     station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
     station.waits_for("a mark", |station| status(station)["outdated"]["first"][0]["name"] == "trough.dxf");
     assert!(station.log().contains("+ place_mm = [3, 0]"), "{}", station.log());

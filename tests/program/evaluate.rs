@@ -155,6 +155,7 @@ fn a_station_takes_patterns_without_a_part_and_refuses_a_part_for_a_sku_given_by
     desk.write("hot/tumbler.glb", std::fs::read(part("can/fc020-gui.glb")).unwrap());
     desk.write("hot/tumbler@second.dxf", &letters);
     let said = desk.isomark(&["watch", "station.toml", "--once"]);
+    assert_eq!(said.code, 1, "a part is rejected: {}", said.err);
     assert!(desk.path("import/tumbler@second.dxf").is_file(), "{}", said.err);
     let reason = desk.text("rejected/tumbler.glb.reason.txt");
     assert!(reason.contains("cylinder 73 x 180 mm") && reason.contains("shape = \"mesh\""), "{reason}");
