@@ -348,6 +348,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
     }
 
     fn archive(&self, task: &Task, sku: &Sku, name: &str, read: &Read) -> Result<PathBuf, JobError> {
+        went_alone(task)?;
         let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
         let original = read.original(&task.path);
         let begun = self.journal().begun(&drop, task.stamp).and_then(|open| open.to.clone());
@@ -475,6 +476,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             tracing::warn!("{drop} cannot be corrected again: {reason}");
             return Ok(Outcome::Rejected(reason));
         }
+        went_alone(task)?;
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
@@ -512,6 +514,18 @@ impl<'a, C: Corrector> Executor<'a, C> {
             _ => settings.clone(),
         }
     }
+}
+
+/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
+/// with it, and would be done twice.
+fn went_alone(task: &Task) -> Result<(), JobError> {
+    let hot = &task.station.folders.hot;
+    if matches!(folders::look(&task.path), Ok(Some(_))) || hot.is_dir() {
+        return Ok(());
+    }
+    let what = format!("The hot folder {} is gone, and the drop with it.", hot.display());
+    let remedy = "Make it, or connect its share; the drop is then filed.";
+    Err(JobError::Retry(Reason::new("hot-missing", what, remedy)))
 }
 
 /// Whether BeamServer would look for a drawing that is not there.

@@ -8,6 +8,9 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
+#[cfg(target_os = "linux")]
+mod disks;
+
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
                         width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 20000\nrescan_s = 0.2\n";
 /// A shallow trough and a square on it.
@@ -53,6 +56,13 @@ impl Station {
         let code = i32::from(!words.contains(" 0 rejected"));
         assert_eq!(output.status.code(), Some(code), "{output:?}");
         words
+    }
+
+    /// What `isomark status` says.
+    #[cfg(target_os = "linux")]
+    fn status(&self) -> String {
+        let output = self.command(&["status", "station.toml"]).stdout(Stdio::piped()).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
     }
 
     fn rename_into(&self, name: &str, bytes: &[u8]) {
