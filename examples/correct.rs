@@ -6,6 +6,7 @@ use std::fs;
 
 use isomark::config::JobSettings;
 use isomark::pipeline::{PartInput, PatternInput, Pipeline};
+use isomark::preview::svg;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (part, drawing) = (fs::read("examples/parts/mouse.glb")?, fs::read("examples/patterns/letters.dxf")?);
@@ -16,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let input = PatternInput { name: "letters.dxf", bytes: &drawing, previous: None };
     let corrected = pipeline.correct(&sku, &learned, input, &settings, true)?;
     fs::write("target/letters-on-mouse.dxf", &corrected.dxf)?;
-    fs::write("target/letters-on-mouse.svg", corrected.preview.unwrap_or_default())?;
+    fs::write("target/letters-on-mouse.svg", svg(&corrected.preview.unwrap_or_default()))?;
     println!("{}", corrected.report.summary());
     Ok(())
 }

@@ -31,6 +31,7 @@ use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
 use crate::report::{
     self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory, WeightsStory,
@@ -88,8 +89,9 @@ pub struct Corrected {
     pub dxf: Vec<u8>,
     /// The report.
     pub report: Report,
-    /// The picture as SVG, if it was asked for.
-    pub preview: Option<String>,
+    /// What the picture shows, if it was asked for; [`svg`](crate::preview::svg) draws it, which takes longer than all
+    /// the rest.
+    pub preview: Option<Preview>,
 }
 
 /// Why a job was not done.
@@ -293,10 +295,10 @@ impl Pipeline {
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_preview.then(|| {
             let title = format!("{sku} · {} · {}", input.name, story.method());
-            picture::draw(title, &placed, &map, surface, settings, before.as_ref(), &after)
+            picture::preview(title, &placed, &map, surface, settings, before.as_ref(), &after)
         });
         if with_preview {
-            clock.lap("draw preview");
+            clock.lap("prepare preview");
         }
         notices.extend(learned.kept.facts.notices.iter().cloned());
         notices.extend(facts.repairs.iter().map(|repair| repair.notice.clone()));

@@ -19,7 +19,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("diff", &["geometry"]),
     ("report", &["geometry", "reason", "formats", "cache", "diff"]),
     ("pipeline", &["geometry", "reason", "formats", "config", "cache", "preview", "diff", "report"]),
-    ("hotfolder", &["reason", "formats", "config", "files", "cache", "diff", "pipeline"]),
+    ("hotfolder", &["reason", "formats", "config", "files", "cache", "preview", "diff", "pipeline"]),
     (
         "cli",
         &[
@@ -29,6 +29,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "config",
             "files",
             "cache",
+            "preview",
             "diff",
             "report",
             "pipeline",

@@ -9,6 +9,7 @@ use super::{Failure, Outcome, apart, file_trouble, name_of, print, tell, write_f
 use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
+use crate::preview;
 
 const CORRECTION: &str = "Correction";
 
@@ -74,7 +75,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         write_file(path, json.as_bytes())?;
     }
     if let (Some(path), Some(picture)) = (&arguments.preview, &corrected.preview) {
-        write_file(path, picture.as_bytes())?;
+        write_file(path, preview::svg(picture).as_bytes())?;
     }
     if arguments.json {
         print(&json);

@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned};
+use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
+use crate::preview::svg;
 use crate::reason::Reason;
 
 /// Surfaces that are held in memory: most drops in a row are for few products.
@@ -139,7 +140,9 @@ impl Corrector for PipelineCorrector {
         Ok(Delivery {
             drawing: corrected.dxf,
             report: report.into_bytes(),
-            preview: corrected.preview.map(String::into_bytes),
+            preview: corrected
+                .preview
+                .map(|preview| -> Sketch { Box::new(move || svg(&preview).into_bytes()) }),
             size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
         })

@@ -82,6 +82,8 @@ pub(super) struct Kept {
     pub(super) stamp: Stamp,
     job: Job,
     delivery: Delivery,
+    /// The preview as SVG.
+    preview: Option<Vec<u8>>,
     /// Whether the marking software has it, too.
     imported: bool,
 }
@@ -257,6 +259,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 stamp: task.stamp,
                 job: begun.clone(),
                 delivery: Delivery::default(),
+                preview: None,
                 imported: false,
             };
             return self.finish(&ready, kept);
@@ -297,7 +300,14 @@ impl<'a, C: Corrector> Executor<'a, C> {
         );
         made.drawing = Vec::new();
         let imported = how == How::Unchanged && same_again.is_some();
-        self.finish(&ready, Kept { stamp: task.stamp, job, delivery: made, imported })
+        let preview = made.preview.take().and_then(|draw| {
+            let trouble =
+                |(JobError::Rejected(reason) | JobError::Retry(reason) | JobError::Stop(reason))| {
+                    tracing::warn!("{name} has no preview: {}", reason.what);
+                };
+            guarded(|| Ok(draw())).map_err(trouble).ok()
+        });
+        self.finish(&ready, Kept { stamp: task.stamp, job, delivery: made, preview, imported })
     }
 
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
@@ -327,7 +337,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             let report = &kept.delivery.report;
             filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
         }
-        if let Some(preview) = &kept.delivery.preview {
+        if let Some(preview) = &kept.preview {
             filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
         }
         self.file_original(ready, &kept.job)

@@ -106,15 +106,19 @@ pub struct PartLearned {
     pub report: Option<Vec<u8>>,
 }
 
+/// A picture that is still to be drawn.
+pub type Sketch = Box<dyn FnOnce() -> Vec<u8> + Send>;
+
 /// What came of a pattern.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Default)]
 pub struct Delivery {
     /// The corrected drawing, for the import folder.
     pub drawing: Vec<u8>,
     /// The report in JSON, for the reports folder.
     pub report: Vec<u8>,
-    /// The preview as SVG, for the reports folder.
-    pub preview: Option<Vec<u8>>,
+    /// The preview as SVG, for the reports folder; it is drawn when the drawing lies in the import folder, because that
+    /// takes longer than the correction.
+    pub preview: Option<Sketch>,
     /// Width and height of the drawing in the field, mm, for marking software that is asked for them.
     pub size: Option<[f64; 2]>,
     /// One line for the log.

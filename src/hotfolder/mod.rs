@@ -37,7 +37,7 @@ mod corrector;
 pub use corrector::PipelineCorrector;
 pub use filing::CURRENT_PART;
 pub use job::{
-    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
+    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse, Sketch,
     StationError, Tally, Waiting,
 };
 pub use lock::{Holder, StationLock};

@@ -4,13 +4,13 @@ use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
 use crate::geometry::pattern::Shape;
 use crate::geometry::space::{FlatPoint, ViewPoint};
-use crate::preview::{HeightPicture, Preview, PreviewPath, svg};
+use crate::preview::{HeightPicture, Preview, PreviewPath};
 
 /// Lines are shown in pieces of this length, mm; more of them than this in all make longer ones.
 const PIECE: f64 = 0.5;
 const MOST_PIECES: f64 = 40_000.0;
 
-pub(super) fn draw(
+pub(super) fn preview(
     title: String,
     placed: &Pattern,
     map: &LengthTrueMap,
@@ -18,7 +18,7 @@ pub(super) fn draw(
     settings: &JobSettings,
     before: Option<&Distortion>,
     after: &Distortion,
-) -> String {
+) -> Preview {
     let piece = PIECE.max(after.length / MOST_PIECES);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
     // The field is given in the laser's frame; the picture shows the view. Only a shift lies between, unless turned.
@@ -47,14 +47,14 @@ pub(super) fn draw(
             residual.rms, residual.largest, residual.at.x, residual.at.y
         ),
     ));
-    svg(&Preview {
+    Preview {
         title,
         part_outline: relief(surface, settings.correction.tolerance),
         before: lines(&|at| at.coords().into()),
         after: lines(&|at| map.point(at)),
         field,
         summary,
-    })
+    }
 }
 
 /// The part's heights, and where the fit leaves more than `limit` mm: edges, which no smooth surface follows.

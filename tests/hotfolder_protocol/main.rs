@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -20,16 +21,34 @@ use isomark::reason::Reason;
 #[derive(Default)]
 struct Pretender {
     surfaces: Mutex<BTreeMap<Sku, String>>,
+    seen: Arc<Seen>,
 }
 
-fn obey(bytes: &[u8]) -> Result<String, JobError> {
-    let text = String::from_utf8(bytes.to_vec()).unwrap();
-    let reason = |code| Reason::new(code, "As asked.", "Ask for something else.");
-    match text.split_whitespace().next() {
-        Some("reject") => Err(JobError::Rejected(reason("asked"))),
-        Some("stop") => Err(JobError::Stop(reason("asked"))),
-        Some("panic") => panic!("as asked"),
-        _ => Ok(text.trim_end().trim_end_matches("EOF").trim().to_owned()),
+/// What the stand-in and the test tell each other.
+#[derive(Default)]
+struct Seen {
+    /// Jobs that were told to hold may go on.
+    released: AtomicBool,
+    /// The patterns that were corrected, in their order.
+    corrected: Mutex<Vec<String>>,
+}
+
+impl Pretender {
+    fn obey(&self, bytes: &[u8]) -> Result<String, JobError> {
+        let text = String::from_utf8(bytes.to_vec()).unwrap();
+        let reason = |code| Reason::new(code, "As asked.", "Ask for something else.");
+        match text.split_whitespace().next() {
+            Some("reject") => Err(JobError::Rejected(reason("asked"))),
+            Some("stop") => Err(JobError::Stop(reason("asked"))),
+            Some("panic") => panic!("as asked"),
+            Some("hold") => {
+                while !self.seen.released.load(Ordering::SeqCst) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Ok("held".into())
+            }
+            _ => Ok(text.trim_end().trim_end_matches("EOF").trim().to_owned()),
+        }
     }
 }
 
@@ -57,7 +76,7 @@ impl Corrector for Pretender {
     fn follow(&self, _: &Station) {}
 
     fn learn_part(&self, sku: &Sku, part: &DroppedFile, _: &JobSettings) -> Result<PartLearned, JobError> {
-        let surface = obey(&part.bytes)?;
+        let surface = self.obey(&part.bytes)?;
         self.surfaces.lock().unwrap().insert(sku.clone(), surface);
         Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
     }
@@ -71,12 +90,13 @@ impl Corrector for Pretender {
     ) -> Result<Delivery, JobError> {
         let turn = settings.placement.rotate.to_degrees();
         let surface = self.surfaces.lock().unwrap()[sku].clone();
-        let drawing = format!("{} on {surface} at {turn:.0}", obey(&pattern.bytes)?);
+        let drawing = format!("{} on {surface} at {turn:.0}", self.obey(&pattern.bytes)?);
+        self.seen.corrected.lock().unwrap().push(pattern.name.clone());
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {
             drawing: drawing.into(),
             report: report.into(),
-            preview: Some(b"<svg/>".to_vec()),
+            preview: Some(Box::new(|| b"<svg/>".to_vec())),
             size: None,
             summary: "good".into(),
         })
@@ -86,6 +106,7 @@ impl Corrector for Pretender {
 struct Line {
     folder: tempfile::TempDir,
     stop: StopSignal,
+    seen: Arc<Seen>,
     running: Option<JoinHandle<Result<Tally, StationError>>>,
 }
 
@@ -100,7 +121,7 @@ impl Line {
             fs::create_dir(folder.path().join(name)).unwrap();
         }
         fs::write(folder.path().join("station.toml"), SETTINGS).unwrap();
-        Self { folder, stop: StopSignal::default(), running: None }
+        Self { folder, stop: StopSignal::default(), seen: Arc::default(), running: None }
     }
 
     fn running() -> Self {
@@ -113,7 +134,8 @@ impl Line {
         let settings = LiveSettings::open(&self.path("station.toml")).unwrap();
         self.stop = StopSignal::default();
         let stop = self.stop.clone();
-        let work = move || hotfolder::run(settings, &Pretender::default(), &stop, mode, &mut |_| {});
+        let pretender = Pretender { seen: self.seen.clone(), ..Pretender::default() };
+        let work = move || hotfolder::run(settings, &pretender, &stop, mode, &mut |_| {});
         self.running = Some(std::thread::spawn(work));
     }
 
@@ -178,6 +200,7 @@ impl Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
+        self.seen.released.store(true, Ordering::SeqCst);
         self.stop.raise();
         if let Some(running) = self.running.take() {
             let _ = running.join();
