@@ -8,7 +8,7 @@ use super::filing::with_slashes;
 use super::folders::Found;
 use super::job::Waiting;
 use super::names::{Meaning, meaning};
-use super::settle::{Moment, Settle, SettleTimes, Verdict};
+use super::settle::{Moment, Settle, SettleTimes, Verdict, Writer};
 use crate::config::Sku;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
@@ -69,7 +69,7 @@ impl Drops {
         hot: &Path,
         relative: &Path,
         found: Found,
-        closed: bool,
+        writer: Writer,
         now: Moment,
         still_for: Duration,
     ) {
@@ -81,7 +81,7 @@ impl Drops {
         };
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
-            drop.settle.see(stamp, closed, now);
+            drop.settle.see(stamp, writer, now);
             // Another file may do where the last one failed.
             if changed && drop.block != Block::UnknownSku {
                 drop.block = Block::Free;
@@ -96,11 +96,16 @@ impl Drops {
         if let Some(sku) = part {
             *self.parts.entry(sku).or_default() += 1;
         }
-        let settle = Settle::new(stamp, closed, now, still_for);
+        let settle = Settle::new(stamp, writer, now, still_for);
         let (number, block) = (self.count, Block::Free);
         self.count += 1;
         let drop = Drop { relative: relative.into(), meaning, settle, number, block, reason: None };
         self.all.insert(path, drop);
+    }
+
+    /// What writers do may have gone unheard.
+    pub(super) fn events_were_lost(&mut self) {
+        self.all.values_mut().for_each(|drop| drop.settle.events_were_lost());
     }
 
     /// The drop is gone from the hot folder.

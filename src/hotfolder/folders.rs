@@ -68,7 +68,7 @@ fn creation(metadata: &std::fs::Metadata) -> u64 {
 /// A listing of the hot folder: files and other things in it and in its SKU folders, without ignored names.
 #[derive(Debug, Default)]
 pub(super) struct Listing {
-    /// Paths and what lies there, in the order of the paths.
+    /// Paths and what lies there, in the order in which they were written.
     pub(super) drops: Vec<(PathBuf, Found)>,
     /// Folders inside SKU folders, which nobody looks into.
     pub(super) too_deep: Vec<PathBuf>,
@@ -86,7 +86,11 @@ pub(super) fn list(hot: &Path) -> io::Result<Listing> {
             listing.drops.push((path, found));
         }
     }
-    listing.drops.sort_by(|(a, _), (b, _)| a.cmp(b));
+    let written = |found: &Found| match found {
+        Found::File(stamp) | Found::Other(stamp) => stamp.modified,
+        Found::Folder => None,
+    };
+    listing.drops.sort_by(|(a, x), (b, y)| written(x).cmp(&written(y)).then_with(|| a.cmp(b)));
     Ok(listing)
 }
 
@@ -123,10 +127,25 @@ pub(super) fn entries(folder: &Path, unseen: &mut Vec<io::Error>) -> io::Result<
     Ok(found)
 }
 
+/// Opens a file to read it.
+#[cfg(not(windows))]
+fn open(path: &Path) -> io::Result<fs::File> {
+    fs::File::open(path)
+}
+
+/// Opens a file to read it, which Windows refuses as long as somebody has it open to write, and the other way round.
+#[cfg(windows)]
+fn open(path: &Path) -> io::Result<fs::File> {
+    const READ_AND_DELETE: u32 = 1 | 4;
+    let mut options = fs::OpenOptions::new();
+    fs::os::windows::fs::OpenOptionsExt::share_mode(options.read(true), READ_AND_DELETE);
+    options.open(path)
+}
+
 /// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read, or is larger
 /// than [`LARGEST_DROP`].
 pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
-    let mut file = match fs::File::open(path) {
+    let mut file = match open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(error),
@@ -348,6 +367,17 @@ mod tests {
             assert_eq!(is_mounted_from_network(Path::new(folder), mounts), expected, "{folder}");
         }
         assert!(!is_on_network(Path::new("/proc")));
+    }
+
+    #[cfg(windows)]
+    #[test]
+    fn what_is_being_written_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.obj");
+        let writer = fs::File::create(&path).unwrap();
+        assert!(read_whole(&path).is_err());
+        drop(writer);
+        assert!(read_whole(&path).unwrap().is_some());
     }
 
     #[cfg(unix)]

@@ -1,7 +1,8 @@
 //! When a file is whole: a pure state machine per file. Time is an argument, nothing is opened here.
 //!
-//! A file is read when its writer was seen to close it or to rename it into place, or when its size and time stood
-//! still for the settle time. If its content then turns out to end too early, it is read again after its next change;
+//! A file is read when its writer was seen to close it or to rename it into place; or, if nothing is known of its
+//! writer, when its size and time stood still for the settle time. A writer that was seen to write and not yet to close
+//! may be a copy that stalls, and is waited for as long as for the rest of a file. If its content then turns out to end too early, it is read again after its next change;
 //! if there is none within a limit, the job goes on and the file is rejected.
 
 use std::time::{Duration, SystemTime};
@@ -25,7 +26,8 @@ pub struct Stamp {
 pub struct SettleTimes {
     /// How long a file must stand still before it is read, if no writer was seen to close it.
     pub still: Duration,
-    /// How long an incomplete file must stand still before it is given up.
+    /// How long an incomplete file must stand still before it is given up, and one that its writer has open before it
+    /// is read.
     pub incomplete: Duration,
     /// The same after its writer closed it: only a writer that opens it again can still complete it.
     pub incomplete_after_close: Duration,
@@ -40,6 +42,17 @@ pub enum Verdict {
     Read,
     /// It still lacks this and nothing more is to be expected: reject it.
     GiveUp(Gap),
+}
+
+/// What is known of a file's writer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Writer {
+    /// Nothing.
+    Unknown,
+    /// It was seen to write; where closing is seen, too, it still has the file open.
+    Open,
+    /// It closed the file or renamed it into place.
+    Closed,
 }
 
 /// What an incomplete file lacks.
@@ -59,15 +72,15 @@ pub struct Settle {
     since: Moment,
     /// How long the file had been standing still when it was first seen.
     head_start: Duration,
-    /// Its writer closed it, and it did not change since.
-    closed: bool,
+    /// What was seen of its writer, at the last change or since.
+    writer: Writer,
     gap: Option<Gap>,
 }
 
 impl Settle {
     /// A file seen for the first time; `still_for` is how long it is known to have stood still already.
-    pub fn new(stamp: Stamp, closed: bool, now: Moment, still_for: Duration) -> Self {
-        Self { stamp, since: now, head_start: still_for, closed, gap: None }
+    pub fn new(stamp: Stamp, writer: Writer, now: Moment, still_for: Duration) -> Self {
+        Self { stamp, since: now, head_start: still_for, writer, gap: None }
     }
 
     /// The stamp last seen.
@@ -75,14 +88,23 @@ impl Settle {
         self.stamp
     }
 
-    /// The file was seen again; `closed` says that its writer closed it or renamed it into place before that.
-    pub fn see(&mut self, stamp: Stamp, closed: bool, now: Moment) {
+    /// The file was seen again; `writer` is what its writer was seen to do before that.
+    pub fn see(&mut self, stamp: Stamp, writer: Writer, now: Moment) {
+        let goes_on = self.writer == Writer::Open && stamp.identity == self.stamp.identity;
+        let writer = if writer == Writer::Unknown && goes_on { Writer::Open } else { writer };
         if stamp != self.stamp {
-            *self = Self::new(stamp, closed, now, Duration::ZERO);
-        } else if closed {
+            *self = Self::new(stamp, writer, now, Duration::ZERO);
+        } else if writer != Writer::Unknown {
             // Two writes within one tick of the file system's clock can leave the same stamp.
-            self.closed = true;
-            self.gap = None;
+            self.writer = writer;
+            self.gap = self.gap.filter(|_| writer == Writer::Open);
+        }
+    }
+
+    /// What was not heard may have been that the writer closed the file.
+    pub fn events_were_lost(&mut self) {
+        if self.writer == Writer::Open {
+            self.writer = Writer::Unknown;
         }
     }
 
@@ -107,9 +129,14 @@ impl Settle {
     /// When something is to be done about the file, if it is not seen again before.
     pub fn due(&self, times: &SettleTimes) -> Moment {
         let needed = match self.gap {
-            None if self.closed => Duration::ZERO,
-            None => times.still,
-            Some(Gap::Content) if self.closed => times.incomplete_after_close.min(times.incomplete),
+            None => match self.writer {
+                Writer::Closed => Duration::ZERO,
+                Writer::Unknown => times.still,
+                Writer::Open => times.incomplete.max(times.still),
+            },
+            Some(Gap::Content) if self.writer == Writer::Closed => {
+                times.incomplete_after_close.min(times.incomplete)
+            }
             Some(_) => times.incomplete,
         };
         self.since + needed.saturating_sub(self.head_start)
@@ -139,12 +166,14 @@ mod tests {
     #[derive(Clone, Copy)]
     enum Event {
         Seen(u64),
+        Written(u64),
         Closed(u64),
+        EventsLost,
         Incomplete(Gap),
         CompanionCame,
     }
 
-    use Event::{Closed, CompanionCame, Incomplete, Seen};
+    use Event::{Closed, CompanionCame, EventsLost, Incomplete, Seen, Written};
     use Verdict::Read;
 
     const CUT: Verdict = Verdict::GiveUp(Gap::Content);
@@ -185,6 +214,18 @@ mod tests {
                 vec![(50_000, wait(50_500)), (50_500, Read), (60_000, Read)],
             ),
             (
+                "a copy that stalls, of a format without an end",
+                &[(0, Written(1)), (9, Seen(1)), (400, Seen(2))],
+                vec![(1000, wait(60_400)), (60_400, Read)],
+            ),
+            ("written, then closed", &[(0, Written(1)), (5, Closed(1))], vec![(5, Read)]),
+            ("closed, then opened again", &[(0, Closed(1)), (5, Written(1))], vec![(5, wait(60_000))]),
+            (
+                "written, and nobody heard it closed",
+                &[(0, Written(1)), (5, EventsLost)],
+                vec![(5, wait(500)), (500, Read)],
+            ),
+            (
                 "closed too early",
                 &[(0, Closed(1)), (1, Incomplete(Gap::Content))],
                 vec![(1, wait(3000)), (3000, CUT)],
@@ -214,16 +255,18 @@ mod tests {
             let mut settle: Option<Settle> = None;
             for (at, event) in events {
                 let now = Duration::from_millis(*at);
-                let mut see = |size, closed| {
+                let mut see = |size, writer| {
                     let stamp = Stamp { size, modified: None, identity: 1 };
                     match settle.as_mut() {
-                        Some(settle) => settle.see(stamp, closed, now),
-                        None => settle = Some(Settle::new(stamp, closed, now, Duration::ZERO)),
+                        Some(settle) => settle.see(stamp, writer, now),
+                        None => settle = Some(Settle::new(stamp, writer, now, Duration::ZERO)),
                     }
                 };
                 match event {
-                    Seen(size) => see(*size, false),
-                    Closed(size) => see(*size, true),
+                    Seen(size) => see(*size, Writer::Unknown),
+                    Written(size) => see(*size, Writer::Open),
+                    Closed(size) => see(*size, Writer::Closed),
+                    EventsLost => settle.as_mut().unwrap().events_were_lost(),
                     Incomplete(gap) => settle.as_mut().unwrap().found_incomplete(*gap),
                     CompanionCame => settle.as_mut().unwrap().companion_came(),
                 }
@@ -238,7 +281,7 @@ mod tests {
     #[test]
     fn stillness_before_the_first_look_counts() {
         let stamp = Stamp { size: 1, modified: None, identity: 1 };
-        let mut settle = Settle::new(stamp, false, Duration::ZERO, Duration::from_secs(3600));
+        let mut settle = Settle::new(stamp, Writer::Unknown, Duration::ZERO, Duration::from_secs(3600));
         assert_eq!(settle.verdict(Duration::ZERO, &TIMES), Read);
         settle.found_incomplete(Gap::Content);
         assert_eq!(settle.verdict(Duration::ZERO, &TIMES), CUT);

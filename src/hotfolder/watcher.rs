@@ -25,6 +25,8 @@ pub(super) enum Message {
 pub(super) enum Signal {
     /// Something happened to this path.
     Touched(PathBuf),
+    /// Somebody writes into this file; told only where closing it is told, too.
+    Written(PathBuf),
     /// A writer closed this file, or it was renamed to this path.
     Closed(PathBuf),
     /// Events were lost: only a listing tells.
@@ -158,6 +160,7 @@ impl Signal {
         };
         match self {
             Self::Touched(path) => Self::Touched(respell(path)),
+            Self::Written(path) => Self::Written(respell(path)),
             Self::Closed(path) => Self::Closed(respell(path)),
             other => other,
         }
@@ -180,6 +183,9 @@ fn signals(event: notify::Result<notify::Event>, mut send: impl FnMut(Signal)) {
             paths.next().into_iter().for_each(|from| send(Signal::Touched(from)));
             paths.for_each(|to| send(Signal::Closed(to)));
         }
+        EventKind::Modify(ModifyKind::Data(_)) if cfg!(target_os = "linux") => {
+            paths.for_each(|path| send(Signal::Written(path)));
+        }
         EventKind::Access(_) => {}
         _ => paths.for_each(|path| send(Signal::Touched(path))),
     }
@@ -188,7 +194,7 @@ fn signals(event: notify::Result<notify::Event>, mut send: impl FnMut(Signal)) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use notify::event::{CreateKind, Flag};
+    use notify::event::{CreateKind, DataChange, Flag};
 
     fn told(event: notify::Event) -> Vec<Signal> {
         let mut all = Vec::new();
@@ -209,6 +215,9 @@ mod tests {
         let both = event(renamed(RenameMode::Both)).add_path("b".into());
         assert_eq!(told(both), [touched("a"), closed("b")]);
         assert_eq!(told(event(EventKind::Create(CreateKind::File))), [touched("a")]);
+        // Elsewhere nobody tells when a file is closed.
+        let written = if cfg!(target_os = "linux") { Signal::Written("a".into()) } else { touched("a") };
+        assert_eq!(told(event(EventKind::Modify(ModifyKind::Data(DataChange::Any)))), [written]);
         assert_eq!(told(event(EventKind::Access(AccessKind::Open(AccessMode::Any)))), []);
         assert_eq!(told(notify::Event::new(EventKind::Other).set_flag(Flag::Rescan)), [Signal::Overflow]);
         let mut all = Vec::new();

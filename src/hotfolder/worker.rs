@@ -21,7 +21,7 @@ use super::lock::StationLock;
 use super::names::{Meaning, delivered_as, is_ignored, is_sidecar};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
-use super::settle::{Moment, SettleTimes, Stamp, Verdict};
+use super::settle::{Moment, SettleTimes, Stamp, Verdict, Writer};
 use super::status::StatusBoard;
 use super::watcher::{Message, Signal, StopSignal, Watcher};
 use crate::config::{Backend, FolderPaths, JobSettings, LiveSettings, SettingsEvent, Sku};
@@ -45,6 +45,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 const MOST_MESSAGES: usize = 4096;
 /// A drop of this size or more is a large job, bytes: its fit takes seconds.
 const LARGE: u64 = 4 << 20;
+/// Delivered drawings whose reports and previews are held in memory until they can be filed.
+const MOST_KEPT: usize = 200;
 /// The greatest number of threads that is of use.
 const MOST_THREADS: usize = 64;
 
@@ -440,7 +442,8 @@ impl<C: Corrector> Worker<'_, C> {
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
             Outcome::PartRefused(reason) => self.retry_later(path, reason),
             Outcome::Retry(reason, kept) => {
-                if let Some(kept) = kept {
+                // Without what is kept, the journal says how far the job came, and it is worked through again.
+                if let Some(kept) = kept.filter(|_| self.kept.len() < MOST_KEPT) {
                     self.kept.insert(path.into(), *kept);
                 }
                 self.retry_later(path, reason);
@@ -505,7 +508,7 @@ impl<C: Corrector> Worker<'_, C> {
         let hot = self.folders().hot.clone();
         match folders::look(path) {
             Ok(Some(what)) => {
-                self.see(&hot, path, what, false);
+                self.see(&hot, path, what, Writer::Unknown);
             }
             _ => self.drops.forget(path),
         }
@@ -652,7 +655,7 @@ impl<C: Corrector> Worker<'_, C> {
         }
         let mut found = BTreeSet::new();
         for (path, what) in listing.drops {
-            self.see(&hot, &path, what, false);
+            self.see(&hot, &path, what, Writer::Unknown);
             found.insert(path);
         }
         self.drops.keep_only(&found);
@@ -745,34 +748,45 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// Takes in what was signalled, beginning with `first`.
     fn hear(&mut self, first: Message) {
-        let mut hints = BTreeMap::new();
-        let mut next = Some(first);
+        // For each path when it was first named, which is the order of the drops, and what its writer did last.
+        let (mut hints, mut overflow) = (BTreeMap::new(), false);
+        let (mut next, mut turn) = (Some(first), 0);
         while let Some(message) = next {
             match message {
                 Message::Finished(path, end) => self.finished(&path, end.outcome, &end.went_along),
                 Message::Signal(Signal::Touched(path)) => {
-                    hints.entry(path).or_insert(false);
+                    hints.entry(path).or_insert((turn, Writer::Unknown));
+                }
+                Message::Signal(Signal::Written(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Open)).1 = Writer::Open;
                 }
                 Message::Signal(Signal::Closed(path)) => {
-                    hints.insert(path, true);
+                    hints.entry(path).or_insert((turn, Writer::Closed)).1 = Writer::Closed;
                 }
-                Message::Signal(Signal::Overflow) => self.next_listing = Moment::ZERO,
+                Message::Signal(Signal::Overflow) => overflow = true,
                 Message::Signal(Signal::Stop) => {}
             }
             next = self.messages.try_recv().ok();
+            turn += 1;
         }
         if self.watcher.lost_events() {
             tracing::info!("more events than can be heard: the hot folder is listed");
-            self.next_listing = Moment::ZERO;
+            overflow = true;
         }
         let hot = self.folders().hot.clone();
-        for (path, closed) in hints {
-            self.hint(&hot, &path, closed);
+        let mut hints: Vec<_> = hints.into_iter().collect();
+        hints.sort_by_key(|(_, (turn, _))| *turn);
+        for (path, (_, writer)) in hints {
+            self.hint(&hot, &path, writer);
+        }
+        if overflow {
+            self.drops.events_were_lost();
+            self.next_listing = Moment::ZERO;
         }
     }
 
     /// Looks at one path that an event named.
-    fn hint(&mut self, hot: &Path, path: &Path, closed: bool) {
+    fn hint(&mut self, hot: &Path, path: &Path, writer: Writer) {
         let Ok(relative) = path.strip_prefix(hot) else {
             self.next_listing = Moment::ZERO;
             return;
@@ -782,21 +796,21 @@ impl<C: Corrector> Worker<'_, C> {
             return;
         }
         match folders::look(path) {
-            Ok(Some(Found::Folder)) if closed && depth == 1 => {
+            Ok(Some(Found::Folder)) if writer == Writer::Closed && depth == 1 => {
                 // A whole folder was renamed into place, so its files are whole, too.
                 let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
                 for (path, what) in entries {
-                    self.see(hot, &path, what, true);
+                    self.see(hot, &path, what, Writer::Closed);
                 }
             }
             Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
-            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, closed),
+            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, writer),
             Ok(None) if depth > 0 => self.drops.forget(path),
             Ok(_) | Err(_) => self.next_listing = Moment::ZERO,
         }
     }
 
-    fn see(&mut self, hot: &Path, path: &Path, what: Found, closed: bool) {
+    fn see(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
         let still_for = match (self.mode, what) {
             // There is no later look, so the file's own time must tell how long it has stood still.
             (Mode::Once, Found::File(Stamp { modified: Some(modified), .. })) => {
@@ -805,7 +819,7 @@ impl<C: Corrector> Worker<'_, C> {
             _ => Duration::ZERO,
         };
         let relative = path.strip_prefix(hot).unwrap_or(path);
-        self.drops.see(hot, relative, what, closed, self.now(), still_for);
+        self.drops.see(hot, relative, what, writer, self.now(), still_for);
         self.stale = true;
     }
 }

@@ -17,6 +17,8 @@ use isomark::hotfolder::{
 };
 use isomark::reason::Reason;
 
+mod side_by_side;
+
 /// Parts and patterns are lines of text that end in `EOF`; the words before it say what shall happen.
 #[derive(Default)]
 struct Pretender {

@@ -71,6 +71,23 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     check().refused(2, &["The import folder ", "does not exist", "connect its share"]);
 }
 
+/// There are no older settings to go on with.
+#[test]
+fn drawings_wait_for_settings_that_can_be_read_and_say_where_they_cannot() {
+    let mut station = delivered();
+    station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [1, 0]\nrotate = 3\n");
+    station.start();
+    station.copy_into(&drawing("square"), "trough@2.dxf");
+    let words = ["trough@2.dxf waits: ", "trough.toml", "line 3", "column 1", "`rotate_deg`"];
+    let told = |text: &str| words.iter().all(|words| text.contains(words));
+    station.waits_for("a complaint", |station| {
+        station.log().lines().any(|line| told(line))
+            && status(station)["waiting"]["first"][0]["reason"]["code"] == "settings-wrong"
+    });
+    station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [1, 0]\nrotate_deg = 3\n");
+    station.waits_for_file("import/trough@2.dxf");
+}
+
 #[test]
 fn a_station_is_asked_from_another_terminal() {
     let mut station = Station::new();

@@ -10,6 +10,7 @@ use fs_err as fs;
 
 #[cfg(target_os = "linux")]
 mod disks;
+mod together;
 
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
                         width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 20000\nrescan_s = 0.2\n";

@@ -1,0 +1,98 @@
+//! Many drops at once: jobs side by side, in their order where it counts, and none before its file is whole.
+
+use std::io::Write;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+use super::{Line, SETTINGS, files};
+use isomark::hotfolder::Mode;
+
+/// More than a part that is fitted in a moment, bytes.
+const LARGE: usize = 5 << 20;
+
+#[test]
+fn large_jobs_leave_room_for_small_ones() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    // More of them than there are threads.
+    let count = std::thread::available_parallelism().map_or(2, usize::from) + 2;
+    for number in 0..count {
+        line.rename_into(&format!("vast{number}.glb"), &format!("hold {}", "x".repeat(LARGE)));
+        line.rename_into(&format!("vast{number}.dxf"), "its own");
+    }
+    for number in 0..50 {
+        line.rename_into(&format!("can@{number}.dxf"), "small");
+    }
+    line.waits_for("the small ones", |line| line.import().len() == 50);
+    assert_eq!(files(&line.path("archive")).iter().filter(|name| name.contains("vast")).count(), 0);
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    for number in 0..count {
+        assert_eq!(line.text(&format!("import/vast{number}.dxf")).unwrap(), "its own on held at 0");
+    }
+}
+
+#[test]
+fn drawings_of_a_sku_keep_their_order_and_no_other_waits_for_them() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("mug.glb", "part");
+    line.waits_for_empty_hot();
+    line.rename_into("can@0.dxf", "hold");
+    let order = [7, 3, 9, 1, 8, 2];
+    for number in order {
+        // The clocks of file systems tick every few milliseconds, and a listing knows the order by nothing else.
+        std::thread::sleep(Duration::from_millis(20));
+        line.rename_into(&format!("can@{number}.dxf"), "pattern");
+        line.rename_into(&format!("mug@{number}.dxf"), "pattern");
+    }
+    line.waits_for("the other SKU", |line| line.import().len() == order.len());
+    assert!(line.import().iter().all(|name| name.starts_with("mug")), "{:?}", line.import());
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    let corrected = line.seen.corrected.lock().unwrap();
+    let of = |sku: &str| corrected.iter().filter(|name| name.starts_with(sku)).cloned().collect::<Vec<_>>();
+    assert_eq!(of("mug"), order.map(|number| format!("mug@{number}.dxf")));
+    assert_eq!(of("can")[0], "can@0.dxf");
+    assert_eq!(of("can")[1..], order.map(|number| format!("can@{number}.dxf")));
+}
+
+/// Some formats have no end mark, so that half a file looks whole; but its writer has it open.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_copy_that_stalls_is_not_taken_half_though_its_half_looks_whole() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    let mut file = fs::File::create(line.path("hot/can.dxf")).unwrap();
+    file.write_all(b"half\nEOF\n").unwrap();
+    file.sync_all().unwrap();
+    // Far longer than the settle time, and over several listings.
+    let stalled = Instant::now();
+    line.waits_for("time to pass", |_| stalled.elapsed() > Duration::from_secs(3));
+    assert_eq!(line.import(), [""; 0]);
+    file.write_all(b"whole\nEOF\n").unwrap();
+    drop(file);
+    line.waits_for_text("import/can.dxf", "half\nEOF\nwhole on part at 0");
+}
+
+/// A program that never closes what it wrote is not waited for without end.
+#[test]
+fn a_writer_that_never_closes_its_file_is_not_waited_for_without_end() {
+    let mut line = Line::new();
+    fs::write(line.path("station.toml"), format!("{SETTINGS}incomplete_s = 0.5\n")).unwrap();
+    line.start(Mode::UntilStopped);
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    let mut file = fs::File::create(line.path("hot/can.dxf")).unwrap();
+    file.write_all(b"pattern\nEOF\n").unwrap();
+    if cfg!(windows) {
+        // There an open file cannot be read, and is tried again until it can.
+        drop(file);
+        return line.waits_for_text("import/can.dxf", "pattern on part at 0");
+    }
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+}

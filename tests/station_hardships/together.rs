@@ -1,0 +1,64 @@
+//! Several stations that share a folder of fitted surfaces.
+
+use fs_err as fs;
+
+use super::{SETTINGS, Station, drawing, line};
+
+const SKUS: usize = 12;
+
+fn part(sku: usize) -> String {
+    let depth = 1.0 + sku as f64 * 0.1;
+    format!(
+        "v -20 -20 {depth}\nv 0 -20 0\nv 20 -20 {depth}\nv -20 20 {depth}\nv 0 20 0\nv 20 20 {depth}\nf 1 2 5 4\nf 2 3 6 5\n"
+    )
+}
+
+fn pattern() -> String {
+    drawing(&line([-15.0, 0.0], [15.0, 4.0]))
+}
+
+/// Both fit the same parts at the same time and keep them under the same names; and what only one of them was given
+/// the other knows, too.
+#[test]
+fn stations_share_a_cache() {
+    let mut stations = [Station::new(), Station::new()];
+    let cache = stations[0].path("cache");
+    for station in &mut stations {
+        let folder = format!("[folders]\ncache = '{}'\n", cache.display());
+        let settings =
+            SETTINGS.replace("[folders]\n", &folder).replace("settle_ms = 20000", "settle_ms = 100");
+        fs::write(station.path("station.toml"), settings).unwrap();
+        let mut command = station.command(&["watch", "station.toml"]);
+        station.start(&mut command);
+    }
+    for sku in 0..SKUS {
+        for station in &stations {
+            station.rename_into(&format!("trough{sku}.obj"), part(sku).as_bytes());
+            station.rename_into(&format!("trough{sku}.dxf"), pattern().as_bytes());
+        }
+    }
+    stations[0].rename_into("only.obj", part(0).as_bytes());
+    stations[1].rename_into("only.dxf", pattern().as_bytes());
+    let alone = Station::new();
+    fs::write(alone.path("hot/only.obj"), part(0)).unwrap();
+    fs::write(alone.path("hot/only.dxf"), pattern()).unwrap();
+    for sku in 0..SKUS {
+        fs::write(alone.path(&format!("hot/trough{sku}.obj")), part(sku)).unwrap();
+        fs::write(alone.path(&format!("hot/trough{sku}.dxf")), pattern()).unwrap();
+    }
+    alone.once();
+    let expected = |name: &str| fs::read(alone.path("import").join(name)).unwrap();
+    for station in &mut stations {
+        for sku in 0..SKUS {
+            let name = format!("trough{sku}.dxf");
+            station.waits_for(&name, |station| station.path("import").join(&name).exists());
+            assert!(fs::read(station.path("import").join(&name)).unwrap() == expected(&name), "{name}");
+        }
+    }
+    let taught = &mut stations[1];
+    taught.waits_for("only.dxf", |station| station.path("import/only.dxf").exists());
+    assert!(fs::read(taught.path("import/only.dxf")).unwrap() == expected("only.dxf"));
+    assert_eq!(fs::read_dir(taught.path("rejected")).unwrap().count(), 0);
+    let verified = taught.command(&["cache", "verify", "--station", "station.toml"]).status().unwrap();
+    assert!(verified.success());
+}
