@@ -1,8 +1,10 @@
 //! From rename-into to the corrected drawing in the import folder of a running station, the surface cached.
 //!
-//! `cargo bench --bench station_latency` prints median, 95th and 99th percentile beside the I/O floor: the time the same
-//! disk needs to write, flush and rename a file of the result's size.
+//! `cargo bench --bench station_latency` prints median, 95th and 99th percentile for single drops and for a burst of
+//! drops of one SKU, which are done one after the other; beside them the I/O floor: the time the same disk needs to
+//! write, flush and rename a file of the result's size.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -10,6 +12,7 @@ use std::time::{Duration, Instant};
 use isomark::files::write_whole;
 
 const DROPS: usize = 200;
+const BURST: usize = 1000;
 const LETTERS: &[u8] = include_bytes!("../examples/patterns/letters.dxf");
 const MOUSE: &[u8] = include_bytes!("../examples/parts/mouse.glb");
 const STATION: &str = "[station]\nname = \"bench\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\
@@ -57,15 +60,43 @@ fn main() -> std::io::Result<()> {
         write_whole(&at("outside"), &format!("{number}.dxf"), &result)?;
         floor.push(start.elapsed());
     }
-    for (what, times) in [("rename-into to result", &mut times), ("floor: write, flush, rename", &mut floor)]
-    {
+    let mut burst = burst(folder.path())?;
+    for (what, times) in [
+        ("rename-into to result", &mut times),
+        ("the same in a burst of 1000", &mut burst),
+        ("floor: write, flush, rename", &mut floor),
+    ] {
         times.sort();
         let at = |share: usize| times[(times.len() - 1) * share / 100].as_secs_f64() * 1e3;
         let line =
-            format!("{what:<28} median {:6.2} ms   95 % {:6.2} ms   99 % {:6.2} ms", at(50), at(95), at(99));
+            format!("{what:<28} median {:8.2} ms   95 % {:8.2} ms   99 % {:8.2} ms", at(50), at(95), at(99));
         std::io::Write::write_all(&mut std::io::stdout(), (line + "\n").as_bytes())?;
     }
     Ok(())
+}
+
+/// How long each drop of a burst took.
+fn burst(folder: &Path) -> std::io::Result<Vec<Duration>> {
+    let mut dropped = BTreeMap::new();
+    for number in 0..BURST {
+        fs_err::write(folder.join(format!("outside/mouse@burst{number}.dxf")), LETTERS)?;
+    }
+    for number in 0..BURST {
+        let name = format!("mouse@burst{number}.dxf");
+        let start = Instant::now();
+        fs_err::rename(folder.join("outside").join(&name), folder.join("hot").join(&name))?;
+        dropped.insert(name, start);
+    }
+    let (mut times, started) = (Vec::with_capacity(BURST), Instant::now());
+    while !dropped.is_empty() {
+        assert!(started.elapsed() < Duration::from_secs(600), "{} did not come", dropped.len());
+        for entry in fs_err::read_dir(folder.join("import"))? {
+            let name = entry?.file_name().to_string_lossy().into_owned();
+            times.extend(dropped.remove(&name).map(|start| start.elapsed()));
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(times)
 }
 
 /// Writes the file outside the hot folder and renames it in; the moment just before the rename.

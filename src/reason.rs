@@ -161,6 +161,17 @@ impl std::fmt::Display for Reason {
     }
 }
 
+impl Reason {
+    /// The same on one line: what is wrong, where and by which number in brackets, and what to do.
+    pub fn on_one_line(&self) -> String {
+        let place = (!self.place.is_unknown()).then(|| self.place.to_string());
+        let number = self.number.as_ref().map(Quantity::to_string);
+        let facts: Vec<String> = place.into_iter().chain(number).collect();
+        let facts = if facts.is_empty() { String::new() } else { format!(" ({})", facts.join("; ")) };
+        format!("{}{facts} {}", self.what, self.remedy)
+    }
+}
+
 impl Place {
     /// Whether nothing at all is known of the place.
     pub fn is_unknown(&self) -> bool {

@@ -104,7 +104,7 @@ fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> Stri
         let lines = status.under_way.iter().map(|job| format!("  {}, for {:.1} s\n", job.drop, job.for_s));
         text.extend(lines);
     }
-    let waits = |waits: &Waits| format!("{}: {} {}", waits.drop, waits.reason.what, waits.reason.remedy);
+    let waits = |waits: &Waits| format!("{}: {}", waits.drop, waits.reason.on_one_line());
     text += &list("waiting", &status.waiting, waits);
     text +=
         &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));

@@ -518,7 +518,7 @@ impl<C: Corrector> Worker<'_, C> {
         let Some(drop) = self.drops.get_mut(path) else { return };
         drop.block = block;
         if drop.reason.as_ref() != Some(&reason) {
-            tracing::info!("{}: {} {}", with_slashes(&drop.relative), reason.what, reason.remedy);
+            tracing::info!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
             drop.reason = Some(reason);
         }
     }
@@ -534,7 +534,7 @@ impl<C: Corrector> Worker<'_, C> {
         let moment = if once { Moment::MAX } else { now + pause };
         drop.block = Block::Until { moment, pause };
         if drop.reason.as_ref() != Some(&reason) {
-            tracing::warn!("{} waits: {} {}", with_slashes(&drop.relative), reason.what, reason.remedy);
+            tracing::warn!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
             drop.reason = Some(reason);
         }
     }

@@ -81,8 +81,8 @@ fn drawings_wait_for_settings_that_can_be_read_and_say_where_they_cannot() {
     let words = ["trough@2.dxf waits: ", "trough.toml", "line 3", "column 1", "`rotate_deg`"];
     let told = |text: &str| words.iter().all(|words| text.contains(words));
     station.waits_for("a complaint", |station| {
-        station.log().lines().any(|line| told(line))
-            && status(station)["waiting"]["first"][0]["reason"]["code"] == "settings-wrong"
+        station.log().lines().any(told)
+            && status(station)["waiting"]["first"][0]["reason"]["code"] == "settings-unknown-key"
     });
     station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [1, 0]\nrotate_deg = 3\n");
     station.waits_for_file("import/trough@2.dxf");

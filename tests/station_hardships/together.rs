@@ -1,4 +1,7 @@
-//! Several stations that share a folder of fitted surfaces.
+//! Several stations that share a folder of fitted surfaces, and very many drops at once.
+
+use std::io::Write;
+use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
@@ -61,4 +64,38 @@ fn stations_share_a_cache() {
     assert_eq!(fs::read_dir(taught.path("rejected")).unwrap().count(), 0);
     let verified = taught.command(&["cache", "verify", "--station", "station.toml"]).status().unwrap();
     assert!(verified.success());
+}
+
+#[test]
+#[ignore = "takes minutes: `cargo test --release --test station_hardships -- --ignored` tells how fast it is"]
+fn ten_thousand_drops_at_once() {
+    const DROPS: usize = 10_000;
+    let mut station = Station::new();
+    fs::write(station.path("station.toml"), SETTINGS.replace("rescan_s = 0.2\n", "")).unwrap();
+    let mut command = station.command(&["watch", "station.toml"]);
+    station.start(&mut command);
+    for sku in 0..SKUS {
+        station.rename_into(&format!("trough{sku}.obj"), part(sku).as_bytes());
+    }
+    fs::create_dir(station.path("outside")).unwrap();
+    let name = |number: usize| format!("trough{}@{number}.dxf", number % SKUS);
+    for number in 0..DROPS {
+        fs::write(station.path("outside").join(name(number)), pattern()).unwrap();
+    }
+    let started = Instant::now();
+    for number in 0..DROPS {
+        fs::rename(station.path("outside").join(name(number)), station.path("hot").join(name(number)))
+            .unwrap();
+    }
+    let count = |folder: &str| fs::read_dir(station.path(folder)).unwrap().count();
+    while count("hot") > 0 {
+        assert!(started.elapsed() < Duration::from_secs(3600), "{} are left", count("hot"));
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    assert_eq!((count("import"), count("rejected")), (DROPS, 0));
+    let archived: usize = (0..SKUS).map(|sku| count(&format!("archive/trough{sku}"))).sum();
+    assert_eq!(archived, DROPS + 2 * SKUS, "with a part and its note for each SKU");
+    let words = format!("{DROPS} drops in {seconds:.1} s: {:.0} a second\n", DROPS as f64 / seconds);
+    std::io::stderr().write_all(words.as_bytes()).unwrap();
 }
