@@ -1,6 +1,6 @@
 //! The pipeline behind the hot folder's [`Corrector`].
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
@@ -8,25 +8,40 @@ use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
-use crate::preview::svg;
+use crate::preview::{Backdrop, Preview, svg, svg_on};
 use crate::reason::Reason;
 
 /// Surfaces that are held in memory: most drops in a row are for few products.
 const SURFACES: usize = 16;
 
 /// Fits parts and corrects patterns with the [`Pipeline`].
-#[derive(Debug)]
 pub struct PipelineCorrector {
     pipeline: Mutex<Pipeline>,
     /// The surfaces of the last jobs, the newest last.
     recent: Mutex<Vec<Recent>>,
 }
 
-#[derive(Debug)]
 struct Recent {
     sku: Sku,
     settings: PartSettings,
-    learned: Arc<LearnedPart>,
+    known: Arc<Known>,
+}
+
+/// A surface that is held in memory.
+struct Known {
+    learned: LearnedPart,
+    /// The part in previews that show residuals beyond this limit, mm.
+    backdrop: OnceLock<(f64, Backdrop)>,
+}
+
+impl Known {
+    /// Draws the preview of a drawing on the part. Almost all drawings of a SKU show the same residuals.
+    fn draw(&self, preview: &Preview) -> String {
+        let limit = preview.part_outline.residual_limit;
+        let (drawn_with, backdrop) =
+            self.backdrop.get_or_init(|| (limit, Backdrop::of(&preview.part_outline)));
+        if *drawn_with == limit { svg_on(backdrop, preview) } else { svg(preview) }
+    }
 }
 
 impl PipelineCorrector {
@@ -44,28 +59,28 @@ impl PipelineCorrector {
     }
 
     /// The surface kept for a SKU, from memory while the cache says it is still the current one.
-    fn surface(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<Arc<LearnedPart>>, PipelineError> {
+    fn surface(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<Arc<Known>>, PipelineError> {
         let pipeline = self.pipeline();
         let Some(current) = pipeline.current_key(sku, settings)? else { return Ok(None) };
         let is_it = |recent: &&Recent| {
-            recent.sku == *sku && recent.settings == *settings && recent.learned.key == current
+            recent.sku == *sku && recent.settings == *settings && recent.known.learned.key == current
         };
         if let Some(recent) = self.recent().iter().find(is_it) {
-            return Ok(Some(recent.learned.clone()));
+            return Ok(Some(recent.known.clone()));
         }
         let recalled = pipeline.recall(sku, settings, &mut Vec::new())?;
         Ok(recalled.map(|learned| self.remember(sku, settings, learned)))
     }
 
-    fn remember(&self, sku: &Sku, settings: &PartSettings, learned: LearnedPart) -> Arc<LearnedPart> {
-        let learned = Arc::new(learned);
+    fn remember(&self, sku: &Sku, settings: &PartSettings, learned: LearnedPart) -> Arc<Known> {
+        let known = Arc::new(Known { learned, backdrop: OnceLock::new() });
         let mut recent = self.recent();
         recent.retain(|recent| recent.sku != *sku || recent.settings != *settings);
         if recent.len() >= SURFACES {
             recent.remove(0);
         }
-        recent.push(Recent { sku: sku.clone(), settings: settings.clone(), learned: learned.clone() });
-        learned
+        recent.push(Recent { sku: sku.clone(), settings: settings.clone(), known: known.clone() });
+        known
     }
 }
 
@@ -125,7 +140,7 @@ impl Corrector for PipelineCorrector {
         previous: Option<&[u8]>,
         settings: &JobSettings,
     ) -> Result<Delivery, JobError> {
-        let learned = self.surface(sku, &settings.part)?.ok_or_else(|| {
+        let known = self.surface(sku, &settings.part)?.ok_or_else(|| {
             let what = format!("The surface of the SKU {sku} went from the cache.");
             JobError::Retry(Reason::new(
                 "surface-gone",
@@ -134,7 +149,7 @@ impl Corrector for PipelineCorrector {
             ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
-        let corrected = self.pipeline().correct(sku, &learned, input, settings, true)?;
+        let corrected = self.pipeline().correct(sku, &known.learned, input, settings, true)?;
         let report = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
         Ok(Delivery {
@@ -142,7 +157,7 @@ impl Corrector for PipelineCorrector {
             report: report.into_bytes(),
             preview: corrected
                 .preview
-                .map(|preview| -> Sketch { Box::new(move || svg(&preview).into_bytes()) }),
+                .map(|preview| -> Sketch { Box::new(move || known.draw(&preview).into_bytes()) }),
             size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
         })

@@ -3,7 +3,7 @@
 use super::Preview;
 use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
-use super::relief::{self, RESIDUAL, Relief, millimetres, round_step};
+use super::relief::{Backdrop, RESIDUAL, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
 use super::window::{Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
@@ -31,14 +31,20 @@ const TICK: Type = Type::new(1.9, QUIET);
 /// larger ones are drawn at the scale that the picture names. Coordinates and stretches that are not finite are left
 /// out. More segments than a screen can show apart are joined, so that the text stays within some megabytes.
 pub fn svg(preview: &Preview) -> String {
+    svg_on(&Backdrop::of(&preview.part_outline), preview)
+}
+
+/// The same as [`svg`] for many drawings on one part: `backdrop` is that of the preview's own
+/// [`part_outline`](Preview::part_outline), and drawing it takes most of the time.
+pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     let before = ink::lines(&preview.before);
     let after = ink::lines(&preview.after);
     let colors = StretchScale::covering(ink::weighted(&before).chain(ink::weighted(&after)));
-    let relief = relief::relief(&preview.part_outline);
+    let relief = backdrop.relief.as_ref();
     let field =
         preview.field.filter(|field| !field.is_empty() && field.size().iter().all(|side| side.is_finite()));
     let drawn = Extents::of(points(&before).chain(points(&after)));
-    let part = relief.as_ref().map(|relief| relief.extents);
+    let part = relief.map(|relief| relief.extents);
 
     let left = panel_window(&drawn, part.as_ref());
     let [panel_width, panel_height] = left.paper_size();
@@ -53,7 +59,7 @@ pub fn svg(preview: &Preview) -> String {
     ] {
         page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
     }
-    page.add(format_args!("{}</defs>", relief.as_ref().map(Relief::definitions).unwrap_or_default()));
+    page.add(format_args!("{}</defs>", backdrop.definitions));
     page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&preview.title, width - 2.0 * MARGIN));
 
     let thickness = line_width(&before, &drawn, left.scale);
@@ -77,11 +83,11 @@ pub fn svg(preview: &Preview) -> String {
     let foot = PANEL_TOP + panel_height + 11.0;
     let inset = inset_window(&drawn, part.as_ref(), field.as_ref(), [MARGIN, foot]);
     let pattern = Extents::of(points(&before));
-    let inset_end = draw_inset(&mut page, &inset, relief.as_ref(), field.as_ref(), &pattern);
+    let inset_end = draw_inset(&mut page, &inset, relief, field.as_ref(), &pattern);
     let legend_at = [MARGIN + INSET[0] + MARGIN, foot];
     let is_unknown =
         ink::weighted(&before).chain(ink::weighted(&after)).any(|(_, stretch)| !stretch.is_finite());
-    let legend_end = legend(&mut page, legend_at, &colors, is_unknown, relief.as_ref());
+    let legend_end = legend(&mut page, legend_at, &colors, is_unknown, relief);
     let summary_at = [legend_at[0] + LEGEND_WIDTH + 1.5 * MARGIN, foot];
     let summary_end = summary(&mut page, summary_at, width - MARGIN - summary_at[0], &preview.summary);
     let foot_height = (inset_end - foot).max(legend_end - foot).max(summary_end - foot);

@@ -21,7 +21,8 @@ mod relief;
 
 use crate::geometry::space::Extents;
 
-pub use layout::svg;
+pub use layout::{svg, svg_on};
+pub use relief::Backdrop;
 
 /// Everything the picture shows. All lengths are in mm of the view, x to the right and y up as the laser sees it.
 #[derive(Debug, Clone, Default, PartialEq)]

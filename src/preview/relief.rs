@@ -18,6 +18,22 @@ const LIGHT: [f64; 3] = [-0.42, 0.50, 0.757];
 /// The nodes outside the part that take their brightness from their neighbours, counted from the rim.
 const APRON: usize = 3;
 
+/// The part behind the lines, which is the same in all pictures of it.
+pub struct Backdrop {
+    pub(super) relief: Option<Relief>,
+    /// The elements that draw it.
+    pub(super) definitions: String,
+}
+
+impl Backdrop {
+    /// Draws the part; nothing when the picture holds no surface.
+    pub fn of(part: &HeightPicture) -> Self {
+        let relief = relief(part);
+        let definitions = relief.as_ref().map(Relief::definitions).unwrap_or_default();
+        Self { relief, definitions }
+    }
+}
+
 /// The part's relief in SVG, in coordinates of the view (mm, y negated).
 pub(super) struct Relief {
     /// The part's outline.
@@ -47,7 +63,7 @@ struct Grid {
 }
 
 /// The relief of a part; `None` when the picture holds no surface.
-pub(super) fn relief(part: &HeightPicture) -> Option<Relief> {
+fn relief(part: &HeightPicture) -> Option<Relief> {
     let heights = Grid::of(part)?;
     let mut shades = heights.shades();
     for _ in 0..APRON {
@@ -102,7 +118,7 @@ pub(super) fn relief(part: &HeightPicture) -> Option<Relief> {
 
 impl Relief {
     /// The elements that draw the relief; a `<use>` of `#part` shows it, with lines of its stroke width.
-    pub(super) fn definitions(&self) -> String {
+    fn definitions(&self) -> String {
         let mut text = format!(
             "<clipPath id=\"part-outline\"><path clip-rule=\"evenodd\" d=\"{0}\"/></clipPath>\n\
              <g id=\"part\">\n<g clip-path=\"url(#part-outline)\" fill-rule=\"evenodd\">\n\

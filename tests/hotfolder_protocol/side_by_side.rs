@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fs_err as fs;
 
@@ -71,7 +71,7 @@ fn a_copy_that_stalls_is_not_taken_half_though_its_half_looks_whole() {
     file.write_all(b"half\nEOF\n").unwrap();
     file.sync_all().unwrap();
     // Far longer than the settle time, and over several listings.
-    let stalled = Instant::now();
+    let stalled = std::time::Instant::now();
     line.waits_for("time to pass", |_| stalled.elapsed() > Duration::from_secs(3));
     assert_eq!(line.import(), [""; 0]);
     file.write_all(b"whole\nEOF\n").unwrap();
