@@ -358,20 +358,19 @@ impl<'a, C: Corrector> Executor<'a, C> {
     }
 
     fn archive(&self, task: &Task, sku: &Sku, name: &str, read: &Read) -> Result<PathBuf, JobError> {
-        went_alone(task)?;
         let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
         let original = read.original(&task.path);
         let begun = self.journal().begun(&drop, task.stamp).and_then(|open| open.to.clone());
         let copied = begun.map(|to| folders.archive.join(sku.key()).join(to));
         if let Some(copy) = copied.filter(|copy| folders::has_content(copy, &read.file.bytes)) {
             // The archive is on another disk, and the original was copied when the station was interrupted.
-            filing::remove_copied(&original, &copy).map_err(folder_trouble)?;
+            filing::remove_copied(folders, &original, &copy).map_err(folder_trouble)?;
             return Ok(copy);
         }
         let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
         let to = filing::in_archive(folders, sku, &place);
         self.journal().filing(&drop, sku.as_str(), read.stamp, &to).map_err(folder_trouble)?;
-        filing::put_away(&original, &place).map_err(folder_trouble)?;
+        filing::put_away(folders, &original, &place).map_err(folder_trouble)?;
         Ok(place)
     }
 
@@ -486,7 +485,6 @@ impl<'a, C: Corrector> Executor<'a, C> {
             tracing::warn!("{drop} cannot be corrected again: {reason}");
             return Ok(Outcome::Rejected(reason));
         }
-        went_alone(task)?;
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
@@ -524,18 +522,6 @@ impl<'a, C: Corrector> Executor<'a, C> {
             _ => settings.clone(),
         }
     }
-}
-
-/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
-/// with it, and would be done twice.
-fn went_alone(task: &Task) -> Result<(), JobError> {
-    let hot = &task.station.folders.hot;
-    if matches!(folders::look(&task.path), Ok(Some(_))) || hot.is_dir() {
-        return Ok(());
-    }
-    let what = format!("The hot folder {} is gone, and the drop with it.", hot.display());
-    let remedy = "Make it, or connect its share; the drop is then filed.";
-    Err(JobError::Retry(Reason::new("hot-missing", what, remedy)))
 }
 
 /// Whether BeamServer would look for a drawing that is not there.

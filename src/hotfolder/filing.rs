@@ -91,10 +91,10 @@ pub(super) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> S
 }
 
 /// Removes an original whose copy lies in the archive, and lets its companions follow.
-pub(super) fn remove_copied(original: &Original, copy: &Path) -> io::Result<()> {
+pub(super) fn remove_copied(folders: &FolderPaths, original: &Original, copy: &Path) -> io::Result<()> {
     match fs::remove_file(original.path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
+        Err(error) if error.kind() == io::ErrorKind::NotFound => stays_gone(folders, original.path)?,
+        removed => removed?,
     }
     companions_follow(original, copy);
     Ok(())
@@ -136,7 +136,7 @@ pub(super) fn reject(
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
-    put_away(original, &place.join(file_name))?;
+    put_away(folders, original, &place.join(file_name))?;
     Ok(place.join(file_name))
 }
 
@@ -147,14 +147,35 @@ pub(super) fn follow(companion: &Path, place: &Path) -> io::Result<()> {
 
 /// Moves the original to `target` and its companions beside it, the original first: what may be left behind by an
 /// interruption is a companion without a part, which does no harm.
-pub(super) fn put_away(original: &Original, target: &Path) -> io::Result<()> {
-    match original.content {
-        Some((bytes, stamp)) if look(original.path)? != Some(Found::File(stamp)) => write_new(target, bytes)?,
-        Some(_) => move_new(original.path, target)?,
-        None if look(original.path)?.is_some() => move_new(original.path, target)?,
-        None => {}
+pub(super) fn put_away(folders: &FolderPaths, original: &Original, target: &Path) -> io::Result<()> {
+    match (original.content, look(original.path)?) {
+        (Some((bytes, stamp)), Some(found)) if found != Found::File(stamp) => write_new(target, bytes)?,
+        (_, Some(_)) => move_new(original.path, target)?,
+        (Some((bytes, _)), None) => {
+            stays_gone(folders, original.path)?;
+            write_new(target, bytes)?;
+        }
+        (None, None) => {}
     }
     companions_follow(original, target);
+    Ok(())
+}
+
+/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
+/// with it and would be done twice.
+///
+/// # Errors
+/// `NotFound` when the hot folder is gone, too; `Interrupted` when it is back.
+fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
+    let hot = &folders.hot;
+    if !hot.is_dir() {
+        let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, words));
+    }
+    if look(drop)?.is_some() {
+        let words = format!("the hot folder {} was gone for a moment", hot.display());
+        return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+    }
     Ok(())
 }
 

@@ -261,7 +261,9 @@ fn drawings_wait_for_an_import_folder_that_may_be_written() {
 /// As a share does that is lost and found, again and again, in the middle of the work.
 #[test]
 fn drawings_survive_folders_that_vanish_and_come_back() {
-    for (folder, gone, back) in [("import", "does not exist", "delivered"), ("hot", "is gone", "is back")] {
+    for (folder, gone, back) in
+        [("import", "does not exist", "delivered"), ("hot", "waiting for it to come back", "is back")]
+    {
         let mut trial = Trial::new(Station::new());
         let (there, away) = (trial.station.path(folder), trial.station.path("elsewhere/away"));
         trial.drop_all();
