@@ -47,6 +47,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("image", &["formats"]),
     ("ttf_parser", &["formats"]),
     ("encoding_rs", &["formats"]),
+    ("i_overlay", &["formats"]),
     ("oem_cp", &["formats"]),
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),

@@ -5,8 +5,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::geometry::pattern::Segment;
+use super::budget::{Budget, Exceeded};
+use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::FlatPoint;
+
+/// Finding a point of a contour takes so many steps of the budget.
+pub(super) const STEPS_OF_POINT: usize = 8;
 
 /// A smooth piece of a curve in space; the meaning is that of [`Segment`].
 #[derive(Debug, Clone, PartialEq)]
@@ -245,6 +249,35 @@ pub(super) fn through(points: &[Vector3<f64>], closed: bool) -> Curve {
         .filter(|(index, (from, to))| index + 1 < last || from != to)
         .map(|(_, (from, to))| SpaceSegment::Line { from: *from, to: *to });
     Curve { segments: segments.collect(), closed }
+}
+
+/// Points along closed contours as seen from above, with chords within `tolerance` of them.
+pub(super) fn flattened(
+    contours: &[Curve],
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Vec<Vec<FlatPoint>>, Exceeded> {
+    let flat = |contour: &Curve| {
+        let segments: Vec<_> = contour.segments.iter().map(SpaceSegment::seen_from_above).collect();
+        let steps = segments.iter().map(|segment| segment.steps(tolerance)).sum::<usize>();
+        budget.work(steps.saturating_mul(STEPS_OF_POINT))?;
+        Ok(Shape::Closed(segments).flattened(tolerance))
+    };
+    contours.iter().map(flat).collect()
+}
+
+/// Adds a line to `target` if the last segment does not end there, up to rounding.
+pub(super) fn bridge(
+    segments: &mut Vec<SpaceSegment>,
+    target: Vector3<f64>,
+    budget: &mut Budget,
+) -> Result<(), Exceeded> {
+    let is_gap = |from: &Vector3<f64>| (target - from).norm() > 1e-9 * (1.0 + target.norm());
+    if let Some(from) = segments.last().map(SpaceSegment::end).filter(is_gap) {
+        budget.hold(1)?;
+        segments.push(SpaceSegment::Line { from, to: target });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -164,8 +164,8 @@ impl Reader<'_> {
             "ELLIPSE" => ellipse(&groups(&[10, 20, 30, 11, 21, 31, 40, 41, 42, 210, 220, 230])?),
             kind @ ("LWPOLYLINE" | "POLYLINE") => {
                 let line = match kind {
-                    "POLYLINE" => polylines::heavy(self.scan, self.structure, record, budget)?,
-                    _ => polylines::light(self.scan, self.structure, index, record, remarks, budget)?,
+                    "POLYLINE" => polylines::heavy(self, record, budget)?,
+                    _ => polylines::light(self, index, record, remarks, budget)?,
                 };
                 if matches!(line, Item::Fill(_)) {
                     remarks.wide.insert(index);

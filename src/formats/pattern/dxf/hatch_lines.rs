@@ -3,15 +3,12 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::budget::{Budget, Exceeded};
-use super::curves::{Curve, SpaceSegment, through};
+use super::curves::{Curve, STEPS_OF_POINT, flattened, through};
 use super::entities::Item;
-use crate::geometry::pattern::Shape;
 use crate::geometry::space::{Extents, FlatPoint};
 
 /// Patterns denser than so many pieces are not drawn: what a laser would melt.
 const MAX_PIECES: usize = 1_000_000;
-/// Finding a point of the boundary takes so many steps of the budget.
-const STEPS_OF_POINT: usize = 8;
 /// Putting a place where a line is crossed in order among the others takes so many steps of the budget.
 const STEPS_OF_CROSSING: usize = 16;
 
@@ -37,20 +34,6 @@ pub(super) struct Family {
     pub(super) offset: Vector2<f64>,
     /// Lengths of dashes (more than 0), gaps (less than 0) and dots (0), over and over; none for whole lines.
     pub(super) dashes: Vec<f64>,
-}
-
-fn flattened(
-    contours: &[Curve],
-    tolerance: f64,
-    budget: &mut Budget,
-) -> Result<Vec<Vec<FlatPoint>>, Exceeded> {
-    let flat = |contour: &Curve| {
-        let segments: Vec<_> = contour.segments.iter().map(SpaceSegment::seen_from_above).collect();
-        let steps = segments.iter().map(|segment| segment.steps(tolerance)).sum::<usize>();
-        budget.work(steps.saturating_mul(STEPS_OF_POINT))?;
-        Ok(Shape::Closed(segments).flattened(tolerance))
-    };
-    contours.iter().map(flat).collect()
 }
 
 fn edges(points: &[FlatPoint]) -> impl Iterator<Item = (FlatPoint, FlatPoint)> {
@@ -233,6 +216,7 @@ impl Family {
 mod tests {
     use super::super::budget::Cost;
     use super::super::curves::Placement;
+    use super::super::curves::SpaceSegment;
     use super::*;
 
     fn square(low: f64, high: f64) -> Curve {

@@ -17,6 +17,7 @@ mod splines;
 mod groups;
 mod entities;
 mod polylines;
+mod bands;
 mod hatch;
 mod hatch_lines;
 mod text;
