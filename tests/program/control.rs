@@ -60,12 +60,16 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     let check = || station.desk.isomark(&["check", "station.toml"]);
     assert_eq!(check().code, 0);
     station.desk.write("skus/cup.toml", "[fixture]\nz_mm = 1\nheight = 3\n");
-    station.desk.write("skus/con.toml", "");
     let said = check();
     assert!(said.code == 2 && said.err.contains("line 3") && said.err.contains("height"), "{said:?}");
-    assert!(said.err.contains("cup.toml") && said.err.contains("reserved by Windows"), "{said:?}");
-    for file in ["cup", "con"] {
-        fs::remove_file(station.path(&format!("skus/{file}.toml"))).unwrap();
+    assert!(said.err.contains("cup.toml"), "{said:?}");
+    fs::remove_file(station.path("skus/cup.toml")).unwrap();
+    // Windows itself lets nobody make such a file.
+    if cfg!(unix) {
+        station.desk.write("skus/con.toml", "");
+        let said = check();
+        assert!(said.code == 2 && said.err.contains("reserved by Windows"), "{said:?}");
+        fs::remove_file(station.path("skus/con.toml")).unwrap();
     }
     fs::remove_dir(station.path("import")).unwrap();
     check().refused(2, &["The import folder ", "does not exist", "connect its share"]);

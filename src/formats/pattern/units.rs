@@ -171,7 +171,11 @@ pub(super) fn decide(
     }
     let code = hints.code.unwrap_or(0);
     if let Some(unit) = DrawingUnit::from_insunits(code) {
-        return (unit, format!("$INSUNITS {code}"), None);
+        let unused = if_unitless.filter(|asked| *asked != unit).map(|asked| {
+            let message = format!("the file says that its unit is {unit}, so the setting for drawings without a unit, {asked}, does not count");
+            Notice::note("unit-setting-unused", message)
+        });
+        return (unit, format!("$INSUNITS {code}"), unused);
     }
     let lack = match hints.code {
         None => "the file has no $INSUNITS".to_owned(),

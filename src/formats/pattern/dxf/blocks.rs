@@ -125,7 +125,9 @@ impl<'u> Unfolding<'u> {
         let (layer, entry) = layer_of(structure, record, context);
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
-            self.name(index, record, why.into(), true);
+            // Points of dimensions lie on a layer that is never plotted.
+            let is_loss = !layer.eq_ignore_ascii_case("DEFPOINTS");
+            self.name(index, record, why.into(), is_loss);
             return Ok(());
         }
         let color = own_color(record, context);

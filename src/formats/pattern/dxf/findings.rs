@@ -18,6 +18,8 @@ use crate::reason::Notice;
 
 /// Differences in height below this, mm, are rounding.
 const FLAT: f64 = 0.01;
+/// Reasons why entities are not taken that a summary names.
+const MOST_REASONS: usize = 3;
 /// Gaps below this, mm, are rounding and not worth a word.
 const ROUNDING: f64 = 1e-6;
 
@@ -258,21 +260,37 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 /// Notices about what is drawn.
 pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
     if !facts.not_taken.is_empty() {
+        // What draws nothing anyway is worth a word only where nothing else is missing.
         let is_loss = facts.not_taken.iter().any(|left| left.is_loss);
-        let mut first: Vec<String> = Vec::new();
-        for left in facts.not_taken.iter().filter(|left| left.is_loss == is_loss) {
-            let said = format!("{} on layer {}: {}", left.entity, left.layer, left.why);
-            if first.len() < 3 && !first.contains(&said) {
-                first.push(said);
+        let told: Vec<&NotTaken> = facts.not_taken.iter().filter(|left| left.is_loss == is_loss).collect();
+        let mut reasons: Vec<(&str, &str, &str)> = Vec::new();
+        for left in &told {
+            let reason = (left.entity.as_str(), left.layer.as_str(), left.why.as_ref());
+            if reasons.len() <= MOST_REASONS && !reasons.contains(&reason) {
+                reasons.push(reason);
             }
         }
-        let message = format!(
-            "{} not marked ({})",
-            counted(facts.not_taken.len(), "entity is", "entities are"),
-            first.join("; ")
-        );
+        let mut first: Vec<String> = reasons
+            .iter()
+            .take(MOST_REASONS)
+            .map(|(entity, layer, why)| format!("{entity} on layer {layer}: {why}"))
+            .collect();
+        if reasons.len() > MOST_REASONS {
+            first.push("and others".into());
+        }
+        let message =
+            format!("{} not marked ({})", counted(told.len(), "entity is", "entities are"), first.join("; "));
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
+    }
+    let regions = mending.paths.iter().filter_map(|path| path.region);
+    let regions = regions.collect::<std::collections::BTreeSet<_>>().len();
+    if regions > 0 {
+        let message = format!(
+            "{} written as outlines: the marking software fills them, if it is told to",
+            counted(regions, "filled area is", "filled areas are")
+        );
+        facts.notices.push(Notice::note("fills-outlined", message));
     }
     if mending.ambiguous_ends > 0 {
         let message = format!(
