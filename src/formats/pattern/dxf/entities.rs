@@ -204,11 +204,11 @@ impl Reader<'_> {
             }
             "TEXT" | "ATTRIB" | "ATTDEF" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::single_line(self.scan, self.structure, record, uses, budget)?
+                text::single_line(self, record, uses, budget)?
             }
             "MTEXT" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::paragraphs(self.scan, self.structure, record, uses, budget)?
+                text::paragraphs::drawn(self, record, uses, budget)?
             }
             "VIEWPORT" => Item::DrawsNothing("it is a window of a layout"),
             kind => Item::NotTaken(why_not(kind).into()),

@@ -4,7 +4,7 @@
 
 mod codes;
 mod font;
-mod paragraphs;
+pub(super) mod paragraphs;
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -17,7 +17,7 @@ use self::font::stand_in;
 use super::super::error::PatternReadError;
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};
-use super::entities::Item;
+use super::entities::{Item, Reader};
 use super::groups::{Groups, own};
 use super::scan::Scan;
 use super::structure::{Record, Structure, TextStyle};
@@ -47,8 +47,7 @@ const TOO_LONG: &str =
 
 /// What a TEXT, ATTRIB or ATTDEF draws.
 pub(super) fn single_line(
-    scan: &Scan<'_>,
-    structure: &Structure,
+    &Reader { scan, structure, .. }: &Reader<'_>,
     record: &Record,
     uses: &mut FontUses,
     budget: &mut Budget,
@@ -120,17 +119,6 @@ pub(super) fn single_line(
         Placement { linear: turn.matrix() * Matrix3::from_diagonal(&Vector3::new(x, y, 1.0)), offset: at };
     let letters = sheared(slant, Vector3::new(-row.width * share, -lift, 0.0));
     Ok(row.placed(&groups.plane().after(&own).after(&letters)))
-}
-
-/// What an MTEXT draws.
-pub(super) fn paragraphs(
-    scan: &Scan<'_>,
-    structure: &Structure,
-    record: &Record,
-    uses: &mut FontUses,
-    budget: &mut Budget,
-) -> Result<Item, PatternReadError> {
-    paragraphs::drawn(scan, structure, record, uses, budget)
 }
 
 /// Slanted by an angle, then moved. Slants of a right angle and more are none.

@@ -8,10 +8,10 @@ use super::super::super::error::PatternReadError;
 use super::super::budget::Budget;
 use super::super::colour::nearest_index;
 use super::super::curves::{Placement, through};
-use super::super::entities::Item;
+use super::super::entities::{Item, Reader};
 use super::super::groups::Groups;
 use super::super::scan::Scan;
-use super::super::structure::{Record, RecordColor, Structure};
+use super::super::structure::{Record, RecordColor};
 use super::codes::{Letter, RuleKind, Ruled, Token, tokens};
 use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, sheared, string};
 use crate::geometry::pattern::Color;
@@ -84,9 +84,9 @@ struct Line {
     height: f64,
 }
 
-pub(super) fn drawn(
-    scan: &Scan<'_>,
-    structure: &Structure,
+/// What an MTEXT draws.
+pub(in super::super) fn drawn(
+    &Reader { scan, structure, .. }: &Reader<'_>,
     record: &Record,
     uses: &mut FontUses,
     budget: &mut Budget,
