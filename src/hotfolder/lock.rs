@@ -52,7 +52,8 @@ impl StationLock {
     pub fn take(state: &Path, station: &str) -> Result<Self, StationError> {
         let path = state.join(LOCK);
         let trouble = |source| StationError::Lock { path: path.clone(), source };
-        let file = fs::OpenOptions::new().create(true).append(true).open(&path).map_err(trouble)?;
+        // Windows locks no file that is opened for appending alone.
+        let file = fs::OpenOptions::new().create(true).read(true).append(true).open(&path).map_err(trouble)?;
         let file = file.into_parts().0;
         for attempt in 1..=ATTEMPTS {
             match file.try_lock() {
