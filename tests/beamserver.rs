@@ -178,7 +178,9 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
             _ => {}
         }
         let mut client = client;
-        if client.write_all(format!("{answer}\n").as_bytes()).is_err() {
+        // It speaks Latin-1, as far as it speaks of what operators have named.
+        let bytes: Vec<u8> = format!("{answer}\n").chars().map(|letter| letter as u8).collect();
+        if client.write_all(&bytes).is_err() {
             return;
         }
     }
@@ -269,14 +271,14 @@ fn a_drawing_is_imported_verified_and_replaces_the_older_one() {
         {
             let mut project = server.project();
             (project.separator, project.says_ok) = (separator, says_ok);
-            project.elements.push(Element { id: 3, name: "\\frame".into(), size: [90.0, 90.0] });
+            project.elements.push(Element { id: 3, name: "\\Fläche".into(), size: [90.0, 90.0] });
         }
         let station = Station::new(server.address);
         station.drop("trough.obj", PART);
         station.drop("trough@a  b.dxf", &drawing(9.0));
         let said = station.once();
         assert!(said.starts_with("1 delivered") && said.contains("imported into BeamConstruct, "), "{said}");
-        assert_eq!(server.holds(), ["\\frame".to_owned(), format!("{separator}trough@a  b.dxf")]);
+        assert_eq!(server.holds(), ["\\Fläche".to_owned(), format!("{separator}trough@a  b.dxf")]);
         assert!((server.project().elements[1].size[1] - 9.0).abs() < 1e-3);
         assert!(station.path("import/trough@a  b.dxf").exists());
         // Another version replaces it; the same again is nothing new.
@@ -367,6 +369,7 @@ fn another_client_is_waited_for() {
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
     station.waits_for("a complaint", || station.log().contains("end other programs that talk to it"));
+    assert!(station.log().contains("gave no answer to `CmdListName 0`: nothing came within 0.5 s"));
     assert_eq!(server.holds().len(), 0);
     drop(other);
     station.waits_until_filed("trough.dxf");

@@ -91,6 +91,8 @@ pub(super) fn import(
 struct Server {
     stream: BufReader<TcpStream>,
     address: String,
+    /// How long an answer may take.
+    patience: Duration,
 }
 
 impl Server {
@@ -108,13 +110,20 @@ impl Server {
         stream.set_read_timeout(Some(delivery.answer)).map_err(failed)?;
         stream.set_write_timeout(Some(delivery.answer)).map_err(failed)?;
         stream.set_nodelay(true).map_err(failed)?;
-        Ok(Self { stream: BufReader::new(stream), address })
+        Ok(Self { stream: BufReader::new(stream), address, patience: delivery.answer })
     }
 
     /// Sends a command and returns the answer, or the numbers of an `ERROR`.
     fn ask(&mut self, command: &str) -> Result<Result<String, [i64; 2]>, JobError> {
         let answer = self.exchange(command).map_err(|error| {
-            let what = format!("BeamServer at {} gave no answer to `{command}`: {error}.", self.address);
+            let why = match error.kind() {
+                // Systems call a time-out by different names, and some "resource temporarily unavailable".
+                ErrorKind::WouldBlock | ErrorKind::TimedOut => {
+                    format!("nothing came within {} s", self.patience.as_secs_f64())
+                }
+                _ => error.to_string(),
+            };
+            let what = format!("BeamServer at {} gave no answer to `{command}`: {why}.", self.address);
             let remedy = "Nothing, if BeamServer is restarted or busy: it is tried again. \
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
             JobError::Retry(Reason::new("beamserver-silent", what, remedy))
@@ -132,12 +141,13 @@ impl Server {
 
     fn exchange(&mut self, command: &str) -> std::io::Result<String> {
         self.stream.get_mut().write_all(format!("{command}\n").as_bytes())?;
-        let mut answer = String::new();
-        (&mut self.stream).take(LONGEST_ANSWER).read_line(&mut answer)?;
-        if !answer.ends_with('\n') {
+        let mut answer = Vec::new();
+        (&mut self.stream).take(LONGEST_ANSWER).read_until(b'\n', &mut answer)?;
+        if !answer.ends_with(b"\n") {
             return Err(ErrorKind::UnexpectedEof.into());
         }
-        Ok(answer.trim().to_owned())
+        // Operators name their own elements as they like; ours are ASCII.
+        Ok(String::from_utf8_lossy(&answer).trim().to_owned())
     }
 
     /// Sends a command that has to succeed.
