@@ -58,6 +58,8 @@ struct Project {
     separator: &'static str,
     /// Whether values follow an `OK`.
     says_ok: bool,
+    /// Whether it refuses everything.
+    refuses: bool,
 }
 
 impl Project {
@@ -169,6 +171,7 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
         let fault = fault.map(|index| project.faults.remove(index).1);
         let answer = match fault {
             Some(Fault::Error(first, second)) => format!("ERROR {first} {second}"),
+            _ if project.refuses => "ERROR 11 0".into(),
             _ => project.answer(&command),
         };
         drop(project);
@@ -208,6 +211,24 @@ impl Station {
 
     fn path(&self, relative: &str) -> PathBuf {
         self.folder.path().join(relative)
+    }
+
+    /// Changes the station's settings.
+    fn set(&self, old: &str, new: &str) {
+        let path = self.path("station.toml");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(old));
+        fs::write(path, text.replace(old, new)).unwrap();
+    }
+
+    /// Turns the drawings of the part.
+    fn turn(&self, degrees: u32) {
+        fs::create_dir_all(self.path("skus")).unwrap();
+        fs::write(self.path("skus/trough.toml"), format!("[placement]\nrotate_deg = {degrees}\n")).unwrap();
+    }
+
+    fn imported(&self) -> String {
+        fs::read_to_string(self.path("import/trough.dxf")).unwrap()
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
@@ -290,7 +311,8 @@ fn a_drawing_is_imported_verified_and_replaces_the_older_one() {
         station.drop("trough@a  b.dxf", &drawing(7.0));
         let said = station.once();
         assert!(said.contains("already delivered"), "{said}");
-        assert_eq!(server.heard("CmdImport"), 2);
+        // The second one was tried before the first one went.
+        assert_eq!(server.heard("CmdImport"), 3);
     }
 }
 
@@ -374,6 +396,109 @@ fn another_client_is_waited_for() {
     drop(other);
     station.waits_until_filed("trough.dxf");
     assert_eq!(server.holds().len(), 1);
+}
+
+/// What was delivered by folder, or went with an older project, is not in BeamConstruct, whatever lies in `import`.
+#[test]
+fn the_same_drawing_again_is_imported_if_it_is_not_there() {
+    for repeat in ["if-gone", "never"] {
+        let server = BeamServer::start();
+        let station = Station::new(server.address);
+        station.set("kind = \"beamserver\"", &format!("kind = \"folder\"\nrepeat = \"{repeat}\""));
+        station.drop("trough.obj", PART);
+        let drops = |imports: usize| {
+            station.drop("trough.dxf", &drawing(9.0));
+            let said = station.once();
+            assert_eq!(
+                (server.heard("CmdImport"), server.holds().len()),
+                (imports, imports.min(1)),
+                "{said}"
+            );
+        };
+        drops(0);
+        station.set("kind = \"folder\"", "kind = \"beamserver\"");
+        drops(1);
+        drops(1);
+        if repeat != "never" {
+            server.project().elements.clear();
+            drops(2);
+        }
+    }
+}
+
+#[test]
+fn a_drawing_of_wrong_size_leaves_the_one_before_it() {
+    let server = BeamServer::start();
+    let station = Station::new(server.address);
+    station.drop("trough.obj", PART);
+    station.drop("trough.dxf", &drawing(9.0));
+    station.once();
+    let first = station.imported();
+    server.project().scale = 25.4;
+    station.drop("trough.dxf", &drawing(7.0));
+    let said = station.once();
+    assert!(said.contains("1 rejected"), "{said}");
+    let reason = fs::read_to_string(station.path("rejected/trough.dxf.reason.txt")).unwrap();
+    assert!(reason.contains("shows trough.dxf "), "{reason}");
+    assert_eq!(server.holds(), ["\\trough.dxf"]);
+    assert_eq!(server.project().elements[0].id, 101);
+    assert_eq!(fs::read_dir(station.path("import")).unwrap().count(), 1);
+    assert_eq!(station.imported(), first);
+    // The station knows that, too.
+    station.drop("trough.dxf", &drawing(9.0));
+    let said = station.once();
+    assert!(said.contains("lies in import unchanged") && said.contains("is in BeamConstruct"), "{said}");
+    assert_eq!(server.project().elements[0].id, 101);
+}
+
+/// BeamServer may be away for long while drawings are corrected again, and the station be restarted meanwhile.
+#[test]
+fn a_drawing_that_is_corrected_again_waits_for_the_server() {
+    for (restarts, scale) in [(false, 1.0), (true, 1.0), (true, 25.4)] {
+        let server = BeamServer::start();
+        let mut station = Station::new(server.address);
+        station.set("kind = \"beamserver\"", "kind = \"beamserver\"\noutdated = \"correct\"");
+        station.start();
+        station.drop("trough.obj", PART);
+        station.drop("trough.dxf", &drawing(9.0));
+        station.waits_until_filed("trough.dxf");
+        let first = station.imported();
+        server.project().refuses = true;
+        station.turn(90);
+        station.waits_for("the other drawing", || station.imported() != first);
+        station.waits_for("a complaint", || station.log().contains("is not corrected again yet"));
+        // Listings close what was interrupted.
+        let heard = server.project().heard.len();
+        station.command(&["retry", "station.toml"]).output().unwrap();
+        station.waits_for("another try", || server.project().heard.len() > heard);
+        if restarts {
+            station.kill();
+        }
+        {
+            let mut project = server.project();
+            (project.refuses, project.scale) = (false, scale);
+        }
+        if restarts {
+            station.start();
+        } else {
+            station.command(&["retry", "station.toml"]).output().unwrap();
+        }
+        if scale != 1.0 {
+            station.waits_for("a refusal", || station.log().contains("cannot be corrected again"));
+            assert_eq!((server.holds().len(), server.project().elements[0].id), (1, 101));
+            assert_eq!(station.imported(), first);
+            // It is outdated still, and the next start tries it again.
+            station.kill();
+            server.project().scale = 1.0;
+            station.start();
+        }
+        station.waits_for("the new drawing in BeamConstruct", || {
+            let project = server.project();
+            project.elements.len() == 1 && project.elements[0].id != 101
+        });
+        let [expected, found] = [extents(&station.imported()), server.project().elements[0].size];
+        assert!(station.imported() != first && expected == found, "{expected:?} {found:?}");
+    }
 }
 
 /// However the station ends between import and archive, BeamConstruct holds the drawing once in the end.

@@ -10,11 +10,12 @@
 //! | what is there | `CmdListName n`, `CmdListUID n` for n = 0, 1 … until an error |
 //! | import | `CmdImport <path>` |
 //! | find it | the list again: an element of this name that was not there before |
-//! | remove the older one | `CmdDeleteEnt <id>` |
 //! | its size | `CmdSelEntName \<name>`, `CmdGetSizeX`, `CmdGetSizeY`, in 1/10000 mm |
+//! | remove it, or an older one | `CmdDeleteEnt <id>` |
 //!
-//! The older drawing goes before the size is asked for, because elements are selected by name alone. A drawing of a
-//! wrong size is removed, too, so that it cannot be marked.
+//! Elements are selected by name alone, so that the size of a drawing cannot be asked for as long as an older one of its
+//! name is there. A drawing that replaces one is therefore imported twice: for trial under a name of its own, and only
+//! if its size is right in place of the older one. A drawing of a wrong size is removed, so that it cannot be marked.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -41,49 +42,70 @@ const BAD_INPUT: i64 = 16;
 /// Its first numbers for a file that cannot be opened or read.
 const UNREADABLE_FILE: [i64; 2] = [19, 21];
 
-/// Imports the file under its name; returns what was done, as words for the log.
+/// A drawing in the import folder that BeamConstruct is to hold.
+pub(super) struct Drawing<'a> {
+    /// Its file's name, and that of its element.
+    pub(super) name: &'a str,
+    /// Its path as BeamServer knows it.
+    pub(super) path: String,
+    /// Width and height, mm, if they are known.
+    pub(super) size: Option<[f64; 2]>,
+    /// Name and path of the same for trial.
+    pub(super) trial: (&'a str, String),
+    /// It was imported before: it is done if it is still there.
+    pub(super) is_known: bool,
+}
+
+/// A path that can be sent to BeamServer.
+///
+/// # Errors
+/// Rejects what is not ASCII.
+pub(super) fn sendable(path: &Path) -> Result<String, JobError> {
+    let ascii = path.to_str().filter(|path| path.is_ascii() && !path.contains(['\r', '\n']));
+    ascii.map(str::to_owned).ok_or_else(|| {
+        let what = format!("BeamServer takes ASCII paths only, and {} is none.", path.display());
+        let remedy = "Name SKU, drawing and folder in plain letters.";
+        JobError::Rejected(Reason::new("beamserver-path", what, remedy))
+    })
+}
+
+/// Imports the drawing under its name; returns what was done, as words for the log. `lay_out` puts the file for trial
+/// where its path says.
 pub(super) fn import(
     delivery: &DeliverySettings,
-    name: &str,
-    file: &Path,
-    size: Option<[f64; 2]>,
+    drawing: &Drawing<'_>,
+    lay_out: impl FnOnce() -> Result<(), JobError>,
 ) -> Result<String, JobError> {
     let mut server = Server::connect(delivery)?;
-    let path =
-        file.to_str().filter(|path| path.is_ascii() && !path.contains(['\r', '\n'])).ok_or_else(|| {
-            let what = format!("BeamServer takes ASCII paths only, and {} is none.", file.display());
-            JobError::Rejected(Reason::new(
-                "beamserver-path",
-                what,
-                "Name SKU, drawing and folder in plain letters.",
-            ))
-        })?;
+    let name = drawing.name;
+    let (trial, trial_path) = &drawing.trial;
     let before = server.elements(name)?;
-    server.command(&format!("CmdImport {path}"))?;
-    let after = server.elements(name)?;
-    let new: Vec<&String> = after.iter().filter(|id| !before.contains(id)).collect();
-    // Tried again, it would only pile up copies.
-    let [new] = new[..] else {
-        let what = format!("BeamConstruct holds {} new elements named {name} after the import.", new.len());
-        let remedy =
-            "Remove there what was imported. Its version may name imported elements differently; report it.";
-        return Err(JobError::Rejected(Reason::new("beamserver-lost", what, remedy)));
-    };
+    if drawing.is_known && before.len() == 1 {
+        return Ok("is in BeamConstruct".into());
+    }
+    // An interruption may have left one.
+    server.elements(trial)?.iter().try_for_each(|left| server.delete(left))?;
+    if let Some(size) = drawing.size.filter(|_| !before.is_empty()) {
+        lay_out()?;
+        let tried = server.import_new(trial, trial_path, &[])?;
+        let verified = server.verify(trial, name, size);
+        server.delete(&tried)?;
+        verified?;
+    }
+    let new = server.import_new(name, &drawing.path, &before)?;
     before.iter().try_for_each(|old| server.delete(old))?;
     let mut story = "imported into BeamConstruct".to_owned();
     if !before.is_empty() {
         story += ", in place of the older one";
     }
-    if let Some(expected) = size {
-        server.command(&format!("CmdSelEntName \\{name}"))?;
-        for (axis, expected) in ["X", "Y"].into_iter().zip(expected) {
-            let found = server.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
-            if !((found - expected).abs() <= SIZE_TOLERANCE) {
-                server.delete(new)?;
-                return Err(JobError::Rejected(wrong_size(name, axis, found, expected)));
+    if let Some(size) = drawing.size {
+        if let Err(error) = server.verify(name, name, size) {
+            if matches!(error, JobError::Rejected(_)) {
+                server.delete(&new)?;
             }
+            return Err(error);
         }
-        story += &format!(", {:.3} x {:.3} mm as it should be", expected[0], expected[1]);
+        story += &format!(", {:.3} x {:.3} mm as it should be", size[0], size[1]);
     }
     Ok(story)
 }
@@ -153,6 +175,36 @@ impl Server {
     /// Sends a command that has to succeed.
     fn command(&mut self, command: &str) -> Result<String, JobError> {
         self.ask(command)?.map_err(|numbers| refused(command, numbers))
+    }
+
+    /// Imports a file; returns the id of its element, the only one of this name that was not there before.
+    fn import_new(&mut self, name: &str, path: &str, before: &[String]) -> Result<String, JobError> {
+        self.command(&format!("CmdImport {path}"))?;
+        let mut new = self.elements(name)?;
+        new.retain(|id| !before.contains(id));
+        match <[String; 1]>::try_from(new) {
+            Ok([new]) => Ok(new),
+            // Tried again, it would only pile up copies.
+            Err(new) => {
+                let count = new.len();
+                let what = format!("BeamConstruct holds {count} new elements named {name} after the import.");
+                let remedy = "Remove there what was imported. Its version may name imported elements differently; \
+                              report it.";
+                Err(JobError::Rejected(Reason::new("beamserver-lost", what, remedy)))
+            }
+        }
+    }
+
+    /// Compares the size of the only element of this name with that of the drawing, mm.
+    fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), JobError> {
+        self.command(&format!("CmdSelEntName \\{element}"))?;
+        for (axis, expected) in ["X", "Y"].into_iter().zip(size) {
+            let found = self.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
+            if !((found - expected).abs() <= SIZE_TOLERANCE) {
+                return Err(JobError::Rejected(wrong_size(drawing, axis, found, expected)));
+            }
+        }
+        Ok(())
     }
 
     /// Removes an element, unless somebody did before.

@@ -10,17 +10,22 @@ use fs_err as fs;
 
 use super::executor::folder_trouble;
 use super::filing;
-use super::folders::{self, Found};
+use super::folders::{self, is_file};
 use super::job::JobError;
-use super::journal::{Job, Journal, OpenJob};
+use super::journal::{Delivered, Import, Job, Journal, OpenJob};
 use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
-use crate::config::{FolderPaths, Repeat, Sku, Station};
-use crate::files::{TEMPORARY_END, TEMPORARY_START, rename_flushed, write_flushed};
+use crate::config::{DeliveryKind, FolderPaths, Repeat, Sku, Station};
+use crate::files::{
+    TEMPORARY_END, TEMPORARY_START, read_if_there, rename_flushed, write_flushed, write_whole,
+};
+use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
 /// Code of the reason for which drawings wait when there is no import folder.
 pub(super) const IMPORT_MISSING: &str = "import-missing";
+/// The folder in the state folder with the drawings that BeamConstruct holds while others of their names are tried.
+const PREVIOUS: &str = "previous";
 /// A temporary file that nobody renamed for this long was left by a crash.
 const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
@@ -55,6 +60,11 @@ pub(super) fn deliver<'a>(
         Some(_) => How::Replaced,
     };
     let import = &station.folders.import;
+    if let Some(previous) = previous.filter(|previous| is_held(&journal(), station, &job.name, previous)) {
+        let folder = station.folders.state.join(PREVIOUS);
+        fs::create_dir_all(&folder).map_err(folder_trouble)?;
+        write_whole(&folder, &job.name, previous).map_err(folder_trouble)?;
+    }
     let temporary = temporary_of(import, &journal(), job);
     if let Err(error) = write_flushed(&temporary, drawing) {
         remove_quietly(&temporary);
@@ -109,13 +119,15 @@ pub(super) fn settle(
     }
 }
 
-/// Closes a job whose drop is gone from the hot folder: its last step was done, or somebody took the drop away.
+/// Closes a job whose drop is gone from the hot folder: its last step was done, or somebody took the drop away. An
+/// archived original is never in the hot folder: it is closed, and corrected again if BeamServer was not told yet.
 pub(super) fn close(
-    folders: &FolderPaths,
+    station: &Station,
     journal: &mut Journal,
     drop: &str,
     open: &OpenJob,
 ) -> Result<(), JobError> {
+    let folders = &station.folders;
     if let Some(job) = open.job.as_ref().filter(|_| !open.delivered) {
         settle(folders, journal, drop, open, job)?;
         if !journal.all_begun().iter().any(|(begun, _)| begun == drop) {
@@ -131,8 +143,9 @@ pub(super) fn close(
         None => open.to.clone().filter(archived).unwrap_or_default(),
     };
     match &open.job {
-        Some(job) => journal.done(job, &original),
-        None if original.is_empty() => journal.cancelled(drop),
+        Some(job) => journal.done(job, &original, imported(station, open)),
+        // A pattern that was filed without a word on its drawing, as older versions did.
+        None if MeshFormat::from_name(&original).is_none() => journal.cancelled(drop),
         None => {
             let part = folders.archive.join(sku.key()).join(&original);
             filing::set_current_part(folders, &sku, &part).map_err(folder_trouble)?;
@@ -142,8 +155,24 @@ pub(super) fn close(
     .map_err(folder_trouble)
 }
 
-fn is_file(path: &Path) -> bool {
-    matches!(folders::look(path), Ok(Some(Found::File(_))))
+/// Whether BeamConstruct holds the drawing of an interrupted job: its original is only filed after that.
+pub(super) fn imported(station: &Station, open: &OpenJob) -> Import {
+    match station.delivery.kind {
+        DeliveryKind::Folder => Import::ByFolder,
+        DeliveryKind::Beamserver if open.to.is_some() => Import::Done,
+        DeliveryKind::Beamserver => Import::Due,
+    }
+}
+
+/// Whether the drawing in the import folder is the one that BeamConstruct holds.
+fn is_held(journal: &Journal, station: &Station, name: &str, drawing: &[u8]) -> bool {
+    let is_it = |last: &Delivered| last.held() == hash_of(drawing);
+    station.delivery.kind == DeliveryKind::Beamserver && journal.result(name).is_some_and(is_it)
+}
+
+/// What the journal knows a drawing by.
+pub(super) fn hash_of(drawing: &[u8]) -> String {
+    blake3::hash(drawing).to_hex().to_string()
 }
 
 /// Drawings wait for their import folder.
@@ -205,13 +234,42 @@ fn temporary_of(import: &Path, journal: &Journal, job: &Job) -> PathBuf {
     import.join(format!("{TEMPORARY_START}{}-{}{TEMPORARY_END}", journal.tag(), &job.key))
 }
 
-/// Removes a drawing that the marking software must not have.
-pub(super) fn take_back(drawing: &Path) {
-    remove_quietly(drawing);
+/// Takes a drawing that must not be marked out of the import folder; the one that BeamConstruct holds comes back.
+///
+/// # Errors
+/// When the journal cannot be written; nothing is changed then.
+pub(super) fn take_back(folders: &FolderPaths, journal: &mut Journal, job: &Job) -> Result<(), JobError> {
+    // Noted first: what comes back must never pass for what was delivered.
+    journal.cancelled(&job.drop).map_err(folder_trouble)?;
+    let kept = folders.state.join(PREVIOUS).join(&job.name);
+    let last = journal.result(&job.name);
+    let is_last = |bytes: &Vec<u8>| last.is_some_and(|last| last.held() == hash_of(bytes));
+    let back = match read_if_there(&kept) {
+        Ok(Some(previous)) if is_last(&previous) => write_whole(&folders.import, &job.name, &previous),
+        _ => return Ok(remove_quietly(&folders.import.join(&job.name))),
+    };
+    match back {
+        Ok(()) => tracing::info!("the drawing before it is back in import as {}", job.name),
+        Err(error) => {
+            tracing::warn!("the drawing before it cannot come back: {error}");
+            remove_quietly(&folders.import.join(&job.name));
+        }
+    }
+    Ok(())
+}
+
+/// The drawing is what BeamConstruct holds now: the one before it is not needed any more.
+pub(super) fn forget_previous(folders: &FolderPaths, name: &str) {
+    remove_quietly(&folders.state.join(PREVIOUS).join(name));
+}
+
+/// A file of this name is imported for trial; importers and this program ignore it.
+pub(super) fn trial_name(journal: &Journal) -> String {
+    format!("{TEMPORARY_START}{}-trial.dxf", journal.tag())
 }
 
 /// What cannot be removed is hidden, ignored by importers, and removed at a later start.
-fn remove_quietly(path: &Path) {
+pub(super) fn remove_quietly(path: &Path) {
     match fs::remove_file(path) {
         // A read-only disk says so also of what is not there.
         Err(error) if fs::symlink_metadata(path).is_ok() => tracing::warn!("{error}"),

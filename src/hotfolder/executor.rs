@@ -21,7 +21,7 @@ use super::filing::{self, Original, with_slashes};
 use super::folders;
 use super::intake::{self, Intake, Read};
 use super::job::{Corrector, Delivery, DroppedFile, JobError, PartLearned};
-use super::journal::{Job, Journal};
+use super::journal::{Import, Job, Journal};
 use super::names::delivered_as;
 use super::settle::{Gap, Stamp};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station};
@@ -84,8 +84,9 @@ pub(super) struct Kept {
     delivery: Delivery,
     /// The preview as SVG.
     preview: Option<Vec<u8>>,
-    /// Whether the marking software has it, too.
-    imported: bool,
+    import: Import,
+    /// Whether BeamServer was asked for it, too.
+    asked: bool,
 }
 
 /// The end of a job.
@@ -194,7 +195,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if let Some(report) = &report {
             filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
         }
-        let archived = self.archive(task, sku, name, read)?;
+        let archived = self.archive(task, sku, name, read, None)?;
         if let Err(error) = filing::set_current_part(folders, sku, &archived) {
             tracing::warn!("the surface of {sku} cannot be restored from the archive later: {error}");
         }
@@ -219,7 +220,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let drop = with_slashes(&task.relative);
         let name = &*delivered_as(pattern);
         let is_of_use = |kept: &Kept| {
-            kept.stamp == task.stamp && (kept.imported || !is_missing_for_server(&task.station, name))
+            kept.stamp == task.stamp && (kept.asked || !is_missing_for_server(&task.station, name))
         };
         if let Some(kept) = kept.filter(is_of_use) {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
@@ -248,7 +249,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let last = self.journal().result(name).cloned();
         let was_begun = self.was_delivered(task, &job.drop)?;
         let same_again = last.as_ref().filter(|last| last.job.key == job.key);
-        if let Some(begun) = &was_begun
+        if let Some((begun, import)) = &was_begun
             && begun.key != job.key
         {
             tracing::warn!(
@@ -260,7 +261,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 job: begun.clone(),
                 delivery: Delivery::default(),
                 preview: None,
-                imported: false,
+                import: *import,
+                asked: false,
             };
             return self.finish(&ready, kept);
         }
@@ -268,20 +270,25 @@ impl<'a, C: Corrector> Executor<'a, C> {
             && was_begun.is_none()
             && task.station.delivery.repeat == Repeat::Never
             && !matches!(task.work, Work::CorrectAgain { .. })
+            && (task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done)
         {
             tracing::info!("{name} was already delivered at {} and is not delivered again", last.at);
-            self.file_original(&ready, &job)?;
+            job.result.clone_from(&last.job.result);
+            self.file_original(&ready, &job, last.import)?;
             return Ok(Outcome::Repeated);
         }
         // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.
         if task.waits_for_import {
             delivery::import_is_there(folders)?;
         }
+        if task.station.delivery.kind == DeliveryKind::Beamserver {
+            beamserver::sendable(&task.station.delivery.path_for_server(&folders.import, name))?;
+        }
         let previous = filing::delivered_before(folders, name).map_err(folder_trouble)?;
         let mut made = guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), &settings))?;
-        job.result = blake3::hash(&made.drawing).to_hex().to_string();
+        job.result = delivery::hash_of(&made.drawing);
         delivery::import_is_there(folders)?;
-        let how = match was_begun {
+        let how = match &was_begun {
             Some(_) => How::BeforeTheCrash,
             None => delivery::deliver(
                 || self.journal(),
@@ -299,7 +306,12 @@ impl<'a, C: Corrector> Executor<'a, C> {
             words(how, last.as_ref().map(|last| (last.at.as_str(), last.job.key == job.key)))
         );
         made.drawing = Vec::new();
-        let imported = how == How::Unchanged && same_again.is_some();
+        let import = match (was_begun, same_again) {
+            (Some((_, import)), _) => import,
+            (None, Some(last)) if how == How::Unchanged => last.import,
+            _ if task.station.delivery.kind == DeliveryKind::Folder => Import::ByFolder,
+            _ => Import::Due,
+        };
         let preview = made.preview.take().and_then(|draw| {
             let trouble =
                 |(JobError::Rejected(reason) | JobError::Retry(reason) | JobError::Stop(reason))| {
@@ -307,7 +319,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 };
             guarded(|| Ok(draw())).map_err(trouble).ok()
         });
-        self.finish(&ready, Kept { stamp: task.stamp, job, delivery: made, preview, imported })
+        self.finish(&ready, Kept { stamp: task.stamp, job, delivery: made, preview, import, asked: false })
     }
 
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
@@ -321,16 +333,15 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     fn finish_steps(&self, ready: &Ready, kept: &mut Kept) -> Result<(), JobError> {
         let Task { station, .. } = ready.task;
-        if station.delivery.kind == DeliveryKind::Beamserver && !kept.imported {
-            let _one = self.beamserver.lock().unwrap_or_else(PoisonError::into_inner);
-            let file = station.delivery.path_for_server(&station.folders.import, ready.name);
-            let imported = beamserver::import(&station.delivery, ready.name, &file, kept.delivery.size);
+        if station.delivery.kind == DeliveryKind::Beamserver && !kept.asked {
+            let imported = self.import(station, ready.name, kept);
             if matches!(imported, Err(JobError::Rejected(_))) {
-                delivery::take_back(&station.folders.import.join(ready.name));
+                delivery::take_back(&station.folders, &mut self.journal(), &kept.job)?;
             }
             let story = imported?;
+            delivery::forget_previous(&station.folders, ready.name);
             tracing::info!("{} {story}", ready.name);
-            kept.imported = true;
+            (kept.import, kept.asked) = (Import::Done, true);
         }
         let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
         if !kept.delivery.report.is_empty() {
@@ -340,24 +351,52 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if let Some(preview) = &kept.preview {
             filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
         }
-        self.file_original(ready, &kept.job)
+        self.file_original(ready, &kept.job, kept.import)
+    }
+
+    /// Sees to it that BeamConstruct holds the drawing.
+    fn import(&self, station: &Station, name: &str, kept: &Kept) -> Result<String, JobError> {
+        let import = &station.folders.import;
+        let for_server = |name: &str| beamserver::sendable(&station.delivery.path_for_server(import, name));
+        let trial_name = delivery::trial_name(&self.journal());
+        let trial = import.join(&trial_name);
+        let drawing = beamserver::Drawing {
+            name,
+            path: for_server(name)?,
+            size: kept.delivery.size,
+            trial: (&trial_name, for_server(&trial_name)?),
+            is_known: kept.import == Import::Done,
+        };
+        let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
+        let _one = self.beamserver.lock().unwrap_or_else(PoisonError::into_inner);
+        let imported = beamserver::import(&station.delivery, &drawing, lay_out);
+        delivery::remove_quietly(&trial);
+        imported
     }
 
     /// Moves the original to the archive and notes that all is done.
-    fn file_original(&self, ready: &Ready, job: &Job) -> Result<(), JobError> {
+    fn file_original(&self, ready: &Ready, job: &Job, import: Import) -> Result<(), JobError> {
         let folders = &ready.task.station.folders;
         let original = match ready.task.work {
             Work::CorrectAgain { .. } => filing::in_archive(folders, ready.sku, &ready.task.path),
             _ => {
-                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read)?;
+                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read, Some(job))?;
                 filing::in_archive(folders, ready.sku, &archived)
             }
         };
-        tell_trouble(self.journal().done(job, &original));
+        tell_trouble(self.journal().done(job, &original, import));
         Ok(())
     }
 
-    fn archive(&self, task: &Task, sku: &Sku, name: &str, read: &Read) -> Result<PathBuf, JobError> {
+    /// Moves an original to the archive; `job` is the drawing that was made of it.
+    fn archive(
+        &self,
+        task: &Task,
+        sku: &Sku,
+        name: &str,
+        read: &Read,
+        job: Option<&Job>,
+    ) -> Result<PathBuf, JobError> {
         let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
         let original = read.original(&task.path);
         let begun = self.journal().begun(&drop, task.stamp).and_then(|open| open.to.clone());
@@ -369,13 +408,14 @@ impl<'a, C: Corrector> Executor<'a, C> {
         }
         let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
         let to = filing::in_archive(folders, sku, &place);
-        self.journal().filing(&drop, sku.as_str(), read.stamp, &to).map_err(folder_trouble)?;
+        self.journal().filing(&drop, sku.as_str(), read.stamp, &to, job).map_err(folder_trouble)?;
         filing::put_away(folders, &original, &place).map_err(folder_trouble)?;
         Ok(place)
     }
 
-    /// The job on this drop if its drawing lay in the import folder before the station was interrupted.
-    fn was_delivered(&self, task: &Task, drop: &str) -> Result<Option<Job>, JobError> {
+    /// The job on this drop if its drawing lay in the import folder before the station was interrupted, and whether
+    /// BeamConstruct holds it.
+    fn was_delivered(&self, task: &Task, drop: &str) -> Result<Option<(Job, Import)>, JobError> {
         let mut journal = self.journal();
         let Some(open) = journal.begun(drop, task.stamp).cloned() else { return Ok(None) };
         let Some(job) = open.job.clone() else { return Ok(None) };
@@ -386,7 +426,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if open.to.is_none() && is_missing_for_server(&task.station, &job.name) {
             journal.cancelled(drop).map_err(folder_trouble)?;
         }
-        Ok(journal.begun(drop, task.stamp).is_some_and(|open| open.delivered).then_some(job))
+        let import = delivery::imported(&task.station, &open);
+        Ok(journal.begun(drop, task.stamp).is_some_and(|open| open.delivered).then_some((job, import)))
     }
 
     /// All that the result depends on.
@@ -488,10 +529,11 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
-        let is_file = |path: &PathBuf| matches!(folders::look(path), Ok(Some(folders::Found::File(_))));
         let has_sidecar = matches!(task.work, Work::Correct { .. });
-        let sidecars: Vec<PathBuf> =
-            intake::sidecar_of(&task.path).into_iter().filter(|path| has_sidecar && is_file(path)).collect();
+        let sidecars: Vec<PathBuf> = intake::sidecar_of(&task.path)
+            .into_iter()
+            .filter(|path| has_sidecar && folders::is_file(path))
+            .collect();
         let bare = Original { path: &task.path, content: None, companions: &sidecars };
         let original = read.map_or(bare, |read| read.original(&task.path));
         let folders = &task.station.folders;
@@ -526,8 +568,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
 /// Whether BeamServer would look for a drawing that is not there.
 fn is_missing_for_server(station: &Station, name: &str) -> bool {
-    let there =
-        || matches!(folders::look(&station.folders.import.join(name)), Ok(Some(folders::Found::File(_))));
+    let there = || folders::is_file(&station.folders.import.join(name));
     station.delivery.kind == DeliveryKind::Beamserver && !there()
 }
 

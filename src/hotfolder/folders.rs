@@ -37,6 +37,11 @@ pub(super) fn look(path: &Path) -> io::Result<Option<Found>> {
     }
 }
 
+/// Whether a file lies at the path.
+pub(super) fn is_file(path: &Path) -> bool {
+    matches!(look(path), Ok(Some(Found::File(_))))
+}
+
 /// The identity of the folder at the path, if there is one.
 pub(super) fn identity(folder: &Path) -> Option<Identity> {
     let metadata = fs::metadata(folder).ok()?;

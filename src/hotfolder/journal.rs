@@ -58,6 +58,19 @@ pub(super) struct Job {
     pub(super) result: String,
 }
 
+/// Whether BeamConstruct holds a drawing that lies in the import folder.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Import {
+    /// Nobody was to see to it: an importer takes drawings from the folder.
+    #[default]
+    ByFolder,
+    /// BeamServer has still to be told.
+    Due,
+    /// It was imported.
+    Done,
+}
+
 /// A job that was begun and not filed away.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct OpenJob {
@@ -81,6 +94,16 @@ pub(super) struct Delivered {
     pub(super) at: String,
     /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
     pub(super) original: String,
+    pub(super) import: Import,
+    /// Hash of the older result that BeamConstruct holds as long as this one is due there.
+    older: String,
+}
+
+impl Delivered {
+    /// Hash of the result that the marking software has.
+    pub(super) fn held(&self) -> &str {
+        if self.import == Import::Due { &self.older } else { &self.job.result }
+    }
 }
 
 /// A part that was rejected while an older shape of its SKU is known.
@@ -115,12 +138,24 @@ enum Record {
     /// It could not be renamed; the drop waits.
     Cancelled { drop: String },
     /// The original is about to go to the archive.
-    Filing { drop: String, sku: String, stamp: StampRecord, to: String },
+    Filing {
+        drop: String,
+        sku: String,
+        stamp: StampRecord,
+        to: String,
+        /// The drawing, if it had not to be delivered.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        job: Option<Job>,
+    },
     /// A drawing is done; all that later jobs need to know of it.
     Done {
         #[serde(flatten)]
         job: Job,
         original: String,
+        #[serde(default)]
+        import: Import,
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        older: String,
     },
     /// A part is done.
     Learned { drop: String, sku: String, original: String },
@@ -262,16 +297,31 @@ impl Journal {
         self.append(Record::Cancelled { drop: drop.into() }, true)
     }
 
-    /// The original is about to go to `to`, relative to the SKU's archive folder.
-    pub(super) fn filing(&mut self, drop: &str, sku: &str, stamp: Stamp, to: &str) -> io::Result<()> {
-        let record =
-            Record::Filing { drop: drop.into(), sku: sku.into(), stamp: stamp.into(), to: to.into() };
+    /// The original is about to go to `to`, relative to the SKU's archive folder; `job` is the drawing that is done,
+    /// `None` for a part.
+    pub(super) fn filing(
+        &mut self,
+        drop: &str,
+        sku: &str,
+        stamp: Stamp,
+        to: &str,
+        job: Option<&Job>,
+    ) -> io::Result<()> {
+        let record = Record::Filing {
+            drop: drop.into(),
+            sku: sku.into(),
+            stamp: stamp.into(),
+            to: to.into(),
+            job: job.cloned(),
+        };
         self.append(record, true)
     }
 
     /// A drawing is done, its original filed away.
-    pub(super) fn done(&mut self, job: &Job, original: &str) -> io::Result<()> {
-        self.append(Record::Done { job: job.clone(), original: original.into() }, false)
+    pub(super) fn done(&mut self, job: &Job, original: &str, import: Import) -> io::Result<()> {
+        let last = self.result(&job.name).filter(|_| import == Import::Due);
+        let older = last.map(|last| last.held().to_owned()).unwrap_or_default();
+        self.append(Record::Done { job: job.clone(), original: original.into(), import, older }, false)
     }
 
     /// A part is done and filed away.
@@ -350,17 +400,24 @@ impl Journal {
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
             }
-            Record::Filing { drop, sku, stamp, to } => {
-                let new = OpenJob { stamp, sku, job: None, import: None, delivered: false, to: None };
-                self.open.entry(drop).or_insert(new).to = Some(to);
+            Record::Filing { drop, sku, stamp, to, job } => {
+                match self.open.get_mut(&drop) {
+                    Some(open) if open.stamp == stamp => open.to = Some(to),
+                    _ => {
+                        // What needs no delivery is filed without one.
+                        let delivered = job.is_some();
+                        let open = OpenJob { stamp, sku, job, import: None, delivered, to: Some(to) };
+                        self.open.insert(drop, open);
+                    }
+                }
             }
-            Record::Done { job, original } => {
+            Record::Done { job, original, import, older } => {
                 self.open.remove(&job.drop);
                 self.forget(&job.name);
                 if let Ok(sku) = job.sku.parse::<Sku>() {
                     self.by_sku.entry(sku).or_default().insert(job.name.clone());
                 }
-                let result = Delivered { at: at.into(), original, job };
+                let result = Delivered { at: at.into(), original, job, import, older };
                 self.results.insert(result.job.name.clone(), result);
             }
             Record::Learned { drop, sku, .. } => {
@@ -400,7 +457,8 @@ impl Journal {
         }
         let mut lines = Vec::new();
         for result in self.results.values() {
-            let record = Record::Done { job: result.job.clone(), original: result.original.clone() };
+            let Delivered { job, original, import, older, .. } = result.clone();
+            let record = Record::Done { job, original, import, older };
             lines.push(Line { at: result.at.clone(), record });
         }
         let at = clock::now();
@@ -417,8 +475,8 @@ impl Journal {
                 push(Record::Delivered { drop: drop.clone() });
             }
             if let Some(to) = &open.to {
-                let (drop, sku) = (drop.clone(), open.sku.clone());
-                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone() });
+                let (drop, sku, job) = (drop.clone(), open.sku.clone(), open.job.clone());
+                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone(), job });
             }
         }
         let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;
@@ -493,8 +551,8 @@ mod tests {
             match step {
                 0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
                 1 => journal.delivered("a.dxf"),
-                2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf"),
-                3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf"),
+                2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf", None),
+                3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done),
                 4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
                 _ => journal.delivering(&job("b.dxf", "2"), STAMP, Some(7)),
             }
@@ -525,10 +583,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
         for round in 0..IDLE_LINES + 2 {
-            journal.done(&job("a.dxf", &round.to_string()), "a.dxf").unwrap();
+            journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done).unwrap();
         }
         journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
-        journal.done(&job("a.dxf", "last"), "a.dxf").unwrap();
+        journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due).unwrap();
         let before = state(&journal);
         assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
         journal.delivered("b.dxf").unwrap();

@@ -53,7 +53,8 @@ impl StationLock {
         let path = state.join(LOCK);
         let trouble = |source| StationError::Lock { path: path.clone(), source };
         // Windows locks no file that is opened for appending alone.
-        let file = fs::OpenOptions::new().create(true).read(true).append(true).open(&path).map_err(trouble)?;
+        let file =
+            fs::OpenOptions::new().create(true).read(true).append(true).open(&path).map_err(trouble)?;
         let file = file.into_parts().0;
         for attempt in 1..=ATTEMPTS {
             match file.try_lock() {

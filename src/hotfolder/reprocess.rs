@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use super::executor::Executor;
 use super::job::Corrector;
+use super::journal::Import;
 use super::settle::Moment;
-use crate::config::{JobSettings, Outdated, Sku, Station};
+use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station};
 
 /// SKUs that are looked at in one go: the station must stay responsive.
 const AT_ONCE: usize = 20;
@@ -87,15 +88,21 @@ impl Reprocessing {
             let original = archive.join(&result.original);
             let settings = executor.settings_of_original(&original, settings);
             let Ok(basis) = executor.basis(sku, &settings) else { continue };
-            if basis == result.job.basis {
+            let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
+            let is_outdated = basis != result.job.basis;
+            if !is_outdated && !is_due {
                 self.forget(&name);
                 continue;
             }
             let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
             let asked = station.delivery.outdated == Outdated::Correct;
-            news += usize::from(!self.marked.contains_key(&name));
+            let is_new = !self.marked.contains_key(&name);
+            news += usize::from(is_new && is_outdated);
+            if is_new && is_due {
+                tracing::info!("{name} is not in BeamConstruct yet");
+            }
             let marked = self.marked.entry(name).or_insert(Marked { again, due: None, under_way: false });
-            if asked {
+            if asked || is_due {
                 marked.due.get_or_insert(Moment::ZERO);
             }
         }

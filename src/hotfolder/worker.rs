@@ -675,7 +675,7 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
     fn close_what_was_interrupted(&mut self, hot: &Path) {
-        let folders = self.folders().clone();
+        let station = self.settings.station().clone();
         let running: BTreeSet<&str> = self.running.values().map(|running| running.drop.as_str()).collect();
         let mut journal = self.executor.journal();
         for (drop, open) in journal.all_begun() {
@@ -683,7 +683,7 @@ impl<C: Corrector> Worker<'_, C> {
             if running.contains(drop.as_str()) || there {
                 continue;
             }
-            if let Err(JobError::Retry(reason)) = delivery::close(&folders, &mut journal, &drop, &open) {
+            if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
                 tell_new(
                     &mut self.told,
                     format!("{drop} was interrupted and cannot be closed: {}", reason.what),
@@ -691,7 +691,7 @@ impl<C: Corrector> Worker<'_, C> {
             }
         }
         if !std::mem::replace(&mut self.status.swept, true) {
-            delivery::sweep(&folders, &journal);
+            delivery::sweep(&station.folders, &journal);
         }
     }
 
