@@ -451,6 +451,26 @@ fn a_drawing_of_wrong_size_leaves_the_one_before_it() {
     assert_eq!(server.project().elements[0].id, 101);
 }
 
+#[test]
+fn a_silent_server_holds_up_one_drawing_and_no_part() {
+    let server = BeamServer::start();
+    let mut station = Station::new(server.address);
+    station.set("answer_s = 0.5", "answer_s = 90");
+    station.set("[watch]", "[watch]\njobs = 2");
+    server.project().faults.push(("CmdListName", Fault::Slow(Duration::from_secs(90))));
+    station.start();
+    for sku in ["trough", "gutter"] {
+        station.drop(&format!("{sku}.obj"), PART);
+        station.drop(&format!("{sku}.dxf"), &drawing(9.0));
+    }
+    let both = || ["trough", "gutter"].iter().all(|sku| station.path(&format!("import/{sku}.dxf")).exists());
+    station.waits_for("both drawings in the import folder", both);
+    station.drop("tub.obj", PART);
+    station.waits_for("a part", || station.path("archive/tub/tub.obj").exists());
+    assert!(station.log().contains("BeamServer is at another drawing"));
+    assert_eq!(server.heard("CmdListName"), 1);
+}
+
 /// BeamServer may be away for long while drawings are corrected again, and the station be restarted meanwhile.
 #[test]
 fn a_drawing_that_is_corrected_again_waits_for_the_server() {

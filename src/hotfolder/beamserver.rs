@@ -20,13 +20,21 @@
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::time::Duration;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::job::JobError;
 use crate::config::DeliverySettings;
 use crate::reason::Reason;
 
 const CONNECT: Duration = Duration::from_secs(3);
+/// How long somebody who waits for his turn goes on waiting for one and the same other.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How long nobody tries to talk to a server that did not answer.
+const REST: Duration = Duration::from_secs(2);
+/// Codes of the reasons that count for all drawings.
+const UNREACHABLE: &str = "beamserver-unreachable";
+const SILENT: &str = "beamserver-silent";
 /// Elements that a project may hold; more are a server that counts for ever.
 const MOST_ELEMENTS: usize = 100_000;
 /// The longest answer, bytes.
@@ -41,6 +49,79 @@ const NO_SUCH_ELEMENT: i64 = 7;
 const BAD_INPUT: i64 = 16;
 /// Its first numbers for a file that cannot be opened or read.
 const UNREADABLE_FILE: [i64; 2] = [19, 21];
+
+/// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
+/// answer is told so at once, so that its thread can do something else.
+#[derive(Default)]
+pub(super) struct Turns {
+    line: Mutex<Line>,
+    free: Condvar,
+}
+
+#[derive(Default)]
+struct Line {
+    /// Since when somebody talks to it.
+    busy_since: Option<Instant>,
+    /// Why nobody could the last time, and until when nobody tries again.
+    silent: Option<(Reason, Instant)>,
+}
+
+impl Turns {
+    fn line(&self) -> MutexGuard<'_, Line> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Talks to BeamServer when it is one's turn.
+    ///
+    /// # Errors
+    /// To be tried again when the turn does not come soon; else what `talk` says.
+    pub(super) fn talk<T>(&self, talk: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
+        let _turn = self.turn()?;
+        let said = talk();
+        let is_silence = |reason: &&Reason| [UNREACHABLE, SILENT].contains(&reason.code.as_str());
+        let silence = match &said {
+            Err(JobError::Retry(reason)) => Some(reason).filter(is_silence),
+            _ => None,
+        };
+        self.line().silent = silence.map(|reason| (reason.clone(), Instant::now() + REST));
+        said
+    }
+
+    fn turn(&self) -> Result<Turn<'_>, JobError> {
+        let mut line = self.line();
+        loop {
+            let now = Instant::now();
+            if let Some((reason, until)) = &line.silent
+                && (line.busy_since.is_some() || now < *until)
+            {
+                return Err(JobError::Retry(reason.clone()));
+            }
+            let Some(since) = line.busy_since else { break };
+            let left = PATIENCE.saturating_sub(now.duration_since(since));
+            if left.is_zero() {
+                let what = "BeamServer is at another drawing.";
+                return Err(JobError::Retry(Reason::new(
+                    "beamserver-busy",
+                    what,
+                    "Nothing: it is tried again.",
+                )));
+            }
+            line = self.free.wait_timeout(line, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        line.busy_since = Some(Instant::now());
+        Ok(Turn(self))
+    }
+}
+
+/// Somebody's turn, until it is dropped.
+struct Turn<'a>(&'a Turns);
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.line().busy_since = None;
+        self.0.free.notify_one();
+    }
+}
 
 /// A drawing in the import folder that BeamConstruct is to hold.
 pub(super) struct Drawing<'a> {
@@ -124,7 +205,7 @@ impl Server {
             let what = format!("BeamServer at {address} cannot be reached: {error}.");
             let remedy =
                 "Start BeamServer, end other programs that talk to it, or correct `delivery.address`.";
-            JobError::Retry(Reason::new("beamserver-unreachable", what, remedy))
+            JobError::Retry(Reason::new(UNREACHABLE, what, remedy))
         };
         let mut addresses = address.to_socket_addrs().map_err(failed)?;
         let first = addresses.next().ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
@@ -148,7 +229,7 @@ impl Server {
             let what = format!("BeamServer at {} gave no answer to `{command}`: {why}.", self.address);
             let remedy = "Nothing, if BeamServer is restarted or busy: it is tried again. \
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
-            JobError::Retry(Reason::new("beamserver-silent", what, remedy))
+            JobError::Retry(Reason::new(SILENT, what, remedy))
         })?;
         let (first, rest) = answer.split_once(' ').unwrap_or((&answer, ""));
         Ok(match first {

@@ -35,8 +35,7 @@ pub(super) struct Executor<'a, C> {
     pub(super) journal: Mutex<Journal>,
     /// Archived parts that cannot be fitted with these settings.
     unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
-    /// BeamServer talks to one client.
-    beamserver: Mutex<()>,
+    beamserver: beamserver::Turns,
 }
 
 /// One job, with all it needs to know.
@@ -149,7 +148,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             corrector,
             journal: Mutex::new(journal),
             unfit_archive: Mutex::default(),
-            beamserver: Mutex::default(),
+            beamserver: beamserver::Turns::default(),
         }
     }
 
@@ -368,10 +367,11 @@ impl<'a, C: Corrector> Executor<'a, C> {
             is_known: kept.import == Import::Done,
         };
         let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
-        let _one = self.beamserver.lock().unwrap_or_else(PoisonError::into_inner);
-        let imported = beamserver::import(&station.delivery, &drawing, lay_out);
-        delivery::remove_quietly(&trial);
-        imported
+        self.beamserver.talk(|| {
+            let imported = beamserver::import(&station.delivery, &drawing, lay_out);
+            delivery::remove_quietly(&trial);
+            imported
+        })
     }
 
     /// Moves the original to the archive and notes that all is done.
