@@ -33,6 +33,8 @@ use crate::reason::Reason;
 pub(super) struct Executor<'a, C> {
     pub(super) corrector: &'a C,
     pub(super) journal: Mutex<Journal>,
+    /// SKUs for which a part came while a drawing of them was being corrected.
+    overtaken: Mutex<BTreeSet<Sku>>,
     /// Archived parts that cannot be fitted with these settings.
     unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     beamserver: beamserver::Turns,
@@ -111,6 +113,8 @@ pub(super) enum Outcome {
     Incomplete { gap: Gap, reason: Reason, anew: bool },
     /// There is no surface for the SKU.
     NoSurface(Reason),
+    /// A part of the SKU came before the drawing was delivered.
+    PartCame,
     /// The newest part of the SKU was rejected, and its older shape is not used.
     PartRefused(Reason),
     /// Something around the job fails.
@@ -147,6 +151,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         Self {
             corrector,
             journal: Mutex::new(journal),
+            overtaken: Mutex::default(),
             unfit_archive: Mutex::default(),
             beamserver: beamserver::Turns::default(),
         }
@@ -154,6 +159,20 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     pub(super) fn journal(&self) -> MutexGuard<'_, Journal> {
         self.journal.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn overtaken(&self) -> MutexGuard<'_, BTreeSet<Sku>> {
+        self.overtaken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A part of the SKU lies in the hot folder: what is not delivered yet waits for it.
+    pub(super) fn part_came(&self, sku: &Sku) {
+        self.overtaken().insert(sku.clone());
+    }
+
+    /// A drawing of the SKU begins, with no part of it in the hot folder.
+    pub(super) fn begins(&self, sku: &Sku) {
+        self.overtaken().remove(sku);
     }
 
     /// Does one job.
@@ -287,6 +306,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let mut made = guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), &settings))?;
         job.result = delivery::hash_of(&made.drawing);
         delivery::import_is_there(folders)?;
+        // Files that are dropped together come one after the other, the drawing first perhaps.
+        if was_begun.is_none() && self.overtaken().contains(sku) {
+            return Ok(Outcome::PartCame);
+        }
         let how = match &was_begun {
             Some(_) => How::BeforeTheCrash,
             None => delivery::deliver(

@@ -328,9 +328,7 @@ impl<C: Corrector> Worker<'_, C> {
         if let Work::Correct { sku, .. } = &work
             && self.drops.has_part(sku)
         {
-            let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
-            let reason = Reason::new("waits-for-part", what, "Finish dropping the part.");
-            return self.wait(path, Block::PartUnderWay, reason);
+            return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
         let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
         let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
@@ -367,6 +365,9 @@ impl<C: Corrector> Worker<'_, C> {
             waits_for_import: chance.waits_for_import,
             kept: self.kept.remove(path),
         };
+        if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
+            if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
+        }
         self.running.insert(path.into(), running);
         if self.tasks.send(task).is_err() {
             self.running.remove(path);
@@ -440,6 +441,11 @@ impl<C: Corrector> Worker<'_, C> {
                 }
             }
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
+            Outcome::PartCame => {
+                if let Some(sku) = running.sku() {
+                    self.wait(path, Block::PartUnderWay, part_under_way(sku));
+                }
+            }
             Outcome::PartRefused(reason) => self.retry_later(path, reason),
             Outcome::Retry(reason, kept) => {
                 // Without what is kept, the journal says how far the job came, and it is worked through again.
@@ -469,6 +475,11 @@ impl<C: Corrector> Worker<'_, C> {
                 self.tell_once(format!("{name} of {sku} is not corrected again yet: {}", reason.what));
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
+            // The part may come to nothing, and then it is as outdated as before.
+            Outcome::PartCame => {
+                self.reprocessing.forget(name);
+                self.reprocessing.check(sku.clone());
+            }
             Outcome::Learned { .. } | Outcome::Changed | Outcome::Incomplete { .. } => {
                 self.reprocessing.forget(name);
             }
@@ -820,6 +831,11 @@ impl<C: Corrector> Worker<'_, C> {
         };
         let relative = path.strip_prefix(hot).unwrap_or(path);
         self.drops.see(hot, relative, what, writer, self.now(), still_for);
+        if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
+            && self.is_busy(sku)
+        {
+            self.executor.part_came(sku);
+        }
         self.stale = true;
     }
 }
@@ -840,6 +856,11 @@ fn tell_new(told: &mut BTreeSet<String>, words: String) {
 /// The lines of a settings file that changed.
 fn changes(old: &str, new: &str) -> String {
     diff::text_changes(old, new).join("\n")
+}
+
+fn part_under_way(sku: &Sku) -> Reason {
+    let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
+    Reason::new("waits-for-part", what, "Finish dropping the part.")
 }
 
 fn cut_short() -> Reason {

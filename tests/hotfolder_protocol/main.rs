@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -31,6 +31,8 @@ struct Pretender {
 struct Seen {
     /// Jobs that were told to hold may go on.
     released: AtomicBool,
+    /// Jobs that hold.
+    holding: AtomicUsize,
     /// The patterns that were corrected, in their order.
     corrected: Mutex<Vec<String>>,
 }
@@ -44,6 +46,7 @@ impl Pretender {
             Some("stop") => Err(JobError::Stop(reason("asked"))),
             Some("panic") => panic!("as asked"),
             Some("hold") => {
+                self.seen.holding.fetch_add(1, Ordering::SeqCst);
                 while !self.seen.released.load(Ordering::SeqCst) {
                     std::thread::sleep(Duration::from_millis(1));
                 }
@@ -528,6 +531,26 @@ fn a_pattern_does_not_overtake_a_part_on_its_way() {
     for name in line.import() {
         assert_eq!(line.text(&format!("import/{name}")).unwrap(), "pattern on new at 0", "{name}");
     }
+}
+
+/// Who drops both together may have the drawing come first; it must not be delivered with the shape that is going.
+#[test]
+fn a_part_that_comes_while_a_drawing_is_corrected_is_waited_for() {
+    let line = Line::running();
+    line.drop("can.glb", "old");
+    line.drop("can@date.dxf", "date");
+    line.waits_for_empty_hot();
+    line.rename_into("can.dxf", "hold");
+    line.waits_for("the drawing to be begun", |line| line.seen.holding.load(Ordering::SeqCst) > 0);
+    line.rename_into("can.obj", "new");
+    // What is heard later is done, so the part was heard of.
+    line.rename_into("mug.glb", "part");
+    line.waits_for("the other part", |line| line.path("archive/mug/mug.glb").exists());
+    assert_eq!(line.import(), ["can@date.dxf"]);
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    assert_eq!(line.text("import/can.dxf").unwrap(), "held on new at 0");
+    assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
 }
 
 #[test]
