@@ -70,11 +70,8 @@ pub(super) fn deliver<'a>(
         remove_quietly(&temporary);
         return Err(folder_trouble(error));
     }
-    if let Err(error) = journal().delivering(job, stamp, folders::identity(import)) {
-        remove_quietly(&temporary);
-        return Err(folder_trouble(error));
-    }
-    match rename_flushed(&temporary, &import.join(&job.name)) {
+    let noted = journal().delivering(job, stamp, folders::identity(import));
+    match noted.and_then(|()| rename_flushed(&temporary, &import.join(&job.name))) {
         Ok(()) => {
             // Should this line get lost, the missing temporary file says the same.
             if let Err(error) = journal().delivered(&job.drop) {
@@ -83,7 +80,7 @@ pub(super) fn deliver<'a>(
             Ok(how)
         }
         Err(error) => {
-            // As long as the journal says `delivering`, the temporary file is what says that it was not done.
+            // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
             if journal().cancelled(&job.drop).is_ok() {
                 remove_quietly(&temporary);
             }

@@ -25,7 +25,7 @@ use super::journal::{Import, Job, Journal};
 use super::names::delivered_as;
 use super::settle::{Gap, Stamp};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station};
-use crate::files::read_if_there;
+use crate::files::{read_if_there, sync_folder};
 use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
@@ -433,6 +433,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let to = filing::in_archive(folders, sku, &place);
         self.journal().filing(&drop, sku.as_str(), read.stamp, &to, job).map_err(folder_trouble)?;
         filing::put_away(folders, &original, &place).map_err(folder_trouble)?;
+        // Done and back in the hot folder after a power cut, the original would be another drop.
+        sync_folder(place.parent().unwrap_or(&place)).map_err(folder_trouble)?;
         Ok(place)
     }
 

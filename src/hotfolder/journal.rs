@@ -19,6 +19,7 @@
 //! file bear its name by then, that is another drop.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, UNIX_EPOCH};
@@ -30,7 +31,7 @@ use super::clock;
 use super::folders::Identity;
 use super::settle::Stamp;
 use crate::config::Sku;
-use crate::files::{read_if_there, write_whole};
+use crate::files::{read_if_there, sync_folder, write_whole};
 
 const JOURNAL: &str = "journal.log";
 /// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
@@ -126,6 +127,8 @@ pub(super) struct StampRecord {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "did", rename_all = "kebab-case")]
 enum Record {
+    /// What this station's temporary files bear in their names.
+    Tag { tag: String },
     /// The drawing lies in the import folder under its temporary name and is about to be renamed.
     Delivering {
         #[serde(flatten)]
@@ -179,6 +182,9 @@ struct Line {
 /// The journal with what still counts of it.
 pub(super) struct Journal {
     folder: PathBuf,
+    tag: String,
+    /// Whether the tag is written.
+    tag_is_kept: bool,
     /// Closed while the file is replaced, and opened again by the next line.
     file: Option<std::fs::File>,
     /// Length of the file up to the last whole line.
@@ -200,6 +206,8 @@ impl Journal {
         let bytes = read_if_there(&folder.join(JOURNAL))?.unwrap_or_default();
         let mut journal = Self {
             folder: folder.into(),
+            tag: String::new(),
+            tag_is_kept: false,
             file: None,
             length: 0,
             lines: 0,
@@ -220,9 +228,14 @@ impl Journal {
             }
             journal.lines += 1;
         }
+        if journal.tag.is_empty() {
+            journal.tag = if journal.lines > 0 { tag_of_older(folder) } else { new_tag() };
+        }
         // What follows the last good line was being written when the station ended.
         let length = journal.length;
         journal.file()?.set_len(length)?;
+        journal.length = length;
+        sync_folder(folder)?;
         if damaged > 0 {
             tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
         }
@@ -240,6 +253,8 @@ impl Journal {
         if self.file.is_none() {
             let path = self.folder.join(JOURNAL);
             let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+            // A file that was replaced without a word of it may have another length.
+            self.length = file.metadata()?.len();
             self.file = Some(file.into_parts().0);
         }
         self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
@@ -272,9 +287,8 @@ impl Journal {
     }
 
     /// What this station's temporary files bear in their names.
-    pub(super) fn tag(&self) -> String {
-        let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
-        blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
+    pub(super) fn tag(&self) -> &str {
+        &self.tag
     }
 
     /// The part of the SKU that was rejected last, if none was taken since.
@@ -284,6 +298,9 @@ impl Journal {
 
     /// The drawing lies flushed under its temporary name and is about to get its own.
     pub(super) fn delivering(&mut self, job: &Job, stamp: Stamp, import: Option<Identity>) -> io::Result<()> {
+        if !self.tag_is_kept {
+            self.append(Record::Tag { tag: self.tag.clone() }, true)?;
+        }
         self.append(Record::Delivering { job: job.clone(), stamp: stamp.into(), import }, true)
     }
 
@@ -354,6 +371,7 @@ impl Journal {
             // A line cut by a full disk would spoil the next one.
             if let Some(file) = &self.file {
                 file.set_len(self.length)?;
+                file.sync_data()?;
             }
             return Err(crate::files::named(error, "cannot write", &self.folder.join(JOURNAL)));
         }
@@ -367,6 +385,7 @@ impl Journal {
     }
 
     fn write(&mut self, bytes: &[u8], flush: bool) -> io::Result<()> {
+        self.file()?;
         let end = self.length;
         let file = self.file()?;
         file.seek(SeekFrom::Start(end))?;
@@ -383,6 +402,7 @@ impl Journal {
 
     fn apply(&mut self, at: &str, record: Record) {
         match record {
+            Record::Tag { tag } => (self.tag, self.tag_is_kept) = (tag, true),
             Record::Delivering { job, stamp, import } => {
                 let open = OpenJob {
                     stamp,
@@ -462,6 +482,7 @@ impl Journal {
             lines.push(Line { at: result.at.clone(), record });
         }
         let at = clock::now();
+        lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone() } });
         let mut push = |record| lines.push(Line { at: at.clone(), record });
         for (sku, refused) in &self.refused {
             let Refused { drop, to } = refused.clone();
@@ -483,7 +504,7 @@ impl Journal {
         // Windows replaces no file that is open.
         self.file = None;
         write_whole(&self.folder, JOURNAL, text.as_bytes())?;
-        (self.lines, self.length) = (lines.len(), text.len() as u64);
+        (self.lines, self.length, self.tag_is_kept) = (lines.len(), text.len() as u64, true);
         Ok(())
     }
 }
@@ -494,6 +515,18 @@ impl From<Stamp> for StampRecord {
         let modified = since.map(|since: Duration| since.as_nanos() as u64);
         Self { size: stamp.size, modified, identity: stamp.identity }
     }
+}
+
+/// A tag that no other station has: two machines may call their state folders the same and deliver into one folder.
+fn new_tag() -> String {
+    // The standard library draws the keys of its hashers at random.
+    format!("{:08x}", RandomState::new().hash_one(clock::now()) as u32)
+}
+
+/// The tag of stations whose journal has none, as older versions wrote it.
+fn tag_of_older(folder: &Path) -> String {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
 }
 
 fn checksum(text: &str) -> String {
@@ -576,6 +609,38 @@ mod tests {
                 "written anew after {cut} bytes"
             );
         }
+    }
+
+    /// Two stations may deliver into one folder, and each knows its own temporary files for ever.
+    #[test]
+    fn a_station_keeps_a_tag_of_its_own() {
+        let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let mut journal = Journal::open(one.path()).unwrap();
+        let tag = journal.tag().to_owned();
+        assert_ne!(tag, Journal::open(other.path()).unwrap().tag());
+        journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
+        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
+        journal.write_anew().unwrap();
+        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
+        // A station of an older version may have been interrupted.
+        let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: "a".into() } });
+        fs::write(one.path().join(JOURNAL), older.unwrap()).unwrap();
+        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
+    }
+
+    /// Should the folder not be flushed after the journal is replaced, nobody knows how long it is.
+    #[test]
+    fn a_journal_that_was_replaced_goes_on_at_its_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder).unwrap();
+        let (length, line) = (journal.length, fs::read(folder.path().join(JOURNAL)).unwrap());
+        journal.done(&job("b.dxf", "1"), "b.dxf", Import::ByFolder).unwrap();
+        (journal.file, journal.length) = (None, 10 * length);
+        fs::write(folder.path().join(JOURNAL), line).unwrap();
+        journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder).unwrap();
+        let journal = Journal::open(folder.path()).unwrap();
+        assert_eq!(journal.results.keys().collect::<Vec<_>>(), ["a.dxf", "c.dxf"]);
     }
 
     #[test]
