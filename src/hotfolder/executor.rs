@@ -23,6 +23,7 @@ use super::intake::{self, Intake, Read};
 use super::job::{Corrector, Delivery, DroppedFile, JobError, PartLearned};
 use super::journal::{Import, Job, Journal};
 use super::names::delivered_as;
+use super::reprocess::ARCHIVE;
 use super::settle::{Gap, Stamp};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station};
 use crate::files::{read_if_there, sync_folder};
@@ -327,6 +328,17 @@ impl<'a, C: Corrector> Executor<'a, C> {
             "{name} {} in {took} ms: {summary}",
             words(how, last.as_ref().map(|last| (last.at.as_str(), last.job.key == job.key)))
         );
+        if let Some(last) = &last
+            && last.job.key != job.key
+            && !is_same_drop(&last.job.drop, &job.drop)
+        {
+            tracing::warn!(
+                "{} and {} claim one result: {name} is now made of {}. Give the drawings different names.",
+                last.job.drop,
+                job.drop,
+                job.drop
+            );
+        }
         made.drawing = Vec::new();
         let import = match (was_begun, same_again) {
             (Some((_, import)), _) => import,
@@ -591,6 +603,12 @@ impl<'a, C: Corrector> Executor<'a, C> {
     }
 }
 
+/// Whether two drops bear one name; of what was corrected again from the archive, only the pattern's name is known.
+fn is_same_drop(a: &str, b: &str) -> bool {
+    let last = |path: &str| path.rsplit('/').next().unwrap_or(path).to_owned();
+    a == b || ([a, b].iter().any(|drop| drop.starts_with(ARCHIVE)) && last(a) == last(b))
+}
+
 /// Whether BeamServer would look for a drawing that is not there.
 fn is_missing_for_server(station: &Station, name: &str) -> bool {
     let there = || folders::is_file(&station.folders.import.join(name));
@@ -635,4 +653,22 @@ pub(super) fn folder_trouble(error: std::io::Error) -> JobError {
     let remedy =
         "Check that the folder exists, can be written and has space; the job then goes on by itself.";
     JobError::Retry(Reason::new("folder-trouble", format!("A folder of the station fails: {error}."), remedy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_another_drop_of_one_name_is_another() {
+        for (a, b, same) in [
+            ("mug@pic.dxf", "mug@pic.dxf", true),
+            ("mug@pic.png", "mug@pic.dxf", false),
+            ("mug/pic.dxf", "mug@pic.dxf", false),
+            ("archive:mug/(2)/mug@pic.dxf", "mug@pic.dxf", true),
+            ("mug@pic.dxf", "archive:mug/mug@pic.png", false),
+        ] {
+            assert_eq!(is_same_drop(a, b), same, "{a} {b}");
+        }
+    }
 }
