@@ -12,7 +12,7 @@ use fs_err as fs;
 /// When the folder cannot be written to or the disk is full; the older file is then untouched.
 pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
+    write_all(&mut file, bytes, folder)?;
     file.as_file().sync_all()?;
     file.persist(folder.join(name))
         .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
@@ -26,7 +26,7 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 /// When the folder cannot be written to or the disk is full; the older file is then untouched.
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
+    write_all(&mut file, bytes, folder)?;
     file.persist(folder.join(name))
         .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     Ok(())
@@ -39,7 +39,7 @@ pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Resu
 pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut file = temporary(folder)?;
-    file.write_all(bytes)?;
+    write_all(&mut file, bytes, folder)?;
     file.as_file().sync_all()?;
     file.persist_noclobber(path).map_err(|error| named(error.error, "cannot write", path))?;
     sync_folder(folder)
@@ -79,7 +79,18 @@ pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     builder.prefix(TEMPORARY_START).suffix(TEMPORARY_END);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    builder.tempfile_in(folder).map_err(|error| named(error, "cannot write into", folder))
+    builder.tempfile_in(folder).map_err(|error| named(without_path(&error), "cannot write into", folder))
+}
+
+/// Writes into a temporary file.
+fn write_all(file: &mut tempfile::NamedTempFile, bytes: &[u8], folder: &Path) -> io::Result<()> {
+    file.as_file_mut().write_all(bytes).map_err(|error| named(error, "cannot write into", folder))
+}
+
+/// The error without the temporary file's name, which is another each time: the same trouble is to be told once.
+fn without_path(error: &io::Error) -> io::Error {
+    let words = error.to_string();
+    io::Error::new(error.kind(), words.split(" at path ").next().unwrap_or_default())
 }
 
 /// Makes a rename in the folder survive a power cut, where the file system can.
@@ -152,6 +163,17 @@ mod tests {
             let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
             assert_eq!(mode & 0o444, 0o444);
         }
+    }
+
+    /// Whoever tries again tells only what is new.
+    #[test]
+    fn the_same_trouble_is_told_in_the_same_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let gone = folder.path().join("gone");
+        let trouble = || write_whole(&gone, "x.dxf", b"x").unwrap_err();
+        assert_eq!(trouble().kind(), ErrorKind::NotFound);
+        assert_eq!(trouble().to_string(), trouble().to_string());
+        assert!(trouble().to_string().contains("os error"), "{}", trouble());
     }
 
     #[test]

@@ -263,7 +263,7 @@ fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
     let mut original = fs::File::open(from)?;
     let folder = to.parent().unwrap_or(Path::new(""));
     let mut copy = temporary(folder)?;
-    io::copy(&mut original, &mut copy)?;
+    io::copy(&mut original, copy.as_file_mut()).map_err(|error| named(error, "cannot copy to", to))?;
     if let Ok(modified) = original.metadata()?.modified() {
         // The time is for people; a file system that cannot set it is no obstacle.
         let _ = copy.as_file().set_modified(modified);

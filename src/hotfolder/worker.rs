@@ -101,7 +101,8 @@ pub fn run(
             started: Instant::now(),
             next_listing: Moment::ZERO,
             hot_is_missing: false,
-            told: BTreeSet::new(),
+            complaints: Complaints::default(),
+            not_again: BTreeMap::new(),
             kept: BTreeMap::new(),
             late_companions: BTreeMap::new(),
             reprocessing: Reprocessing::default(),
@@ -172,8 +173,10 @@ struct Worker<'a, C> {
     started: Instant,
     next_listing: Moment,
     hot_is_missing: bool,
-    /// Complaints about the hot folder itself that were told already.
-    told: BTreeSet<String>,
+    /// Complaints about the hot folder itself.
+    complaints: Complaints,
+    /// Why outdated drawings are not corrected again yet, as it was last told.
+    not_again: BTreeMap<String, String>,
     /// Patterns whose result is delivered while report or original could not be filed yet.
     kept: BTreeMap<PathBuf, Kept>,
     /// Companions that were not there when their part was done: until when they may follow it, and where it went.
@@ -459,6 +462,7 @@ impl<C: Corrector> Worker<'_, C> {
     }
 
     fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
+        let told = self.not_again.remove(name);
         match outcome {
             Outcome::Delivered | Outcome::Repeated => {
                 self.tally.delivered += 1;
@@ -472,7 +476,10 @@ impl<C: Corrector> Worker<'_, C> {
             Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
                 let (now, once) = (self.now(), self.mode == Mode::Once);
                 self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
-                self.tell_once(format!("{name} of {sku} is not corrected again yet: {}", reason.what));
+                if told.as_ref() != Some(&reason.what) {
+                    tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
+                }
+                self.not_again.insert(name.to_owned(), reason.what);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
             // The part may come to nothing, and then it is as outdated as before.
@@ -622,6 +629,7 @@ impl<C: Corrector> Worker<'_, C> {
         let watch = self.settings.station().watch.clone();
         let hot = self.folders().hot.clone();
         let now = self.now();
+        self.complaints.next_round();
         self.settings.refresh_skus();
         self.tell_settings_events();
         self.late_companions.retain(|_, (until, _)| now < *until);
@@ -695,10 +703,7 @@ impl<C: Corrector> Worker<'_, C> {
                 continue;
             }
             if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
-                tell_new(
-                    &mut self.told,
-                    format!("{drop} was interrupted and cannot be closed: {}", reason.what),
-                );
+                self.complaints.tell(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
             }
         }
         if !std::mem::replace(&mut self.status.swept, true) {
@@ -707,7 +712,7 @@ impl<C: Corrector> Worker<'_, C> {
     }
 
     fn tell_once(&mut self, words: String) {
-        tell_new(&mut self.told, words);
+        self.complaints.tell(words);
     }
 
     /// What people asked for from another terminal.
@@ -847,9 +852,26 @@ struct Chance {
     waits_for_import: bool,
 }
 
-fn tell_new(told: &mut BTreeSet<String>, words: String) {
-    if told.insert(words.clone()) {
-        tracing::warn!("{words}");
+/// What is wrong in each listing, told when it begins; what is healed and comes back is told again.
+#[derive(Default)]
+struct Complaints {
+    /// Each with the round in which it was last heard of.
+    told: BTreeMap<String, u64>,
+    round: u64,
+}
+
+impl Complaints {
+    fn tell(&mut self, words: String) {
+        if !self.told.contains_key(&words) {
+            tracing::warn!("{words}");
+        }
+        self.told.insert(words, self.round);
+    }
+
+    /// What the last round did not find any more has healed.
+    fn next_round(&mut self) {
+        self.told.retain(|_, round| *round == self.round);
+        self.round += 1;
     }
 }
 
