@@ -738,7 +738,10 @@ impl<C: Corrector> Worker<'_, C> {
         let skus = self.reprocessing.take_unchecked(|| self.executor.journal().skus());
         for sku in skus {
             if self.drops.has_part(&sku) || self.is_busy(&sku) {
-                self.reprocessing.check(sku);
+                // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
+                if self.mode == Mode::UntilStopped || self.is_busy(&sku) {
+                    self.reprocessing.check(sku);
+                }
                 continue;
             }
             let Ok(settings) = self.job_settings(&sku) else { continue };

@@ -282,6 +282,18 @@ fn what_lies_there_at_the_start_is_done_and_counted() {
 }
 
 #[test]
+fn half_a_part_of_a_known_sku_is_left_there_too() {
+    let mut line = Line::new();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    assert_eq!(line.once().delivered, 1);
+    fs::write(line.path("hot/can.obj"), "half a pa").unwrap();
+    let started = Instant::now();
+    assert_eq!(line.once().incomplete[0].drop, "can.obj");
+    assert!(started.elapsed() < Duration::from_secs(60), "it was waited for");
+}
+
+#[test]
 fn a_folder_per_sku() {
     let line = Line::running();
     line.drop("Can/body.glb", "body");
