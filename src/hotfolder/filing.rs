@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
-use super::folders::{Found, free_place, look, move_new};
+use super::folders::{Found, free_place, has_content, look, move_new};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku};
 use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
@@ -90,11 +90,13 @@ pub(super) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> S
     with_slashes(archived.strip_prefix(folders.archive.join(sku.key())).unwrap_or(archived))
 }
 
-/// Removes an original whose copy lies in the archive, and lets its companions follow.
+/// Removes an original whose copy lies in the archive, and lets its companions follow. What bears its name by now and
+/// is not what was read is another drop and stays.
 pub(super) fn remove_copied(folders: &FolderPaths, original: &Original, copy: &Path) -> io::Result<()> {
-    match fs::remove_file(original.path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => stays_gone(folders, original.path)?,
-        removed => removed?,
+    match (look(original.path)?, original.content) {
+        (Some(found), Some((_, stamp))) if found != Found::File(stamp) => {}
+        (Some(_), _) => fs::remove_file(original.path)?,
+        (None, _) => stays_gone(folders, original.path)?,
     }
     companions_follow(original, copy);
     Ok(())
@@ -150,7 +152,8 @@ pub(super) fn follow(companion: &Path, place: &Path) -> io::Result<()> {
 pub(super) fn put_away(folders: &FolderPaths, original: &Original, target: &Path) -> io::Result<()> {
     match (original.content, look(original.path)?) {
         (Some((bytes, stamp)), Some(found)) if found != Found::File(stamp) => write_new(target, bytes)?,
-        (_, Some(_)) => move_new(original.path, target)?,
+        (Some((bytes, stamp)), Some(_)) => move_read(original.path, target, bytes, stamp)?,
+        (None, Some(_)) => move_new(original.path, target)?,
         (Some((bytes, _)), None) => {
             stays_gone(folders, original.path)?;
             write_new(target, bytes)?;
@@ -159,6 +162,21 @@ pub(super) fn put_away(folders: &FolderPaths, original: &Original, target: &Path
     }
     companions_follow(original, target);
     Ok(())
+}
+
+/// Moves the file that was read. A file that was renamed over it in the last moment is another drop: it goes back, and
+/// what was read is put away instead.
+fn move_read(path: &Path, target: &Path, bytes: &[u8], stamp: Stamp) -> io::Result<()> {
+    move_new(path, target)?;
+    if look(target)? == Some(Found::File(stamp)) || has_content(target, bytes) {
+        return Ok(());
+    }
+    match move_new(target, path) {
+        // It was replaced in its turn, as if by overwriting it.
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => fs::remove_file(target)?,
+        moved => moved?,
+    }
+    write_new(target, bytes)
 }
 
 /// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
@@ -206,4 +224,49 @@ fn shortened(name: &str) -> &str {
 pub(super) fn with_slashes(relative: &Path) -> String {
     let parts: Vec<_> = relative.components().map(|part| part.as_os_str().to_string_lossy()).collect();
     parts.join("/")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::folders::read_whole;
+    use super::*;
+
+    #[test]
+    fn a_drop_that_took_the_name_of_one_that_is_done_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let [hot, import, archive, rejected, cache, reports, skus, state] =
+            ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
+                .map(|name| folder.path().join(name));
+        let folders = FolderPaths { hot, import, archive, rejected, cache, reports, skus, state };
+        let path = folders.hot.join("can.dxf");
+        let [hot, archive] = [&folders.hot, &folders.archive];
+        fs::create_dir_all(hot).unwrap();
+        fs::create_dir_all(archive).unwrap();
+        let content = |path: &Path| fs::read_to_string(path).unwrap();
+        let drop = |text: &str| {
+            fs::write(hot.join("new"), text).unwrap();
+            fs::rename(hot.join("new"), &path).unwrap();
+        };
+        drop("first");
+        let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+        let original = Original { path: &path, content: Some((&bytes, stamp)), companions: &[] };
+        drop("second");
+
+        // Its copy lies in an archive on another disk.
+        remove_copied(&folders, &original, &archive.join("can.dxf")).unwrap();
+        assert_eq!(content(&path), "second");
+
+        // It was replaced before it was moved, and between the look and the move.
+        put_away(&folders, &original, &archive.join("before")).unwrap();
+        move_read(&path, &archive.join("between"), &bytes, stamp).unwrap();
+        assert_eq!(content(&path), "second");
+        for place in ["before", "between"] {
+            assert_eq!(content(&archive.join(place)), "first", "{place}");
+        }
+
+        let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+        let original = Original { path: &path, content: Some((&bytes, stamp)), companions: &[] };
+        remove_copied(&folders, &original, &archive.join("copy")).unwrap();
+        assert!(!path.exists());
+    }
 }
