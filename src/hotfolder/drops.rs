@@ -164,10 +164,9 @@ impl Drops {
         }
     }
 
-    /// When the next drop can be done, if nothing else happens.
-    pub(super) fn next_due(&self, times: &SettleTimes, except: impl Fn(&Path) -> bool) -> Option<Moment> {
-        let others = self.all.iter().filter(|(path, _)| !except(path));
-        others.filter_map(|(_, drop)| self.due(drop, times)).min()
+    /// When after `moment` the next drop can be done, if nothing else happens.
+    pub(super) fn next_due(&self, moment: Moment, times: &SettleTimes) -> Option<Moment> {
+        self.all.values().filter_map(|drop| self.due(drop, times)).filter(|due| *due > moment).min()
     }
 
     /// When the drop can be done; `None` as long as something else must happen first.

@@ -96,6 +96,7 @@ pub fn run(
             watcher: Watcher::new(sender),
             drops: Drops::default(),
             lanes: BTreeMap::new(),
+            lanes_made: Moment::ZERO,
             stale: true,
             running: BTreeMap::new(),
             started: Instant::now(),
@@ -167,6 +168,8 @@ struct Worker<'a, C> {
     drops: Drops,
     /// What can be done now, for each SKU in its order; without a SKU each drop for itself.
     lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
+    /// What was due by this moment is in the lanes.
+    lanes_made: Moment,
     /// Something happened since the lanes were made.
     stale: bool,
     running: BTreeMap<PathBuf, Running>,
@@ -225,15 +228,18 @@ impl<C: Corrector> Worker<'_, C> {
             self.write_status(true);
             let now = self.now();
             let mut next = self.next_listing.min(now + HEARTBEAT);
+            let mut due = Moment::MAX;
             if !ends && self.running.len() < self.threads {
-                let due = self.drops.next_due(&self.times(), |path| self.running.contains_key(path));
-                next = next.min(due.unwrap_or(Moment::MAX));
+                // What is ready and cannot begin waits for a job to finish, which is heard.
+                due = self.drops.next_due(self.lanes_made, &self.times()).unwrap_or(due);
+                next = next.min(due);
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
                 Ok(message) => self.hear(message),
                 // Something may have settled or healed.
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.stale = true,
             }
+            self.stale |= due <= self.now();
         }
     }
 
@@ -272,7 +278,8 @@ impl<C: Corrector> Worker<'_, C> {
     fn make_lanes(&mut self) {
         self.stale = false;
         self.lanes.clear();
-        for (sku, path) in self.drops.ready(self.now(), &self.times()) {
+        self.lanes_made = self.now();
+        for (sku, path) in self.drops.ready(self.lanes_made, &self.times()) {
             if !self.running.contains_key(&path) {
                 self.lanes.entry(sku).or_default().push_back(path);
             }

@@ -35,6 +35,8 @@ struct Seen {
     holding: AtomicUsize,
     /// The patterns that were corrected, in their order.
     corrected: Mutex<Vec<String>>,
+    /// How often the station woke up.
+    pulses: AtomicUsize,
 }
 
 impl Pretender {
@@ -140,7 +142,11 @@ impl Line {
         self.stop = StopSignal::default();
         let stop = self.stop.clone();
         let pretender = Pretender { seen: self.seen.clone(), ..Pretender::default() };
-        let work = move || hotfolder::run(settings, &pretender, &stop, mode, &mut |_| {});
+        let seen = self.seen.clone();
+        let mut count = move |_| {
+            seen.pulses.fetch_add(1, Ordering::SeqCst);
+        };
+        let work = move || hotfolder::run(settings, &pretender, &stop, mode, &mut count);
         self.running = Some(std::thread::spawn(work));
     }
 

@@ -62,6 +62,25 @@ fn drawings_of_a_sku_keep_their_order_and_no_other_waits_for_them() {
     assert_eq!(of("can")[1..], order.map(|number| format!("can@{number}.dxf")));
 }
 
+/// What is ready and cannot begin is no reason to look again and again.
+#[test]
+fn a_station_that_waits_for_a_job_rests() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    line.rename_into("can@1.dxf", "hold");
+    line.rename_into("can@2.dxf", "pattern");
+    std::thread::sleep(Duration::from_millis(200));
+    let before = line.seen.pulses.load(Ordering::SeqCst);
+    std::thread::sleep(Duration::from_secs(1));
+    let woken = line.seen.pulses.load(Ordering::SeqCst) - before;
+    // It lists five times a second.
+    assert!(woken < 50, "{woken}");
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    assert_eq!(line.import(), ["can@1.dxf", "can@2.dxf"]);
+}
+
 /// Some formats have no end mark, so that half a file looks whole; but its writer has it open.
 #[cfg(target_os = "linux")]
 #[test]
