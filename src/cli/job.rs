@@ -105,6 +105,8 @@ impl JobArguments {
         let sku = self.sku(part)?;
         let mut live = self.station.as_deref().map(LiveSettings::open).transpose()?;
         let mut settings = match &mut live {
+            // A station that was never started has no folder for its SKUs yet.
+            Some(live) if !live.station().folders.skus.exists() => live.station().settings.clone(),
             Some(live) => live.job(&sku)?,
             None => JobSettings::default(),
         };

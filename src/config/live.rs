@@ -50,6 +50,8 @@ struct SkuFile {
     file: PathBuf,
     /// The last text that was right.
     text: String,
+    /// The last listing did not find it.
+    missed: bool,
 }
 
 impl LiveSettings {
@@ -93,12 +95,14 @@ impl LiveSettings {
         }
     }
 
-    /// The settings for a job on this SKU, after a look at its file.
+    /// The settings for a job on this SKU, after a look at its file. A file that is not there while it is saved or
+    /// checked out still counts; [`Self::refresh_skus`] says when it is gone.
     ///
     /// # Errors
-    /// When the SKU's file is wrong and there is no older right version of it.
+    /// When the SKU's file is wrong, or the folder of all SKU files is missing, and no older right version is known.
     pub fn job(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
-        match find_sku_file(&self.station.folders.skus, sku).and_then(|file| self.read_sku(sku, file)) {
+        let file = sku_files(&self.station.folders.skus).map(|mut files| files.remove(sku));
+        match file.and_then(|file| self.read_sku(sku, file)) {
             Ok(settings) => Ok(settings),
             Err(error) => {
                 let Some(old) = self.skus.get(sku) else { return Err(error) };
@@ -109,28 +113,29 @@ impl LiveSettings {
         }
     }
 
-    /// Looks at all SKU files again, so that an edit is noticed before the SKU's next job.
+    /// Looks at all SKU files again, so that an edit is noticed before the SKU's next job. A file is gone when two
+    /// looks in a row do not find it in a folder that is there.
     pub fn refresh_skus(&mut self) {
-        let Ok(entries) = std::fs::read_dir(&self.station.folders.skus) else {
-            self.skus_listed = true;
-            return;
+        let folder = self.station.folders.skus.clone();
+        let found = match sku_files(&folder) {
+            Ok(found) => found,
+            Err(error) => return self.complain(error),
         };
-        let mut found = BTreeMap::new();
-        for path in entries.flatten().map(|entry| entry.path()) {
-            if let Some(sku) = sku_of(&path) {
-                found.insert(sku, path);
+        self.forgive(&folder);
+        let missed = self.skus.iter_mut().filter(|(sku, _)| !found.contains_key(*sku));
+        let gone: Vec<Sku> = missed
+            .filter_map(|(sku, file)| std::mem::replace(&mut file.missed, true).then(|| sku.clone()))
+            .collect();
+        for sku in gone {
+            let Some(SkuFile { file, text: old, .. }) = self.skus.remove(&sku) else { continue };
+            self.forgive(&file);
+            self.events.push(SettingsEvent::SkuChanged { sku, old, new: String::new() });
+        }
+        for (sku, path) in found {
+            if let Err(error) = self.read_sku(&sku, Some(path)) {
+                self.complain(error);
             }
         }
-        let gone: Vec<Sku> = self.skus.keys().filter(|sku| !found.contains_key(*sku)).cloned().collect();
-        found
-            .into_iter()
-            .map(|(sku, path)| (sku, Some(path)))
-            .chain(gone.into_iter().map(|sku| (sku, None)))
-            .for_each(|(sku, path)| {
-                if let Err(error) = self.read_sku(&sku, path) {
-                    self.complain(error);
-                }
-            });
         self.skus_listed = true;
     }
 
@@ -141,17 +146,15 @@ impl LiveSettings {
 
     fn read_sku(&mut self, sku: &Sku, file: Option<PathBuf>) -> Result<JobSettings, ConfigError> {
         let Some(file) = file else {
-            if let Some(gone) = self.skus.remove(sku) {
-                self.forgive(&gone.file);
-                let (old, new) = (gone.text, String::new());
-                self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new });
-            }
-            return Ok(self.station.settings.clone());
+            return match self.skus.get(sku) {
+                Some(last) => self.station.settings.overridden_by(&last.file, &last.text),
+                None => Ok(self.station.settings.clone()),
+            };
         };
         let text = read(&file)?;
         let settings = self.station.settings.overridden_by(&file, &text)?;
         self.forgive(&file);
-        let old = self.skus.insert(sku.clone(), SkuFile { file, text: text.clone() });
+        let old = self.skus.insert(sku.clone(), SkuFile { file, text: text.clone(), missed: false });
         let old = match old {
             Some(old) => old.text,
             None if self.skus_listed => String::new(),
@@ -175,21 +178,21 @@ impl LiveSettings {
     }
 }
 
-/// The SKU's settings file, however its name is spelled.
-fn find_sku_file(folder: &Path, sku: &Sku) -> Result<Option<PathBuf>, ConfigError> {
+/// The settings file of each SKU, however its name is spelled. Of two for one SKU the first by name counts.
+///
+/// # Errors
+/// When the folder is missing or cannot be listed: its files may only be out of reach.
+fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: folder.into(), source };
-    let entries = match std::fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(unreadable(error)),
-    };
-    for entry in entries {
+    let mut files = BTreeMap::<Sku, PathBuf>::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        if sku_of(&path).as_ref() == Some(sku) {
-            return Ok(Some(path));
+        if let Some(sku) = sku_of(&path) {
+            let first = files.entry(sku).or_insert_with(|| path.clone());
+            *first = path.min(std::mem::take(first));
         }
     }
-    Ok(None)
+    Ok(files)
 }
 
 /// The SKU whose settings file this is by its name.

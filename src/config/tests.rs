@@ -197,14 +197,41 @@ fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
     }
 
     fs_err::write(&file, NEEDED.replace("L1", "L2")).unwrap();
-    fs_err::remove_file(&sku_file).unwrap();
     live.refresh();
     assert_eq!(live.station().name, "L2");
-    assert_eq!(live.job(&sku).unwrap().placement.rotate, 0.0);
-    assert!(matches!(
-        live.take_events()[..],
-        [SettingsEvent::StationChanged { .. }, SettingsEvent::SkuChanged { .. }]
-    ));
+    assert!(matches!(live.take_events()[..], [SettingsEvent::StationChanged { .. }]));
+}
+
+/// An editor that saves, a checkout or a share that drops for a moment must not turn a SKU's settings into the
+/// station's.
+#[test]
+fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    let sku: Sku = "can".parse().unwrap();
+    let [skus, away] = ["skus", "away"].map(|name| folder.path().join(name));
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::create_dir(&skus).unwrap();
+    fs_err::write(skus.join("can.toml"), "[placement]\nrotate_deg = 90").unwrap();
+    let mut live = LiveSettings::open(&file).unwrap();
+    let is_turned = |live: &mut LiveSettings| live.job(&sku).unwrap().placement.rotate > 1.5;
+    assert!(is_turned(&mut live));
+
+    fs_err::rename(&skus, &away).unwrap();
+    for expected in [1, 0] {
+        live.refresh_skus();
+        assert!(is_turned(&mut live));
+        assert_eq!(live.take_events().len(), expected, "the missing folder is told once");
+    }
+    assert!(LiveSettings::open(&file).unwrap().job(&sku).is_err(), "a job waits when nothing older is known");
+    fs_err::rename(&away, &skus).unwrap();
+
+    fs_err::remove_file(skus.join("can.toml")).unwrap();
+    live.refresh_skus();
+    assert!(is_turned(&mut live));
+    live.refresh_skus();
+    assert!(!is_turned(&mut live), "two listings in a row did not find it");
+    assert!(matches!(live.take_events()[..], [SettingsEvent::SkuChanged { .. }]));
 }
 
 #[test]

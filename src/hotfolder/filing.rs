@@ -21,7 +21,7 @@ use fs_err as fs;
 
 use super::folders::{Found, free_place, has_content, look, move_new};
 use super::settle::Stamp;
-use crate::config::{FolderPaths, Sku};
+use crate::config::{FolderPaths, Sku, Station};
 use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
 use crate::reason::Reason;
 
@@ -54,6 +54,13 @@ pub(super) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBu
         fs::create_dir_all(path).map_err(|error| (purpose, path.clone(), error))?;
     }
     Ok(())
+}
+
+/// Makes the folder of the SKU files if it is to lie beside the station file. Anywhere else it may be on a share that is
+/// not there yet, and so may its files.
+pub(super) fn prepare_skus(station: &Station) -> io::Result<()> {
+    let skus = &station.folders.skus;
+    if skus.parent() == station.file.parent() { fs::create_dir_all(skus) } else { Ok(()) }
 }
 
 /// The drawing of that name in the import folder.

@@ -69,6 +69,11 @@ pub fn run(
         path,
         source,
     })?;
+    filing::prepare_skus(&station).map_err(|source| StationError::Folder {
+        purpose: "skus",
+        path: station.folders.skus.clone(),
+        source,
+    })?;
     let state = station.folders.state.clone();
     let _lock = StationLock::take(&state, &station.name)?;
     let journal =

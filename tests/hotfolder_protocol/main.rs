@@ -523,7 +523,6 @@ fn settings_follow_their_files() {
     line.drop("can.glb", "part");
     line.drop("can@1.dxf", "1");
     line.waits_for_text("import/can@1.dxf", "1 on part at 0");
-    fs::create_dir(line.path("skus")).unwrap();
     let sku = line.path("skus/CAN.toml");
     fs::write(&sku, "[placement]\nrotate_deg = 90").unwrap();
     line.drop("can@2.dxf", "2");
