@@ -202,7 +202,7 @@ impl Station {
         }
         let settings = format!(
             "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 100\n\
-             height_mm = 100\n[watch]\nsettle_ms = 30\nrescan_s = 0.2\n[delivery]\nkind = \"beamserver\"\n\
+             height_mm = 100\n[watch]\nsettle_ms = 30\nopen_ended_s = 0\nrescan_s = 0.2\n[delivery]\nkind = \"beamserver\"\n\
              address = \"{address}\"\nanswer_s = 0.5\n"
         );
         fs::write(folder.path().join("station.toml"), settings).unwrap();

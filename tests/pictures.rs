@@ -491,7 +491,7 @@ fn pictures_in_the_hot_folder_come_out_as_dxf() {
         fs::create_dir_all(path(name)).unwrap();
     }
     let station = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
-                   width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 0\n";
+                   width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 0\nopen_ended_s = 0\n";
     fs::write(path("station.toml"), station).unwrap();
     fs::write(path("skus/mouse.toml"), "[pattern]\nwidth_mm = 12\nthreshold_percent = 40\n").unwrap();
     fs::copy(MOUSE, path("hot/mouse.glb")).unwrap();

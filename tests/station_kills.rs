@@ -27,7 +27,7 @@ const VARIANTS: usize = 8;
 fn settings(repeat: &str) -> String {
     format!(
         "[station]\nname = \"kills\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 100\n\
-         height_mm = 100\n[output]\ncomments = false\n[watch]\nsettle_ms = 60\nrescan_s = 0.2\nincomplete_s = 1\n\
+         height_mm = 100\n[output]\ncomments = false\n[watch]\nsettle_ms = 60\nopen_ended_s = 0\nrescan_s = 0.2\nincomplete_s = 1\n\
          [delivery]\nrepeat = \"{repeat}\"\n"
     )
 }

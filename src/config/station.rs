@@ -60,6 +60,8 @@ pub struct FolderPaths {
 pub struct Watch {
     /// How long a file's size and time must stand still before it is read, unless its writer was seen to close it.
     pub settle: Duration,
+    /// The same for a file whose format has no end mark, so that half of it looks whole; never more than `incomplete`.
+    pub open_ended: Duration,
     /// Time between two listings of the hot folder.
     pub rescan: Duration,
     /// How long a file that stands still but ends too early is waited for before it is rejected.
@@ -128,6 +130,7 @@ impl Default for Watch {
     fn default() -> Self {
         Self {
             settle: Duration::from_millis(500),
+            open_ended: Duration::from_secs(30),
             rescan: Duration::from_secs(5),
             incomplete: Duration::from_secs(120),
             backend: Backend::Auto,
@@ -317,6 +320,7 @@ fn normal(path: &Path) -> PathBuf {
 struct WatchKeys {
     backend: Backend,
     settle_ms: Option<Spanned<f64>>,
+    open_ended_s: Option<Spanned<f64>>,
     rescan_s: Option<Spanned<f64>>,
     incomplete_s: Option<Spanned<f64>>,
     jobs: Option<Spanned<f64>>,
@@ -332,6 +336,10 @@ impl WatchKeys {
         if let Some(settle) = &self.settle_ms {
             let milliseconds = text.number("watch.settle_ms", settle, 0.0..=600_000.0, "ms")?;
             watch.settle = Duration::from_secs_f64(milliseconds / 1000.0);
+        }
+        if let Some(limit) = &self.open_ended_s {
+            let seconds = text.number("watch.open_ended_s", limit, 0.0..=86_400.0, "s")?;
+            watch.open_ended = Duration::from_secs_f64(seconds);
         }
         if let Some(rescan) = &self.rescan_s {
             watch.rescan =

@@ -10,6 +10,7 @@ use super::job::Waiting;
 use super::names::{Meaning, meaning};
 use super::settle::{Moment, Settle, SettleTimes, Verdict, Writer};
 use crate::config::Sku;
+use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
@@ -97,6 +98,9 @@ impl Drops {
             *self.parts.entry(sku).or_default() += 1;
         }
         let settle = Settle::new(stamp, writer, now, still_for);
+        let format = MeshFormat::from_name(&relative.to_string_lossy());
+        let is_open_ended = format.is_some_and(|format| !format.has_end_mark());
+        let settle = if is_open_ended { settle.without_end_mark() } else { settle };
         let (number, block) = (self.count, Block::Free);
         self.count += 1;
         let drop = Drop { relative: relative.into(), meaning, settle, number, block, reason: None };
@@ -167,6 +171,11 @@ impl Drops {
     /// When after `moment` the next drop can be done, if nothing else happens.
     pub(super) fn next_due(&self, moment: Moment, times: &SettleTimes) -> Option<Moment> {
         self.all.values().filter_map(|drop| self.due(drop, times)).filter(|due| *due > moment).min()
+    }
+
+    /// Whether a drop is still to be read and only has to stand still for that.
+    pub(super) fn any_settles(&self, now: Moment, times: &SettleTimes) -> bool {
+        self.all.values().any(|drop| drop.settle.is_settling(now, times))
     }
 
     /// When the drop can be done; `None` as long as something else must happen first.

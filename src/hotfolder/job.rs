@@ -139,7 +139,7 @@ pub enum JobError {
 /// How long [`run`](super::run) works.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// Does what lies in the hot folder and returns. Incomplete files are left there.
+    /// Does what lies in the hot folder, once it stands still, and returns. Incomplete files are left there.
     Once,
     /// Until the [`StopSignal`](super::StopSignal) is raised; the job under way is finished.
     UntilStopped,

@@ -2,8 +2,10 @@
 //!
 //! A file is read when its writer was seen to close it or to rename it into place; or, if nothing is known of its
 //! writer, when its size and time stood still for the settle time. A writer that was seen to write and not yet to close
-//! may be a copy that stalls, and is waited for as long as for the rest of a file. If its content then turns out to end too early, it is read again after its next change;
-//! if there is none within a limit, the job goes on and the file is rejected.
+//! may be a copy that stalls, and is waited for as long as for the rest of a file; where nothing is known of its writer,
+//! a file of a format without an end mark must stand still for longer than others. If its content then turns out to end
+//! too early, it is read again after its next change; if there is none within a limit, the job goes on and the file is
+//! rejected.
 
 use std::time::{Duration, SystemTime};
 
@@ -26,6 +28,8 @@ pub struct Stamp {
 pub struct SettleTimes {
     /// How long a file must stand still before it is read, if no writer was seen to close it.
     pub still: Duration,
+    /// The same for a file whose format has no end mark: half of it looks whole.
+    pub open_ended: Duration,
     /// How long an incomplete file must stand still before it is given up, and one that its writer has open before it
     /// is read.
     pub incomplete: Duration,
@@ -68,6 +72,8 @@ pub enum Gap {
 #[derive(Debug, Clone)]
 pub struct Settle {
     stamp: Stamp,
+    /// Its format has no end mark.
+    open_ended: bool,
     /// When the stamp was first seen.
     since: Moment,
     /// How long the file had been standing still when it was first seen.
@@ -80,7 +86,12 @@ pub struct Settle {
 impl Settle {
     /// A file seen for the first time; `still_for` is how long it is known to have stood still already.
     pub fn new(stamp: Stamp, writer: Writer, now: Moment, still_for: Duration) -> Self {
-        Self { stamp, since: now, head_start: still_for, writer, gap: None }
+        Self { stamp, open_ended: false, since: now, head_start: still_for, writer, gap: None }
+    }
+
+    /// The same for a file whose format has no end mark.
+    pub fn without_end_mark(self) -> Self {
+        Self { open_ended: true, ..self }
     }
 
     /// The stamp last seen.
@@ -93,7 +104,7 @@ impl Settle {
         let goes_on = self.writer == Writer::Open && stamp.identity == self.stamp.identity;
         let writer = if writer == Writer::Unknown && goes_on { Writer::Open } else { writer };
         if stamp != self.stamp {
-            *self = Self::new(stamp, writer, now, Duration::ZERO);
+            *self = Self { open_ended: self.open_ended, ..Self::new(stamp, writer, now, Duration::ZERO) };
         } else if writer != Writer::Unknown {
             // Two writes within one tick of the file system's clock can leave the same stamp.
             self.writer = writer;
@@ -131,6 +142,7 @@ impl Settle {
         let needed = match self.gap {
             None => match self.writer {
                 Writer::Closed => Duration::ZERO,
+                Writer::Unknown if self.open_ended => times.open_ended.max(times.still),
                 Writer::Unknown => times.still,
                 Writer::Open => times.incomplete.max(times.still),
             },
@@ -140,6 +152,11 @@ impl Settle {
             Some(_) => times.incomplete,
         };
         self.since + needed.saturating_sub(self.head_start)
+    }
+
+    /// Whether it is to be read for the first time since it changed, and not yet.
+    pub fn is_settling(&self, now: Moment, times: &SettleTimes) -> bool {
+        self.gap.is_none() && now < self.due(times)
     }
 
     /// What is to be done now.
@@ -159,6 +176,7 @@ mod tests {
 
     const TIMES: SettleTimes = SettleTimes {
         still: Duration::from_millis(500),
+        open_ended: Duration::from_millis(30_000),
         incomplete: Duration::from_millis(60_000),
         incomplete_after_close: Duration::from_millis(3_000),
     };
@@ -276,6 +294,19 @@ mod tests {
                 assert_eq!(verdict, expected, "{name}, at {at} ms");
             }
         }
+    }
+
+    #[test]
+    fn a_format_without_an_end_mark_stands_still_for_longer() {
+        let stamp = |size| Stamp { size, modified: None, identity: 1 };
+        let at = Duration::from_millis;
+        let mut settle = Settle::new(stamp(1), Writer::Unknown, at(0), Duration::ZERO).without_end_mark();
+        assert_eq!(settle.verdict(at(29_999), &TIMES), wait(30_000));
+        settle.see(stamp(2), Writer::Unknown, at(29_999));
+        assert_eq!(settle.verdict(at(30_000), &TIMES), wait(59_999));
+        assert_eq!(settle.verdict(at(59_999), &TIMES), Read);
+        settle.see(stamp(3), Writer::Closed, at(60_000));
+        assert_eq!(settle.verdict(at(60_000), &TIMES), Read, "its writer was seen to close it");
     }
 
     #[test]

@@ -249,7 +249,10 @@ impl<C: Corrector> Worker<'_, C> {
     }
 
     fn is_idle(&self) -> bool {
-        self.lanes.is_empty() && self.reprocessing.is_idle(self.now())
+        let now = self.now();
+        self.lanes.is_empty()
+            && self.reprocessing.is_idle(now)
+            && !self.drops.any_settles(now, &self.times())
     }
 
     fn introduce(&self) {
@@ -586,7 +589,9 @@ impl<C: Corrector> Worker<'_, C> {
     fn times(&self) -> SettleTimes {
         let watch = &self.settings.station().watch;
         SettleTimes {
-            still: if self.mode == Mode::Once { Duration::ZERO } else { watch.settle },
+            still: watch.settle,
+            // Windows lets nobody read what somebody has open to write.
+            open_ended: if cfg!(windows) { watch.settle } else { watch.open_ended.min(watch.incomplete) },
             incomplete: watch.incomplete,
             incomplete_after_close: INCOMPLETE_AFTER_CLOSE,
         }

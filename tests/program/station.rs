@@ -14,7 +14,7 @@ const DEADLINE: Duration = Duration::from_secs(30);
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
-                        width_mm = 110\nheight_mm = 110\n[watch]\nsettle_ms = 100\nrescan_s = 0.5\nincomplete_s = 2\n";
+                        width_mm = 110\nheight_mm = 110\n[watch]\nsettle_ms = 100\nopen_ended_s = 0\nrescan_s = 0.5\nincomplete_s = 2\n";
 const CAN: &str = "[part]\nfacing = \"-y\"\n[placement]\nplace_mm = [0, 60]\n[fixture]\ny_mm = -60\n";
 
 /// A station's folders, and the program when it runs.

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use fs_err as fs;
 
@@ -50,7 +50,14 @@ impl Station {
         self.waits_for("the archive folder", |station| station.path("archive").is_dir());
     }
 
+    /// Files that were dropped long before it is started.
     fn once(&self) -> String {
+        for entry in fs::read_dir(self.path("hot")).unwrap() {
+            let path = entry.unwrap().path();
+            if let Ok(file) = fs::OpenOptions::new().write(true).open(path) {
+                file.file().set_modified(SystemTime::now() - Duration::from_secs(3600)).unwrap();
+            }
+        }
         let output = self.command(&["watch", "station.toml", "--once"]).stdout(Stdio::piped()).output();
         let output = output.unwrap();
         let words = String::from_utf8(output.stdout.clone()).unwrap();
@@ -192,6 +199,25 @@ fn a_missing_import_folder_is_named() {
     assert!(words.contains("The import folder ") && words.contains(" does not exist."), "{words}");
     fs::create_dir(station.path("import")).unwrap();
     assert!(station.once().starts_with("1 delivered"));
+}
+
+/// Half an OBJ looks whole, and `--once` sees no writer close it: it must have stood still.
+#[cfg(unix)]
+#[test]
+fn a_copy_that_stalls_is_not_taken_half_by_once() {
+    use std::io::Write;
+    let station = Station::new();
+    let settings = SETTINGS.replace("settle_ms = 20000", "settle_ms = 50\nopen_ended_s = 3");
+    fs::write(station.path("station.toml"), settings).unwrap();
+    let (first, rest) = PART.split_at(PART.find("f 2").unwrap());
+    let mut writer = fs::File::create(station.path("hot/trough.obj")).unwrap();
+    writer.write_all(first.as_bytes()).unwrap();
+    let mut program = station.command(&["watch", "station.toml", "--once"]).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(1500));
+    writer.write_all(rest.as_bytes()).unwrap();
+    drop(writer);
+    assert!(program.wait().unwrap().success());
+    assert_eq!(fs::read_to_string(station.path("archive/trough/trough.obj")).unwrap(), PART);
 }
 
 /// A SKU folder that may not be read hides its own files only.

@@ -204,6 +204,11 @@ impl MeshFormat {
     /// File name endings of parts, for people.
     pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
 
+    /// Whether half a file is known for what it is; of lines alone, any number looks whole.
+    pub fn has_end_mark(self) -> bool {
+        !matches!(self, Self::Obj | Self::Xyz)
+    }
+
     /// The format that a file name's ending stands for, in capitals or not.
     ///
     /// ```
