@@ -416,7 +416,7 @@ fn origin_of(
     hasher.update(bytes);
     for buffer in mesh::siblings(bytes, format).map_err(|error| error.reason().in_file(name))? {
         // A buffer that is missing is named by the reader, with its remedy.
-        if let Ok(bytes) = sibling(&buffer) {
+        if let Ok(bytes) = sibling(&buffer.name) {
             hasher.update(&bytes);
         }
     }

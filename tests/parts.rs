@@ -279,7 +279,9 @@ fn a_gltf_names_the_files_it_waits_for() {
         [("can/build123d-cm", "build123d-cm.bin"), ("vessel/bl34-native", "bl34-native.bin")]
     {
         let bytes = std::fs::read(path_of(&format!("{name}.gltf"))).unwrap();
-        assert_eq!(mesh::siblings(&bytes, MeshFormat::Gltf), Ok(vec![sibling.to_string()]));
+        let size = std::fs::metadata(path_of(&format!("{name}.gltf")).with_file_name(sibling)).unwrap().len();
+        let named = mesh::Sibling { name: sibling.into(), bytes: size };
+        assert_eq!(mesh::siblings(&bytes, MeshFormat::Gltf), Ok(vec![named]));
         let alone = mesh::read(&bytes, MeshFormat::Gltf, &MeshOptions::default(), &mut no_sibling);
         let missing = MeshReadError::BufferMissing { name: sibling.into(), kind: io::ErrorKind::NotFound };
         assert_eq!(alone, Err(missing));
@@ -347,7 +349,7 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
         let format = MeshFormat::from_name(name).unwrap();
         let mut sibling_bytes = Vec::new();
         for sibling in mesh::siblings(&original, format).unwrap() {
-            sibling_bytes = std::fs::read(path.with_file_name(sibling)).unwrap();
+            sibling_bytes = std::fs::read(path.with_file_name(sibling.name)).unwrap();
         }
         // Most of a GLB is numbers; damage in its JSON is what leads astray.
         let json_end = original.windows(4).position(|four| four == b"BIN\0").unwrap_or(original.len());

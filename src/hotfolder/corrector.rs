@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
-use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError};
+use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, Sibling};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
 use crate::preview::{Backdrop, Preview, svg, svg_on};
@@ -208,10 +208,12 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
         }
         MeshFormat::Gltf | MeshFormat::Glb => match mesh::siblings(bytes, format) {
             Ok(buffers) => {
-                let named = |needed| move |name| Companion { name, needed, bytes: 0 };
-                let textures = mesh::textures(bytes, format).into_iter().map(named(false));
-                let companions = buffers.into_iter().map(named(true)).chain(textures).collect();
-                return Completeness::Whole { companions };
+                let buffer = |Sibling { name, bytes }| Companion { name, needed: true, bytes };
+                let texture = |name| Companion { name, needed: false, bytes: 0 };
+                let textures = mesh::textures(bytes, format).into_iter().map(texture);
+                return Completeness::Whole {
+                    companions: buffers.into_iter().map(buffer).chain(textures).collect(),
+                };
             }
             Err(error) if cut(&error) => return Completeness::CutShort(error.reason().in_file(name)),
             Err(_) => {}

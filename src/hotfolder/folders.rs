@@ -147,6 +147,11 @@ fn open(path: &Path) -> io::Result<fs::File> {
     options.open(path)
 }
 
+/// Whether the file can be opened to be read: on Windows not as long as somebody writes it.
+pub(super) fn can_be_read(path: &Path) -> bool {
+    open(path).is_ok()
+}
+
 /// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read, or is larger
 /// than [`LARGEST_DROP`].
 pub(super) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {

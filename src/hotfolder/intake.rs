@@ -106,7 +106,10 @@ fn with_companions(
             Some(size) if size > LARGEST_DROP => return Err(JobError::Rejected(too_large(size)).into()),
             None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
             None => absent.push(path),
-            Some(size) if settling || (companion.needed && size < companion.bytes) => {
+            Some(size)
+                if settling
+                    || (companion.needed && (size < companion.bytes || !folders::can_be_read(&path))) =>
+            {
                 missing = Some((companion_short(&file.name, companion, size), settling));
                 companions.push(path);
             }

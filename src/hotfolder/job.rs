@@ -1,10 +1,12 @@
 //! What a job needs from the rest of the program, and what becomes of it.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
+use super::folders::read_whole;
 use super::lock::Holder;
 use crate::config::{JobSettings, Sku, Station};
-use crate::files::read_beside;
+use crate::files::is_plain;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
@@ -68,9 +70,17 @@ impl DroppedFile {
     /// The content of a file in the same folder, such as a buffer of a `.gltf`.
     ///
     /// # Errors
-    /// When `name` is not a plain file name, or the file cannot be read.
+    /// When `name` is not a plain file name, or the file cannot be read or changes meanwhile.
     pub fn sibling(&self, name: &str) -> std::io::Result<Vec<u8>> {
-        read_beside(&self.path, name)
+        if !is_plain(name) {
+            return Err(ErrorKind::InvalidInput.into());
+        }
+        let path = self.path.with_file_name(name);
+        match read_whole(&path)? {
+            Some((bytes, _)) => Ok(bytes),
+            None if path.exists() => Err(ErrorKind::Interrupted.into()),
+            None => Err(ErrorKind::NotFound.into()),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use ::gltf::{Document, Error as GltfError, Glb};
 
 use crate::reason::Notice;
 
-use super::{MeshFormat, MeshReadError, RawPart};
+use super::{MeshFormat, MeshReadError, RawPart, Sibling};
 
 mod accessor;
 mod scene;
@@ -44,18 +44,18 @@ pub(super) fn read(
 }
 
 /// Names of the files beside the part that hold its buffers, in the order of the file, each once.
-pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshReadError> {
+pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<Sibling>, MeshReadError> {
     let document = parse(&Container::split(bytes, format)?.json)?;
-    let mut names: Vec<String> = Vec::new();
-    for uri in document.as_json().buffers.iter().filter_map(|buffer| buffer.uri.as_deref()) {
-        if !uri.starts_with("data:") {
-            let name = sibling_name(uri)?;
-            if !names.contains(&name) {
-                names.push(name);
-            }
+    let mut siblings: Vec<Sibling> = Vec::new();
+    for buffer in &document.as_json().buffers {
+        let Some(uri) = buffer.uri.as_deref().filter(|uri| !uri.starts_with("data:")) else { continue };
+        let (name, bytes) = (sibling_name(uri)?, buffer.byte_length.0);
+        match siblings.iter_mut().find(|sibling| sibling.name == name) {
+            Some(sibling) => sibling.bytes = sibling.bytes.max(bytes),
+            None => siblings.push(Sibling { name, bytes }),
         }
     }
-    Ok(names)
+    Ok(siblings)
 }
 
 /// Names of the plain files beside it that a file takes its pictures from.

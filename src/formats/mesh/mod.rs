@@ -167,11 +167,20 @@ pub fn read(
     part.into_reading(options)
 }
 
-/// Names of the files beside a part that are needed to read it: the `.bin` files of a `.gltf`.
+/// A file beside a part that is needed to read it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sibling {
+    /// Its plain name.
+    pub name: String,
+    /// The size that the part says it has at least, bytes.
+    pub bytes: u64,
+}
+
+/// The files beside a part that are needed to read it: the `.bin` files of a `.gltf`.
 ///
 /// # Errors
 /// See [`MeshReadError`]; buffers that lie outside the part's folder are an error.
-pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<String>, MeshReadError> {
+pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<Sibling>, MeshReadError> {
     match format.of_content(bytes) {
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::siblings(bytes, format),
         MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Ok(Vec::new()),

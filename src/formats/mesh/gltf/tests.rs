@@ -387,7 +387,10 @@ fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
     assert_eq!(read_text(&encoded, None).unwrap().facts.triangles, 1);
     assert_eq!(read_text("data:;base64,@@", None), Err(MeshReadError::BadDataUri { buffer: 0 }));
     assert_eq!(asked, ["my part.bin", "part.bin", "part.bin"]);
-    assert_eq!(siblings(&text_with("my%20part.bin"), MeshFormat::Gltf), Ok(vec!["my part.bin".into()]));
+    assert_eq!(
+        siblings(&text_with("my%20part.bin"), MeshFormat::Gltf),
+        Ok(vec![Sibling { name: "my part.bin".into(), bytes: 80 }])
+    );
     assert_eq!(siblings(&whole, MeshFormat::Glb), Ok(Vec::new()));
 }
 
