@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::filing::with_slashes;
 use super::folders::Found;
 use super::job::Waiting;
-use super::names::{Meaning, meaning};
+use super::names::{Meaning, delivered_as, meaning};
 use super::settle::{Moment, Settle, SettleTimes, Verdict, Writer};
 use crate::config::Sku;
 use crate::formats::mesh::MeshFormat;
@@ -138,11 +138,22 @@ impl Drops {
     }
 
     /// What can be done now, each with its SKU: parts first, because patterns need them, then as they came.
+    /// What pauses after a failure is not overtaken by a newer drop with the same result, which it would undo later.
     pub(super) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<(Option<Sku>, PathBuf)> {
+        let pausing = self.all.values().filter(|drop| matches!(drop.block, Block::Until { .. }));
+        let mut held = BTreeMap::<Aim, u64>::new();
+        for drop in pausing.filter(|drop| self.due(drop, times).is_some_and(|due| due > now)) {
+            let Some(aim) = drop.aim() else { continue };
+            held.entry(aim).and_modify(|first| *first = drop.number.min(*first)).or_insert(drop.number);
+        }
+        let is_held = |drop: &Drop| {
+            !held.is_empty()
+                && drop.aim().and_then(|aim| held.get(&aim)).is_some_and(|first| *first < drop.number)
+        };
         let mut ready: Vec<_> = self
             .all
             .iter()
-            .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now))
+            .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now) && !is_held(drop))
             .map(|(path, drop)| (rank(drop), drop.number, path, drop))
             .collect();
         ready.sort_by_key(|(rank, number, ..)| (*rank, *number));
@@ -233,7 +244,24 @@ impl Drops {
     }
 }
 
+/// What a drop changes when it is done: of several with one aim the newest counts in the end.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Aim {
+    /// The shape of a SKU.
+    Shape(Sku),
+    /// The drawing of this name.
+    Drawing(String),
+}
+
 impl Drop {
+    fn aim(&self) -> Option<Aim> {
+        match &self.meaning {
+            Ok(Meaning::Part(sku)) => Some(Aim::Shape(sku.clone())),
+            Ok(Meaning::Pattern { name, .. }) => Some(Aim::Drawing(delivered_as(name).to_lowercase())),
+            _ => None,
+        }
+    }
+
     /// The SKU that it is a part or pattern of.
     fn sku(&self) -> Option<&Sku> {
         match &self.meaning {
@@ -260,4 +288,30 @@ fn not_a_file() -> Reason {
 fn still_settling() -> Reason {
     let what = "The file may still be written, or its turn has not come.";
     Reason::new("still-settling", what, "Nothing: it is looked at again.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hotfolder::settle::Stamp;
+
+    #[test]
+    fn what_pauses_is_not_overtaken_by_a_newer_drop_with_the_same_result() {
+        let hot = Path::new("hot");
+        let at = Duration::from_secs;
+        let (still, open_ended) = (at(0), at(0));
+        let times = SettleTimes { still, open_ended, incomplete: at(9), incomplete_after_close: at(3) };
+        let mut drops = Drops::default();
+        for name in ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"] {
+            let stamp = Stamp { size: 1, modified: None, identity: 1 };
+            drops.see(hot, Path::new(name), Found::File(stamp), Writer::Closed, at(0), at(0));
+        }
+        for name in ["can.glb", "mug.png"] {
+            drops.get_mut(&hot.join(name)).unwrap().block = Block::Until { moment: at(5), pause: at(1) };
+        }
+        let ready = |now| drops.ready(at(now), &times).into_iter().map(|(_, path)| path).collect::<Vec<_>>();
+        assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
+        let all = ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"];
+        assert_eq!(ready(5), all.map(|name| hot.join(name)));
+    }
 }
