@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Exit, Failure, Outcome, parse_sku, print};
+use super::{Exit, Failure, Outcome, parse_sku, print, tell};
 use crate::config::Station;
 use crate::hotfolder::status::{Listed, Status, Waits};
 use crate::hotfolder::{Holder, Request, StationLock, return_rejected};
@@ -61,13 +61,12 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     let then = if runs { "" } else { " when the station is started" };
     if arguments.rejected || !arguments.drops.is_empty() {
         let wanted = (!arguments.rejected).then_some(arguments.drops.as_slice());
-        let (returned, trouble) =
+        let (returned, mut trouble) =
             return_rejected(&station.folders, wanted).map_err(|error| Failure::environment(&error))?;
         print(&returned.iter().map(|drop| format!("{drop} is back in the hot folder\n")).collect::<String>());
-        return match trouble.first() {
-            Some(reason) => Err(Failure { exit: Exit::Environment, reason: reason.clone() }),
-            None => Ok(()),
-        };
+        let Some(last) = trouble.pop() else { return Ok(()) };
+        trouble.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
+        return Err(Failure { exit: Exit::Environment, reason: last });
     }
     let request = match &arguments.outdated {
         Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),

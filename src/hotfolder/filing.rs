@@ -68,6 +68,19 @@ pub(super) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
     read_if_there(&folders.import.join(name))
 }
 
+/// The ending of a report.
+pub(super) const REPORT: &str = "report.json";
+
+/// Where a file named after a drop lies in the SKU's reports folder.
+pub(super) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {
+    folders.reports.join(sku.key()).join(format!("{name}.{ending}"))
+}
+
+/// The note of the archived part that the SKU's surface comes from.
+pub(super) fn current_part_note(folders: &FolderPaths, sku: &Sku) -> PathBuf {
+    folders.archive.join(sku.key()).join(CURRENT_PART)
+}
+
 /// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it.
 pub(super) fn write_report(
     folders: &FolderPaths,

@@ -1,11 +1,14 @@
 //! The way back from the rejected folder into the hot folder.
 
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use fs_err as fs;
 use serde::Deserialize;
 
+use super::filing::{self, REPORT};
 use super::folders::move_new;
 use super::names::{Meaning, meaning};
 use crate::config::FolderPaths;
@@ -30,12 +33,26 @@ pub fn return_rejected(
 ) -> std::io::Result<(Vec<String>, Vec<Reason>)> {
     let mut reasons = Vec::new();
     collect(&folders.rejected, 0, &mut reasons)?;
-    reasons.sort();
-    let (mut returned, mut trouble) = (Vec::new(), Vec::new());
+    // Of a drop that was rejected several times the newest counts; an older one would undo it.
+    let mut newest = BTreeMap::new();
     for reason in reasons {
         let Ok(text) = fs::read(&reason) else { continue };
         let Ok(RejectedDrop { drop }) = serde_json::from_slice(&text) else { continue };
-        if wanted.is_some_and(|wanted| !wanted.contains(&drop)) || returned.contains(&drop) {
+        if wanted.is_some_and(|wanted| !wanted.contains(&drop)) {
+            continue;
+        }
+        let this = (written(&reason), place_number(&reason), reason);
+        let last = newest.entry(drop).or_insert_with(|| this.clone());
+        *last = this.max(std::mem::take(last));
+    }
+    let (mut returned, mut trouble) = (Vec::new(), Vec::new());
+    for (drop, (rejected_at, _, reason)) in newest {
+        if done_since(folders, &drop, rejected_at) {
+            let what =
+                format!("{drop} is not put back: a newer one of that name was done since it was rejected.");
+            let remedy =
+                format!("Move it from {} yourself if it shall replace that.", folders.rejected.display());
+            trouble.push(Reason::new("newer-done", what, remedy));
             continue;
         }
         match bring_back(folders, &reason, &drop) {
@@ -74,6 +91,28 @@ fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::
         }
     }
     Ok(())
+}
+
+/// When the file was written; nothing where that cannot be told.
+fn written(file: &Path) -> Option<SystemTime> {
+    fs::metadata(file).and_then(|metadata| metadata.modified()).ok()
+}
+
+/// The number of the folder `(2)`, `(3)` … that a rejected drop lies in, 1 without one.
+fn place_number(file: &Path) -> u64 {
+    let folder = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+    let number = folder.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    number.and_then(|number| number.parse().ok()).unwrap_or(1)
+}
+
+/// Whether a drop of that name was done after this moment: its report, or the note of the SKU's part, is newer.
+fn done_since(folders: &FolderPaths, drop: &str, rejected_at: Option<SystemTime>) -> bool {
+    let done = match meaning(Path::new(drop)) {
+        Ok(Meaning::Pattern { sku, name }) => filing::report_path(folders, &sku, &name, REPORT),
+        Ok(Meaning::Part(sku)) => filing::current_part_note(folders, &sku),
+        Ok(Meaning::Companion) | Err(_) => return false,
+    };
+    written(&done).is_some_and(|done| Some(done) > rejected_at)
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {
