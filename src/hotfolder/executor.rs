@@ -266,7 +266,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let mut job = self.job(&ready, drop, &settings)?;
         let folders = &task.station.folders;
         let last = self.journal().result(name).cloned();
-        let was_begun = self.was_delivered(task, &job.drop)?;
+        let begun = self.was_delivered(task, &job.drop)?;
+        let was_begun = begun.filter(|(begun, _)| begun.pattern == job.pattern);
         let same_again = last.as_ref().filter(|last| last.job.key == job.key);
         if let Some((begun, import)) = &was_begun
             && begun.key != job.key

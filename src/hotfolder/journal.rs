@@ -81,6 +81,8 @@ pub(super) struct OpenJob {
     pub(super) job: Option<Job>,
     /// Which folder was the import folder.
     pub(super) import: Option<Identity>,
+    /// Which folder was the hot folder, where that was noted.
+    pub(super) hot: Option<Identity>,
     /// Whether the drawing lies, or lay, in the import folder.
     pub(super) delivered: bool,
     /// Where its original goes in the archive, relative to the SKU's folder.
@@ -124,6 +126,15 @@ pub(super) struct StampRecord {
     identity: u64,
 }
 
+impl StampRecord {
+    /// Whether it is the stamp of this file. Some shares number their files anew with each mount: size and time of the
+    /// last write, to the nanosecond, decide where the system tells the time.
+    pub(super) fn is_of(&self, stamp: Stamp) -> bool {
+        let now = Self::from(stamp);
+        *self == now || (self.modified.is_some() && (self.size, self.modified) == (now.size, now.modified))
+    }
+}
+
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "did", rename_all = "kebab-case")]
 enum Record {
@@ -135,6 +146,8 @@ enum Record {
         job: Job,
         stamp: StampRecord,
         import: Option<Identity>,
+        #[serde(default)]
+        hot: Option<Identity>,
     },
     /// It bears its own name.
     Delivered { drop: String },
@@ -149,6 +162,8 @@ enum Record {
         /// The drawing, if it had not to be delivered.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         job: Option<Job>,
+        #[serde(default)]
+        hot: Option<Identity>,
     },
     /// A drawing is done; all that later jobs need to know of it.
     Done {
@@ -185,6 +200,8 @@ pub(super) struct Journal {
     tag: String,
     /// Whether the tag is written.
     tag_is_kept: bool,
+    /// Which folder is the hot folder.
+    hot: Option<Identity>,
     /// Closed while the file is replaced, and opened again by the next line.
     file: Option<std::fs::File>,
     /// Length of the file up to the last whole line.
@@ -208,6 +225,7 @@ impl Journal {
             folder: folder.into(),
             tag: String::new(),
             tag_is_kept: false,
+            hot: None,
             file: None,
             length: 0,
             lines: 0,
@@ -260,9 +278,14 @@ impl Journal {
         self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
     }
 
+    /// Notes with the jobs that are begun from now on which folder is the hot folder.
+    pub(super) fn hot_is(&mut self, identity: Option<Identity>) {
+        self.hot = identity;
+    }
+
     /// The job that was begun on this very file.
     pub(super) fn begun(&self, drop: &str, stamp: Stamp) -> Option<&OpenJob> {
-        self.open.get(drop).filter(|open| open.stamp == stamp.into())
+        self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
     }
 
     /// All jobs that were begun and not filed away.
@@ -301,7 +324,8 @@ impl Journal {
         if !self.tag_is_kept {
             self.append(Record::Tag { tag: self.tag.clone() }, true)?;
         }
-        self.append(Record::Delivering { job: job.clone(), stamp: stamp.into(), import }, true)
+        let (job, stamp, hot) = (job.clone(), stamp.into(), self.hot);
+        self.append(Record::Delivering { job, stamp, import, hot }, true)
     }
 
     /// The drawing bears its own name.
@@ -330,6 +354,7 @@ impl Journal {
             stamp: stamp.into(),
             to: to.into(),
             job: job.cloned(),
+            hot: self.hot,
         };
         self.append(record, true)
     }
@@ -403,10 +428,11 @@ impl Journal {
     fn apply(&mut self, at: &str, record: Record) {
         match record {
             Record::Tag { tag } => (self.tag, self.tag_is_kept) = (tag, true),
-            Record::Delivering { job, stamp, import } => {
+            Record::Delivering { job, stamp, import, hot } => {
                 let open = OpenJob {
                     stamp,
                     import,
+                    hot,
                     sku: job.sku.clone(),
                     delivered: false,
                     to: None,
@@ -420,13 +446,13 @@ impl Journal {
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
             }
-            Record::Filing { drop, sku, stamp, to, job } => {
+            Record::Filing { drop, sku, stamp, to, job, hot } => {
                 match self.open.get_mut(&drop) {
                     Some(open) if open.stamp == stamp => open.to = Some(to),
                     _ => {
                         // What needs no delivery is filed without one.
                         let delivered = job.is_some();
-                        let open = OpenJob { stamp, sku, job, import: None, delivered, to: Some(to) };
+                        let open = OpenJob { stamp, sku, job, import: None, hot, delivered, to: Some(to) };
                         self.open.insert(drop, open);
                     }
                 }
@@ -490,14 +516,15 @@ impl Journal {
         }
         for (drop, open) in &self.open {
             if let Some(job) = &open.job {
-                push(Record::Delivering { job: job.clone(), stamp: open.stamp, import: open.import });
+                let (job, hot) = (job.clone(), open.hot);
+                push(Record::Delivering { job, stamp: open.stamp, import: open.import, hot });
             }
             if open.delivered {
                 push(Record::Delivered { drop: drop.clone() });
             }
             if let Some(to) = &open.to {
                 let (drop, sku, job) = (drop.clone(), open.sku.clone(), open.job.clone());
-                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone(), job });
+                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone(), job, hot: open.hot });
             }
         }
         let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;

@@ -19,7 +19,7 @@ use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
 use super::journal::Journal;
 use super::lock::StationLock;
 use super::names::{Meaning, delivered_as, is_ignored, is_sidecar};
-use super::reprocess::Reprocessing;
+use super::reprocess::{ARCHIVE, Reprocessing};
 use super::requests::{self, Request};
 use super::settle::{Moment, SettleTimes, Stamp, Verdict, Writer};
 use super::status::StatusBoard;
@@ -250,9 +250,7 @@ impl<C: Corrector> Worker<'_, C> {
 
     fn is_idle(&self) -> bool {
         let now = self.now();
-        self.lanes.is_empty()
-            && self.reprocessing.is_idle(now)
-            && !self.drops.any_settles(now, &self.times())
+        self.lanes.is_empty() && self.reprocessing.is_idle(now) && !self.drops.any_settles(now, &self.times())
     }
 
     fn introduce(&self) {
@@ -714,9 +712,20 @@ impl<C: Corrector> Worker<'_, C> {
         let station = self.settings.station().clone();
         let running: BTreeSet<&str> = self.running.values().map(|running| running.drop.as_str()).collect();
         let mut journal = self.executor.journal();
+        let identity = folders::identity(hot);
+        journal.hot_is(identity);
         for (drop, open) in journal.all_begun() {
-            let there = matches!(folders::look(&hot.join(&drop)), Ok(Some(Found::File(stamp))) if open.stamp == stamp.into());
+            let there = matches!(folders::look(&hot.join(&drop)), Ok(Some(Found::File(stamp))) if open.stamp.is_of(stamp));
             if running.contains(drop.as_str()) || there {
+                continue;
+            }
+            // An empty mount point, or another share: the drop may come back with the folder it lay in.
+            if open.hot.is_some() && open.hot != identity && !drop.starts_with(ARCHIVE) {
+                self.complaints.tell(format!(
+                    "{drop} was interrupted, and the hot folder {} is another one than then: if a share is missing, \
+                     connect it; the drop is done to its end when it is back",
+                    hot.display()
+                ));
                 continue;
             }
             if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {

@@ -507,6 +507,40 @@ fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
     assert_eq!(line.import(), ["can@1.dxf", "can@2.dxf"]);
 }
 
+/// A share that is mounted late: its mount point is an empty folder in the place of the hot folder.
+#[test]
+fn what_was_delivered_from_a_share_that_is_mounted_late_is_not_delivered_again() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    fs::remove_dir_all(line.path("reports/can")).unwrap();
+    fs::write(line.path("reports/can"), "a file in the way").unwrap();
+    line.drop("can.dxf", "pattern");
+    line.waits_for_text("import/can.dxf", "pattern on part at 0");
+    line.stop();
+    assert!(line.path("hot/can.dxf").exists(), "delivered and not filed");
+
+    fs::rename(line.path("hot"), line.path("elsewhere/share")).unwrap();
+    fs::create_dir(line.path("hot")).unwrap();
+    fs::remove_file(line.path("reports/can")).unwrap();
+    assert_eq!(line.once().delivered, 0);
+    // The importer has taken it.
+    fs::remove_file(line.path("import/can.dxf")).unwrap();
+    fs::remove_dir(line.path("hot")).unwrap();
+    fs::rename(line.path("elsewhere/share"), line.path("hot")).unwrap();
+    // Some shares number their files anew with each mount.
+    let modified = fs::metadata(line.path("hot/can.dxf")).unwrap().modified().unwrap();
+    fs::copy(line.path("hot/can.dxf"), line.path("elsewhere/can.dxf")).unwrap();
+    let file = fs::OpenOptions::new().write(true).open(line.path("elsewhere/can.dxf")).unwrap();
+    file.file().set_modified(modified).unwrap();
+    drop(file);
+    fs::rename(line.path("elsewhere/can.dxf"), line.path("hot/can.dxf")).unwrap();
+    line.once();
+    assert_eq!(line.import(), [""; 0], "it was delivered already");
+    assert_eq!(files(&line.path("hot")), [""; 0]);
+    assert!(line.path("archive/can/can.dxf").exists());
+}
+
 #[test]
 fn a_station_without_events_lists() {
     let mut line = Line::new();
