@@ -13,16 +13,18 @@
 //! SKU folders bear the SKU's name in lower case. Companions lie beside their part. A rejected drop is tried again by
 //! moving it back into the hot folder as it is.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
 use super::folders::{Found, free_place, has_content, look, move_new};
+use super::names::SIDECAR;
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
 use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
+use crate::formats::pattern::is_drawing;
 use crate::reason::Reason;
 
 /// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
@@ -229,9 +231,21 @@ fn companions_follow(original: &Original, target: &Path) {
     }
 }
 
-fn all_names<'a>(name: &'a OsStr, original: &'a Original) -> Vec<&'a OsStr> {
+/// The names that must be free where an original goes. Settings belong to each pattern of their stem that lies beside
+/// them, so neither do others' lie there, nor does a pattern that those which travel along would be taken for.
+fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
     let companions = original.companions.iter().filter_map(|path| path.file_name());
-    std::iter::once(name).chain(companions).collect()
+    let mut names: Vec<OsString> = std::iter::once(name).chain(companions).map(OsStr::to_owned).collect();
+    let text = name.to_string_lossy();
+    if is_drawing(&text) {
+        let sibling = |ending| Path::new(name).with_extension(ending).into_os_string();
+        if names.contains(&sibling(SIDECAR)) {
+            names.extend(["dxf", "DXF", "png", "PNG", "bmp", "BMP"].map(sibling));
+        } else {
+            names.push(sibling(SIDECAR));
+        }
+    }
+    names
 }
 
 /// A name that leaves room for an ending: file systems take 255 bytes.
@@ -251,13 +265,38 @@ mod tests {
     use super::super::folders::read_whole;
     use super::*;
 
+    fn folders_in(folder: &Path) -> FolderPaths {
+        let [hot, import, archive, rejected, cache, reports, skus, state] =
+            ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
+                .map(|name| folder.join(name));
+        FolderPaths { hot, import, archive, rejected, cache, reports, skus, state }
+    }
+
+    #[test]
+    fn no_original_comes_to_lie_beside_the_settings_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        let sku = "can".parse().unwrap();
+        let place = |name: &str, companions: &[PathBuf]| {
+            let original = Original { path: Path::new(name), content: None, companions };
+            let place = archive_place(&folders, &sku, name, &original).unwrap();
+            in_archive(&folders, &sku, &place)
+        };
+        let put = |name: &str| fs::write(folders.archive.join("can").join(name), "").unwrap();
+        assert_eq!(place("can@a.dxf", &["can@a.toml".into()]), "can@a.dxf");
+        put("can@a.dxf");
+        put("can@a.toml");
+        assert_eq!(place("can@a.png", &[]), "(2)/can@a.png");
+        put("can@b.png");
+        assert_eq!(place("can@b.dxf", &[]), "can@b.dxf");
+        assert_eq!(place("can@b.dxf", &["can@b.toml".into()]), "(2)/can@b.dxf");
+        assert_eq!(place("can.glb", &[]), "can.glb");
+    }
+
     #[test]
     fn a_drop_that_took_the_name_of_one_that_is_done_stays() {
         let folder = tempfile::tempdir().unwrap();
-        let [hot, import, archive, rejected, cache, reports, skus, state] =
-            ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
-                .map(|name| folder.path().join(name));
-        let folders = FolderPaths { hot, import, archive, rejected, cache, reports, skus, state };
+        let folders = folders_in(folder.path());
         let path = folders.hot.join("can.dxf");
         let [hot, archive] = [&folders.hot, &folders.archive];
         fs::create_dir_all(hot).unwrap();
