@@ -16,7 +16,8 @@ use crate::reason::Reason;
 pub(super) struct WatchArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Handles what lies in the hot folder, says what became of it, and stops; exit code 1 when something was rejected.
+    /// Handles what lies in the hot folder, says what became of it, and stops; exit code 1 when something was rejected, 3
+    /// when something waits because a folder, a disk or a server fails.
     #[arg(long)]
     once: bool,
 }
@@ -40,7 +41,10 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     }
     print(&words(&tally));
     match tally.rejected {
-        0 => Ok(()),
+        0 => match tally.waiting.iter().find(|left| left.hindered) {
+            Some(left) => Err(Failure { exit: Exit::Environment, reason: left.reason.clone() }),
+            None => Ok(()),
+        },
         count => {
             let drops = if count == 1 { "drop was" } else { "drops were" };
             let remedy = "Read the .reason.txt beside each in the rejected folder.";

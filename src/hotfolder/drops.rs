@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::executor::PART_REFUSED;
 use super::filing::with_slashes;
 use super::folders::Found;
 use super::job::Waiting;
@@ -238,7 +239,9 @@ impl Drops {
         for drop in self.all.values() {
             let reason = drop.reason.clone().unwrap_or_else(still_settling);
             let kind = if drop.block == Block::Free { &mut incomplete } else { &mut waiting };
-            kind.push(Waiting { drop: with_slashes(&drop.relative), reason });
+            // A part that was rejected is told as such.
+            let hindered = matches!(drop.block, Block::Until { .. }) && reason.code != PART_REFUSED;
+            kind.push(Waiting { drop: with_slashes(&drop.relative), reason, hindered });
         }
         (waiting, incomplete)
     }

@@ -30,6 +30,9 @@ use crate::files::{read_if_there, sync_folder};
 use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
+/// The code of the reason why patterns wait for a good part.
+pub(super) const PART_REFUSED: &str = "part-rejected";
+
 /// What the threads of a station share.
 pub(super) struct Executor<'a, C> {
     pub(super) corrector: &'a C,
@@ -506,7 +509,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             "Drop a good part of {sku}; or remove {}, to go on with the older shape.",
             lies.display()
         );
-        Some(Reason::new("part-rejected", what, remedy))
+        Some(Reason::new(PART_REFUSED, what, remedy))
     }
 
     /// Whether there is a surface for the SKU; one that got lost is fitted again from the archived part.

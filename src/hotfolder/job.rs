@@ -190,6 +190,8 @@ pub struct Waiting {
     pub drop: String,
     /// What it waits for.
     pub reason: Reason,
+    /// Whether that is something around the station that fails: a folder, a disk, a server.
+    pub hindered: bool,
 }
 
 /// Why a station cannot start or go on.
