@@ -1,6 +1,7 @@
 //! `isomark status` and `isomark retry`: a running station, looked at and spoken to from another terminal.
 
 use std::path::PathBuf;
+use std::time::SystemTime;
 
 use clap::Args;
 
@@ -88,6 +89,13 @@ fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> Stri
         }
         None => format!("{}: does not run; it was stopped at {}\n", status.station, status.at),
     };
+    if status.is_silent(SystemTime::now()) {
+        text += &format!(
+            "it has said nothing since {}: it hangs, or cannot write its state folder; see its log, or start it again\n",
+            status.at
+        );
+    }
+    text.extend(status.troubles.iter().map(|trouble| format!("trouble: {trouble}\n")));
     let done = &status.done;
     text += &format!(
         "since {}: {} delivered ({} in the last hour), {} rejected ({}), {} learned\n",

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +24,8 @@ pub const FILE: &str = "status.json";
 const SHORTEST_INTERVAL: Duration = Duration::from_secs(1);
 /// A status that says nothing new is written anyway after this time, so that a station that hangs is seen.
 const LONGEST_INTERVAL: Duration = Duration::from_secs(10);
+/// A station that says nothing for longer than this hangs, or its state folder cannot be written.
+const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 const HOUR: Duration = Duration::from_secs(3600);
 /// Entries of a list that are written out; the rest is counted.
 const LISTED: usize = 500;
@@ -44,6 +46,9 @@ pub struct Status {
     pub since: String,
     /// What it did since then.
     pub done: Done,
+    /// What is wrong with the hot folder itself, so that drops may go unseen.
+    #[serde(default)]
+    pub troubles: Vec<String>,
     /// What it is doing.
     pub under_way: Vec<UnderWay>,
     /// What waits for something else.
@@ -127,6 +132,12 @@ impl Status {
         let Some(bytes) = crate::files::read_if_there(&state.join(FILE))? else { return Ok(None) };
         Ok(Some(serde_json::from_slice(&bytes)?))
     }
+
+    /// Whether a station that runs says nothing any more: it writes its status every few seconds.
+    pub fn is_silent(&self, now: SystemTime) -> bool {
+        let heard = now.checked_sub(LONGEST_SILENCE).unwrap_or(SystemTime::UNIX_EPOCH);
+        self.running && self.at < clock::timestamp(heard)
+    }
 }
 
 /// What a station remembers to tell.
@@ -152,6 +163,7 @@ pub(super) struct View<'a> {
     pub(super) drops: &'a Drops,
     pub(super) running: &'a BTreeMap<PathBuf, Running>,
     pub(super) outdated: Vec<(String, Sku)>,
+    pub(super) troubles: &'a [String],
     pub(super) now: Moment,
     pub(super) alive: bool,
 }
@@ -242,6 +254,7 @@ impl StatusBoard {
             at: String::new(),
             since: self.since.clone(),
             done,
+            troubles: view.troubles.to_vec(),
             under_way: view
                 .running
                 .values()
@@ -276,4 +289,25 @@ fn listed<T>(mut all: Vec<T>) -> Listed<T> {
     let count = all.len();
     all.truncate(LISTED);
     Listed { count, first: all }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_station_that_runs_and_says_nothing_is_silent() {
+        let at = SystemTime::UNIX_EPOCH + Duration::from_secs(1_767_225_600);
+        let bytes = serde_json::json!({
+            "schema": SCHEMA, "station": "test", "running": true, "at": clock::timestamp(at), "since": "",
+            "done": Done::default(), "under_way": [], "rejections": [],
+            "waiting": {"count": 0, "first": []}, "incomplete": {"count": 0, "first": []},
+            "outdated": {"count": 0, "first": []},
+        });
+        // One that an older version wrote knows no troubles.
+        let status: Status = serde_json::from_value(bytes).unwrap();
+        assert!(!status.is_silent(at + Duration::from_secs(30)));
+        assert!(status.is_silent(at + Duration::from_secs(31)));
+        assert!(!Status { running: false, ..status }.is_silent(at + Duration::from_secs(31)));
+    }
 }

@@ -107,6 +107,7 @@ pub fn run(
             started: Instant::now(),
             next_listing: Moment::ZERO,
             hot_is_missing: false,
+            troubles: Vec::new(),
             complaints: Complaints::default(),
             not_again: BTreeMap::new(),
             kept: BTreeMap::new(),
@@ -181,6 +182,8 @@ struct Worker<'a, C> {
     started: Instant,
     next_listing: Moment,
     hot_is_missing: bool,
+    /// What the last listing found wrong with the hot folder itself.
+    troubles: Vec<String>,
     /// Complaints about the hot folder itself.
     complaints: Complaints,
     /// Why outdated drawings are not corrected again yet, as it was last told.
@@ -662,7 +665,9 @@ impl<C: Corrector> Worker<'_, C> {
             chosen => (chosen, watch.rescan),
         };
         self.next_listing = now + interval;
+        self.troubles.clear();
         if !self.watcher.follow(&hot, backend) {
+            self.troubles.push(format!("the hot folder {} is gone", hot.display()));
             if !self.hot_is_missing {
                 tracing::error!("the hot folder {} is gone; waiting for it to come back", hot.display());
             }
@@ -676,16 +681,13 @@ impl<C: Corrector> Worker<'_, C> {
         }
         let listing = match folders::list(&hot) {
             Ok(listing) => listing,
-            Err(error) => return self.tell_once(format!("the hot folder cannot be listed: {error}")),
+            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
         };
         for error in &listing.unseen {
-            self.tell_once(format!("something in the hot folder cannot be looked at: {error}"));
+            self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
         }
         for folder in &listing.too_deep {
-            self.tell_once(format!(
-                "{} is a folder in a SKU's folder; nobody looks into it",
-                folder.display()
-            ));
+            self.trouble(format!("{} is a folder in a SKU's folder; nobody looks into it", folder.display()));
         }
         let mut found = BTreeSet::new();
         for (path, what) in listing.drops {
@@ -737,6 +739,12 @@ impl<C: Corrector> Worker<'_, C> {
         }
     }
 
+    /// Something is wrong with the hot folder itself.
+    fn trouble(&mut self, words: String) {
+        self.tell_once(words.clone());
+        self.troubles.push(words);
+    }
+
     fn tell_once(&mut self, words: String) {
         self.complaints.tell(words);
     }
@@ -785,6 +793,7 @@ impl<C: Corrector> Worker<'_, C> {
             drops: &self.drops,
             running: &self.running,
             outdated: self.reprocessing.marked(),
+            troubles: &self.troubles,
             now,
             alive,
         };

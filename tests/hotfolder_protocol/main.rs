@@ -496,6 +496,8 @@ fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
     fs::remove_dir(line.path("hot")).unwrap();
+    let is_told = |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains(" is gone\""));
+    line.waits_for("a word in the status", is_told);
     // Windows may keep the name until the watch lets go of the folder.
     line.waits_for("the name to be free", |line| fs::create_dir(line.path("hot")).is_ok());
     line.drop("can@1.dxf", "one");
