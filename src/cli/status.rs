@@ -1,12 +1,12 @@
 //! `isomark status` and `isomark retry`: a running station, looked at and spoken to from another terminal.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use clap::Args;
 
 use super::{Exit, Failure, Outcome, parse_sku, print, tell};
-use crate::config::Station;
+use crate::config::{FolderPaths, Station};
 use crate::hotfolder::status::{Listed, Status, Waits};
 use crate::hotfolder::{Holder, Request, StationLock, return_rejected};
 
@@ -34,13 +34,24 @@ pub(super) struct RetryArguments {
     outdated: Option<Option<String>>,
 }
 
+/// The folders of a station. It runs on with its old settings while its file is wrong, and can be asked all the same.
+fn folders_of(file: &Path) -> Result<FolderPaths, Failure> {
+    match (Station::load(file), FolderPaths::of_broken(file)) {
+        (Ok(station), _) => Ok(station.folders),
+        (Err(error), Some(folders)) => {
+            tell(&format!("isomark: warning: {}", error.reason()));
+            Ok(folders)
+        }
+        (Err(error), None) => Err(error.into()),
+    }
+}
+
 pub(super) fn run(arguments: &StatusArguments) -> Outcome {
-    let station = Station::load(&arguments.station)?;
-    let state = &station.folders.state;
+    let state = &folders_of(&arguments.station)?.state;
     let holder = StationLock::holder(state).map_err(|error| Failure::environment(&error))?;
     let status = Status::read(state).map_err(|error| Failure::environment(&error))?;
     let Some(mut status) = status else {
-        let what = format!("The station \"{}\" was never started.", station.name);
+        let what = format!("The station of {} was never started.", arguments.station.display());
         return Err(Failure::usage(what, "Start it with `isomark watch`."));
     };
     let ended_silently = status.running && holder.is_none();
@@ -56,14 +67,14 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
 }
 
 pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
-    let station = Station::load(&arguments.station)?;
-    let state = &station.folders.state;
+    let folders = folders_of(&arguments.station)?;
+    let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
     if arguments.rejected || !arguments.drops.is_empty() {
         let wanted = (!arguments.rejected).then_some(arguments.drops.as_slice());
         let (returned, mut trouble) =
-            return_rejected(&station.folders, wanted).map_err(|error| Failure::environment(&error))?;
+            return_rejected(&folders, wanted).map_err(|error| Failure::environment(&error))?;
         print(&returned.iter().map(|drop| format!("{drop} is back in the hot folder\n")).collect::<String>());
         let Some(last) = trouble.pop() else { return Ok(()) };
         trouble.iter().for_each(|reason| tell(&format!("isomark: {reason}")));

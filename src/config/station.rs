@@ -55,6 +55,25 @@ pub struct FolderPaths {
     pub state: PathBuf,
 }
 
+impl FolderPaths {
+    /// The folders that a station file names though it is wrong elsewhere; of a text that cannot be understood, what
+    /// stands above the mistake counts. `None` when that is not enough.
+    pub fn of_broken(file: &Path) -> Option<Self> {
+        let whole = read(file).ok()?;
+        let resolved = |text: &str| -> Result<Self, ConfigError> {
+            let text = SettingsText::new(file, text);
+            text.parse::<OnlyFolders>()?.folders.resolve(&text, file.parent().unwrap_or(Path::new("")))
+        };
+        resolved(&whole)
+            .or_else(|error| {
+                let above = error.reason().place.line.map_or(0, |line| line.saturating_sub(1));
+                let above: String = whole.split_inclusive('\n').take(above as usize).collect();
+                resolved(&above)
+            })
+            .ok()
+    }
+}
+
 /// How drops are noticed, and when they count as whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Watch {
@@ -238,6 +257,12 @@ struct StationKeys {
     delivery: DeliveryKeys,
     #[serde(default)]
     log: LogKeys,
+}
+
+/// What of a station file can be used though the rest is wrong.
+#[derive(Deserialize)]
+struct OnlyFolders {
+    folders: FolderKeys,
 }
 
 #[derive(Deserialize)]

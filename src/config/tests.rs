@@ -235,6 +235,23 @@ fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
 }
 
 #[test]
+fn the_folders_of_a_broken_station_file_are_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::write(&file, NEEDED).unwrap();
+    let whole = Station::load(&file).unwrap().folders;
+    let of = |text: &str| {
+        fs_err::write(&file, text).unwrap();
+        assert!(Station::load(&file).is_err(), "{text}");
+        FolderPaths::of_broken(&file)
+    };
+    assert_eq!(of(&NEEDED.replace("width_mm", "widht_mm")), Some(whole.clone()));
+    assert_eq!(of(&format!("{NEEDED}\n[watch]\nsettle_ms = \n")), Some(whole));
+    assert_eq!(of("[folders\n"), None);
+    assert_eq!(of(&NEEDED.replace("import = \"../import\"\n", "")), None);
+}
+
+#[test]
 fn a_sku_file_that_was_never_right_is_an_error_for_its_jobs_only() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("station.toml");
