@@ -6,8 +6,8 @@ use clap::Args;
 use fs_err as fs;
 
 use super::{Exit, Failure, Outcome, print, tell};
-use crate::config::{ConfigError, DeliveryKind, Sku, Station};
-use crate::files::write_whole;
+use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
+use crate::files::{temporary, write_whole};
 use crate::reason::Reason;
 
 #[derive(Debug, Args)]
@@ -37,6 +37,14 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
             Err(reason) => mistakes.push(reason),
         }
     }
+    if !station.folders.import.is_dir() {
+        let what = format!("The import folder {} does not exist.", station.folders.import.display());
+        let remedy =
+            "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
+        mistakes.push(Reason::new("import-missing", what, remedy));
+    }
+    refuse_for(mistakes, Exit::Usage)?;
+    refuse_for(unwritable(&station.folders), Exit::Environment)?;
     let plural = if skus == 1 { "file" } else { "files" };
     print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, arguments.station.display()));
     let folders = &station.folders;
@@ -44,15 +52,36 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     if station.delivery.kind == DeliveryKind::Beamserver {
         print(&format!("  BeamServer  {}\n", station.delivery.address));
     }
-    if !folders.import.is_dir() {
-        let what = format!("The import folder {} does not exist.", folders.import.display());
-        let remedy =
-            "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
-        mistakes.push(Reason::new("import-missing", what, remedy));
-    }
-    let Some(last) = mistakes.pop() else { return Ok(()) };
-    mistakes.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
-    Err(Failure { exit: Exit::Usage, reason: last })
+    Ok(())
+}
+
+/// Tells all reasons, if there are any, and ends with that.
+fn refuse_for(mut reasons: Vec<Reason>, exit: Exit) -> Outcome {
+    let Some(reason) = reasons.pop() else { return Ok(()) };
+    reasons.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
+    Err(Failure { exit, reason })
+}
+
+/// The folders into which this user cannot write; what is not there yet is tried where it would be made.
+fn unwritable(folders: &FolderPaths) -> Vec<Reason> {
+    let FolderPaths { hot, import, archive, rejected, cache, reports, state, skus: _ } = folders;
+    let all = [
+        ("hot", hot),
+        ("import", import),
+        ("archive", archive),
+        ("rejected", rejected),
+        ("cache", cache),
+        ("reports", reports),
+        ("state", state),
+    ];
+    let trouble = |(purpose, path): (&str, &PathBuf)| {
+        let full = std::path::absolute(path).ok()?;
+        let error = temporary(full.ancestors().find(|folder| folder.exists())?).err()?;
+        let what = format!("The {purpose} folder {} cannot be written: {error}.", path.display());
+        let remedy = "Let the user that runs the station write into it, or name another folder.";
+        Some(Reason::new("folder-unwritable", what, remedy))
+    };
+    all.into_iter().filter_map(trouble).collect()
 }
 
 fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {

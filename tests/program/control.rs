@@ -76,6 +76,12 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     }
     fs::remove_dir(station.path("import")).unwrap();
     check().refused(2, &["The import folder ", "does not exist", "connect its share"]);
+    fs::create_dir(station.path("import")).unwrap();
+    // Also as an administrator, who may write everywhere.
+    station.desk.write("archive", "a file in the way");
+    let said = check();
+    assert!(said.out.is_empty(), "{said:?}");
+    said.refused(3, &["The archive folder ", "cannot be written", "remedy: Let the user"]);
 }
 
 /// There are no older settings to go on with.
