@@ -15,8 +15,9 @@ use super::drops::{Block, Drops};
 use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing::{self, with_slashes};
 use super::folders::{self, Found};
+use super::intake::sidecar_of;
 use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
-use super::journal::Journal;
+use super::journal::{Journal, OpenJob};
 use super::lock::StationLock;
 use super::names::{Meaning, delivered_as, is_ignored, is_sidecar};
 use super::reprocess::{ARCHIVE, Reprocessing};
@@ -47,6 +48,8 @@ const MOST_MESSAGES: usize = 4096;
 const LARGE: u64 = 4 << 20;
 /// Delivered drawings whose reports and previews are held in memory until they can be filed.
 const MOST_KEPT: usize = 200;
+/// How long after a pattern was delivered settings for it are told to have come too late.
+const LATE_SIDECAR: Duration = Duration::from_secs(10);
 /// The greatest number of threads that is of use.
 const MOST_THREADS: usize = 64;
 
@@ -112,6 +115,7 @@ pub fn run(
             not_again: BTreeMap::new(),
             kept: BTreeMap::new(),
             late_companions: BTreeMap::new(),
+            late_sidecars: BTreeMap::new(),
             reprocessing: Reprocessing::default(),
             status: StatusBoard::new(&station),
             tally: Tally::default(),
@@ -192,6 +196,8 @@ struct Worker<'a, C> {
     kept: BTreeMap<PathBuf, Kept>,
     /// Companions that were not there when their part was done: until when they may follow it, and where it went.
     late_companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
+    /// The places of settings beside patterns that were done without any: until when they are told to be late.
+    late_sidecars: BTreeMap<PathBuf, Moment>,
     reprocessing: Reprocessing,
     status: StatusBoard,
     tally: Tally,
@@ -434,6 +440,9 @@ impl<C: Corrector> Worker<'_, C> {
                 self.status.delivered();
                 if let Work::Correct { name, .. } = &running.work {
                     self.reprocessing.forget(&delivered_as(name));
+                    if let Some(sidecar) = sidecar_of(path).filter(|path| !went_along.contains(path)) {
+                        self.late_sidecars.insert(sidecar, self.now() + LATE_SIDECAR);
+                    }
                 }
                 self.done(path);
             }
@@ -519,9 +528,16 @@ impl<C: Corrector> Worker<'_, C> {
         }
         self.drops.companion_came(path);
         self.stale = true;
+        let is_late = self.late_sidecars.remove(path).is_some();
         if let Some(drop) = self.drops.get_mut(path) {
             drop.block = Block::Unclaimed;
-            drop.reason = Some(if is_sidecar(path) {
+            drop.reason = Some(if is_late {
+                let what = "The settings came after their pattern, which was delivered without them.";
+                let remedy = "Drop the pattern again; next time drop its settings first.";
+                let reason = Reason::new("sidecar-late", what, remedy);
+                tracing::warn!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+                reason
+            } else if is_sidecar(path) {
                 let what = "The settings wait for the pattern of the same name.";
                 Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
             } else {
@@ -651,6 +667,7 @@ impl<C: Corrector> Worker<'_, C> {
         self.settings.refresh_skus();
         self.tell_settings_events();
         self.late_companions.retain(|_, (until, _)| now < *until);
+        self.late_sidecars.retain(|_, until| now < *until);
         let (backend, interval) = match watch.backend {
             _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
             Backend::Auto if folders::is_on_network(&hot) => {
@@ -730,6 +747,7 @@ impl<C: Corrector> Worker<'_, C> {
                 ));
                 continue;
             }
+            leftover_sidecar_follows(&station.folders, hot, &drop, &open);
             if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
                 self.complaints.tell(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
             }
@@ -888,6 +906,24 @@ struct Chance {
     last_chance: bool,
     doomed: Option<Reason>,
     waits_for_import: bool,
+}
+
+/// Settings that an interruption left behind when their pattern went to the archive go there, too: the next pattern of
+/// that name must not take them for its own. Should one lie there already, they are its own by now.
+fn leftover_sidecar_follows(folders: &FolderPaths, hot: &Path, drop: &str, open: &OpenJob) {
+    let (path, Some(to), Some(_)) = (hot.join(drop), &open.to, &open.job) else { return };
+    let (Some(sidecar), Ok(sku), Ok(None)) =
+        (sidecar_of(&path), open.sku.parse::<Sku>(), folders::look(&path))
+    else {
+        return;
+    };
+    let archived = folders.archive.join(sku.key()).join(to);
+    if matches!(folders::look(&sidecar), Ok(Some(Found::File(_)))) && archived.exists() {
+        let place = archived.parent().unwrap_or(&archived);
+        if let Err(error) = filing::follow(&sidecar, place) {
+            tracing::warn!("{} stays in the hot folder: {error}", sidecar.display());
+        }
+    }
 }
 
 /// What is wrong in each listing, told when it begins; what is healed and comes back is told again.

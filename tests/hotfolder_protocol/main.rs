@@ -447,6 +447,21 @@ fn companions_travel_with_their_part() {
 }
 
 #[test]
+fn settings_that_come_after_their_pattern_are_told_to_be_late() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    fs::write(line.path("hot/can.toml"), "[placement]\nrotate_deg = 90\n").unwrap();
+    let is_told =
+        |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains("sidecar-late"));
+    line.waits_for("a word in the status", is_told);
+    line.drop("can.dxf", "pattern");
+    line.waits_for_text("import/can.dxf", "pattern on part at 90");
+    line.waits_for_empty_hot();
+}
+
+#[test]
 fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
     let mut line = Line::new();
     line.drop("can.glb", "first");
@@ -496,7 +511,8 @@ fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
     fs::remove_dir(line.path("hot")).unwrap();
-    let is_told = |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains(" is gone\""));
+    let is_told =
+        |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains(" is gone\""));
     line.waits_for("a word in the status", is_told);
     // Windows may keep the name until the watch lets go of the folder.
     line.waits_for("the name to be free", |line| fs::create_dir(line.path("hot")).is_ok());
