@@ -1,5 +1,6 @@
 //! `isomark check` and `isomark init`: settings looked at before they count, and a station to begin with.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -30,13 +31,20 @@ const FILES: &[(&str, &[u8])] = &[
 
 pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     let station = Station::load(&arguments.station)?;
-    let (mut mistakes, mut skus) = (Vec::new(), 0);
+    let (mut mistakes, mut checked) = (Vec::new(), BTreeMap::new());
     for path in sku_files(&station.folders.skus)? {
         match check_sku_file(&station, &path) {
-            Ok(()) => skus += 1,
+            Ok(sku) => {
+                if let Some(other) = checked.insert(sku, path.clone()) {
+                    let what = format!("It is for the same SKU as {}, which counts.", other.display());
+                    let reason = Reason::new("settings-twice", what, "Keep one of the two.");
+                    mistakes.push(reason.in_file(path.display().to_string()));
+                }
+            }
             Err(reason) => mistakes.push(reason),
         }
     }
+    let skus = checked.len();
     if !station.folders.import.is_dir() {
         let what = format!("The import folder {} does not exist.", station.folders.import.display());
         let remedy =
@@ -96,13 +104,13 @@ fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn check_sku_file(station: &Station, path: &Path) -> Result<(), Reason> {
+fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Reason> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    stem.parse::<Sku>().map_err(|error| error.reason().in_file(path.display().to_string()))?;
+    let sku = stem.parse::<Sku>().map_err(|error| error.reason().in_file(path.display().to_string()))?;
     let unreadable = |source| ConfigError::Unreadable { file: path.into(), source };
     let text = std::fs::read_to_string(path).map_err(unreadable);
     text.and_then(|text| station.settings.overridden_by(path, &text))
-        .map(drop)
+        .map(|_| sku)
         .map_err(|error| error.reason())
 }
 

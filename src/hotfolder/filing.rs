@@ -150,13 +150,16 @@ pub(super) fn reject(
     let folder = folders.rejected.join(relative.parent().unwrap_or(Path::new("")));
     let file_name = relative.file_name().unwrap_or_default();
     let name = file_name.to_string_lossy();
-    let place = free_place(&folder, &all_names(file_name, original))?;
+    let stem = shortened(&name);
+    let mut names = all_names(file_name, original);
+    // A list of points may bear the very name that the reason will get; it lies there with its own reason.
+    names.extend(["json", "txt"].map(|ending| format!("{stem}.reason.{ending}.reason.json").into()));
+    let place = free_place(&folder, &names)?;
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
         "{drop} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n"
     );
-    let stem = shortened(&name);
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
@@ -291,6 +294,24 @@ mod tests {
         assert_eq!(place("can@b.dxf", &[]), "can@b.dxf");
         assert_eq!(place("can@b.dxf", &["can@b.toml".into()]), "(2)/can@b.dxf");
         assert_eq!(place("can.glb", &[]), "can.glb");
+    }
+
+    #[test]
+    fn a_reason_is_never_written_over_a_rejected_scan_of_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let reject_drop = |name: &str| {
+            let path = folders.hot.join(name);
+            fs::write(&path, name).unwrap();
+            let original = Original { path: &path, content: None, companions: &[] };
+            reject(&folders, Path::new(name), &original, &reason, |_| Ok(())).unwrap()
+        };
+        let scan = reject_drop("can.glb.reason.txt");
+        let part = reject_drop("can.glb");
+        assert_eq!(fs::read_to_string(scan).unwrap(), "can.glb.reason.txt");
+        assert_eq!(part, folders.rejected.join("(2)/can.glb"));
     }
 
     #[test]

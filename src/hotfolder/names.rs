@@ -13,6 +13,7 @@
 
 use std::path::{Component, Path};
 
+use super::filing::CURRENT_PART;
 use crate::config::Sku;
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::{is_drawing, is_picture};
@@ -127,6 +128,10 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
             what,
             "Rename it without \\ : * ? \" < > | and control characters.",
         ));
+    }
+    if name.eq_ignore_ascii_case(CURRENT_PART) {
+        let what = format!("{CURRENT_PART} is the name of isomark's own note in the archive.");
+        return Err(Reason::new("name-reserved", what, "Give the scan another name."));
     }
     let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
     let extension = extension.to_lowercase();
