@@ -241,17 +241,16 @@ pub(super) fn take_back(folders: &FolderPaths, journal: &mut Journal, job: &Job)
     let kept = folders.state.join(PREVIOUS).join(&job.name);
     let last = journal.result(&job.name);
     let is_last = |bytes: &Vec<u8>| last.is_some_and(|last| last.held() == hash_of(bytes));
-    let back = match read_if_there(&kept) {
-        Ok(Some(previous)) if is_last(&previous) => write_whole(&folders.import, &job.name, &previous),
-        _ => return Ok(remove_quietly(&folders.import.join(&job.name))),
-    };
-    match back {
-        Ok(()) => tracing::info!("the drawing before it is back in import as {}", job.name),
-        Err(error) => {
-            tracing::warn!("the drawing before it cannot come back: {error}");
-            remove_quietly(&folders.import.join(&job.name));
+    let previous = read_if_there(&kept).ok().flatten().filter(is_last);
+    match previous.map(|previous| write_whole(&folders.import, &job.name, &previous)) {
+        Some(Ok(())) => {
+            tracing::info!("the drawing before it is back in import as {}", job.name);
+            return Ok(());
         }
+        Some(Err(error)) => tracing::warn!("the drawing before it cannot come back: {error}"),
+        None => {}
     }
+    remove_quietly(&folders.import.join(&job.name));
     Ok(())
 }
 
