@@ -118,7 +118,7 @@ struct Line {
 }
 
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
-                        width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 30\nrescan_s = 0.2\n";
+                        width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 30\nopen_ended_s = 0.1\nrescan_s = 0.2\n";
 
 impl Line {
     /// A station that is set up but does not run yet.
