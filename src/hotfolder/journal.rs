@@ -254,6 +254,12 @@ impl Journal {
         journal.file()?.set_len(length)?;
         journal.length = length;
         sync_folder(folder)?;
+        // Before the first file that bears it; on a full disk it is written with the first delivery.
+        if !journal.tag_is_kept
+            && let Err(error) = journal.keep_tag()
+        {
+            tracing::warn!("the journal cannot be written: {error}");
+        }
         if damaged > 0 {
             tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
         }
@@ -261,6 +267,10 @@ impl Journal {
             journal.write_anew_if_possible();
         }
         Ok(journal)
+    }
+
+    fn keep_tag(&mut self) -> io::Result<()> {
+        self.append(Record::Tag { tag: self.tag.clone() }, true)
     }
 
     fn live(&self) -> usize {
@@ -322,7 +332,7 @@ impl Journal {
     /// The drawing lies flushed under its temporary name and is about to get its own.
     pub(super) fn delivering(&mut self, job: &Job, stamp: Stamp, import: Option<Identity>) -> io::Result<()> {
         if !self.tag_is_kept {
-            self.append(Record::Tag { tag: self.tag.clone() }, true)?;
+            self.keep_tag()?;
         }
         let (job, stamp, hot) = (job.clone(), stamp.into(), self.hot);
         self.append(Record::Delivering { job, stamp, import, hot }, true)
