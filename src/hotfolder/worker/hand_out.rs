@@ -1,0 +1,174 @@
+//! Which job is done next: each SKU in its order, large ones never on all threads.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::super::delivery::IMPORT_MISSING;
+use super::super::drops::Block;
+use super::super::executor::{Task, Work};
+use super::super::filing::with_slashes;
+use super::super::folders::{self, Found};
+use super::super::job::Corrector;
+use super::super::names::Meaning;
+use super::super::settle::{Stamp, Verdict};
+use super::outcomes::part_under_way;
+use super::{Running, Worker};
+use crate::config::{JobSettings, Sku};
+use crate::formats::pattern::is_picture;
+use crate::reason::Reason;
+
+/// A drop of this size or more is a large job, bytes: its fit takes seconds.
+const LARGE: u64 = 4 << 20;
+
+impl<C: Corrector> Worker<'_, C> {
+    /// Gives every free thread something to do.
+    pub(super) fn hand_out(&mut self) {
+        if self.stale || self.lanes.is_empty() {
+            self.make_lanes();
+        }
+        while self.running.len() < self.threads {
+            let Some(path) = self.next_in_lanes() else { break };
+            self.begin(&path);
+        }
+        while self.running.len() < self.threads {
+            let busy: BTreeSet<Sku> =
+                self.running.values().filter_map(|running| running.sku().cloned()).collect();
+            let Some(again) = self.reprocessing.next(self.now(), &busy) else { break };
+            self.correct_again(again);
+        }
+    }
+
+    fn make_lanes(&mut self) {
+        self.stale = false;
+        self.lanes.clear();
+        self.lanes_made = self.now();
+        for (sku, path) in self.drops.ready(self.lanes_made, &self.times()) {
+            if !self.running.contains_key(&path) {
+                self.lanes.entry(sku).or_default().push_back(path);
+            }
+        }
+    }
+
+    pub(super) fn is_busy(&self, sku: &Sku) -> bool {
+        self.running.values().any(|running| running.sku() == Some(sku))
+    }
+
+    /// The first drop whose SKU is free and that is small enough for the threads that are left.
+    fn next_in_lanes(&mut self) -> Option<PathBuf> {
+        let large_too = self.running.values().filter(|running| running.large).count() + 1 < self.threads;
+        let mut found = None;
+        for (sku, lane) in &self.lanes {
+            let Some(first) = lane.front() else { continue };
+            let size = self.drops.get(first).map_or(0, |drop| drop.settle.stamp().size);
+            if sku.as_ref().is_none_or(|sku| !self.is_busy(sku)) && (large_too || size < LARGE) {
+                found = Some(sku.clone());
+                break;
+            }
+        }
+        let lane = self.lanes.get_mut(found.as_ref()?)?;
+        let path = lane.pop_front();
+        if lane.is_empty() {
+            self.lanes.remove(&found?);
+        }
+        path
+    }
+
+    /// Begins the job of one drop that is ready, or says what it waits for.
+    fn begin(&mut self, path: &Path) {
+        let (now, times) = (self.now(), self.times());
+        let Some(drop) = self.drops.get(path) else { return };
+        let (last_chance, doomed) = match drop.settle.verdict(now, &times) {
+            Verdict::Wait(_) => return,
+            Verdict::Read => (false, None),
+            Verdict::GiveUp(super::super::settle::Gap::Companion) => (true, None),
+            Verdict::GiveUp(super::super::settle::Gap::Content) => {
+                (true, Some(drop.reason.clone().unwrap_or_else(cut_short)))
+            }
+        };
+        let (work, doomed) = match drop.meaning.clone() {
+            Ok(Meaning::Companion) => return self.companion(path),
+            // A texture of a part that was done before it came.
+            Ok(_)
+                if is_picture(&drop.relative.to_string_lossy())
+                    && self.late_companions.contains_key(path) =>
+            {
+                return self.companion(path);
+            }
+            Ok(Meaning::Part(sku)) => (Work::Learn(sku), doomed),
+            Ok(Meaning::Pattern { sku, name }) => (Work::Correct { sku, name }, doomed),
+            Err(reason) => (Work::Nothing, Some(reason)),
+        };
+        if let Work::Correct { sku, .. } = &work
+            && self.drops.has_part(sku)
+        {
+            return self.wait(path, Block::PartUnderWay, part_under_way(sku));
+        }
+        let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
+        let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
+        self.start(path, relative, work, stamp, Chance { last_chance, doomed, waits_for_import });
+    }
+
+    fn start(&mut self, path: &Path, relative: PathBuf, work: Work, stamp: Stamp, chance: Chance) {
+        let settings = match &work {
+            Work::Learn(sku) | Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } => {
+                match self.job_settings(sku) {
+                    Ok(settings) => settings,
+                    Err(reason) => return self.retry_later(path, reason),
+                }
+            }
+            Work::Nothing => JobSettings::default(),
+        };
+        let running = Running {
+            drop: with_slashes(&relative),
+            work: work.clone(),
+            since: self.now(),
+            stamp,
+            large: stamp.size >= LARGE,
+        };
+        let task = Task {
+            path: path.into(),
+            relative,
+            work,
+            station: self.settings.station().clone(),
+            settings,
+            stamp,
+            last_chance: chance.last_chance,
+            doomed: chance.doomed,
+            settling: self.drops.settling_beside(path, self.now(), &self.times()),
+            waits_for_import: chance.waits_for_import,
+            kept: self.kept.remove(path),
+        };
+        if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
+            if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
+        }
+        self.running.insert(path.into(), running);
+        if self.tasks.send(task).is_err() {
+            self.running.remove(path);
+        }
+    }
+
+    fn correct_again(&mut self, again: super::super::reprocess::Again) {
+        let look = folders::look(&again.original);
+        let Ok(Some(Found::File(stamp))) = look else {
+            tracing::warn!("{} cannot be corrected again: its original is not in the archive", again.name);
+            return self.reprocessing.forget(&again.name);
+        };
+        let relative = PathBuf::from(again.drop());
+        // The archived original bears the pattern's name.
+        let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let work = Work::CorrectAgain { sku: again.sku, name };
+        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false };
+        self.start(&again.original, relative, work, stamp, chance);
+    }
+}
+
+/// What is known of a drop's chances before it is read.
+struct Chance {
+    last_chance: bool,
+    doomed: Option<Reason>,
+    waits_for_import: bool,
+}
+
+fn cut_short() -> Reason {
+    Reason::new("cut-short", "The file ends too early.", "Export or copy it again.")
+}

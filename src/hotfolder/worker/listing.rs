@@ -1,0 +1,235 @@
+//! What lies in the hot folder: told by events, and by the listing, which is the truth.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use super::super::delivery;
+use super::super::drops::Drops;
+use super::super::filing;
+use super::super::folders::{self, Found};
+use super::super::intake::sidecar_of;
+use super::super::job::{Corrector, JobError, Mode};
+use super::super::journal::OpenJob;
+use super::super::names::{Meaning, is_ignored};
+use super::super::reprocess::ARCHIVE;
+use super::super::settle::{Moment, Stamp, Writer};
+use super::super::watcher::{Message, Signal};
+use super::Worker;
+use crate::config::{Backend, FolderPaths, Sku};
+
+/// How often a hot folder that vanished is looked for.
+const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
+/// How often a folder on a network is listed, which tells of no other computer's files.
+const NETWORK_LISTING: Duration = Duration::from_secs(1);
+
+impl<C: Corrector> Worker<'_, C> {
+    /// Lists the hot folder: whatever events said or did not say, this is how it is.
+    pub(super) fn list(&mut self) {
+        let watch = self.settings.station().watch.clone();
+        let hot = self.folders().hot.clone();
+        let now = self.now();
+        self.complaints.next_round();
+        self.settings.refresh_skus();
+        self.tell_settings_events();
+        self.late_companions.retain(|_, (until, _)| now < *until);
+        self.late_sidecars.retain(|_, until| now < *until);
+        let (backend, interval) = match watch.backend {
+            _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
+            Backend::Auto if folders::is_on_network(&hot) => {
+                self.tell_once(format!(
+                    "{} is on a network, which tells of no other computer's files: it is listed every {} s",
+                    hot.display(),
+                    watch.rescan.min(NETWORK_LISTING).as_secs_f64()
+                ));
+                (Backend::Poll, watch.rescan.min(NETWORK_LISTING))
+            }
+            Backend::Auto => (Backend::Native, watch.rescan),
+            chosen => (chosen, watch.rescan),
+        };
+        self.next_listing = now + interval;
+        self.troubles.clear();
+        if !self.watcher.follow(&hot, backend) {
+            self.troubles.push(format!("the hot folder {} is gone", hot.display()));
+            if !self.hot_is_missing {
+                tracing::error!("the hot folder {} is gone; waiting for it to come back", hot.display());
+            }
+            self.hot_is_missing = true;
+            self.drops = Drops::default();
+            self.next_listing = self.now() + watch.rescan.min(MISSING_FOLDER_LOOK);
+            return;
+        }
+        if std::mem::take(&mut self.hot_is_missing) {
+            tracing::info!("the hot folder {} is back", hot.display());
+        }
+        let listing = match folders::list(&hot) {
+            Ok(listing) => listing,
+            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
+        };
+        for error in &listing.unseen {
+            self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
+        }
+        for folder in &listing.too_deep {
+            self.trouble(format!("{} is a folder in a SKU's folder; nobody looks into it", folder.display()));
+        }
+        let mut found = BTreeSet::new();
+        for (path, what) in listing.drops {
+            self.see(&hot, &path, what, Writer::Unknown);
+            found.insert(path);
+        }
+        self.drops.keep_only(&found);
+        self.kept.retain(|path, _| found.contains(path));
+        self.close_what_was_interrupted(&hot);
+        for sku in self.drops.awaited() {
+            // What is wrong with the settings or the surface is told when the pattern's turn comes.
+            let known =
+                self.settings.job(&sku).map(|settings| self.executor.corrector.knows(&sku, &settings));
+            let archived = filing::current_part(self.folders(), &sku).is_some();
+            if !matches!(known, Ok(false)) || archived {
+                self.drops.release(&sku);
+            }
+        }
+        self.tell_settings_events();
+    }
+
+    /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
+    pub(super) fn close_what_was_interrupted(&mut self, hot: &Path) {
+        let station = self.settings.station().clone();
+        let running: BTreeSet<&str> = self.running.values().map(|running| running.drop.as_str()).collect();
+        let mut journal = self.executor.journal();
+        let identity = folders::identity(hot);
+        journal.hot_is(identity);
+        for (drop, open) in journal.all_begun() {
+            let there = matches!(folders::look(&hot.join(&drop)), Ok(Some(Found::File(stamp))) if open.stamp.is_of(stamp));
+            if running.contains(drop.as_str()) || there {
+                continue;
+            }
+            // An empty mount point, or another share: the drop may come back with the folder it lay in.
+            if open.hot.is_some() && open.hot != identity && !drop.starts_with(ARCHIVE) {
+                self.complaints.tell(format!(
+                    "{drop} was interrupted, and the hot folder {} is another one than then: if a share is missing, \
+                     connect it; the drop is done to its end when it is back",
+                    hot.display()
+                ));
+                continue;
+            }
+            leftover_sidecar_follows(&station.folders, hot, &drop, &open);
+            if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
+                self.complaints.tell(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
+            }
+        }
+        if !std::mem::replace(&mut self.status.swept, true) {
+            delivery::sweep(&station.folders, &journal);
+        }
+    }
+
+    /// Something is wrong with the hot folder itself.
+    pub(super) fn trouble(&mut self, words: String) {
+        self.tell_once(words.clone());
+        self.troubles.push(words);
+    }
+
+    pub(super) fn tell_once(&mut self, words: String) {
+        self.complaints.tell(words);
+    }
+
+    /// Takes in what was signalled, beginning with `first`.
+    pub(super) fn hear(&mut self, first: Message) {
+        // For each path when it was first named, which is the order of the drops, and what its writer did last.
+        let (mut hints, mut overflow) = (BTreeMap::new(), false);
+        let (mut next, mut turn) = (Some(first), 0);
+        while let Some(message) = next {
+            match message {
+                Message::Finished(path, end) => self.finished(&path, end.outcome, &end.went_along),
+                Message::Signal(Signal::Touched(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Unknown));
+                }
+                Message::Signal(Signal::Written(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Open)).1 = Writer::Open;
+                }
+                Message::Signal(Signal::Closed(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Closed)).1 = Writer::Closed;
+                }
+                Message::Signal(Signal::Overflow) => overflow = true,
+                Message::Signal(Signal::Stop) => {}
+            }
+            next = self.messages.try_recv().ok();
+            turn += 1;
+        }
+        if self.watcher.lost_events() {
+            tracing::info!("more events than can be heard: the hot folder is listed");
+            overflow = true;
+        }
+        let hot = self.folders().hot.clone();
+        let mut hints: Vec<_> = hints.into_iter().collect();
+        hints.sort_by_key(|(_, (turn, _))| *turn);
+        for (path, (_, writer)) in hints {
+            self.hint(&hot, &path, writer);
+        }
+        if overflow {
+            self.drops.events_were_lost();
+            self.next_listing = Moment::ZERO;
+        }
+    }
+
+    /// Looks at one path that an event named.
+    pub(super) fn hint(&mut self, hot: &Path, path: &Path, writer: Writer) {
+        let Ok(relative) = path.strip_prefix(hot) else {
+            self.next_listing = Moment::ZERO;
+            return;
+        };
+        let depth = relative.components().count();
+        if relative.components().any(|part| is_ignored(&part.as_os_str().to_string_lossy())) || depth > 2 {
+            return;
+        }
+        match folders::look(path) {
+            Ok(Some(Found::Folder)) if writer == Writer::Closed && depth == 1 => {
+                // A whole folder was renamed into place, so its files are whole, too.
+                let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
+                for (path, what) in entries {
+                    self.see(hot, &path, what, Writer::Closed);
+                }
+            }
+            Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
+            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, writer),
+            Ok(None) if depth > 0 => self.drops.forget(path),
+            Ok(_) | Err(_) => self.next_listing = Moment::ZERO,
+        }
+    }
+
+    pub(super) fn see(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
+        let still_for = match (self.mode, what) {
+            // There is no later look, so the file's own time must tell how long it has stood still.
+            (Mode::Once, Found::File(Stamp { modified: Some(modified), .. })) => {
+                SystemTime::now().duration_since(modified).unwrap_or_default()
+            }
+            _ => Duration::ZERO,
+        };
+        let relative = path.strip_prefix(hot).unwrap_or(path);
+        self.drops.see(hot, relative, what, writer, self.now(), still_for);
+        if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
+            && self.is_busy(sku)
+        {
+            self.executor.part_came(sku);
+        }
+        self.stale = true;
+    }
+}
+
+/// Settings that an interruption left behind when their pattern went to the archive go there, too: the next pattern of
+/// that name must not take them for its own. Should one lie there already, they are its own by now.
+fn leftover_sidecar_follows(folders: &FolderPaths, hot: &Path, drop: &str, open: &OpenJob) {
+    let (path, Some(to), Some(_)) = (hot.join(drop), &open.to, &open.job) else { return };
+    let (Some(sidecar), Ok(sku), Ok(None)) =
+        (sidecar_of(&path), open.sku.parse::<Sku>(), folders::look(&path))
+    else {
+        return;
+    };
+    let archived = folders.archive.join(sku.key()).join(to);
+    if matches!(folders::look(&sidecar), Ok(Some(Found::File(_)))) && archived.exists() {
+        let place = archived.parent().unwrap_or(&archived);
+        if let Err(error) = filing::follow(&sidecar, place) {
+            tracing::warn!("{} stays in the hot folder: {error}", sidecar.display());
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! What became of a job, and what a drop waits for now.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::super::drops::Block;
+use super::super::executor::{Outcome, Work};
+use super::super::filing::{self, with_slashes};
+use super::super::folders;
+use super::super::intake::sidecar_of;
+use super::super::job::{Corrector, Mode};
+use super::super::names::{delivered_as, is_sidecar};
+use super::super::settle::{Moment, Writer};
+use super::Worker;
+use crate::config::Sku;
+use crate::reason::Reason;
+
+/// How long after a pattern was delivered settings for it are told to have come too late.
+const LATE_SIDECAR: Duration = Duration::from_secs(10);
+/// The pause after the first failure of something around a job; it doubles with each further failure.
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
+/// The longest pause between two tries, so that a healed folder is noticed soon.
+const LONGEST_PAUSE: Duration = Duration::from_secs(10);
+/// Delivered drawings whose reports and previews are held in memory until they can be filed.
+const MOST_KEPT: usize = 200;
+
+impl<C: Corrector> Worker<'_, C> {
+    /// A job is over.
+    pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
+        let Some(running) = self.running.remove(path) else { return };
+        went_along.iter().for_each(|companion| self.look_again(companion));
+        let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
+        if let Work::CorrectAgain { sku, name } = &running.work {
+            return self.finished_again(sku, &delivered_as(name), outcome);
+        }
+        // Whatever else happened may let other drops go on.
+        self.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Repeated);
+        match outcome {
+            Outcome::Learned { absent, place } => {
+                let until = self.now() + self.times().incomplete;
+                self.late_companions.extend(absent.into_iter().map(|path| (path, (until, place.clone()))));
+                self.tally.learned += 1;
+                self.status.learned();
+                self.done(path);
+                if let Some(sku) = running.sku() {
+                    self.drops.release(sku);
+                    self.reprocessing.check(sku.clone());
+                }
+            }
+            Outcome::Delivered => {
+                self.tally.delivered += 1;
+                self.status.delivered();
+                if let Work::Correct { name, .. } = &running.work {
+                    self.reprocessing.forget(&delivered_as(name));
+                    if let Some(sidecar) = sidecar_of(path).filter(|path| !went_along.contains(path)) {
+                        self.late_sidecars.insert(sidecar, self.now() + LATE_SIDECAR);
+                    }
+                }
+                self.done(path);
+            }
+            Outcome::Repeated => {
+                self.tally.repeated += 1;
+                self.done(path);
+            }
+            Outcome::Rejected(reason) => {
+                self.tally.rejected += 1;
+                self.status.rejected(&running.drop, &reason);
+                self.done(path);
+            }
+            Outcome::Changed => self.look_again(path),
+            Outcome::Incomplete { gap, reason, anew } => {
+                let now = self.now();
+                let Some(drop) = self.drops.get_mut(path).filter(|_| same) else { return };
+                if anew {
+                    drop.settle.wait_anew(now);
+                }
+                drop.settle.found_incomplete(gap);
+                if drop.reason.as_ref() != Some(&reason) {
+                    tracing::info!("{} is not complete yet: {}", running.drop, reason.what);
+                    drop.reason = Some(reason);
+                }
+            }
+            Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
+            Outcome::PartCame => {
+                if let Some(sku) = running.sku() {
+                    self.wait(path, Block::PartUnderWay, part_under_way(sku));
+                }
+            }
+            Outcome::PartRefused(reason) => self.retry_later(path, reason),
+            Outcome::Retry(reason, kept) => {
+                // Without what is kept, the journal says how far the job came, and it is worked through again.
+                if let Some(kept) = kept.filter(|_| self.kept.len() < MOST_KEPT) {
+                    self.kept.insert(path.into(), *kept);
+                }
+                self.retry_later(path, reason);
+            }
+            Outcome::Stop(reason) => self.stopped = Some(reason),
+        }
+    }
+
+    pub(super) fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
+        let told = self.not_again.remove(name);
+        match outcome {
+            Outcome::Delivered | Outcome::Repeated => {
+                self.tally.delivered += 1;
+                self.status.delivered();
+                self.reprocessing.forget(name);
+            }
+            Outcome::Rejected(reason) => {
+                self.status.rejected(name, &reason);
+                self.reprocessing.forget(name);
+            }
+            Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
+                let (now, once) = (self.now(), self.mode == Mode::Once);
+                self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
+                if told.as_ref() != Some(&reason.what) {
+                    tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
+                }
+                self.not_again.insert(name.to_owned(), reason.what);
+            }
+            Outcome::Stop(reason) => self.stopped = Some(reason),
+            // The part may come to nothing, and then it is as outdated as before.
+            Outcome::PartCame => {
+                self.reprocessing.forget(name);
+                self.reprocessing.check(sku.clone());
+            }
+            Outcome::Learned { .. } | Outcome::Changed | Outcome::Incomplete { .. } => {
+                self.reprocessing.forget(name);
+            }
+        }
+    }
+
+    /// A companion has settled: what it belongs to may go on, or went on without it before.
+    pub(super) fn companion(&mut self, path: &Path) {
+        if let Some((_, place)) = self.late_companions.remove(path)
+            && filing::follow(path, &place).is_ok()
+        {
+            self.drops.forget(path);
+            return;
+        }
+        self.drops.companion_came(path);
+        self.stale = true;
+        let is_late = self.late_sidecars.remove(path).is_some();
+        if let Some(drop) = self.drops.get_mut(path) {
+            drop.block = Block::Unclaimed;
+            drop.reason = Some(if is_late {
+                let what = "The settings came after their pattern, which was delivered without them.";
+                let remedy = "Drop the pattern again; next time drop its settings first.";
+                let reason = Reason::new("sidecar-late", what, remedy);
+                tracing::warn!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+                reason
+            } else if is_sidecar(path) {
+                let what = "The settings wait for the pattern of the same name.";
+                Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
+            } else {
+                let what = "The file waits for the part that names it.";
+                Reason::new("waits-for-part", what, "Drop the part, or remove the file if nothing needs it.")
+            });
+        }
+    }
+
+    /// The drop is done. Should another file bear its name by now, that is a new drop.
+    pub(super) fn done(&mut self, path: &Path) {
+        self.drops.forget(path);
+        self.look_again(path);
+    }
+
+    /// Takes the file as it is now, or forgets it when it is gone.
+    pub(super) fn look_again(&mut self, path: &Path) {
+        let hot = self.folders().hot.clone();
+        match folders::look(path) {
+            Ok(Some(what)) => {
+                self.see(&hot, path, what, Writer::Unknown);
+            }
+            _ => self.drops.forget(path),
+        }
+    }
+
+    pub(super) fn wait(&mut self, path: &Path, block: Block, reason: Reason) {
+        let Some(drop) = self.drops.get_mut(path) else { return };
+        drop.block = block;
+        if drop.reason.as_ref() != Some(&reason) {
+            tracing::info!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+            drop.reason = Some(reason);
+        }
+    }
+
+    pub(super) fn retry_later(&mut self, path: &Path, reason: Reason) {
+        let now = self.now();
+        let once = self.mode == Mode::Once;
+        let Some(drop) = self.drops.get_mut(path) else { return };
+        let pause = match drop.block {
+            Block::Until { pause, .. } => (pause * 2).min(LONGEST_PAUSE),
+            _ => FIRST_PAUSE,
+        };
+        let moment = if once { Moment::MAX } else { now + pause };
+        drop.block = Block::Until { moment, pause };
+        if drop.reason.as_ref() != Some(&reason) {
+            tracing::warn!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+            drop.reason = Some(reason);
+        }
+    }
+}
+
+pub(super) fn part_under_way(sku: &Sku) -> Reason {
+    let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
+    Reason::new("waits-for-part", what, "Finish dropping the part.")
+}
