@@ -94,6 +94,7 @@ pub fn run(
             running: BTreeMap::new(),
             started: Instant::now(),
             next_listing: Moment::ZERO,
+            listing_rests_until: Moment::ZERO,
             hot_is_missing: false,
             troubles: Vec::new(),
             complaints: Complaints::default(),
@@ -170,6 +171,8 @@ struct Worker<'a, C> {
     running: BTreeMap<PathBuf, Running>,
     started: Instant,
     next_listing: Moment,
+    /// The folder is not listed again before this moment, whatever asks for it.
+    listing_rests_until: Moment,
     hot_is_missing: bool,
     /// What the last listing found wrong with the hot folder itself.
     troubles: Vec<String>,
@@ -213,7 +216,7 @@ impl<C: Corrector> Worker<'_, C> {
             let ends = self.stop.is_raised() || self.stopped.is_some();
             if !ends {
                 self.refresh_settings();
-                if self.now() >= self.next_listing {
+                if self.now() >= self.listing_is_due() {
                     self.list();
                 }
                 self.take_requests();
@@ -226,7 +229,7 @@ impl<C: Corrector> Worker<'_, C> {
             }
             self.write_status(true);
             let now = self.now();
-            let mut next = self.next_listing.min(now + HEARTBEAT);
+            let mut next = self.listing_is_due().min(now + HEARTBEAT);
             let mut due = Moment::MAX;
             if !ends && self.running.len() < self.threads {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
@@ -240,6 +243,10 @@ impl<C: Corrector> Worker<'_, C> {
             }
             self.stale |= due <= self.now();
         }
+    }
+
+    fn listing_is_due(&self) -> Moment {
+        self.next_listing.max(self.listing_rests_until)
     }
 
     fn is_idle(&self) -> bool {

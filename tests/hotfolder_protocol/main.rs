@@ -186,9 +186,14 @@ impl Line {
 
     fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
         let started = Instant::now();
-        while !condition(self) {
+        loop {
+            let looked = Instant::now();
+            if condition(self) {
+                return;
+            }
             assert!(started.elapsed() < Duration::from_secs(120), "{what}; there is {:#?}", self.tree());
-            std::thread::sleep(Duration::from_millis(2));
+            // Looking takes time from the station where opening files is slow.
+            std::thread::sleep(Duration::from_millis(2).max(4 * looked.elapsed()));
         }
     }
 

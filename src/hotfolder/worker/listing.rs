@@ -22,6 +22,8 @@ use crate::config::{Backend, FolderPaths, Sku};
 const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
 /// How often a folder on a network is listed, which tells of no other computer's files.
 const NETWORK_LISTING: Duration = Duration::from_secs(1);
+/// The pause after a listing, in the time that it took: a slow folder with many files must not be all there is to do.
+const REST_AFTER_LISTING: u32 = 4;
 
 impl<C: Corrector> Worker<'_, C> {
     /// Lists the hot folder: whatever events said or did not say, this is how it is.
@@ -62,7 +64,11 @@ impl<C: Corrector> Worker<'_, C> {
         if std::mem::take(&mut self.hot_is_missing) {
             tracing::info!("the hot folder {} is back", hot.display());
         }
-        let listing = match folders::list(&hot) {
+        let begun = self.now();
+        let listing = folders::list(&hot);
+        let listed = self.now();
+        self.listing_rests_until = listed + REST_AFTER_LISTING * (listed - begun);
+        let listing = match listing {
             Ok(listing) => listing,
             Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
         };
