@@ -84,9 +84,14 @@ impl FromStr for Sku {
         if is_reserved_by_windows(name) {
             return Err(BadSku::Reserved(name.into()));
         }
-        let name: String = name.nfc().collect();
-        Ok(Self { key: name.to_lowercase(), name })
+        Ok(Self { key: fold(name), name: name.nfc().collect() })
     }
+}
+
+/// The name as file systems compare names that do not tell upper from lower case, nor `é` from `e` with an accent:
+/// equal for names that are one file there.
+pub(crate) fn fold(name: &str) -> String {
+    name.nfc().collect::<String>().to_lowercase()
 }
 
 /// Whether Windows opens a device under this name; it looks only at what precedes the first dot.

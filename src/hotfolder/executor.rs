@@ -240,7 +240,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
     ) -> Result<Outcome, Broken> {
         let started = Instant::now();
         let drop = with_slashes(&task.relative);
-        let name = &*delivered_as(pattern);
+        let name = delivered_as(pattern);
+        // The first spelling stays: where files are told apart by it, another one would be a second drawing.
+        let name = &*self.journal().result(&name).map_or(name, |last| last.job.name.clone());
         let is_of_use = |kept: &Kept| {
             kept.stamp == task.stamp && (kept.asked || !is_missing_for_server(&task.station, name))
         };

@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 use super::clock;
 use super::folders::Identity;
 use super::settle::Stamp;
-use crate::config::Sku;
+use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
 
 const JOURNAL: &str = "journal.log";
@@ -208,8 +208,9 @@ pub(super) struct Journal {
     length: u64,
     lines: usize,
     open: BTreeMap<String, OpenJob>,
+    /// By their names, folded: on a Windows share two spellings are one file.
     results: BTreeMap<String, Delivered>,
-    /// The names of the results of each SKU.
+    /// The folded names of the results of each SKU.
     by_sku: BTreeMap<Sku, BTreeSet<String>>,
     refused: BTreeMap<String, Refused>,
 }
@@ -303,9 +304,9 @@ impl Journal {
         self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
     }
 
-    /// The newest result of a name.
+    /// The newest result of a name, however it is spelled.
     pub(super) fn result(&self, name: &str) -> Option<&Delivered> {
-        self.results.get(name)
+        self.results.get(&fold(name))
     }
 
     /// The newest results of a SKU.
@@ -471,10 +472,10 @@ impl Journal {
                 self.open.remove(&job.drop);
                 self.forget(&job.name);
                 if let Ok(sku) = job.sku.parse::<Sku>() {
-                    self.by_sku.entry(sku).or_default().insert(job.name.clone());
+                    self.by_sku.entry(sku).or_default().insert(fold(&job.name));
                 }
                 let result = Delivered { at: at.into(), original, job, import, older };
-                self.results.insert(result.job.name.clone(), result);
+                self.results.insert(fold(&result.job.name), result);
             }
             Record::Learned { drop, sku, .. } => {
                 self.open.remove(&drop);
@@ -492,10 +493,10 @@ impl Journal {
     }
 
     fn forget(&mut self, name: &str) {
-        let Some(result) = self.results.remove(name) else { return };
+        let Some(result) = self.results.remove(&fold(name)) else { return };
         let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
         if let Some(names) = self.by_sku.get_mut(&sku) {
-            names.remove(name);
+            names.remove(&fold(name));
             if names.is_empty() {
                 self.by_sku.remove(&sku);
             }

@@ -7,7 +7,7 @@ use super::executor::Executor;
 use super::job::Corrector;
 use super::journal::Import;
 use super::settle::Moment;
-use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station};
+use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station, fold};
 
 /// SKUs that are looked at in one go: the station must stay responsive.
 const AT_ONCE: usize = 20;
@@ -18,6 +18,7 @@ pub(super) struct Reprocessing {
     unchecked: BTreeSet<Sku>,
     /// At the start and after a change of the station's settings every SKU counts.
     all_checked: bool,
+    /// By the names of the results, folded.
     marked: BTreeMap<String, Marked>,
 }
 
@@ -94,14 +95,15 @@ impl Reprocessing {
                 self.forget(&name);
                 continue;
             }
+            let key = fold(&name);
             let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
             let asked = station.delivery.outdated == Outdated::Correct;
-            let is_new = !self.marked.contains_key(&name);
+            let is_new = !self.marked.contains_key(&key);
             news += usize::from(is_new && is_outdated);
             if is_new && is_due {
                 tracing::info!("{name} is not in BeamConstruct yet");
             }
-            let marked = self.marked.entry(name).or_insert(Marked { again, due: None, under_way: false });
+            let marked = self.marked.entry(key).or_insert(Marked { again, due: None, under_way: false });
             if asked || is_due {
                 marked.due.get_or_insert(Moment::ZERO);
             }
@@ -129,7 +131,7 @@ impl Reprocessing {
 
     /// It could not be done; `never` in a station that stops as soon as it can.
     pub(super) fn again_later(&mut self, name: &str, moment: Moment, never: bool) {
-        if let Some(marked) = self.marked.get_mut(name) {
+        if let Some(marked) = self.marked.get_mut(&fold(name)) {
             marked.under_way = false;
             marked.due = (!never).then_some(moment);
         }
@@ -137,7 +139,7 @@ impl Reprocessing {
 
     /// It is up to date, or cannot be corrected again.
     pub(super) fn forget(&mut self, name: &str) {
-        self.marked.remove(name);
+        self.marked.remove(&fold(name));
     }
 
     /// Lets what is marked be corrected again, of one SKU or of all; returns how many.
@@ -160,6 +162,7 @@ impl Reprocessing {
 
     /// The names of all outdated drawings, each with its SKU.
     pub(super) fn marked(&self) -> Vec<(String, Sku)> {
-        self.marked.iter().map(|(name, marked)| (name.clone(), marked.again.sku.clone())).collect()
+        let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
+        self.marked.values().map(both).collect()
     }
 }

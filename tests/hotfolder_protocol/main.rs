@@ -479,6 +479,25 @@ fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on second at 0");
 }
 
+/// On a Windows share `CAN@a.dxf` and `can@a.dxf` are one file, whatever the station runs on.
+#[test]
+fn two_spellings_of_a_name_are_one_result() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can@\u{e4}.dxf", "one");
+    line.waits_for_text("import/can@\u{e4}.dxf", "one on part at 0");
+    line.waits_for_empty_hot();
+    line.drop("CAN@a\u{308}.DXF", "two");
+    line.waits_for_text("import/can@\u{e4}.dxf", "two on part at 0");
+    line.waits_for_empty_hot();
+    line.stop();
+    line.start(Mode::UntilStopped);
+    line.drop("can.glb", "part");
+    line.drop("Can@\u{e4}.dxf", "three");
+    line.waits_for_text("import/can@\u{e4}.dxf", "three on part at 0");
+    assert_eq!(line.import(), ["can@\u{e4}.dxf"]);
+}
+
 #[test]
 fn a_missing_import_folder_is_waited_for() {
     let line = Line::running();
