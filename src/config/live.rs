@@ -41,8 +41,15 @@ pub enum SettingsEvent {
         /// Its text now; empty when it went.
         new: String,
     },
-    /// The file is broken; the settings from before stay in force.
-    Broken(ConfigError),
+    /// A file is broken, or the folder of the SKU files cannot be listed.
+    Broken {
+        /// What is wrong.
+        error: ConfigError,
+        /// Whether older settings stay in force; a SKU's file that was never right holds up its jobs.
+        old_stay: bool,
+    },
+    /// What was broken is again as it was before.
+    Mended(PathBuf),
 }
 
 #[derive(Debug)]
@@ -80,7 +87,7 @@ impl LiveSettings {
     pub fn refresh(&mut self) {
         let file = self.station.file.clone();
         let text = match read(&file) {
-            Ok(text) if text == self.station_text => return self.forgive(&file),
+            Ok(text) if text == self.station_text => return self.mended(&file),
             Ok(text) => text,
             Err(error) => return self.complain(error),
         };
@@ -121,7 +128,7 @@ impl LiveSettings {
             Ok(found) => found,
             Err(error) => return self.complain(error),
         };
-        self.forgive(&folder);
+        self.mended(&folder);
         let missed = self.skus.iter_mut().filter(|(sku, _)| !found.contains_key(*sku));
         let gone: Vec<Sku> = missed
             .filter_map(|(sku, file)| std::mem::replace(&mut file.missed, true).then(|| sku.clone()))
@@ -131,6 +138,10 @@ impl LiveSettings {
             self.forgive(&file);
             self.events.push(SettingsEvent::SkuChanged { sku, old, new: String::new() });
         }
+        let station = &self.station.file;
+        let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
+        self.complaints
+            .retain(|file, _| file == station || found.values().any(|path| path == file) || known(file));
         for (sku, path) in found {
             if let Err(error) = self.read_sku(&sku, Some(path)) {
                 self.complain(error);
@@ -144,6 +155,11 @@ impl LiveSettings {
         std::mem::take(&mut self.events)
     }
 
+    /// What is wrong in the files now.
+    pub fn complaints(&self) -> impl Iterator<Item = &str> {
+        self.complaints.values().map(String::as_str)
+    }
+
     fn read_sku(&mut self, sku: &Sku, file: Option<PathBuf>) -> Result<JobSettings, ConfigError> {
         let Some(file) = file else {
             return match self.skus.get(sku) {
@@ -153,8 +169,9 @@ impl LiveSettings {
         };
         let text = read(&file)?;
         let settings = self.station.settings.overridden_by(&file, &text)?;
-        self.forgive(&file);
-        let old = self.skus.insert(sku.clone(), SkuFile { file, text: text.clone(), missed: false });
+        let was_broken = self.forgive(&file);
+        let old =
+            self.skus.insert(sku.clone(), SkuFile { file: file.clone(), text: text.clone(), missed: false });
         let old = match old {
             Some(old) => old.text,
             None if self.skus_listed => String::new(),
@@ -162,19 +179,31 @@ impl LiveSettings {
         };
         if old != text {
             self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new: text });
+        } else if was_broken {
+            self.events.push(SettingsEvent::Mended(file));
         }
         Ok(settings)
     }
 
     fn complain(&mut self, error: ConfigError) {
         let words = error.to_string();
-        if self.complaints.insert(error.file().into(), words.clone()) != Some(words) {
-            self.events.push(SettingsEvent::Broken(error));
+        let file = error.file().to_path_buf();
+        if self.complaints.insert(file.clone(), words.clone()) != Some(words) {
+            let of_sku = file != self.station.file && file != self.station.folders.skus;
+            let old_stay = !of_sku || self.skus.values().any(|sku| sku.file == file);
+            self.events.push(SettingsEvent::Broken { error, old_stay });
         }
     }
 
-    fn forgive(&mut self, file: &Path) {
-        self.complaints.remove(file);
+    /// Whether there was a complaint of the file.
+    fn forgive(&mut self, file: &Path) -> bool {
+        self.complaints.remove(file).is_some()
+    }
+
+    fn mended(&mut self, file: &Path) {
+        if self.forgive(file) {
+            self.events.push(SettingsEvent::Mended(file.into()));
+        }
     }
 }
 

@@ -29,6 +29,7 @@ pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement,
 };
+pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Station, Watch};
 

@@ -192,14 +192,40 @@ fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
         assert_eq!(live.station().name, "L1");
         assert!(live.job(&sku).unwrap().placement.rotate > 1.5);
         let events = live.take_events();
-        assert!(events.iter().all(|event| matches!(event, SettingsEvent::Broken(_))), "{events:?}");
+        assert!(
+            events.iter().all(|event| matches!(event, SettingsEvent::Broken { old_stay: true, .. })),
+            "{events:?}"
+        );
         assert_eq!(events.len(), expected);
     }
+
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
+    live.refresh();
+    live.refresh_skus();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_), SettingsEvent::Mended(_)]));
 
     fs_err::write(&file, NEEDED.replace("L1", "L2")).unwrap();
     live.refresh();
     assert_eq!(live.station().name, "L2");
     assert!(matches!(live.take_events()[..], [SettingsEvent::StationChanged { .. }]));
+}
+
+#[test]
+fn a_sku_file_that_was_never_right_has_no_older_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap();
+    live.refresh_skus();
+    fs_err::write(folder.path().join("skus/can.toml"), "[placement]\nrotate_deg = ").unwrap();
+    live.refresh_skus();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::Broken { old_stay: false, .. }]));
+    assert_eq!(live.complaints().count(), 1);
+    fs_err::remove_file(folder.path().join("skus/can.toml")).unwrap();
+    live.refresh_skus();
+    assert_eq!(live.complaints().count(), 0);
 }
 
 /// An editor that saves, a checkout or a share that drops for a moment must not turn a SKU's settings into the
@@ -225,6 +251,8 @@ fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
     }
     assert!(LiveSettings::open(&file).unwrap().job(&sku).is_err(), "a job waits when nothing older is known");
     fs_err::rename(&away, &skus).unwrap();
+    live.refresh_skus();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_)]));
 
     fs_err::remove_file(skus.join("can.toml")).unwrap();
     live.refresh_skus();

@@ -169,14 +169,16 @@ pub(super) struct View<'a> {
 }
 
 impl StatusBoard {
-    pub(super) fn new(station: &Station) -> Self {
+    /// Begins with what was rejected before the station was started; an older status that cannot be read is no loss.
+    pub(super) fn new(station: &Station, state: &Path) -> Self {
+        let before = Status::read(state).ok().flatten().map(|status| status.rejections);
         Self {
             station: station.name.clone(),
             since: clock::now(),
             started: Instant::now(),
             done: Done::default(),
             minutes: VecDeque::new(),
-            rejections: VecDeque::new(),
+            rejections: before.unwrap_or_default().into(),
             next: Moment::ZERO,
             heartbeat: Moment::ZERO,
             last: None,

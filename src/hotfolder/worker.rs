@@ -82,6 +82,7 @@ pub fn run(
             executor: &executor,
             stop,
             mode,
+            status: StatusBoard::new(&station, &state),
             state,
             messages,
             tasks,
@@ -103,7 +104,6 @@ pub fn run(
             late_companions: BTreeMap::new(),
             late_sidecars: BTreeMap::new(),
             reprocessing: Reprocessing::default(),
-            status: StatusBoard::new(&station),
             tally: Tally::default(),
             stopped: None,
         };
@@ -329,7 +329,13 @@ impl<C: Corrector> Worker<'_, C> {
                     self.drops.release(&sku);
                     self.reprocessing.check(sku);
                 }
-                SettingsEvent::Broken(error) => tracing::error!("{error} The old settings stay in force."),
+                SettingsEvent::Broken { error, old_stay: true } => {
+                    tracing::error!("{error} The old settings stay in force.");
+                }
+                SettingsEvent::Broken { error, old_stay: false } => {
+                    tracing::error!("{error} There are no older ones; drawings of this SKU wait.");
+                }
+                SettingsEvent::Mended(file) => tracing::info!("{} is right again", file.display()),
             }
         }
     }
@@ -374,11 +380,18 @@ impl<C: Corrector> Worker<'_, C> {
         if !self.status.is_due(now) && alive {
             return;
         }
+        let troubles: Vec<String> = self
+            .troubles
+            .iter()
+            .map(String::as_str)
+            .chain(self.settings.complaints())
+            .map(Into::into)
+            .collect();
         let view = super::status::View {
             drops: &self.drops,
             running: &self.running,
             outdated: self.reprocessing.marked(),
-            troubles: &self.troubles,
+            troubles: &troubles,
             now,
             alive,
         };
