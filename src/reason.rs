@@ -168,8 +168,14 @@ impl Reason {
         let number = self.number.as_ref().map(Quantity::to_string);
         let facts: Vec<String> = place.into_iter().chain(number).collect();
         let facts = if facts.is_empty() { String::new() } else { format!(" ({})", facts.join("; ")) };
-        format!("{}{facts} {}", self.what, self.remedy)
+        on_one_line(&format!("{}{facts} {}", self.what, self.remedy))
     }
+}
+
+/// The text with its control characters spelled out: a file's name may hold a line break, a line of a log may not.
+pub(crate) fn on_one_line(text: &str) -> String {
+    let spelled = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(spelled).collect()
 }
 
 impl Place {

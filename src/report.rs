@@ -440,14 +440,14 @@ impl Report {
     /// One line for the log.
     pub fn headline(&self) -> String {
         let (after, before) = (&self.quality.after, self.quality.before.as_ref());
-        let before = before.map_or("?".to_owned(), |before| format!("{:.3}", before.length_error_mm));
+        let before = before.map_or(String::new(), |before| format!("{:.3} -> ", before.length_error_mm));
         let warnings = self.notices.iter().filter(|notice| notice.severity == Severity::Warning).count();
         let attention = match warnings {
             0 => String::new(),
             1 => ", 1 warning in the report".to_owned(),
             more => format!(", {more} warnings in the report"),
         };
-        format!("{}, length error {before} -> {:.3} mm{attention}", self.map.method(), after.length_error_mm)
+        format!("{}, length error {before}{:.3} mm{attention}", self.map.method(), after.length_error_mm)
     }
 
     /// One paragraph for people: what was done, how true it is, what to look at.

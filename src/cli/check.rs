@@ -52,7 +52,21 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         mistakes.push(Reason::new("import-missing", what, remedy));
     }
     refuse_for(mistakes, Exit::Usage)?;
-    refuse_for(unwritable(&station.folders), Exit::Environment)?;
+    let mut troubles = unwritable(&station.folders);
+    if let Err(error) = fs::read_dir(&station.folders.hot)
+        && error.kind() != std::io::ErrorKind::NotFound
+    {
+        let what = format!("The hot folder cannot be listed: {error}.");
+        let remedy = "Let the user that runs the station read it, or name another folder.";
+        troubles.push(Reason::new("folder-unreadable", what, remedy));
+    }
+    if let Some(log) = &station.log
+        && log.file.is_dir()
+    {
+        let what = format!("The log {} is a folder.", log.file.display());
+        troubles.push(Reason::new("log-is-folder", what, "Name a file in it."));
+    }
+    refuse_for(troubles, Exit::Environment)?;
     let plural = if skus == 1 { "file" } else { "files" };
     print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, arguments.station.display()));
     let folders = &station.folders;

@@ -9,6 +9,7 @@ use super::{Exit, Failure, Outcome, parse_sku, print, tell};
 use crate::config::{FolderPaths, Station};
 use crate::hotfolder::status::{Listed, Status, Waits};
 use crate::hotfolder::{Holder, Request, StationLock, return_rejected};
+use crate::reason::on_one_line;
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArguments {
@@ -122,7 +123,7 @@ fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> Stri
         let lines = status.under_way.iter().map(|job| format!("  {}, for {:.1} s\n", job.drop, job.for_s));
         text.extend(lines);
     }
-    let waits = |waits: &Waits| format!("{}: {}", waits.drop, waits.reason.on_one_line());
+    let waits = |waits: &Waits| format!("{}: {}", on_one_line(&waits.drop), waits.reason.on_one_line());
     text += &list("waiting", &status.waiting, waits);
     text +=
         &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
@@ -130,7 +131,8 @@ fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> Stri
     if !status.rejections.is_empty() {
         text += "rejected last\n";
         let line = |rejection: &crate::hotfolder::status::Rejection| {
-            format!("  {} {}: {}\n", rejection.at, rejection.drop, rejection.reason.what)
+            let drop = on_one_line(&rejection.drop);
+            format!("  {} {drop}: {}\n", rejection.at, rejection.reason.on_one_line())
         };
         text.extend(status.rejections.iter().map(line));
     }

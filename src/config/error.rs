@@ -151,6 +151,9 @@ impl ConfigError {
 
     fn remedy(&self) -> String {
         match self {
+            Self::Unreadable { file, .. } if file.is_dir() => {
+                format!("Name the file in that folder, such as {}.", file.join("station.toml").display())
+            }
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {
                 "Write paths with forward slashes, or put them in single quotes: 'C:\\laser\\import'.".into()

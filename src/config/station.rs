@@ -13,6 +13,7 @@ use super::keys::{
     PlacementKeys, SidecarKeys,
 };
 use super::settings::JobSettings;
+use super::sku::fold;
 use super::text::SettingsText;
 
 /// A station, validated.
@@ -188,13 +189,15 @@ impl Station {
         keys.output.apply(&mut settings);
         JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction, keys.fixture)
             .apply(&text, &mut settings)?;
+        let base = file.parent().unwrap_or(Path::new(""));
+        let folders = keys.folders.resolve(&text, base)?;
         Ok(Self {
             name: name.into_inner(),
             file: file.into(),
-            folders: keys.folders.resolve(&text, file.parent().unwrap_or(Path::new("")))?,
             watch: keys.watch.check(&text)?,
             delivery: keys.delivery.check(&text)?,
-            log: keys.log.check(&text, file.parent().unwrap_or(Path::new("")))?,
+            log: keys.log.check(&text, base, &folders)?,
+            folders,
             settings,
         })
     }
@@ -301,17 +304,23 @@ impl FolderKeys {
             (name, normal(&base.join(path)), given.unwrap_or(&self.hot).span())
         });
         for (name, path, span) in &all {
-            for (other, other_path, _) in &all[..2] {
+            for (other, other_path, _) in all[..2].iter().filter(|(other, ..)| other != name) {
+                let [inner, outer] = [path, other_path].map(|path| comparable(path));
                 // Everything in the hot folder is a drop and everything in the import folder is marked.
-                if name != other && path.starts_with(other_path) {
-                    return Err(ConfigError::Contradiction {
-                        spot: text.spot(span),
-                        what: format!("The folder `{name}` lies in the folder `{other}` or is the same."),
-                        remedy: format!("Choose a folder outside {}.", other_path.display()),
-                    });
-                }
+                let what = if inner.starts_with(&outer) {
+                    format!("The folder `{name}` lies in the folder `{other}` or is the same.")
+                // What is archived or rejected goes into folders of its SKU's name, and that could be this one's.
+                } else if outer.starts_with(&inner) && !["hot", "import", "skus"].contains(name) {
+                    format!("The folder `{name}` holds the folder `{other}`.")
+                } else {
+                    continue;
+                };
+                let remedy = format!("Choose a folder beside {}.", other_path.display());
+                return Err(ConfigError::Contradiction { spot: text.spot(span), what, remedy });
             }
-            let twin = all.iter().find(|(other, other_path, _)| other != name && other_path == path);
+            let twin = all
+                .iter()
+                .find(|(other, other_path, _)| other != name && comparable(other_path) == comparable(path));
             if let Some((other, ..)) = twin {
                 return Err(ConfigError::Contradiction {
                     spot: text.spot(span),
@@ -323,6 +332,18 @@ impl FolderKeys {
         let [hot, import, archive, rejected, cache, reports, skus, state] = all.map(|(_, path, _)| path);
         Ok(FolderPaths { hot, import, archive, rejected, cache, reports, skus, state })
     }
+}
+
+/// The path by which folders are told apart: links are followed as far as it is there, and Windows knows no upper and
+/// lower case.
+fn comparable(path: &Path) -> PathBuf {
+    let full = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let there = full.ancestors().find_map(|folder| Some((folder, std::fs::canonicalize(folder).ok()?)));
+    let real = match there {
+        Some((folder, real)) => real.join(full.strip_prefix(folder).unwrap_or(Path::new(""))),
+        None => full,
+    };
+    if cfg!(windows) { fold(&real.to_string_lossy()).into() } else { real }
 }
 
 /// The path without `.` and with `..` resolved by name, so that two spellings of one folder compare equal.
@@ -423,13 +444,18 @@ impl DeliveryKeys {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct LogKeys {
-    file: Option<PathBuf>,
+    file: Option<Spanned<PathBuf>>,
     max_mb: Option<Spanned<f64>>,
     keep: Option<Spanned<f64>>,
 }
 
 impl LogKeys {
-    fn check(self, text: &SettingsText, base: &Path) -> Result<Option<LogSettings>, ConfigError> {
+    fn check(
+        self,
+        text: &SettingsText,
+        base: &Path,
+        folders: &FolderPaths,
+    ) -> Result<Option<LogSettings>, ConfigError> {
         let number = |key, given: &Option<Spanned<f64>>, default, range, unit| match given {
             Some(given) => text.number(key, given, range, unit),
             None => Ok(default),
@@ -437,6 +463,17 @@ impl LogKeys {
         let megabytes = number("log.max_mb", &self.max_mb, 10.0, 0.001..=10_000.0, "MB")?;
         let keep = number("log.keep", &self.keep, 5.0, 1.0..=1000.0, "files")? as usize;
         let largest = (megabytes * 1e6) as u64;
-        Ok(self.file.map(|file| LogSettings { file: normal(&base.join(file)), largest, keep }))
+        let Some(given) = self.file else { return Ok(None) };
+        let file = normal(&base.join(given.get_ref()));
+        for (name, folder) in [("hot", &folders.hot), ("import", &folders.import)] {
+            if comparable(&file).starts_with(comparable(folder)) {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&given.span()),
+                    what: format!("The log would be written into the folder `{name}`."),
+                    remedy: format!("Choose a file outside {}.", folder.display()),
+                });
+            }
+        }
+        Ok(Some(LogSettings { file, largest, keep }))
     }
 }

@@ -92,7 +92,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         16,
     ),
     ("[correction]\ntolerance_mm = nan", "cannot be NaN mm", 11, 16),
-    ("[correction]\ntolerance_mm = \"5\"", "expected f64", 11, 16),
+    ("[correction]\ntolerance_mm = \"5\"", "expected a number", 11, 16),
     ("[part]\n  facing = \"up\"", "names no side", 11, 12),
     ("[part]\nfacing = [0, 0, 0]", "names no side", 11, 10),
     ("[part]\nfacing = 3", "expected a name in quotes or a list", 11, 10),
@@ -159,12 +159,32 @@ fn what_is_needed_is_asked_for() {
     assert!(error.to_string().contains("no readable name"), "{error}");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_link_to_the_hot_folder_is_the_hot_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::create_dir_all(folder.path().join("drop/hot")).unwrap();
+    fs_err::os::unix::fs::symlink("drop", folder.path().join("link")).unwrap();
+    let of = |import: &str| {
+        let import = format!("import = \"{import}\"");
+        fs_err::write(&file, NEEDED.replace("import = \"../import\"", &import)).unwrap();
+        Station::load(&file).map_err(|error| error.to_string())
+    };
+    for import in ["link/hot", "link/hot/to come"] {
+        let told = of(import).unwrap_err();
+        assert!(told.contains(" or is the same."), "{told}");
+    }
+    assert!(of("link/import").is_ok());
+}
+
 #[test]
 fn folders_keep_out_of_each_other() {
     for (folders, words) in [
         ("import = \"drop/hot\"", "is the same"),
         ("import = \"drop/hot/../hot/./x\"", "`import` lies in the folder `hot`"),
         ("import = \"i\"\nreports = \"i/reports\"", "`reports` lies in the folder `import`"),
+        ("import = \"i\"\narchive = \".\"", "`archive` holds the folder `hot`"),
         ("import = \"i\"\nreports = \"a\"\narchive = \"a\"", "are the same"),
     ] {
         let error = parse(&NEEDED.replace("import = \"../import\"", folders)).expect_err(folders);

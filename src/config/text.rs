@@ -104,6 +104,7 @@ impl SettingsText {
             (Some("missing field "), Some(key)) => ConfigError::Missing { spot, key },
             _ => {
                 let line = self.text.lines().nth(spot.line as usize - 1).unwrap_or("");
+                let message = in_plain_words(message);
                 ConfigError::Syntax { spot, message, backslash: line.contains('\\') }
             }
         }
@@ -143,6 +144,21 @@ fn edits(from: &str, to: &str) -> usize {
         }
     }
     table[from.len()][to.len()]
+}
+
+/// What the parser says, without the names of a programmer's types.
+fn in_plain_words(message: String) -> String {
+    let words = [
+        (", expected literal string", ""),
+        ("expected f64", "expected a number"),
+        ("expected u64", "expected a whole number"),
+        ("expected usize", "expected a whole number"),
+        ("expected a string", "expected text in quotes"),
+        ("expected a boolean", "expected true or false"),
+        ("invalid type: ", ""),
+        ("floating point `", "number `"),
+    ];
+    words.into_iter().fold(message, |message, (theirs, ours)| message.replace(theirs, ours))
 }
 
 #[cfg(test)]

@@ -21,14 +21,14 @@ use super::filing::{self, Original, with_slashes};
 use super::folders;
 use super::intake::{self, Intake, Read};
 use super::job::{Corrector, Delivery, DroppedFile, JobError, PartLearned};
-use super::journal::{Import, Job, Journal};
-use super::names::delivered_as;
+use super::journal::{Delivered, Import, Job, Journal};
+use super::names::{Meaning, delivered_as, meaning};
 use super::reprocess::ARCHIVE;
 use super::settle::{Gap, Stamp};
-use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station};
+use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station, fold};
 use crate::files::{read_if_there, sync_folder};
 use crate::formats::mesh::MeshFormat;
-use crate::reason::Reason;
+use crate::reason::{Reason, on_one_line};
 
 /// The code of the reason why patterns wait for a good part.
 pub(super) const PART_REFUSED: &str = "part-rejected";
@@ -262,6 +262,16 @@ impl<'a, C: Corrector> Executor<'a, C> {
         }
         let read = &*slot.insert(self.read(task, Some(pattern))?);
         let ready = Ready { task, sku, pattern, name, read };
+        let last = self.journal().result(name).cloned();
+        if read.sidecar.is_none()
+            && let Some(settings) =
+                last.as_ref().and_then(|last| sidecar_of_last(&task.station.folders, sku, last))
+        {
+            tracing::warn!(
+                "{drop} comes without the settings that its last version had: if they still hold, drop it again with {}",
+                settings.display()
+            );
+        }
         let settings = match &read.sidecar {
             Some((path, text)) => {
                 task.settings.with_sidecar(path, text).map_err(|error| JobError::Rejected(error.reason()))?
@@ -270,7 +280,6 @@ impl<'a, C: Corrector> Executor<'a, C> {
         };
         let mut job = self.job(&ready, drop, &settings)?;
         let folders = &task.station.folders;
-        let last = self.journal().result(name).cloned();
         let begun = self.was_delivered(task, &job.drop)?;
         let was_begun = begun.filter(|(begun, _)| begun.pattern == job.pattern);
         let same_again = last.as_ref().filter(|last| last.job.key == job.key);
@@ -564,7 +573,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     fn reject(&self, task: &Task, read: Option<&Read>, reason: Reason) -> Result<Outcome, JobError> {
         let drop = with_slashes(&task.relative);
-        let reason = reason.in_file(drop.clone());
+        let mut reason = reason.in_file(drop.clone());
         if matches!(task.work, Work::CorrectAgain { .. }) {
             tracing::warn!("{drop} cannot be corrected again: {reason}");
             return Ok(Outcome::Rejected(reason));
@@ -584,6 +593,12 @@ impl<'a, C: Corrector> Executor<'a, C> {
             Work::Learn(sku) => guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku),
             _ => None,
         };
+        if let Work::Correct { name, .. } = &task.work
+            && let Some(older) = self.journal().result(&delivered_as(name))
+        {
+            reason.what +=
+                &format!(" What was delivered as {} at {} stays in force.", older.job.name, older.at);
+        }
         // Noted before the move: a pattern must not slip through with the older shape after a crash between the two.
         let note = |rejected: &Path| {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
@@ -591,7 +606,12 @@ impl<'a, C: Corrector> Executor<'a, C> {
         };
         let rejected =
             filing::reject(folders, &task.relative, &original, &reason, note).map_err(folder_trouble)?;
-        tracing::warn!("{drop} rejected and moved to {}: {}", rejected.display(), reason.what);
+        tracing::warn!(
+            "{} rejected and moved to {}: {}",
+            on_one_line(&drop),
+            on_one_line(&rejected.to_string_lossy()),
+            reason.on_one_line()
+        );
         Ok(Outcome::Rejected(reason))
     }
 
@@ -609,10 +629,20 @@ impl<'a, C: Corrector> Executor<'a, C> {
     }
 }
 
-/// Whether two drops bear one name; of what was corrected again from the archive, only the pattern's name is known.
+/// Whether two drops are one; of what was corrected again from the archive, only the pattern's name is known.
 fn is_same_drop(a: &str, b: &str) -> bool {
-    let last = |path: &str| path.rsplit('/').next().unwrap_or(path).to_owned();
-    a == b || ([a, b].iter().any(|drop| drop.starts_with(ARCHIVE)) && last(a) == last(b))
+    let is_archived = |drop: &str| drop.starts_with(ARCHIVE);
+    let name = |drop: &str| match meaning(Path::new(drop)) {
+        Ok(Meaning::Pattern { name, .. }) if !is_archived(drop) => name,
+        _ => drop.rsplit('/').next().unwrap_or(drop).to_owned(),
+    };
+    a == b || ((is_archived(a) || is_archived(b)) && fold(&name(a)) == fold(&name(b)))
+}
+
+/// The settings in the archive that lie beside the original of a result.
+fn sidecar_of_last(folders: &FolderPaths, sku: &Sku, last: &Delivered) -> Option<PathBuf> {
+    let original = Some(&last.original).filter(|original| !original.is_empty())?;
+    intake::sidecar_of(&folders.archive.join(sku.key()).join(original)).filter(|path| folders::is_file(path))
 }
 
 /// Whether BeamServer would look for a drawing that is not there.
@@ -673,6 +703,7 @@ mod tests {
             ("mug/pic.dxf", "mug@pic.dxf", false),
             ("archive:mug/(2)/mug@pic.dxf", "mug@pic.dxf", true),
             ("mug@pic.dxf", "archive:mug/mug@pic.png", false),
+            ("mug/pic.dxf", "archive:mug/mug@pic.dxf", true),
         ] {
             assert_eq!(is_same_drop(a, b), same, "{a} {b}");
         }

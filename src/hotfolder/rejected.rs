@@ -67,9 +67,15 @@ pub fn return_rejected(
     }
     for name in wanted.unwrap_or_default().iter().filter(|name| !returned.contains(name)) {
         if trouble.is_empty() {
-            let what = format!("No drop {name} lies in {}.", folders.rejected.display());
-            let remedy = "Name it as it was named in the hot folder; its .reason.txt begins with that.";
-            trouble.push(Reason::new("not-rejected", what, remedy));
+            let rejected = folders.rejected.display();
+            trouble.push(if folders.hot.join(name).is_file() {
+                let what = format!("{name} was not rejected: it lies in the hot folder.");
+                Reason::new("not-rejected", what, "Try all that waits at once: leave out its name.")
+            } else {
+                let what = format!("No drop {name} lies in {rejected}.");
+                let remedy = "Name it as it was named in the hot folder; its .reason.txt begins with that.";
+                Reason::new("not-rejected", what, remedy)
+            });
         }
     }
     Ok((returned, trouble))

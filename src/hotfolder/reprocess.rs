@@ -109,13 +109,18 @@ impl Reprocessing {
             }
         }
         if news > 0 {
-            let then = match station.delivery.outdated {
-                Outdated::Correct => "they are corrected again from the archive",
-                Outdated::Mark => "`isomark retry --outdated` corrects them again",
+            let (drawings, them) = match news {
+                1 => (format!("1 delivered drawing of {sku} is"), "it"),
+                more => (format!("{more} delivered drawings of {sku} are"), "them"),
             };
-            tracing::warn!(
-                "{news} delivered drawings of {sku} are outdated by a new part or new settings: {then}"
-            );
+            let then = match station.delivery.outdated {
+                Outdated::Correct => format!("isomark corrects {them} again from the archive"),
+                Outdated::Mark => {
+                    let station = station.file.display();
+                    format!("`isomark retry {station} --outdated {sku}` corrects {them} again")
+                }
+            };
+            tracing::warn!("{drawings} outdated by a new part or new settings: {then}");
         }
     }
 

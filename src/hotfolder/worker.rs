@@ -351,7 +351,8 @@ impl<C: Corrector> Worker<'_, C> {
                 }
                 Request::Outdated(sku) => {
                     let count = self.reprocessing.correct_marked(sku.as_ref());
-                    tracing::info!("{count} outdated drawings are corrected again, as asked");
+                    let plural = if count == 1 { "drawing is" } else { "drawings are" };
+                    tracing::info!("{count} outdated {plural} corrected again, as asked");
                 }
             }
             self.stale = true;

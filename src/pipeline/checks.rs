@@ -212,10 +212,9 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
     reason.at(Place { coordinate: Some(middle.coords().iter().copied().collect()), ..Place::default() })
 }
 
-const PLACE_ON_PART: &str = "Place the drawing on the part with `place`.";
+const PLACE_ON_PART: &str = "Place the drawing on the part (`place_mm`, `--place`).";
 const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part.";
-const PLACE_ANCHOR: &str =
-    "Place the anchor over the cylinder or cone, off its apex, with `place` or `anchor`.";
+const PLACE_ANCHOR: &str = "Place the anchor over the cylinder or cone, off its apex (`place_mm` or `anchor`, `--place` or `--anchor`).";
 
 pub(super) fn above_lens(error: &AboveLens) -> Reason {
     let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
@@ -238,7 +237,7 @@ pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, drawn: &Extent
     let remedy = if sides(drawn) > STRAY * sides(&domain) {
         "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
     } else {
-        "Move the drawing with `place`, make it smaller, or check `facing`."
+        "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the laser (`facing`)."
     };
     Reason::new(
         "off-surface",
@@ -334,7 +333,7 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
             span(&area, 0),
             span(&area, 1)
         ),
-        "Move the drawing with `place` or the part with the station's `fixture`.",
+        "Move the drawing (`place_mm`, `--place`), or the part with the station's `[fixture]`.",
     )
     .with_number("overhang", beyond, "mm", Some(0.0)))
 }

@@ -479,6 +479,19 @@ fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on second at 0");
 }
 
+#[test]
+fn a_rejected_version_says_what_stays() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    line.drop("can.dxf", "reject");
+    line.waits_for_empty_hot();
+    let reason = line.text("rejected/can.dxf.reason.txt").unwrap();
+    assert!(reason.contains("What was delivered as can.dxf at 2"), "{reason}");
+    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
+}
+
 /// On a Windows share `CAN@a.dxf` and `can@a.dxf` are one file, whatever the station runs on.
 #[test]
 fn two_spellings_of_a_name_are_one_result() {

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use fs_err as fs;
 
 use crate::desk::{Desk, Said, drawing, part};
+use crate::ezdxf::{assert_clean, judged};
 
 /// How long anything may take on a slow machine.
 const DEADLINE: Duration = Duration::from_secs(30);
@@ -420,4 +421,37 @@ fn without_an_import_folder_drops_wait() {
     assert_eq!(files(&station.path("hot")), ["can.dxf"]);
     fs::create_dir(station.path("import")).unwrap();
     assert!(station.once().out.contains("1 delivered"));
+}
+
+/// The files that an operator drops first on a real machine (plugins/beamconstruct): what arrives is what is said there.
+#[test]
+fn the_first_check_of_a_real_machine_arrives_as_the_operator_expects() {
+    let station = Station::new();
+    let folder = format!("{}/plugins/beamconstruct/first-check", env!("CARGO_MANIFEST_DIR"));
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        station.copy_into(path.to_str().unwrap(), path.file_name().unwrap().to_str().unwrap());
+    }
+    let said = station.once();
+    assert!(said.out.starts_with("3 delivered, 1 part learned, 0 rejected"), "{}", said.out);
+    for (name, expected) in [
+        ("plate@square.dxf", [-5.0, -5.0, 5.0, 5.0]),
+        ("plate@moved.dxf", [15.0, 5.0, 25.0, 15.0]),
+        ("plate@layers.dxf", [-15.0, -5.0, 15.0, 3.0]),
+    ] {
+        let Some(told) = judged(&fs::read(station.path("import").join(name)).unwrap()) else { return };
+        assert_clean(&told);
+        for (side, expected) in expected.iter().enumerate() {
+            assert!(
+                (told["box"][side].as_f64().unwrap() - expected).abs() < 0.001,
+                "{name}: {}",
+                told["box"]
+            );
+        }
+        if name == "plate@layers.dxf" {
+            for (layer, colour) in [("red", 1), ("green", 3), ("blue", 5)] {
+                assert_eq!(told["layers"][layer][0], colour);
+            }
+        }
+    }
 }

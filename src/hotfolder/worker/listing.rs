@@ -76,7 +76,10 @@ impl<C: Corrector> Worker<'_, C> {
             self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
         }
         for folder in &listing.too_deep {
-            self.trouble(format!("{} is a folder in a SKU's folder; nobody looks into it", folder.display()));
+            self.trouble(format!(
+                "nobody looks into {}, a folder in a SKU's folder: move its files up into that",
+                folder.display()
+            ));
         }
         let mut found = BTreeSet::new();
         for (path, what) in listing.drops {

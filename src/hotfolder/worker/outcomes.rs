@@ -143,19 +143,24 @@ impl<C: Corrector> Worker<'_, C> {
         let is_late = self.late_sidecars.remove(path).is_some();
         if let Some(drop) = self.drops.get_mut(path) {
             drop.block = Block::Unclaimed;
-            drop.reason = Some(if is_late {
+            let reason = if is_late {
                 let what = "The settings came after their pattern, which was delivered without them.";
                 let remedy = "Drop the pattern again; next time drop its settings first.";
-                let reason = Reason::new("sidecar-late", what, remedy);
-                tracing::warn!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
-                reason
+                Reason::new("sidecar-late", what, remedy)
             } else if is_sidecar(path) {
                 let what = "The settings wait for the pattern of the same name.";
                 Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
             } else {
                 let what = "The file waits for the part that names it.";
                 Reason::new("waits-for-part", what, "Drop the part, or remove the file if nothing needs it.")
-            });
+            };
+            let relative = with_slashes(&drop.relative);
+            match drop.reason.as_ref() {
+                Some(told) if *told == reason => {}
+                _ if is_late => tracing::warn!("{relative}: {}", reason.on_one_line()),
+                _ => tracing::info!("{relative}: {}", reason.on_one_line()),
+            }
+            drop.reason = Some(reason);
         }
     }
 
