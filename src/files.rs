@@ -67,7 +67,8 @@ pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Renames a file, over an older one of the new name; when it returns, that survives a power cut.
 ///
 /// # Errors
-/// When the system refuses it; both files are then as they were.
+/// When the system refuses it; the file may bear its new name all the same, if only the folder could not be flushed or a
+/// network's answer was lost.
 pub fn rename_flushed(from: &Path, to: &Path) -> io::Result<()> {
     fs::rename(from, to)?;
     sync_folder(to.parent().unwrap_or(Path::new("")))

@@ -70,23 +70,34 @@ pub(super) fn deliver<'a>(
         remove_quietly(&temporary);
         return Err(folder_trouble(error));
     }
-    let noted = journal().delivering(job, stamp, folders::identity(import));
-    match noted.and_then(|()| rename_flushed(&temporary, &import.join(&job.name))) {
-        Ok(()) => {
-            // Should this line get lost, the missing temporary file says the same.
-            if let Err(error) = journal().delivered(&job.drop) {
-                tracing::warn!("the journal lacks a line: {error}");
-            }
-            Ok(how)
+    let identity = folders::identity(import);
+    let noted = journal().delivering(job, stamp, identity);
+    let trouble = match noted.and_then(|()| rename_flushed(&temporary, &import.join(&job.name))) {
+        Ok(()) => None,
+        // As after a crash: what is gone from its folder was renamed, and importers may have seen it.
+        Err(error) if is_gone(&temporary) && identity == folders::identity(import) => {
+            tracing::warn!("{} lies in import, and a power cut may take it away again: {error}", job.name);
+            None
         }
-        Err(error) => {
-            // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
-            if journal().cancelled(&job.drop).is_ok() {
-                remove_quietly(&temporary);
-            }
-            Err(folder_trouble(error))
+        Err(error) => Some(error),
+    };
+    if let Some(error) = trouble {
+        // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
+        if journal().cancelled(&job.drop).is_ok() {
+            remove_quietly(&temporary);
         }
+        return Err(folder_trouble(error));
     }
+    // Should this line get lost, the missing temporary file says the same.
+    if let Err(error) = journal().delivered(&job.drop) {
+        tracing::warn!("the journal lacks a line: {error}");
+    }
+    Ok(how)
+}
+
+/// Whether nothing lies at the path, for certain.
+fn is_gone(path: &Path) -> bool {
+    matches!(fs::symlink_metadata(path), Err(error) if error.kind() == ErrorKind::NotFound)
 }
 
 /// Finds out whether a drawing that was about to be renamed was renamed, and notes it.
