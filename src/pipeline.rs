@@ -166,6 +166,18 @@ impl Pipeline {
         Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
     }
 
+    /// The name of the part that was learned last for the SKU, if that is another one than `part`: stations that share a
+    /// cache share the shape of each SKU.
+    ///
+    /// # Errors
+    /// When the part cannot be read at all, or the cache's folder fails.
+    pub fn superseded_by(&self, sku: &Sku, part: PartInput<'_>) -> Result<Option<String>, PipelineError> {
+        let Some(cache) = &self.cache else { return Ok(None) };
+        let Some(current) = cache.current(sku)? else { return Ok(None) };
+        let origin = origin_of(part.name, part.bytes, part.sibling)?;
+        Ok((current.blake3 != origin.blake3).then_some(current.file))
+    }
+
     /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again). Damage to a
     /// kept one goes to `notices`. A part that the settings give by its sizes is made and kept where it is not yet.
     ///

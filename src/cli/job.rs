@@ -103,7 +103,8 @@ impl JobArguments {
     ) -> Result<Job<'_>, Failure> {
         let (part, pattern) = inputs(&self.inputs)?;
         let sku = self.sku(part)?;
-        let mut live = self.station.as_deref().map(LiveSettings::open).transpose()?;
+        let live = self.station.as_deref().map(LiveSettings::open).transpose()?;
+        let mut live = live.map(LiveSettings::at_once);
         let mut settings = match &mut live {
             // A station that was never started has no folder for its SKUs yet.
             Some(live) if !live.station().folders.skus.exists() => live.station().settings.clone(),

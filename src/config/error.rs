@@ -5,6 +5,9 @@ use std::path::PathBuf;
 use super::text::{listed, nearest};
 use crate::reason::{Place, Quantity, Reason};
 
+/// The code of the reason for which a job waits until its settings are whole.
+pub(crate) const BEING_SAVED: &str = "settings-being-saved";
+
 /// A mistake in a settings file.
 #[derive(Debug)]
 pub enum ConfigError {
@@ -14,6 +17,11 @@ pub enum ConfigError {
         file: PathBuf,
         /// What the system said.
         source: std::io::Error,
+    },
+    /// The file may still be written.
+    BeingSaved {
+        /// The file.
+        file: PathBuf,
     },
     /// The text is not TOML, or a value has the wrong type.
     Syntax {
@@ -90,7 +98,7 @@ impl ConfigError {
     /// The file that is wrong.
     pub fn file(&self) -> &std::path::Path {
         match self {
-            Self::Unreadable { file, .. } => file,
+            Self::Unreadable { file, .. } | Self::BeingSaved { file } => file,
             Self::Syntax { spot, .. }
             | Self::UnknownKey { spot, .. }
             | Self::UnknownChoice { spot, .. }
@@ -114,6 +122,7 @@ impl ConfigError {
     fn code(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } => "settings-unreadable",
+            Self::BeingSaved { .. } => BEING_SAVED,
             Self::Syntax { .. } => "settings-syntax",
             Self::UnknownKey { .. } => "settings-unknown-key",
             Self::UnknownChoice { .. } => "settings-unknown-choice",
@@ -126,7 +135,7 @@ impl ConfigError {
     fn place(&self) -> Place {
         let file = Some(self.file().display().to_string());
         let (spot, item) = match self {
-            Self::Unreadable { .. } => return Place { file, ..Place::default() },
+            Self::Unreadable { .. } | Self::BeingSaved { .. } => return Place { file, ..Place::default() },
             Self::UnknownKey { spot, key, .. }
             | Self::Missing { spot, key }
             | Self::OutOfRange { spot, key, .. } => (spot, Some(key.clone())),
@@ -140,6 +149,7 @@ impl ConfigError {
     fn what(&self) -> String {
         match self {
             Self::Unreadable { source, .. } => format!("The settings cannot be read: {source}."),
+            Self::BeingSaved { .. } => "The settings may still be written.".into(),
             Self::Syntax { message, .. } => format!("The settings cannot be understood: {message}."),
             Self::UnknownKey { key, .. } => format!("There is no key `{key}` here."),
             Self::UnknownChoice { given, .. } => format!("`{given}` is none of the choices."),
@@ -154,6 +164,7 @@ impl ConfigError {
             Self::Unreadable { file, .. } if file.is_dir() => {
                 format!("Name the file in that folder, such as {}.", file.join("station.toml").display())
             }
+            Self::BeingSaved { .. } => "Nothing: they are read again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {
                 "Write paths with forward slashes, or put them in single quotes: 'C:\\laser\\import'.".into()

@@ -1,13 +1,18 @@
 //! Settings that follow their files while a station runs: a good edit counts from the next job on, a broken one
-//! leaves the old settings in force and is told once.
+//! leaves the old settings in force and is told once. Half a file may be good settings, too, so a text counts only once
+//! it stood still.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use super::error::ConfigError;
 use super::settings::JobSettings;
 use super::sku::Sku;
 use super::station::{Station, read};
+
+/// How long an emptied file must stand still: editors empty a file before they write it.
+const EMPTIED: Duration = Duration::from_secs(10);
 
 /// The settings of a station and of its SKUs, as of the last look at the files.
 #[derive(Debug)]
@@ -15,6 +20,10 @@ pub struct LiveSettings {
     station: Station,
     station_text: String,
     skus: BTreeMap<Sku, SkuFile>,
+    /// Texts that are not in force, or not yet.
+    new_texts: BTreeMap<PathBuf, NewText>,
+    /// There is no later look.
+    at_once: bool,
     /// The complaint about each broken file, so that it is told once.
     complaints: BTreeMap<PathBuf, String>,
     /// The folder of the SKU files was listed once, so a file that is new was made since.
@@ -52,6 +61,16 @@ pub enum SettingsEvent {
     Mended(PathBuf),
 }
 
+/// A text as it was read.
+#[derive(Debug)]
+struct NewText {
+    text: String,
+    /// When it was first seen.
+    since: Instant,
+    /// It stood still long enough, and is judged.
+    settled: bool,
+}
+
 #[derive(Debug)]
 struct SkuFile {
     file: PathBuf,
@@ -72,10 +91,17 @@ impl LiveSettings {
             station: Station::parse(file, &station_text)?,
             station_text,
             skus: BTreeMap::new(),
+            new_texts: BTreeMap::new(),
+            at_once: false,
             complaints: BTreeMap::new(),
             skus_listed: false,
             events: Vec::new(),
         })
+    }
+
+    /// Takes every text as it is: there is no later look.
+    pub fn at_once(self) -> Self {
+        Self { at_once: true, ..self }
     }
 
     /// The station as it is in force.
@@ -87,7 +113,11 @@ impl LiveSettings {
     pub fn refresh(&mut self) {
         let file = self.station.file.clone();
         let text = match read(&file) {
-            Ok(text) if text == self.station_text => return self.mended(&file),
+            Ok(text) if text == self.station_text => {
+                self.new_texts.remove(&file);
+                return self.mended(&file);
+            }
+            Ok(text) if !self.is_settled(&file, &text, false) => return,
             Ok(text) => text,
             Err(error) => return self.complain(error),
         };
@@ -106,11 +136,16 @@ impl LiveSettings {
     /// checked out still counts; [`Self::refresh_skus`] says when it is gone.
     ///
     /// # Errors
-    /// When the SKU's file is wrong, or the folder of all SKU files is missing, and no older right version is known.
+    /// When the SKU's file is wrong, or the folder of all SKU files is missing, and no older right version is known;
+    /// [`ConfigError::BeingSaved`] as long as the station's file or the SKU's may still be written.
     pub fn job(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
+        if self.new_texts.get(&self.station.file).is_some_and(|new| !new.settled) {
+            return Err(ConfigError::BeingSaved { file: self.station.file.clone() });
+        }
         let file = sku_files(&self.station.folders.skus).map(|mut files| files.remove(sku));
         match file.and_then(|file| self.read_sku(sku, file)) {
             Ok(settings) => Ok(settings),
+            Err(error @ ConfigError::BeingSaved { .. }) => Err(error),
             Err(error) => {
                 let Some(old) = self.skus.get(sku) else { return Err(error) };
                 let settings = self.station.settings.overridden_by(&old.file, &old.text);
@@ -140,11 +175,14 @@ impl LiveSettings {
         }
         let station = &self.station.file;
         let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
-        self.complaints
-            .retain(|file, _| file == station || found.values().any(|path| path == file) || known(file));
+        let counts =
+            |file: &PathBuf| file == station || found.values().any(|path| path == file) || known(file);
+        self.complaints.retain(|file, _| counts(file));
+        self.new_texts.retain(|file, _| counts(file));
         for (sku, path) in found {
-            if let Err(error) = self.read_sku(&sku, Some(path)) {
-                self.complain(error);
+            match self.read_sku(&sku, Some(path)) {
+                Ok(_) | Err(ConfigError::BeingSaved { .. }) => {}
+                Err(error) => self.complain(error),
             }
         }
         self.skus_listed = true;
@@ -168,6 +206,15 @@ impl LiveSettings {
             };
         };
         let text = read(&file)?;
+        let old = self.skus.get(sku).filter(|old| old.file == file);
+        if old.is_some_and(|old| old.text == text) {
+            self.new_texts.remove(&file);
+        } else {
+            let held_text = old.is_some_and(|old| !old.text.trim().is_empty());
+            if !self.is_settled(&file, &text, held_text) {
+                return Err(ConfigError::BeingSaved { file });
+            }
+        }
         let settings = self.station.settings.overridden_by(&file, &text)?;
         let was_broken = self.forgive(&file);
         let old =
@@ -183,6 +230,21 @@ impl LiveSettings {
             self.events.push(SettingsEvent::Mended(file));
         }
         Ok(settings)
+    }
+
+    /// Whether a new text is whole, as far as stillness tells.
+    fn is_settled(&mut self, file: &Path, text: &str, held_text: bool) -> bool {
+        let emptied = held_text && text.trim().is_empty();
+        let still = if emptied { EMPTIED } else { self.station.watch.settle };
+        let modified = std::fs::metadata(file).and_then(|metadata| metadata.modified());
+        let age = modified.ok().and_then(|modified| modified.elapsed().ok()).unwrap_or_default();
+        let new = || NewText { text: text.into(), since: Instant::now(), settled: false };
+        let seen = self.new_texts.entry(file.into()).or_insert_with(new);
+        if seen.text != text {
+            *seen = new();
+        }
+        seen.settled |= self.at_once || age.max(seen.since.elapsed()) >= still;
+        seen.settled
     }
 
     fn complain(&mut self, error: ConfigError) {

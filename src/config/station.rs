@@ -150,7 +150,7 @@ impl Default for Watch {
     fn default() -> Self {
         Self {
             settle: Duration::from_millis(500),
-            open_ended: Duration::from_secs(30),
+            open_ended: Duration::from_secs(90),
             rescan: Duration::from_secs(5),
             incomplete: Duration::from_secs(120),
             backend: Backend::Auto,

@@ -202,7 +202,7 @@ fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
     let sku_file = folder.path().join("skus/can-500.toml");
     fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
 
-    let mut live = LiveSettings::open(&file).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
     assert!(live.job(&sku).unwrap().placement.rotate > 1.5);
 
     fs_err::write(&file, NEEDED.replace("width_mm", "widht_mm")).unwrap();
@@ -237,7 +237,7 @@ fn a_sku_file_that_was_never_right_has_no_older_settings() {
     let file = folder.path().join("station.toml");
     fs_err::write(&file, NEEDED).unwrap();
     fs_err::create_dir(folder.path().join("skus")).unwrap();
-    let mut live = LiveSettings::open(&file).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
     live.refresh_skus();
     fs_err::write(folder.path().join("skus/can.toml"), "[placement]\nrotate_deg = ").unwrap();
     live.refresh_skus();
@@ -246,6 +246,49 @@ fn a_sku_file_that_was_never_right_has_no_older_settings() {
     fs_err::remove_file(folder.path().join("skus/can.toml")).unwrap();
     live.refresh_skus();
     assert_eq!(live.complaints().count(), 0);
+}
+
+/// Editors and copies empty a file before they write it, and half a file may be good settings.
+#[test]
+fn settings_that_may_still_be_written_do_not_count_yet() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, sku_file] = ["station.toml", "skus/can.toml"].map(|name| folder.path().join(name));
+    let sku: Sku = "can".parse().unwrap();
+    let write = |file: &Path, text: &str, age: u64| {
+        fs_err::write(file, text).unwrap();
+        let file = fs_err::OpenOptions::new().write(true).open(file).unwrap();
+        file.file().set_modified(std::time::SystemTime::now() - Duration::from_secs(age)).unwrap();
+    };
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    write(&file, &NEEDED.replace("[field]", "[watch]\nsettle_ms = 5000\n[field]"), 60);
+    write(&sku_file, "[placement]\nrotate_deg = 90", 60);
+    let mut live = LiveSettings::open(&file).unwrap();
+    let is_saved = |live: &mut LiveSettings| matches!(live.job(&sku), Err(ConfigError::BeingSaved { .. }));
+    let turn = |live: &mut LiveSettings| live.job(&sku).unwrap().placement.rotate.to_degrees().round();
+    assert_eq!(turn(&mut live), 90.0);
+    for (text, age, expected) in [
+        ("[placement]\nrotate_deg = 4", 1, None),
+        ("[placement]\nrotate_deg = 45", 1, None),
+        ("[placement]\nrotate_deg = 45", 6, Some(45.0)),
+        ("", 6, None),
+        ("[placement]\nrotate_deg = 30", 6, Some(30.0)),
+        ("", 11, Some(0.0)),
+    ] {
+        write(&sku_file, text, age);
+        match expected {
+            None => assert!(is_saved(&mut live), "{text} {age}"),
+            Some(expected) => assert_eq!(turn(&mut live), expected, "{text} {age}"),
+        }
+    }
+    assert_eq!(live.take_events().len(), 3);
+
+    // The station's own file holds up all jobs as long.
+    write(&file, &NEEDED.replace("L1", "L2"), 1);
+    live.refresh();
+    assert!(live.station().name == "L1" && is_saved(&mut live));
+    write(&file, &NEEDED.replace("L1", "L2"), 6);
+    live.refresh();
+    assert!(live.station().name == "L2" && !is_saved(&mut live));
 }
 
 /// An editor that saves, a checkout or a share that drops for a moment must not turn a SKU's settings into the
@@ -259,7 +302,7 @@ fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
     fs_err::write(&file, NEEDED).unwrap();
     fs_err::create_dir(&skus).unwrap();
     fs_err::write(skus.join("can.toml"), "[placement]\nrotate_deg = 90").unwrap();
-    let mut live = LiveSettings::open(&file).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
     let is_turned = |live: &mut LiveSettings| live.job(&sku).unwrap().placement.rotate > 1.5;
     assert!(is_turned(&mut live));
 
@@ -306,7 +349,7 @@ fn a_sku_file_that_was_never_right_is_an_error_for_its_jobs_only() {
     fs_err::write(&file, NEEDED).unwrap();
     fs_err::create_dir(folder.path().join("skus")).unwrap();
     fs_err::write(folder.path().join("skus/bad.toml"), "[part]\nfacng = 1").unwrap();
-    let mut live = LiveSettings::open(&file).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
     assert!(live.job(&"bad".parse().unwrap()).unwrap_err().to_string().contains("`facing`"));
     assert!(live.job(&"good".parse().unwrap()).is_ok());
 }

@@ -14,6 +14,9 @@ use crate::reason::Reason;
 /// Surfaces that are held in memory: most drops in a row are for few products.
 const SURFACES: usize = 16;
 
+/// As many zeros at the end of a binary mesh are no triangle of it, bytes.
+const UNWRITTEN: usize = 64;
+
 /// Fits parts and corrects patterns with the [`Pipeline`].
 pub struct PipelineCorrector {
     pipeline: Mutex<Pipeline>,
@@ -105,6 +108,23 @@ impl Corrector for PipelineCorrector {
     fn follow(&self, station: &Station) {
         let pipeline = Pipeline::new(Some(Cache::new(&station.folders.cache)));
         *self.pipeline.lock().unwrap_or_else(PoisonError::into_inner) = pipeline;
+    }
+
+    fn restore_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+    ) -> Result<PartLearned, JobError> {
+        let input =
+            PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
+        if let Some(newer) = self.pipeline().superseded_by(sku, input)? {
+            let what =
+                format!("Another station learned {newer} for {sku} since, with other settings of the part.");
+            let remedy = format!("Drop {newer} here, too.");
+            return Err(JobError::Rejected(Reason::new("newer-elsewhere", what, remedy)));
+        }
+        self.learn_part(sku, part, settings)
     }
 
     fn learn_part(
@@ -200,6 +220,13 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
             if let Some(error) = reading.err().filter(cut) {
                 return Completeness::CutShort(error.reason().in_file(name));
             }
+        }
+        // Some copies give a file its full length first.
+        MeshFormat::Stl | MeshFormat::Ply if bytes.ends_with(&[0; UNWRITTEN]) => {
+            let what = "The file ends in nothing but zeros, as a copy does that is not done.";
+            return Completeness::CutShort(
+                Reason::new("mesh-truncated", what, "Copy it again.").in_file(name),
+            );
         }
         MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
             if let Some(error) = mesh::is_whole(bytes, format).err().filter(cut) {

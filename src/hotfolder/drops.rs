@@ -8,8 +8,8 @@ use super::executor::PART_REFUSED;
 use super::filing::with_slashes;
 use super::folders::Found;
 use super::job::Waiting;
-use super::names::{Meaning, delivered_as, meaning};
-use super::settle::{Moment, Settle, SettleTimes, Verdict, Writer};
+use super::names::{Meaning, delivered_as, is_sidecar, meaning};
+use super::settle::{Ending, Moment, Settle, SettleTimes, Verdict, Writer};
 use crate::config::Sku;
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
@@ -98,10 +98,12 @@ impl Drops {
         if let Some(sku) = part {
             *self.parts.entry(sku).or_default() += 1;
         }
-        let settle = Settle::new(stamp, writer, now, still_for);
-        let format = MeshFormat::from_name(&relative.to_string_lossy());
-        let is_open_ended = format.is_some_and(|format| !format.has_end_mark());
-        let settle = if is_open_ended { settle.without_end_mark() } else { settle };
+        let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
+            Some(format) if !format.has_end_mark() => Ending::Unmarked,
+            _ if is_sidecar(relative) => Ending::Short,
+            _ => Ending::Marked,
+        };
+        let settle = Settle::new(stamp, writer, now, still_for).ending(ending);
         let (number, block) = (self.count, Block::Free);
         self.count += 1;
         let drop = Drop { relative: relative.into(), meaning, settle, number, block, reason: None };

@@ -218,9 +218,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
             filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
         }
         let archived = self.archive(task, sku, name, read, None)?;
-        if let Err(error) = filing::set_current_part(folders, sku, &archived) {
-            tracing::warn!("the surface of {sku} cannot be restored from the archive later: {error}");
-        }
+        // Should it fail, the job stays open, and the next listing closes it: the note must not name an older part.
+        filing::set_current_part(folders, sku, &archived).map_err(folder_trouble)?;
         let original = filing::in_archive(folders, sku, &archived);
         tell_trouble(self.journal().learned(&with_slashes(&task.relative), sku.as_str(), &original));
         self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner).remove(sku);
@@ -543,7 +542,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let file = DroppedFile { name, path, bytes };
-        match guarded(|| self.corrector.learn_part(sku, &file, settings)) {
+        match guarded(|| self.corrector.restore_part(sku, &file, settings)) {
             Ok(learned) => {
                 tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);
                 Ok(true)

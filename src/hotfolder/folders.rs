@@ -49,6 +49,12 @@ pub(super) fn identity(folder: &Path) -> Option<Identity> {
     metadata.is_dir().then(|| file_identity(&metadata) ^ creation(&metadata).rotate_left(32))
 }
 
+/// Whether the open file is still the one at the path.
+pub(super) fn lies_at(file: &std::fs::File, path: &Path) -> bool {
+    let identity = |metadata: &std::fs::Metadata| (file_identity(metadata), creation(metadata));
+    matches!((file.metadata(), fs::metadata(path)), (Ok(ours), Ok(theirs)) if identity(&ours) == identity(&theirs))
+}
+
 fn stamp(metadata: &std::fs::Metadata) -> Stamp {
     Stamp { size: metadata.len(), modified: metadata.modified().ok(), identity: file_identity(metadata) }
 }
@@ -243,7 +249,7 @@ pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     let mut moving = tempfile::TempPath::try_from_path(from)?;
     // It is a designer's file, not a temporary one: a failed move must leave it where it is.
     moving.disable_cleanup(true);
-    let Err(failed) = moving.persist_noclobber(to) else { return Ok(()) };
+    let Err(failed) = moving.persist_noclobber(to) else { return stays_once(from, to) };
     match failed.error.kind() {
         ErrorKind::AlreadyExists | ErrorKind::NotFound => Err(named(failed.error, "cannot move to", to)),
         ErrorKind::CrossesDevices => copy_new(from, to),
@@ -254,6 +260,26 @@ pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
         },
         _ => Err(named(ErrorKind::AlreadyExists.into(), "cannot move to", to)),
     }
+}
+
+/// Where the file system cannot rename without overwriting, a file gets its new name and then loses the old one, if that
+/// is allowed. With both it would be another drop for ever.
+#[cfg(unix)]
+fn stays_once(from: &Path, to: &Path) -> io::Result<()> {
+    let is_one = |a: &Path, b: &Path| -> io::Result<bool> {
+        let [a, b] = [look(a)?, look(b)?];
+        Ok(matches!((a, b), (Some(Found::File(a)), Some(Found::File(b))) if a.identity == b.identity))
+    };
+    if !is_one(from, to)? {
+        return Ok(());
+    }
+    fs::remove_file(from).inspect_err(|_| drop(fs::remove_file(to)))
+}
+
+/// Windows renames in one step.
+#[cfg(not(unix))]
+fn stays_once(_: &Path, _: &Path) -> io::Result<()> {
+    Ok(())
 }
 
 /// The other half of [`move_new`]: the original goes when its copy is safe.

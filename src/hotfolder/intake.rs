@@ -161,7 +161,12 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(PathBuf, String)>, JobError> {
             })?;
             Ok(Some((path, text)))
         }
-        _ => Ok(None),
+        Some(Found::Folder | Found::Other(_)) => {
+            let what = "The settings beside the pattern are a folder or a link, which nobody follows.";
+            let reason = Reason::new("sidecar-no-file", what, "Put a file there, or take it away.");
+            Err(JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy())))
+        }
+        None => Ok(None),
     }
 }
 

@@ -30,7 +30,18 @@ pub trait Corrector: Sync {
     /// The station's settings changed: other folders may count now.
     fn follow(&self, station: &Station);
 
-    /// Fits a part that was dropped, or one from the archive whose surface got lost, and keeps the surface.
+    /// Fits an archived part whose surface got lost, and keeps the surface.
+    ///
+    /// # Errors
+    /// [`JobError::Rejected`] when another station that shares the surfaces learned another part of the SKU since.
+    fn restore_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+    ) -> Result<PartLearned, JobError>;
+
+    /// Fits a part that was dropped, and keeps the surface.
     ///
     /// # Errors
     /// See [`JobError`].

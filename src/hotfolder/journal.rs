@@ -28,7 +28,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::clock;
-use super::folders::Identity;
+use super::folders::{Identity, lies_at};
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
@@ -287,6 +287,17 @@ impl Journal {
             self.file = Some(file.into_parts().0);
         }
         self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
+    }
+
+    /// Writes all that counts anew if the file is not there any more.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(super) fn keep_in_place(&mut self) -> io::Result<()> {
+        match &self.file {
+            Some(file) if !lies_at(file, &self.folder.join(JOURNAL)) => self.write_anew(),
+            _ => Ok(()),
+        }
     }
 
     /// Notes with the jobs that are begun from now on which folder is the hot folder.

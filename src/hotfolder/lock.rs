@@ -10,12 +10,13 @@
 use std::fmt::{Display, Formatter};
 use std::fs::TryLockError;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fs_err as fs;
 
 use super::clock;
+use super::folders::lies_at;
 use super::job::StationError;
 use crate::files::{read_if_there, write_whole_unsynced};
 
@@ -28,7 +29,8 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// The right to run a station; dropping it, or the end of the process, gives it back.
 #[derive(Debug)]
 pub struct StationLock {
-    _file: std::fs::File,
+    path: PathBuf,
+    file: std::fs::File,
 }
 
 /// Who runs a station.
@@ -83,7 +85,12 @@ impl StationLock {
         if let Err(error) = write_whole_unsynced(state, HOLDER, holder.to_lines().as_bytes()) {
             tracing::warn!("others cannot be told who runs this station: {error}");
         }
-        Ok(Self { _file: file })
+        Ok(Self { path, file })
+    }
+
+    /// Whether its file is where it was taken: a lock on a removed file holds nobody off.
+    pub fn is_in_place(&self) -> bool {
+        lies_at(&self.file, &self.path)
     }
 
     /// Who runs the station now; `None` when nobody does.

@@ -3,7 +3,8 @@
 //! A file is read when its writer was seen to close it or to rename it into place; or, if nothing is known of its
 //! writer, when its size and time stood still for the settle time. A writer that was seen to write and not yet to close
 //! may be a copy that stalls, and is waited for as long as for the rest of a file; where nothing is known of its writer,
-//! a file of a format without an end mark must stand still for longer than others. If its content then turns out to end
+//! a file of a format without an end mark must stand still for longer than others, and for a moment even after its writer
+//! closed it, who may open it again. If its content then turns out to end
 //! too early, it is read again after its next change; if there is none within a limit, the job goes on and the file is
 //! rejected.
 
@@ -55,8 +56,21 @@ pub enum Writer {
     Unknown,
     /// It was seen to write; where closing is seen, too, it still has the file open.
     Open,
-    /// It closed the file or renamed it into place.
+    /// It closed the file.
     Closed,
+    /// It renamed the file into place, so the file is whole.
+    Renamed,
+}
+
+/// How the end of a whole file is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// By an end mark or a length.
+    Marked,
+    /// By nothing, but the file is short and written in one go.
+    Short,
+    /// By nothing.
+    Unmarked,
 }
 
 /// What an incomplete file lacks.
@@ -72,8 +86,7 @@ pub enum Gap {
 #[derive(Debug, Clone)]
 pub struct Settle {
     stamp: Stamp,
-    /// Its format has no end mark.
-    open_ended: bool,
+    ending: Ending,
     /// When the stamp was first seen.
     since: Moment,
     /// How long the file had been standing still when it was first seen.
@@ -86,12 +99,12 @@ pub struct Settle {
 impl Settle {
     /// A file seen for the first time; `still_for` is how long it is known to have stood still already.
     pub fn new(stamp: Stamp, writer: Writer, now: Moment, still_for: Duration) -> Self {
-        Self { stamp, open_ended: false, since: now, head_start: still_for, writer, gap: None }
+        Self { stamp, ending: Ending::Marked, since: now, head_start: still_for, writer, gap: None }
     }
 
-    /// The same for a file whose format has no end mark.
-    pub fn without_end_mark(self) -> Self {
-        Self { open_ended: true, ..self }
+    /// The same for a file that ends like this.
+    pub fn ending(self, ending: Ending) -> Self {
+        Self { ending, ..self }
     }
 
     /// The stamp last seen.
@@ -104,7 +117,7 @@ impl Settle {
         let goes_on = self.writer == Writer::Open && stamp.identity == self.stamp.identity;
         let writer = if writer == Writer::Unknown && goes_on { Writer::Open } else { writer };
         if stamp != self.stamp {
-            *self = Self { open_ended: self.open_ended, ..Self::new(stamp, writer, now, Duration::ZERO) };
+            *self = Self { ending: self.ending, ..Self::new(stamp, writer, now, Duration::ZERO) };
         } else if writer != Writer::Unknown {
             // Two writes within one tick of the file system's clock can leave the same stamp.
             self.writer = writer;
@@ -139,14 +152,21 @@ impl Settle {
 
     /// When something is to be done about the file, if it is not seen again before.
     pub fn due(&self, times: &SettleTimes) -> Moment {
+        // A writer that closed the file may open it again as long as this.
+        let again = times.incomplete_after_close.min(times.open_ended);
         let needed = match self.gap {
             None => match self.writer {
+                Writer::Renamed => Duration::ZERO,
+                Writer::Closed if self.ending == Ending::Unmarked => again,
                 Writer::Closed => Duration::ZERO,
-                Writer::Unknown if self.open_ended => times.open_ended.max(times.still),
-                Writer::Unknown => times.still,
+                Writer::Unknown => match self.ending {
+                    Ending::Marked => times.still,
+                    Ending::Short => again.max(times.still),
+                    Ending::Unmarked => times.open_ended.max(times.still),
+                },
                 Writer::Open => times.incomplete.max(times.still),
             },
-            Some(Gap::Content) if self.writer == Writer::Closed => {
+            Some(Gap::Content) if matches!(self.writer, Writer::Closed | Writer::Renamed) => {
                 times.incomplete_after_close.min(times.incomplete)
             }
             Some(_) => times.incomplete,
@@ -300,13 +320,19 @@ mod tests {
     fn a_format_without_an_end_mark_stands_still_for_longer() {
         let stamp = |size| Stamp { size, modified: None, identity: 1 };
         let at = Duration::from_millis;
-        let mut settle = Settle::new(stamp(1), Writer::Unknown, at(0), Duration::ZERO).without_end_mark();
+        let mut settle =
+            Settle::new(stamp(1), Writer::Unknown, at(0), Duration::ZERO).ending(Ending::Unmarked);
         assert_eq!(settle.verdict(at(29_999), &TIMES), wait(30_000));
         settle.see(stamp(2), Writer::Unknown, at(29_999));
         assert_eq!(settle.verdict(at(30_000), &TIMES), wait(59_999));
         assert_eq!(settle.verdict(at(59_999), &TIMES), Read);
         settle.see(stamp(3), Writer::Closed, at(60_000));
-        assert_eq!(settle.verdict(at(60_000), &TIMES), Read, "its writer was seen to close it");
+        assert_eq!(settle.verdict(at(60_000), &TIMES), wait(63_000), "its writer may open it again");
+        assert_eq!(settle.verdict(at(63_000), &TIMES), Read);
+        settle.see(stamp(4), Writer::Renamed, at(70_000));
+        assert_eq!(settle.verdict(at(70_000), &TIMES), Read, "it came whole");
+        let short = Settle::new(stamp(1), Writer::Unknown, at(0), Duration::ZERO).ending(Ending::Short);
+        assert_eq!(short.verdict(at(0), &TIMES), wait(3_000));
     }
 
     #[test]

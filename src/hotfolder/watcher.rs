@@ -27,8 +27,10 @@ pub(super) enum Signal {
     Touched(PathBuf),
     /// Somebody writes into this file; told only where closing it is told, too.
     Written(PathBuf),
-    /// A writer closed this file, or it was renamed to this path.
+    /// A writer closed this file.
     Closed(PathBuf),
+    /// It was renamed to this path.
+    Renamed(PathBuf),
     /// Events were lost: only a listing tells.
     Overflow,
     /// Somebody wants the station to stop.
@@ -162,6 +164,7 @@ impl Signal {
             Self::Touched(path) => Self::Touched(respell(path)),
             Self::Written(path) => Self::Written(respell(path)),
             Self::Closed(path) => Self::Closed(respell(path)),
+            Self::Renamed(path) => Self::Renamed(respell(path)),
             other => other,
         }
     }
@@ -175,13 +178,15 @@ fn signals(event: notify::Result<notify::Event>, mut send: impl FnMut(Signal)) {
     }
     let mut paths = event.paths.into_iter();
     match event.kind {
-        EventKind::Access(AccessKind::Close(AccessMode::Write))
-        | EventKind::Modify(ModifyKind::Name(RenameMode::To)) => {
+        EventKind::Access(AccessKind::Close(AccessMode::Write)) => {
             paths.for_each(|path| send(Signal::Closed(path)));
+        }
+        EventKind::Modify(ModifyKind::Name(RenameMode::To)) => {
+            paths.for_each(|path| send(Signal::Renamed(path)));
         }
         EventKind::Modify(ModifyKind::Name(RenameMode::Both)) => {
             paths.next().into_iter().for_each(|from| send(Signal::Touched(from)));
-            paths.for_each(|to| send(Signal::Closed(to)));
+            paths.for_each(|to| send(Signal::Renamed(to)));
         }
         EventKind::Modify(ModifyKind::Data(_)) if cfg!(target_os = "linux") => {
             paths.for_each(|path| send(Signal::Written(path)));
@@ -207,13 +212,14 @@ mod tests {
         let event = |kind: EventKind| notify::Event::new(kind).add_path("a".into());
         let close = EventKind::Access(AccessKind::Close(AccessMode::Write));
         let renamed = |mode| EventKind::Modify(ModifyKind::Name(mode));
-        let (touched, closed) = (|p: &str| Signal::Touched(p.into()), |p: &str| Signal::Closed(p.into()));
+        let touched = |path: &str| Signal::Touched(path.into());
+        let came = |path: &str| Signal::Renamed(path.into());
 
-        assert_eq!(told(event(close)), [closed("a")]);
-        assert_eq!(told(event(renamed(RenameMode::To))), [closed("a")]);
+        assert_eq!(told(event(close)), [Signal::Closed("a".into())]);
+        assert_eq!(told(event(renamed(RenameMode::To))), [came("a")]);
         assert_eq!(told(event(renamed(RenameMode::From))), [touched("a")]);
         let both = event(renamed(RenameMode::Both)).add_path("b".into());
-        assert_eq!(told(both), [touched("a"), closed("b")]);
+        assert_eq!(told(both), [touched("a"), came("b")]);
         assert_eq!(told(event(EventKind::Create(CreateKind::File))), [touched("a")]);
         // Elsewhere nobody tells when a file is closed.
         let written = if cfg!(target_os = "linux") { Signal::Written("a".into()) } else { touched("a") };

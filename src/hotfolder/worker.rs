@@ -51,6 +51,7 @@ pub fn run(
     mode: Mode,
     pulse: &mut dyn FnMut(Pulse),
 ) -> Result<Tally, StationError> {
+    let settings = if mode == Mode::Once { settings.at_once() } else { settings };
     let station = settings.station().clone();
     filing::prepare(&station.folders).map_err(|(purpose, path, source)| StationError::Folder {
         purpose,
@@ -63,7 +64,7 @@ pub fn run(
         source,
     })?;
     let state = station.folders.state.clone();
-    let _lock = StationLock::take(&state, &station.name)?;
+    let lock = StationLock::take(&state, &station.name)?;
     let journal =
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
     let executor = Executor::new(corrector, journal);
@@ -82,6 +83,7 @@ pub fn run(
             executor: &executor,
             stop,
             mode,
+            lock,
             status: StatusBoard::new(&station, &state),
             state,
             messages,
@@ -155,6 +157,7 @@ struct Worker<'a, C> {
     executor: &'a Executor<'a, C>,
     stop: &'a StopSignal,
     mode: Mode,
+    lock: StationLock,
     /// The state folder in which lock and journal are, whatever the settings say later.
     state: PathBuf,
     messages: Receiver<Message>,
@@ -247,6 +250,33 @@ impl<C: Corrector> Worker<'_, C> {
 
     fn listing_is_due(&self) -> Moment {
         self.next_listing.max(self.listing_rests_until)
+    }
+
+    /// Somebody may have tidied up the state folder: without lock and journal a second station could start, and deliver
+    /// again what this one delivered.
+    fn keep_state(&mut self) {
+        if !self.lock.is_in_place() {
+            let state = self.state.display().to_string();
+            let name = self.settings.station().name.clone();
+            let made = fs_err::create_dir_all(&self.state)
+                .map_err(|source| StationError::Lock { path: self.state.clone(), source });
+            match made.and_then(|()| StationLock::take(&self.state, &name)) {
+                Ok(lock) => {
+                    self.lock = lock;
+                    tracing::error!(
+                        "the state folder {state} was removed while the station ran; it is made anew"
+                    );
+                }
+                Err(StationError::Lock { source, .. }) => {
+                    let trouble = format!("the state folder {state} cannot be made anew: {source}");
+                    return self.trouble(trouble);
+                }
+                Err(error) => return self.stopped = Some(error.reason()),
+            }
+        }
+        if let Err(error) = self.executor.journal().keep_in_place() {
+            self.trouble(format!("the journal was removed and cannot be written anew: {error}"));
+        }
     }
 
     fn is_idle(&self) -> bool {

@@ -82,6 +82,15 @@ impl Corrector for Pretender {
 
     fn follow(&self, _: &Station) {}
 
+    fn restore_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+    ) -> Result<PartLearned, JobError> {
+        self.learn_part(sku, part, settings)
+    }
+
     fn learn_part(&self, sku: &Sku, part: &DroppedFile, _: &JobSettings) -> Result<PartLearned, JobError> {
         let surface = self.obey(&part.bytes)?;
         self.surfaces.lock().unwrap().insert(sku.clone(), surface);
@@ -477,6 +486,29 @@ fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
     // The stand-in starts without any surface each time.
     assert_eq!(line.once().delivered, 1);
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on second at 0");
+}
+
+/// Somebody tidies up. Windows removes no folder whose files are open.
+#[cfg(unix)]
+#[test]
+fn a_state_folder_that_is_removed_is_made_anew_with_all_that_counts() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    fs::remove_dir_all(line.path("state")).unwrap();
+    line.waits_for("a journal", |line| line.path("state/journal.log").exists());
+    line.waits_for("a lock", |line| hotfolder::StationLock::holder(&line.path("state")).unwrap().is_some());
+    line.stop();
+    let settings = line.text("station.toml").unwrap() + "[delivery]\nrepeat = \"never\"\n";
+    fs::write(line.path("station.toml"), settings).unwrap();
+    line.start(Mode::UntilStopped);
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    let tally = line.stop();
+    assert_eq!((tally.delivered, tally.repeated), (0, 1), "what was delivered is still known");
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn a_station_is_set_up_checked_and_works() {
     fs::copy(drawing("square"), desk.path("line 1/hot/trough.dxf")).unwrap();
     // It lay there for a while: an OBJ has no end mark.
     let part = fs::OpenOptions::new().write(true).open(desk.path("line 1/hot/trough.obj")).unwrap();
-    part.file().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(60)).unwrap();
+    part.file().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(3600)).unwrap();
     drop(part);
     let said = desk.isomark(&["watch", "line 1/station.toml", "--once"]);
     assert!(said.code == 0 && said.out.starts_with("1 delivered"), "{said:?}");

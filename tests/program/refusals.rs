@@ -85,8 +85,10 @@ fn drawings_that_do_not_lie_on_the_part() {
             "remedy: Move",
         ],
     );
-    correct(&desk, &part(MOUSE), &drawing("abc"), "--place 20,0")
-        .refused(1, &["part spans x -30", "ink without surface 2", "remedy: Move the drawing (`place_mm`, `--place`)"]);
+    correct(&desk, &part(MOUSE), &drawing("abc"), "--place 20,0").refused(
+        1,
+        &["part spans x -30", "ink without surface 2", "remedy: Move the drawing (`place_mm`, `--place`)"],
+    );
     // The laser looks at a wall of the can.
     correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--place 33,0").refused(
         1,

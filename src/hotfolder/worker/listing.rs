@@ -51,6 +51,7 @@ impl<C: Corrector> Worker<'_, C> {
         };
         self.next_listing = now + interval;
         self.troubles.clear();
+        self.keep_state();
         if !self.watcher.follow(&hot, backend) {
             self.troubles.push(format!("the hot folder {} is gone", hot.display()));
             if !self.hot_is_missing {
@@ -159,6 +160,9 @@ impl<C: Corrector> Worker<'_, C> {
                 Message::Signal(Signal::Closed(path)) => {
                     hints.entry(path).or_insert((turn, Writer::Closed)).1 = Writer::Closed;
                 }
+                Message::Signal(Signal::Renamed(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Renamed)).1 = Writer::Renamed;
+                }
                 Message::Signal(Signal::Overflow) => overflow = true,
                 Message::Signal(Signal::Stop) => {}
             }
@@ -192,11 +196,11 @@ impl<C: Corrector> Worker<'_, C> {
             return;
         }
         match folders::look(path) {
-            Ok(Some(Found::Folder)) if writer == Writer::Closed && depth == 1 => {
+            Ok(Some(Found::Folder)) if writer == Writer::Renamed && depth == 1 => {
                 // A whole folder was renamed into place, so its files are whole, too.
                 let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
                 for (path, what) in entries {
-                    self.see(hot, &path, what, Writer::Closed);
+                    self.see(hot, &path, what, Writer::Renamed);
                 }
             }
             Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
@@ -214,7 +218,8 @@ impl<C: Corrector> Worker<'_, C> {
             }
             _ => Duration::ZERO,
         };
-        let relative = path.strip_prefix(hot).unwrap_or(path);
+        // A job that is over may have lain in a folder that was the hot folder when it began.
+        let Ok(relative) = path.strip_prefix(hot) else { return self.drops.forget(path) };
         self.drops.see(hot, relative, what, writer, self.now(), still_for);
         if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
             && self.is_busy(sku)

@@ -12,7 +12,7 @@ use super::super::job::{Corrector, Mode};
 use super::super::names::{delivered_as, is_sidecar};
 use super::super::settle::{Moment, Writer};
 use super::Worker;
-use crate::config::Sku;
+use crate::config::{BEING_SAVED, Sku};
 use crate::reason::Reason;
 
 /// How long after a pattern was delivered settings for it are told to have come too late.
@@ -201,7 +201,10 @@ impl<C: Corrector> Worker<'_, C> {
         let moment = if once { Moment::MAX } else { now + pause };
         drop.block = Block::Until { moment, pause };
         if drop.reason.as_ref() != Some(&reason) {
-            tracing::warn!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+            // An edit takes a moment, and nobody has to do anything.
+            if reason.code != BEING_SAVED {
+                tracing::warn!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+            }
             drop.reason = Some(reason);
         }
     }
