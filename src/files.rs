@@ -14,7 +14,7 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     write_all(&mut file, bytes, folder)?;
     file.as_file().sync_all()?;
-    file.persist(folder.join(name))
+    file.persist(in_full(&folder.join(name)))
         .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     sync_folder(folder)
 }
@@ -27,7 +27,7 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     write_all(&mut file, bytes, folder)?;
-    file.persist(folder.join(name))
+    file.persist(in_full(&folder.join(name)))
         .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     Ok(())
 }
@@ -41,7 +41,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(folder)?;
     write_all(&mut file, bytes, folder)?;
     file.as_file().sync_all()?;
-    file.persist_noclobber(path).map_err(|error| named(error.error, "cannot write", path))?;
+    file.persist_noclobber(in_full(path)).map_err(|error| named(error.error, "cannot write", path))?;
     sync_folder(folder)
 }
 
@@ -56,9 +56,10 @@ pub(crate) const TEMPORARY_END: &str = ".part";
 pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.create(true).truncate(true).write(true);
-    #[cfg(unix)]
-    fs::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o644);
     let mut file = options.open(path)?;
+    // Whatever the mask of the user that the station runs as: others import the file.
+    #[cfg(unix)]
+    file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
     file.write_all(bytes)?;
     file.sync_all()?;
     sync_folder(path.parent().unwrap_or(Path::new("")))
@@ -80,7 +81,26 @@ pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     builder.prefix(TEMPORARY_START).suffix(TEMPORARY_END);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    builder.tempfile_in(folder).map_err(|error| named(without_path(&error), "cannot write into", folder))
+    let place = in_full(&folder.join(TEMPORARY_START));
+    builder
+        .tempfile_in(place.parent().unwrap_or(folder))
+        .map_err(|error| named(without_path(&error), "cannot write into", folder))
+}
+
+/// The path as Windows takes it at any length; some of its calls take 259 characters of others.
+#[cfg(windows)]
+pub(crate) fn in_full(path: &Path) -> std::path::PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (std::fs::canonicalize(folder), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path.into(),
+    }
+}
+
+/// Elsewhere a path is taken as it is.
+#[cfg(not(windows))]
+pub(crate) fn in_full(path: &Path) -> std::path::PathBuf {
+    path.into()
 }
 
 /// Writes into a temporary file.

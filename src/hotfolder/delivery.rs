@@ -26,6 +26,8 @@ use crate::reason::Reason;
 pub(super) const IMPORT_MISSING: &str = "import-missing";
 /// The folder in the state folder with the drawings that BeamConstruct holds while others of their names are tried.
 const PREVIOUS: &str = "previous";
+/// How the name of a drawing ends that BeamServer imports for trial.
+const TRIAL_END: &str = "-trial.dxf";
 /// A temporary file that nobody renamed for this long was left by a crash.
 const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
@@ -65,7 +67,7 @@ pub(super) fn deliver<'a>(
         fs::create_dir_all(&folder).map_err(folder_trouble)?;
         write_whole(&folder, &job.name, previous).map_err(folder_trouble)?;
     }
-    let temporary = temporary_of(import, &journal(), job);
+    let temporary = temporary_of(import, journal().tag(), job);
     if let Err(error) = write_flushed(&temporary, drawing) {
         remove_quietly(&temporary);
         return Err(folder_trouble(error));
@@ -109,7 +111,7 @@ pub(super) fn settle(
     job: &Job,
 ) -> Result<(), JobError> {
     import_is_there(folders)?;
-    let temporary = temporary_of(&folders.import, journal, job);
+    let temporary = temporary_of(&folders.import, tag_of(journal, open), job);
     match fs::symlink_metadata(&temporary) {
         Ok(_) => {
             journal.cancelled(drop).map_err(folder_trouble)?;
@@ -208,38 +210,57 @@ pub(super) fn sweep(folders: &FolderPaths, journal: &Journal) {
     let ours = format!("{TEMPORARY_START}{}-", journal.tag());
     let needed: Vec<PathBuf> = journal
         .all_begun()
-        .into_iter()
-        .filter_map(|(_, open)| open.job.filter(|_| !open.delivered))
-        .map(|job| temporary_of(&folders.import, journal, &job))
+        .iter()
+        .filter_map(|(_, open)| Some((open, open.job.as_ref().filter(|_| !open.delivered)?)))
+        .map(|(open, job)| temporary_of(&folders.import, tag_of(journal, open), job))
         .collect();
     for (path, name) in temporaries(&folders.import) {
-        if name.starts_with(&ours) && !needed.contains(&path) {
+        // What bears another station's tag is that one's, however old it is.
+        let is_tagged = name[TEMPORARY_START.len()..].contains('-');
+        let is_left = if is_tagged { name.starts_with(&ours) } else { is_left_behind(&path) };
+        if is_left && !needed.contains(&path) {
             remove_quietly(&path);
         }
     }
-    for own in [&folders.reports, &folders.archive, &folders.rejected, &folders.state] {
-        let below = fs::read_dir(own).into_iter().flatten().flatten().map(|entry| entry.path());
-        for folder in below.filter(|path| path.is_dir()).chain([own.clone()]) {
-            for (path, _) in temporaries(&folder) {
-                let written = fs::metadata(&path).and_then(|metadata| metadata.modified());
-                let age = written.ok().and_then(|written| SystemTime::now().duration_since(written).ok());
-                if age.is_some_and(|age| age > LEFT_BEHIND) {
-                    remove_quietly(&path);
-                }
-            }
-        }
+    let FolderPaths { archive, rejected, cache, reports, state, .. } = folders;
+    for own in [archive, rejected, cache, reports, state] {
+        sweep_below(own, 0);
     }
+}
+
+/// Whether nobody renamed the temporary file for so long that nobody will.
+fn is_left_behind(path: &Path) -> bool {
+    let written = fs::metadata(path).and_then(|metadata| metadata.modified());
+    let age = written.ok().and_then(|written| SystemTime::now().duration_since(written).ok());
+    age.is_some_and(|age| age > LEFT_BEHIND)
+}
+
+/// A SKU's folder lies at most two folders deep, and a numbered one in it.
+fn sweep_below(folder: &Path, depth: usize) {
+    temporaries(folder)
+        .iter()
+        .filter(|(path, _)| is_left_behind(path))
+        .for_each(|(path, _)| remove_quietly(path));
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let folders = entries.filter(|entry| depth < 3 && entry.file_type().is_ok_and(|kind| kind.is_dir()));
+    folders.for_each(|entry| sweep_below(&entry.path(), depth + 1));
 }
 
 fn temporaries(folder: &Path) -> Vec<(PathBuf, String)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let named = entries.map(|entry| (entry.path(), entry.file_name().to_string_lossy().into_owned()));
-    named.filter(|(_, name)| name.starts_with(TEMPORARY_START) && name.ends_with(TEMPORARY_END)).collect()
+    let is_temporary = |name: &str| name.ends_with(TEMPORARY_END) || name.ends_with(TRIAL_END);
+    named.filter(|(_, name)| name.starts_with(TEMPORARY_START) && is_temporary(name)).collect()
+}
+
+/// The tag in the name of an interrupted job's temporary file.
+fn tag_of<'a>(journal: &'a Journal, open: &'a OpenJob) -> &'a str {
+    if open.tag.is_empty() { journal.tag() } else { &open.tag }
 }
 
 /// The name bears the station's mark, because several stations may deliver into one folder.
-fn temporary_of(import: &Path, journal: &Journal, job: &Job) -> PathBuf {
-    import.join(format!("{TEMPORARY_START}{}-{}{TEMPORARY_END}", journal.tag(), &job.key))
+fn temporary_of(import: &Path, tag: &str, job: &Job) -> PathBuf {
+    import.join(format!("{TEMPORARY_START}{tag}-{}{TEMPORARY_END}", &job.key))
 }
 
 /// Takes a drawing that must not be marked out of the import folder; the one that BeamConstruct holds comes back.
@@ -272,7 +293,7 @@ pub(super) fn forget_previous(folders: &FolderPaths, name: &str) {
 
 /// A file of this name is imported for trial; importers and this program ignore it.
 pub(super) fn trial_name(journal: &Journal) -> String {
-    format!("{TEMPORARY_START}{}-trial.dxf", journal.tag())
+    format!("{TEMPORARY_START}{}{TRIAL_END}", journal.tag())
 }
 
 /// What cannot be removed is hidden, ignored by importers, and removed at a later start.

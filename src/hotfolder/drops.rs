@@ -10,7 +10,7 @@ use super::folders::Found;
 use super::job::Waiting;
 use super::names::{Meaning, delivered_as, is_sidecar, meaning};
 use super::settle::{Ending, Moment, Settle, SettleTimes, Verdict, Writer};
-use crate::config::Sku;
+use crate::config::{Sku, fold};
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
@@ -52,8 +52,19 @@ pub(super) struct Drops {
     parts: BTreeMap<Sku, usize>,
     /// What may belong to a part or pattern beside it.
     companions: BTreeSet<PathBuf>,
+    /// Settings beside patterns, by their names without ending, folded: people do not mind how a name is spelled.
+    sidecars: BTreeMap<String, PathBuf>,
     /// How many came so far.
     count: u64,
+}
+
+fn is_bitmap(relative: &Path) -> bool {
+    relative.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bmp"))
+}
+
+/// The path without its ending, folded.
+fn folded_stem(path: &Path) -> String {
+    fold(&path.with_extension("").to_string_lossy())
 }
 
 impl Drops {
@@ -95,12 +106,17 @@ impl Drops {
         if meaning == Ok(Meaning::Companion) || is_picture(&relative.to_string_lossy()) {
             self.companions.insert(path.clone());
         }
+        if is_file && is_sidecar(relative) {
+            self.sidecars.insert(folded_stem(&path), path.clone());
+        }
         if let Some(sku) = part {
             *self.parts.entry(sku).or_default() += 1;
         }
         let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
             Some(format) if !format.has_end_mark() => Ending::Unmarked,
-            _ if is_sidecar(relative) => Ending::Short,
+            // A length alone says little of a file that got its length first.
+            Some(MeshFormat::Stl | MeshFormat::Ply) => Ending::Short,
+            _ if is_sidecar(relative) || is_bitmap(relative) => Ending::Short,
             _ => Ending::Marked,
         };
         let settle = Settle::new(stamp, writer, now, still_for).ending(ending);
@@ -119,6 +135,10 @@ impl Drops {
     pub(super) fn forget(&mut self, path: &Path) {
         let Some(drop) = self.all.remove(path) else { return };
         self.companions.remove(path);
+        let stem = folded_stem(path);
+        if self.sidecars.get(&stem).is_some_and(|sidecar| sidecar == path) {
+            self.sidecars.remove(&stem);
+        }
         if let Ok(Meaning::Part(sku)) = drop.meaning {
             let left = self.parts.get(&sku).map_or(0, |count| count - 1);
             if left == 0 {
@@ -171,6 +191,11 @@ impl Drops {
             drop.is_some_and(|drop| matches!(drop.settle.verdict(now, times), Verdict::Wait(_)))
         };
         beside.filter(settles).cloned().collect()
+    }
+
+    /// The settings beside a pattern, as far as they were seen, however their name is spelled.
+    pub(super) fn sidecar_beside(&self, pattern: &Path) -> Option<PathBuf> {
+        self.sidecars.get(&folded_stem(pattern)).cloned()
     }
 
     /// What waits for its next try need not wait any longer.

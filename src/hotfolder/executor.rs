@@ -25,6 +25,7 @@ use super::journal::{Delivered, Import, Job, Journal};
 use super::names::{Meaning, delivered_as, meaning};
 use super::reprocess::ARCHIVE;
 use super::settle::{Gap, Stamp};
+use super::shares::Shares;
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, Station, fold};
 use crate::files::{read_if_there, sync_folder};
 use crate::formats::mesh::MeshFormat;
@@ -42,6 +43,7 @@ pub(super) struct Executor<'a, C> {
     /// Archived parts that cannot be fitted with these settings.
     unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     beamserver: beamserver::Turns,
+    pub(super) shares: Shares,
 }
 
 /// One job, with all it needs to know.
@@ -67,6 +69,20 @@ pub(super) struct Task {
     pub(super) waits_for_import: bool,
     /// What was delivered while report or original could not be filed.
     pub(super) kept: Option<Kept>,
+    /// The settings that were seen beside the drop.
+    pub(super) sidecar: Option<PathBuf>,
+}
+
+impl Task {
+    /// The place of the settings beside a pattern: as they were seen, or where they belong.
+    fn place_of_sidecar(&self) -> Option<PathBuf> {
+        let there = intake::sidecar_of(&self.path).filter(|path| matches!(folders::look(path), Ok(Some(_))));
+        match self.work {
+            Work::Correct { .. } => there.or_else(|| self.sidecar.clone()),
+            Work::CorrectAgain { .. } => there,
+            Work::Learn(_) | Work::Nothing => None,
+        }
+    }
 }
 
 /// What is to be done.
@@ -151,13 +167,14 @@ struct Ready<'a> {
 }
 
 impl<'a, C: Corrector> Executor<'a, C> {
-    pub(super) fn new(corrector: &'a C, journal: Journal) -> Self {
+    pub(super) fn new(corrector: &'a C, journal: Journal, shares: Shares) -> Self {
         Self {
             corrector,
             journal: Mutex::new(journal),
             overtaken: Mutex::default(),
             unfit_archive: Mutex::default(),
             beamserver: beamserver::Turns::default(),
+            shares,
         }
     }
 
@@ -183,6 +200,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
     pub(super) fn perform(&self, mut task: Task) -> End {
         let kept = task.kept.take();
         let mut read = None;
+        if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders) {
+            return End { outcome: Outcome::Retry(reason, kept.map(Box::new)), went_along: Vec::new() };
+        }
         let doomed = task.doomed.take();
         let attempt = match &task.work {
             _ if doomed.is_some() => {
@@ -278,6 +298,13 @@ impl<'a, C: Corrector> Executor<'a, C> {
             None => task.settings.clone(),
         };
         let mut job = self.job(&ready, drop, &settings)?;
+        if matches!(task.work, Work::CorrectAgain { .. })
+            && last.as_ref().is_some_and(|last| last.job.pattern != job.pattern)
+        {
+            let what = "The original in the archive is another one than was delivered.";
+            let remedy = "Drop the drawing that is to be marked.";
+            return Err(JobError::Rejected(Reason::new("archive-changed", what, remedy)).into());
+        }
         let folders = &task.station.folders;
         let begun = self.was_delivered(task, &job.drop)?;
         let was_begun = begun.filter(|(begun, _)| begun.pattern == job.pattern);
@@ -321,6 +348,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let mut made = guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), &settings))?;
         job.result = delivery::hash_of(&made.drawing);
         delivery::import_is_there(folders)?;
+        self.shares.are_there(folders)?;
         // Files that are dropped together come one after the other, the drawing first perhaps.
         if was_begun.is_none() && self.overtaken().contains(sku) {
             return Ok(Outcome::PartCame);
@@ -351,6 +379,13 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 last.job.drop,
                 job.drop,
                 job.drop
+            );
+        }
+        let is_ours =
+            |bytes: &[u8]| last.as_ref().is_some_and(|last| last.job.result == delivery::hash_of(bytes));
+        if how == How::Replaced && !previous.as_deref().is_some_and(is_ours) {
+            tracing::warn!(
+                "the {name} that was replaced in import was another one than this station had put there"
             );
         }
         made.drawing = Vec::new();
@@ -565,7 +600,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             stamp: task.stamp,
             last_chance: task.last_chance,
             settling: &task.settling,
-            wants_sidecar: name.is_some(),
+            sidecar: task.place_of_sidecar(),
         };
         intake::read(&intake, |name, bytes| guarded(|| Ok(self.corrector.completeness(name, bytes))))
     }
@@ -574,17 +609,18 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let drop = with_slashes(&task.relative);
         let mut reason = reason.in_file(drop.clone());
         if matches!(task.work, Work::CorrectAgain { .. }) {
-            tracing::warn!("{drop} cannot be corrected again: {reason}");
+            let name = drop.rsplit('/').next().unwrap_or(&drop);
+            tracing::warn!(
+                "{name} cannot be corrected again, and what was delivered stays in force, outdated: {}",
+                reason.on_one_line()
+            );
             return Ok(Outcome::Rejected(reason));
         }
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
-        let has_sidecar = matches!(task.work, Work::Correct { .. });
-        let sidecars: Vec<PathBuf> = intake::sidecar_of(&task.path)
-            .into_iter()
-            .filter(|path| has_sidecar && folders::is_file(path))
-            .collect();
+        let sidecars: Vec<PathBuf> =
+            task.place_of_sidecar().into_iter().filter(|path| folders::is_file(path)).collect();
         let bare = Original { path: &task.path, content: None, companions: &sidecars };
         let original = read.map_or(bare, |read| read.original(&task.path));
         let folders = &task.station.folders;
@@ -685,9 +721,16 @@ pub(super) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T
 
 /// Folders heal: the drop stays and is tried again.
 pub(super) fn folder_trouble(error: std::io::Error) -> JobError {
+    use std::io::ErrorKind::{PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    let how = match error.kind() {
+        StorageFull | QuotaExceeded => "is full",
+        ReadOnlyFilesystem => "is read-only",
+        PermissionDenied => "may not be written by isomark",
+        _ => "fails",
+    };
     let remedy =
         "Check that the folder exists, can be written and has space; the job then goes on by itself.";
-    JobError::Retry(Reason::new("folder-trouble", format!("A folder of the station fails: {error}."), remedy))
+    JobError::Retry(Reason::new("folder-trouble", format!("A folder of the station {how}: {error}."), remedy))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 use super::folders::{Found, free_place, has_content, look, move_new};
-use super::names::SIDECAR;
+use super::names::{SIDECAR, is_sidecar};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
 use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
@@ -223,22 +223,40 @@ fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
 }
 
 fn companions_follow(original: &Original, target: &Path) {
-    let place = target.parent().unwrap_or(Path::new(""));
     for companion in original.companions {
-        match follow(companion, place) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                tracing::warn!("{} stays in the hot folder: {error}", companion.display());
+        let to = target.with_file_name(name_beside(companion, target.file_name().unwrap_or_default()));
+        let moved = match move_new(companion, &to) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_same(companion, &to) => {
+                // It was copied to the archive's disk when the station was interrupted.
+                fs::remove_file(companion)
             }
-            _ => {}
+            moved => moved,
+        };
+        if let Err(error) =
+            moved.or_else(|error| if error.kind() == io::ErrorKind::NotFound { Ok(()) } else { Err(error) })
+        {
+            tracing::warn!("{} stays in the hot folder: {error}", companion.display());
         }
     }
+}
+
+/// What a companion is called beside its original: settings bear the pattern's name, or they would not be found again.
+fn name_beside(companion: &Path, original: &OsStr) -> OsString {
+    if is_sidecar(companion) && is_drawing(&original.to_string_lossy()) {
+        return Path::new(original).with_extension(SIDECAR).into_os_string();
+    }
+    companion.file_name().unwrap_or_default().to_owned()
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!(read_if_there(a), Ok(Some(bytes)) if has_content(b, &bytes))
 }
 
 /// The names that must be free where an original goes. Settings belong to each pattern of their stem that lies beside
 /// them, so neither do others' lie there, nor does a pattern that those which travel along would be taken for.
 fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
-    let companions = original.companions.iter().filter_map(|path| path.file_name());
-    let mut names: Vec<OsString> = std::iter::once(name).chain(companions).map(OsStr::to_owned).collect();
+    let companions = original.companions.iter().map(|companion| name_beside(companion, name));
+    let mut names: Vec<OsString> = std::iter::once(name.to_owned()).chain(companions).collect();
     let text = name.to_string_lossy();
     if is_drawing(&text) {
         let sibling = |ending| Path::new(name).with_extension(ending).into_os_string();

@@ -2,12 +2,13 @@
 
 use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use fs_err as fs;
 
 use super::names::is_ignored;
 use super::settle::Stamp;
-use crate::files::{named, sync_folder, temporary};
+use crate::files::{in_full, named, sync_folder, temporary};
 
 /// The largest file that is taken, bytes: it is held in memory, and fitting it takes a few times as much.
 pub(super) const LARGEST_DROP: u64 = 1 << 30;
@@ -101,7 +102,10 @@ pub(super) fn list(hot: &Path) -> io::Result<Listing> {
         Found::File(stamp) | Found::Other(stamp) => stamp.modified,
         Found::Folder => None,
     };
-    listing.drops.sort_by(|(a, x), (b, y)| written(x).cmp(&written(y)).then_with(|| a.cmp(b)));
+    // A clock that was ahead must not put an old file behind all that come.
+    let now = SystemTime::now();
+    let order = |found: &Found| written(found).map(|time| time.min(now));
+    listing.drops.sort_by(|(a, x), (b, y)| order(x).cmp(&order(y)).then_with(|| a.cmp(b)));
     Ok(listing)
 }
 
@@ -201,6 +205,20 @@ pub(super) fn is_on_network(folder: &Path) -> bool {
         if matches!(prefix.kind(), UNC(..) | VerbatimUNC(..)))
 }
 
+/// Where the disk or share is mounted that the folder lies on; `None` for a folder that is not there.
+#[cfg(target_os = "linux")]
+pub(super) fn mount_of(folder: &Path) -> Option<PathBuf> {
+    let folder = fs::canonicalize(folder).ok()?;
+    let mounts = std::fs::read_to_string("/proc/self/mountinfo").ok()?;
+    nearest_mount(&folder, &mounts).map(|(point, _)| point)
+}
+
+/// Elsewhere the mount point of a share goes with it, as a drive's letter does.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn mount_of(_: &Path) -> Option<PathBuf> {
+    None
+}
+
 /// The file systems whose files other computers, or the host of a virtual machine, change behind the kernel's back.
 #[cfg(target_os = "linux")]
 const NETWORK_FILE_SYSTEMS: &[&str] = &[
@@ -223,20 +241,26 @@ const NETWORK_FILE_SYSTEMS: &[&str] = &[
     "davfs",
 ];
 
-/// `mounts` has the form of `/proc/self/mountinfo`: the fifth word is where, the one after ` - ` which file system.
+/// The mount point above the folder and the kind of its file system. `mounts` has the form of `/proc/self/mountinfo`: the
+/// fifth word is where, the one after ` - ` which file system.
 #[cfg(target_os = "linux")]
-fn is_mounted_from_network(folder: &Path, mounts: &str) -> bool {
-    let mut nearest = (0, "");
+fn nearest_mount<'a>(folder: &Path, mounts: &'a str) -> Option<(PathBuf, &'a str)> {
+    let mut nearest: Option<(PathBuf, &str)> = None;
     for line in mounts.lines() {
         let Some((head, tail)) = line.split_once(" - ") else { continue };
         let (Some(point), Some(kind)) = (head.split(' ').nth(4), tail.split(' ').next()) else { continue };
-        let point = point.replace("\\040", " ");
+        let point = PathBuf::from(point.replace("\\040", " "));
         // Of two on one point, the later lies on top.
-        if folder.starts_with(&point) && point.len() >= nearest.0 {
-            nearest = (point.len(), kind);
+        if folder.starts_with(&point) && nearest.as_ref().is_none_or(|(last, _)| point.starts_with(last)) {
+            nearest = Some((point, kind));
         }
     }
-    let kind = nearest.1;
+    nearest
+}
+
+#[cfg(target_os = "linux")]
+fn is_mounted_from_network(folder: &Path, mounts: &str) -> bool {
+    let kind = nearest_mount(folder, mounts).map_or("", |(_, kind)| kind);
     let over_network = ["fuse.sshfs", "fuse.rclone", "fuse.smbnetfs", "fuse.glusterfs", "fuse.vmhgfs-fuse"];
     NETWORK_FILE_SYSTEMS.contains(&kind) || over_network.contains(&kind)
 }
@@ -246,10 +270,10 @@ fn is_mounted_from_network(folder: &Path, mounts: &str) -> bool {
 /// # Errors
 /// `AlreadyExists` when the name is taken.
 pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
-    let mut moving = tempfile::TempPath::try_from_path(from)?;
+    let mut moving = tempfile::TempPath::try_from_path(in_full(from))?;
     // It is a designer's file, not a temporary one: a failed move must leave it where it is.
     moving.disable_cleanup(true);
-    let Err(failed) = moving.persist_noclobber(to) else { return stays_once(from, to) };
+    let Err(failed) = moving.persist_noclobber(in_full(to)) else { return stays_once(from, to) };
     match failed.error.kind() {
         ErrorKind::AlreadyExists | ErrorKind::NotFound => Err(named(failed.error, "cannot move to", to)),
         ErrorKind::CrossesDevices => copy_new(from, to),
@@ -300,7 +324,7 @@ fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
         let _ = copy.as_file().set_modified(modified);
     }
     copy.as_file().sync_all()?;
-    copy.persist_noclobber(to).map_err(|error| named(error.error, "cannot write", to))?;
+    copy.persist_noclobber(in_full(to)).map_err(|error| named(error.error, "cannot write", to))?;
     sync_folder(folder)?;
     drop(original);
     // A file that was written meanwhile is another drop and stays.

@@ -47,8 +47,8 @@ pub(super) struct Intake<'a> {
     pub(super) last_chance: bool,
     /// Other drops that may still be written.
     pub(super) settling: &'a BTreeSet<PathBuf>,
-    /// A pattern may have settings beside it.
-    pub(super) wants_sidecar: bool,
+    /// The settings beside a pattern, if it may have some.
+    pub(super) sidecar: Option<PathBuf>,
 }
 
 /// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
@@ -121,7 +121,7 @@ fn with_companions(
         let name = path.file_name().unwrap_or_default();
         meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
     });
-    let sidecar = match sidecar_of(intake.path).filter(|_| intake.wants_sidecar) {
+    let sidecar = match intake.sidecar.clone() {
         Some(path) if intake.settling.contains(&path) => {
             missing = Some((sidecar_settles(&file.name), true));
             None

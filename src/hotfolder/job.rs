@@ -251,7 +251,8 @@ impl StationError {
                 Reason::new("folder-missing", format!("{self}."), remedy).in_file(path.display().to_string())
             }
             Self::Held(_) => {
-                let remedy = "Stop that one first, or give this station a `folders.state` of its own.";
+                let remedy =
+                    "Stop that one first. Another station needs folders `hot` and `state` of its own.";
                 Reason::new("station-held", format!("{self}."), remedy)
             }
             Self::Journal { .. } => {

@@ -28,7 +28,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use super::clock;
-use super::folders::{Identity, lies_at};
+use super::folders::{Identity, identity, lies_at};
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
@@ -83,6 +83,8 @@ pub(super) struct OpenJob {
     pub(super) import: Option<Identity>,
     /// Which folder was the hot folder, where that was noted.
     pub(super) hot: Option<Identity>,
+    /// What its temporary file bears in its name, if it was noted.
+    pub(super) tag: String,
     /// Whether the drawing lies, or lay, in the import folder.
     pub(super) delivered: bool,
     /// Where its original goes in the archive, relative to the SKU's folder.
@@ -139,7 +141,12 @@ impl StampRecord {
 #[serde(tag = "did", rename_all = "kebab-case")]
 enum Record {
     /// What this station's temporary files bear in their names.
-    Tag { tag: String },
+    Tag {
+        tag: String,
+        /// Which folder was the state folder: a copy of it is another station's.
+        #[serde(default)]
+        home: Option<Identity>,
+    },
     /// The drawing lies in the import folder under its temporary name and is about to be renamed.
     Delivering {
         #[serde(flatten)]
@@ -148,6 +155,9 @@ enum Record {
         import: Option<Identity>,
         #[serde(default)]
         hot: Option<Identity>,
+        /// The tag in the temporary file's name.
+        #[serde(default)]
+        tag: String,
     },
     /// It bears its own name.
     Delivered { drop: String },
@@ -198,6 +208,8 @@ struct Line {
 pub(super) struct Journal {
     folder: PathBuf,
     tag: String,
+    /// Which folder was the state folder when the tag was written.
+    home: Option<Identity>,
     /// Whether the tag is written.
     tag_is_kept: bool,
     /// Which folder is the hot folder.
@@ -219,12 +231,13 @@ impl Journal {
     /// Reads the journal in the state folder, or begins one. Lines that are damaged are told and skipped.
     ///
     /// # Errors
-    /// When the folder cannot be read or written.
+    /// When the folder cannot be read or written; `InvalidData` for a line that a newer version wrote.
     pub(super) fn open(folder: &Path) -> io::Result<Self> {
         let bytes = read_if_there(&folder.join(JOURNAL))?.unwrap_or_default();
         let mut journal = Self {
             folder: folder.into(),
             tag: String::new(),
+            home: None,
             tag_is_kept: false,
             hot: None,
             file: None,
@@ -239,17 +252,26 @@ impl Journal {
         for line in bytes.split_inclusive(|byte| *byte == b'\n') {
             read += line.len() as u64;
             match parse(line) {
-                Some(line) => {
+                Parsed::Good(line) => {
                     journal.apply(&line.at, line.record);
                     journal.length = read;
                 }
-                None => damaged += 1,
+                Parsed::Unknown => {
+                    let words = "a newer version of isomark wrote into it; start that one";
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, words));
+                }
+                Parsed::Damaged => damaged += 1,
             }
             journal.lines += 1;
         }
         if journal.tag.is_empty() {
             journal.tag = if journal.lines > 0 { tag_of_older(folder) } else { new_tag() };
         }
+        let home = identity(folder);
+        if journal.home.is_some() && journal.home != home {
+            (journal.tag, journal.tag_is_kept) = (new_tag(), false);
+        }
+        journal.home = home;
         // What follows the last good line was being written when the station ended.
         let length = journal.length;
         journal.file()?.set_len(length)?;
@@ -271,7 +293,7 @@ impl Journal {
     }
 
     fn keep_tag(&mut self) -> io::Result<()> {
-        self.append(Record::Tag { tag: self.tag.clone() }, true)
+        self.append(Record::Tag { tag: self.tag.clone(), home: self.home }, true)
     }
 
     fn live(&self) -> usize {
@@ -346,8 +368,8 @@ impl Journal {
         if !self.tag_is_kept {
             self.keep_tag()?;
         }
-        let (job, stamp, hot) = (job.clone(), stamp.into(), self.hot);
-        self.append(Record::Delivering { job, stamp, import, hot }, true)
+        let (job, stamp, hot, tag) = (job.clone(), stamp.into(), self.hot, self.tag.clone());
+        self.append(Record::Delivering { job, stamp, import, hot, tag }, true)
     }
 
     /// The drawing bears its own name.
@@ -449,12 +471,13 @@ impl Journal {
 
     fn apply(&mut self, at: &str, record: Record) {
         match record {
-            Record::Tag { tag } => (self.tag, self.tag_is_kept) = (tag, true),
-            Record::Delivering { job, stamp, import, hot } => {
+            Record::Tag { tag, home } => (self.tag, self.home, self.tag_is_kept) = (tag, home, true),
+            Record::Delivering { job, stamp, import, hot, tag } => {
                 let open = OpenJob {
                     stamp,
                     import,
                     hot,
+                    tag,
                     sku: job.sku.clone(),
                     delivered: false,
                     to: None,
@@ -474,7 +497,8 @@ impl Journal {
                     _ => {
                         // What needs no delivery is filed without one.
                         let delivered = job.is_some();
-                        let open = OpenJob { stamp, sku, job, import: None, hot, delivered, to: Some(to) };
+                        let (import, to, tag) = (None, Some(to), String::new());
+                        let open = OpenJob { stamp, sku, job, import, hot, tag, delivered, to };
                         self.open.insert(drop, open);
                     }
                 }
@@ -530,7 +554,8 @@ impl Journal {
             lines.push(Line { at: result.at.clone(), record });
         }
         let at = clock::now();
-        lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone() } });
+        let home = identity(&self.folder);
+        lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone(), home } });
         let mut push = |record| lines.push(Line { at: at.clone(), record });
         for (sku, refused) in &self.refused {
             let Refused { drop, to } = refused.clone();
@@ -538,8 +563,8 @@ impl Journal {
         }
         for (drop, open) in &self.open {
             if let Some(job) = &open.job {
-                let (job, hot) = (job.clone(), open.hot);
-                push(Record::Delivering { job, stamp: open.stamp, import: open.import, hot });
+                let (job, hot, tag) = (job.clone(), open.hot, open.tag.clone());
+                push(Record::Delivering { job, stamp: open.stamp, import: open.import, hot, tag });
             }
             if open.delivered {
                 push(Record::Delivered { drop: drop.clone() });
@@ -554,6 +579,7 @@ impl Journal {
         self.file = None;
         write_whole(&self.folder, JOURNAL, text.as_bytes())?;
         (self.lines, self.length, self.tag_is_kept) = (lines.len(), text.len() as u64, true);
+        self.home = home;
         Ok(())
     }
 }
@@ -587,13 +613,21 @@ fn written(line: &Line) -> io::Result<String> {
     Ok(format!("{} {json}\n", checksum(&json)))
 }
 
-fn parse(line: &[u8]) -> Option<Line> {
-    let text = std::str::from_utf8(line).ok()?.strip_suffix('\n')?;
-    let (sum, json) = text.split_once(' ')?;
+/// What a line is.
+enum Parsed {
+    Good(Line),
+    /// It is as it was written, and says what this version does not know.
+    Unknown,
+    Damaged,
+}
+
+fn parse(line: &[u8]) -> Parsed {
+    let text = std::str::from_utf8(line).ok().and_then(|text| text.strip_suffix('\n'));
+    let Some((sum, json)) = text.and_then(|text| text.split_once(' ')) else { return Parsed::Damaged };
     if sum != checksum(json) {
-        return None;
+        return Parsed::Damaged;
     }
-    serde_json::from_str(json).ok()
+    serde_json::from_str(json).map_or(Parsed::Unknown, Parsed::Good)
 }
 
 #[cfg(test)]
@@ -675,6 +709,33 @@ mod tests {
         let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: "a".into() } });
         fs::write(one.path().join(JOURNAL), older.unwrap()).unwrap();
         assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
+    }
+
+    /// Two stations may deliver into one folder, and one must not sweep away what the other is about to deliver.
+    #[test]
+    fn a_copy_of_a_state_folder_is_another_stations() {
+        let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let mut journal = Journal::open(one.path()).unwrap();
+        journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
+        let tag = journal.tag().to_owned();
+        fs::copy(one.path().join(JOURNAL), other.path().join(JOURNAL)).unwrap();
+        let copy = Journal::open(other.path()).unwrap();
+        assert_ne!(copy.tag(), tag);
+        assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
+        assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
+    }
+
+    #[test]
+    fn what_a_newer_version_wrote_is_not_thrown_away() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Journal::open(folder.path()).unwrap());
+        let path = folder.path().join(JOURNAL);
+        let json = r#"{"at":"2030-01-01T00:00:00Z","did":"dreaming"}"#;
+        let text = fs::read_to_string(&path).unwrap() + &format!("{} {json}\n", checksum(json));
+        fs::write(&path, &text).unwrap();
+        let Err(error) = Journal::open(folder.path()) else { panic!("it was read") };
+        assert!(error.to_string().contains("newer version"), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), text);
     }
 
     /// Should the folder not be flushed after the journal is replaced, nobody knows how long it is.

@@ -16,7 +16,7 @@ use std::time::Duration;
 use fs_err as fs;
 
 use super::clock;
-use super::folders::lies_at;
+use super::folders::{Identity, identity, lies_at};
 use super::job::StationError;
 use crate::files::{read_if_there, write_whole_unsynced};
 
@@ -31,6 +31,46 @@ const PAUSE: Duration = Duration::from_millis(50);
 pub struct StationLock {
     path: PathBuf,
     file: std::fs::File,
+}
+
+/// Holds other stations off a hot folder, whose drops both would take. On Unix the folder itself is locked; on Windows,
+/// which locks no folders, a file for it among the temporary files of the user, so that others' stations are not seen.
+#[derive(Debug)]
+pub(super) struct HotLock {
+    /// Which folder it is for.
+    pub(super) identity: Option<Identity>,
+    /// `None` where nothing can be locked, as on some shares.
+    _file: Option<std::fs::File>,
+}
+
+impl HotLock {
+    /// Takes it; `None` when another station has it.
+    pub(super) fn take(hot: &Path) -> Option<Self> {
+        let identity = identity(hot);
+        let Ok(file) = lockable(hot) else { return Some(Self { identity, _file: None }) };
+        for attempt in 1..=ATTEMPTS {
+            match file.try_lock() {
+                Ok(()) => return Some(Self { identity, _file: Some(file) }),
+                Err(TryLockError::WouldBlock) if attempt == ATTEMPTS => {}
+                Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
+                Err(TryLockError::Error(_)) => return Some(Self { identity, _file: None }),
+            }
+        }
+        None
+    }
+}
+
+#[cfg(unix)]
+fn lockable(hot: &Path) -> std::io::Result<std::fs::File> {
+    std::fs::File::open(hot)
+}
+
+#[cfg(not(unix))]
+fn lockable(hot: &Path) -> std::io::Result<std::fs::File> {
+    let full = std::fs::canonicalize(hot)?;
+    let hash = blake3::hash(crate::config::fold(&full.to_string_lossy()).as_bytes()).to_hex();
+    let path = tempfile::env::temp_dir().join(format!("isomark-hot-{}.lock", &hash[..16]));
+    std::fs::OpenOptions::new().create(true).read(true).write(true).truncate(false).open(path)
 }
 
 /// Who runs a station.
@@ -167,6 +207,16 @@ fn machine() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_hot_folder_serves_one_station() {
+        let [hot, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let taken = HotLock::take(hot.path());
+        assert!(taken.is_some() && HotLock::take(hot.path()).is_none());
+        assert!(HotLock::take(other.path()).is_some());
+        drop(taken);
+        assert!(HotLock::take(hot.path()).is_some());
+    }
 
     #[test]
     fn a_second_start_is_told_who_holds_the_lock_and_gets_it_afterwards() {

@@ -30,6 +30,7 @@ mod executor;
 mod reprocess;
 mod requests;
 mod rejected;
+mod shares;
 mod worker;
 pub mod status;
 mod corrector;

@@ -96,7 +96,7 @@ pub fn is_ignored(name: &str) -> bool {
 
 /// Whether the file holds settings for the pattern beside it.
 pub(super) fn is_sidecar(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == SIDECAR)
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
 }
 
 /// What the file at `relative` (to the hot folder: a name, or a SKU's folder and a name) is.

@@ -20,6 +20,8 @@ pub(super) struct Reprocessing {
     all_checked: bool,
     /// By the names of the results, folded.
     marked: BTreeMap<String, Marked>,
+    /// What people asked to be corrected again: of one SKU or of all.
+    asked: Vec<Option<Sku>>,
 }
 
 /// One outdated drawing.
@@ -147,10 +149,23 @@ impl Reprocessing {
         self.marked.remove(&fold(name));
     }
 
-    /// Lets what is marked be corrected again, of one SKU or of all; returns how many.
-    pub(super) fn correct_marked(&mut self, sku: Option<&Sku>) -> usize {
-        let meant = self.marked.values_mut().filter(|m| sku.is_none_or(|sku| m.again.sku == *sku));
-        meant.map(|marked| marked.due = Some(Moment::ZERO)).count()
+    /// Somebody wants what is outdated to be corrected again, of one SKU or of all.
+    pub(super) fn ask_for(&mut self, sku: Option<Sku>) {
+        self.asked.push(sku);
+    }
+
+    /// Lets what was asked for be corrected again, once it is known what is outdated.
+    pub(super) fn answer(&mut self) {
+        if !self.unchecked.is_empty() || !self.all_checked {
+            return;
+        }
+        for sku in std::mem::take(&mut self.asked) {
+            let is_meant = |marked: &&mut Marked| sku.as_ref().is_none_or(|sku| marked.again.sku == *sku);
+            let meant = self.marked.values_mut().filter(is_meant);
+            let count = meant.map(|marked| marked.due = Some(Moment::ZERO)).count();
+            let plural = if count == 1 { "drawing is" } else { "drawings are" };
+            tracing::info!("{count} outdated {plural} corrected again, as asked");
+        }
     }
 
     /// What waits for its time need not wait any longer.

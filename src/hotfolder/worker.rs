@@ -19,10 +19,11 @@ use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing;
 use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
 use super::journal::Journal;
-use super::lock::StationLock;
+use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
 use super::settle::{Moment, SettleTimes, Stamp};
+use super::shares::Shares;
 use super::status::StatusBoard;
 use super::watcher::{Message, StopSignal, Watcher};
 use crate::config::{FolderPaths, JobSettings, LiveSettings, SettingsEvent, Sku};
@@ -67,7 +68,7 @@ pub fn run(
     let lock = StationLock::take(&state, &station.name)?;
     let journal =
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
-    let executor = Executor::new(corrector, journal);
+    let executor = Executor::new(corrector, journal, Shares::open(&state));
     let (sender, messages) = sync_channel(MOST_MESSAGES);
     stop.connect(sender.clone());
     let threads = threads(station.watch.jobs);
@@ -84,6 +85,7 @@ pub fn run(
             stop,
             mode,
             lock,
+            hot_lock: None,
             status: StatusBoard::new(&station, &state),
             state,
             messages,
@@ -158,6 +160,7 @@ struct Worker<'a, C> {
     stop: &'a StopSignal,
     mode: Mode,
     lock: StationLock,
+    hot_lock: Option<HotLock>,
     /// The state folder in which lock and journal are, whatever the settings say later.
     state: PathBuf,
     messages: Receiver<Message>,
@@ -202,6 +205,9 @@ pub(super) struct Running {
     pub(super) since: Moment,
     stamp: Stamp,
     large: bool,
+    settings: JobSettings,
+    /// It was delivered before, and is only filed.
+    was_delivered: bool,
 }
 
 impl Running {
@@ -287,12 +293,6 @@ impl<C: Corrector> Worker<'_, C> {
     fn introduce(&self) {
         let station = self.settings.station();
         tracing::info!("{} takes drops from {}", station.name, station.folders.hot.display());
-        if !station.folders.import.is_dir() {
-            let import = station.folders.import.display();
-            tracing::warn!(
-                "the import folder {import} does not exist; corrected drawings wait until it does"
-            );
-        }
     }
 
     fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, Reason> {
@@ -379,11 +379,7 @@ impl<C: Corrector> Worker<'_, C> {
                     self.reprocessing.free_all();
                     tracing::info!("what waits is tried again, as asked");
                 }
-                Request::Outdated(sku) => {
-                    let count = self.reprocessing.correct_marked(sku.as_ref());
-                    let plural = if count == 1 { "drawing is" } else { "drawings are" };
-                    tracing::info!("{count} outdated {plural} corrected again, as asked");
-                }
+                Request::Outdated(sku) => self.reprocessing.ask_for(sku),
             }
             self.stale = true;
         }
@@ -404,6 +400,7 @@ impl<C: Corrector> Worker<'_, C> {
             let station = self.settings.station().clone();
             self.reprocessing.look_at(self.executor, &station, &sku, &settings);
         }
+        self.reprocessing.answer();
     }
 
     fn write_status(&mut self, alive: bool) {

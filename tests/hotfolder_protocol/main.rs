@@ -512,6 +512,67 @@ fn a_state_folder_that_is_removed_is_made_anew_with_all_that_counts() {
 }
 
 #[test]
+fn a_second_station_on_the_hot_folder_ends_with_a_reason() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    let mut other = Line::new();
+    let hot = format!("hot = '{}'", line.path("hot").display());
+    fs::write(other.path("station.toml"), SETTINGS.replace("hot = \"hot\"", &hot)).unwrap();
+    other.start(Mode::UntilStopped);
+    let error = other.finish().unwrap_err().to_string();
+    assert!(error.contains("Another station takes drops from the hot folder"), "{error}");
+    line.drop("can.dxf", "pattern");
+    line.waits_for_empty_hot();
+    assert_eq!(line.stop().delivered, 1);
+}
+
+/// People do not mind how a name is spelled; in the archive, the settings bear the name by which they are found again.
+#[test]
+fn settings_beside_a_pattern_are_found_however_they_are_spelled() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    for (sidecar, pattern, name) in
+        [("Can@A.TOML", "can@a.dxf", "can@a"), ("can/b\u{308}.toml", "can/b\u{308}.dxf", "can@b\u{308}")]
+    {
+        let path = line.path("hot").join(sidecar);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, "[placement]\nrotate_deg = 90\n").unwrap();
+        line.waits_for("a word", |line| {
+            line.text("state/status.json").is_some_and(|text| text.contains("wait for the pattern"))
+        });
+        line.drop(pattern, "pattern");
+        line.waits_for_text(&format!("import/{name}.dxf"), "pattern on part at 90");
+        line.waits_for_empty_hot();
+        assert!(line.path(&format!("archive/can/{name}.toml")).exists(), "{:?}", line.tree());
+    }
+}
+
+#[test]
+fn what_lies_in_the_archive_and_was_never_dropped_is_not_delivered() {
+    let mut line = Line::new();
+    let settings = SETTINGS.to_owned() + "[delivery]\noutdated = \"correct\"\n";
+    fs::write(line.path("station.toml"), settings).unwrap();
+    line.start(Mode::UntilStopped);
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    line.drop("can@b.dxf", "pattern");
+    line.waits_for_empty_hot();
+    fs::write(line.path("archive/can/can.dxf"), "never dropped\nEOF\n").unwrap();
+    line.drop("can.glb", "second");
+    line.waits_for_text("import/can@b.dxf", "pattern on second at 0");
+    let is_marked = |line: &Line| {
+        let status = line.text("state/status.json").unwrap_or_default();
+        let status: serde_json::Value = serde_json::from_str(&status).unwrap_or_default();
+        status["outdated"]["first"][0]["name"] == "can.dxf" && status["outdated"]["count"] == 1
+    };
+    line.waits_for("a mark", is_marked);
+    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
+    assert_eq!(line.stop().rejected, 0);
+}
+
+#[test]
 fn a_rejected_version_says_what_stays() {
     let line = Line::running();
     line.drop("can.glb", "part");

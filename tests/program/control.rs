@@ -151,6 +151,16 @@ fn what_was_rejected_is_tried_again() {
 }
 
 #[test]
+fn what_is_asked_of_a_station_that_does_not_run_is_done_when_it_starts() {
+    let station = delivered();
+    append(&station, "[placement]\nrotate_deg = 5\n");
+    assert_eq!(station.desk.isomark(&["retry", "station.toml", "--outdated"]).code, 0);
+    let before = fs::read(station.path("import/trough.dxf")).unwrap();
+    assert!(station.once().out.starts_with("1 delivered"));
+    assert!(fs::read(station.path("import/trough.dxf")).unwrap() != before);
+}
+
+#[test]
 fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     let mut station = delivered();
     let first = station.desk.read("import/trough.dxf");

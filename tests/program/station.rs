@@ -416,7 +416,7 @@ fn without_an_import_folder_drops_wait() {
     station.copy_into(&drawing("abc"), "can.dxf");
     let said = station.once();
     assert_eq!(said.code, 3, "{}", said.err);
-    assert!(said.err.contains("the import folder") && said.err.contains("does not exist"), "{}", said.err);
+    assert!(said.err.contains("The import folder") && said.err.contains("does not exist"), "{}", said.err);
     assert!(said.out.contains("0 delivered, 1 part learned, 0 rejected, 1 waiting"), "{}", said.out);
     assert_eq!(files(&station.path("hot")), ["can.dxf"]);
     fs::create_dir(station.path("import")).unwrap();

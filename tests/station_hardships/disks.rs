@@ -192,9 +192,8 @@ fn drawings_wait_for_space_in_the_import_folder() {
     let mut trial = Trial::new(station);
     disk.fill();
     trial.drop_all();
-    trial.waits_for("a word", |trial| {
-        trial.log().contains("trough@00.dxf waits: A folder of the station fails")
-    });
+    trial
+        .waits_for("a word", |trial| trial.log().contains("trough@00.dxf waits: A folder of the station is"));
     assert!(trial.log().contains("No space left on device"), "{}", trial.log());
     trial.waits_for("a status", |trial| {
         let words = trial.station.status();
@@ -215,7 +214,7 @@ fn drawings_wait_for_space_in_the_state_folder() {
     let mut trial = Trial::new(station);
     disk.fill();
     trial.drop_all();
-    trial.waits_for("a word", |trial| trial.log().contains("dxf waits: A folder of the station fails"));
+    trial.waits_for("a word", |trial| trial.log().contains("dxf waits: A folder of the station is"));
     assert!(trial.log().contains("No space left on device"), "{}", trial.log());
     trial.import();
     // The last block of the journal takes a few lines more.
@@ -234,9 +233,8 @@ fn drawings_that_are_delivered_wait_for_space_in_the_archive() {
     disk.fill();
     trial.drop_all();
     trial.waits_for("the drawings", |trial| trial.taken.len() == DROPS);
-    trial.waits_for("a word", |trial| {
-        trial.log().contains("trough@19.dxf waits: A folder of the station fails")
-    });
+    trial
+        .waits_for("a word", |trial| trial.log().contains("trough@19.dxf waits: A folder of the station is"));
     assert_eq!(trial.in_hot(), DROPS);
     disk.free();
     trial.ends_well();
@@ -249,12 +247,35 @@ fn drawings_wait_for_an_import_folder_that_may_be_written() {
     let mut trial = Trial::new(station);
     disk.remount("ro");
     trial.drop_all();
-    trial.waits_for("a word", |trial| {
-        trial.log().contains("trough@00.dxf waits: A folder of the station fails")
-    });
+    trial
+        .waits_for("a word", |trial| trial.log().contains("trough@00.dxf waits: A folder of the station is"));
     assert!(trial.log().contains("Read-only file system"), "{}", trial.log());
     assert_eq!((trial.taken.len(), trial.in_hot()), (0, DROPS));
     disk.remount("rw");
+    trial.ends_well();
+}
+
+/// The mount point of a share that went looks like an empty import folder, also to a station that starts then.
+#[test]
+fn drawings_wait_for_the_share_with_the_import_folder() {
+    let station = Station::new();
+    let Some(disk) = Disk::on(&station.path("import")) else { return };
+    let mut trial = Trial::new(station);
+    trial.station.rename_into("trough@first.dxf", square(0).as_bytes());
+    trial.waits_for("a drawing", |trial| trial.taken.len() == 1);
+    trial.taken.clear();
+    let point = disk.0.clone();
+    drop(disk);
+    trial.drop_all();
+    let told = |trial: &Trial| trial.log().matches("trough@00.dxf waits: The import folder ").count();
+    trial.waits_for("a word", |trial| told(trial) == 1);
+    trial.kill();
+    trial.start();
+    trial.waits_for("a word", |trial| told(trial) == 2);
+    let words = trial.station.status();
+    assert!(words.contains("trouble: ") && words.contains("is not mounted at"), "{words}");
+    assert_eq!((fs::read_dir(&point).unwrap().count(), trial.in_hot()), (0, DROPS));
+    let Some(_disk) = Disk::on(&point) else { return };
     trial.ends_well();
 }
 

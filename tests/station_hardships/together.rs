@@ -28,8 +28,9 @@ fn stations_share_a_cache() {
     let cache = stations[0].path("cache");
     for station in &mut stations {
         let folder = format!("[folders]\ncache = '{}'\n", cache.display());
-        let settings =
-            SETTINGS.replace("[folders]\n", &folder).replace("settle_ms = 20000", "settle_ms = 100");
+        let settings = SETTINGS
+            .replace("[folders]\n", &folder)
+            .replace("settle_ms = 20000", "settle_ms = 100\nopen_ended_s = 1");
         fs::write(station.path("station.toml"), settings).unwrap();
         let mut command = station.command(&["watch", "station.toml"]);
         station.start(&mut command);
@@ -64,6 +65,36 @@ fn stations_share_a_cache() {
     assert_eq!(fs::read_dir(taught.path("rejected")).unwrap().count(), 0);
     let verified = taught.command(&["cache", "verify", "--station", "station.toml"]).status().unwrap();
     assert!(verified.success());
+}
+
+/// The part that was dropped last at any station is the shape of the SKU at all; one that must fit it anew, because its
+/// settings of the part are others, has only the older one.
+#[test]
+fn no_station_goes_back_to_an_older_part_of_a_shared_sku() {
+    let stations = [Station::new(), Station::new()];
+    let cache = stations[0].path("cache");
+    for (station, more) in stations.iter().zip(["", "[part]\nroll_deg = 90\n"]) {
+        let folder = format!("[folders]\ncache = '{}'\n", cache.display());
+        let settings = SETTINGS.replace("[folders]\n", &folder) + more;
+        fs::write(station.path("station.toml"), settings).unwrap();
+        fs::write(station.path("hot/trough.obj"), part(1)).unwrap();
+        assert!(station.once().contains("1 part learned"));
+    }
+    let [one, other] = &stations;
+    fs::write(one.path("hot/trough.obj"), part(9)).unwrap();
+    assert!(one.once().contains("1 part learned"));
+    fs::write(other.path("hot/trough@b.dxf"), pattern()).unwrap();
+    assert!(other.once().contains("0 delivered, 0 parts learned, 0 rejected, 1 waiting"));
+    fs::write(one.path("hot/trough@a.dxf"), pattern()).unwrap();
+    assert!(one.once().starts_with("1 delivered"));
+    let alone = Station::new();
+    fs::write(alone.path("hot/trough.obj"), part(9)).unwrap();
+    fs::write(alone.path("hot/trough@a.dxf"), pattern()).unwrap();
+    alone.once();
+    let drawing = |station: &Station| fs::read(station.path("import/trough@a.dxf")).unwrap();
+    assert!(drawing(one) == drawing(&alone));
+    fs::write(other.path("hot/trough.obj"), part(9)).unwrap();
+    assert!(other.once().starts_with("1 delivered, 1 part learned"));
 }
 
 #[test]

@@ -124,6 +124,8 @@ impl<C: Corrector> Worker<'_, C> {
             since: self.now(),
             stamp,
             large: stamp.size >= LARGE,
+            settings: settings.clone(),
+            was_delivered: self.kept.contains_key(path),
         };
         let task = Task {
             path: path.into(),
@@ -137,6 +139,7 @@ impl<C: Corrector> Worker<'_, C> {
             settling: self.drops.settling_beside(path, self.now(), &self.times()),
             waits_for_import: chance.waits_for_import,
             kept: self.kept.remove(path),
+            sidecar: self.drops.sidecar_beside(path),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
             if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }

@@ -11,12 +11,14 @@ use super::super::folders::{self, Found};
 use super::super::intake::sidecar_of;
 use super::super::job::{Corrector, JobError, Mode};
 use super::super::journal::OpenJob;
+use super::super::lock::HotLock;
 use super::super::names::{Meaning, is_ignored};
 use super::super::reprocess::ARCHIVE;
 use super::super::settle::{Moment, Stamp, Writer};
 use super::super::watcher::{Message, Signal};
 use super::Worker;
 use crate::config::{Backend, FolderPaths, Sku};
+use crate::reason::Reason;
 
 /// How often a hot folder that vanished is looked for.
 const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
@@ -52,6 +54,12 @@ impl<C: Corrector> Worker<'_, C> {
         self.next_listing = now + interval;
         self.troubles.clear();
         self.keep_state();
+        let folders = self.folders().clone();
+        let is_there =
+            delivery::import_is_there(&folders).and_then(|()| self.executor.shares.are_there(&folders));
+        if let Err(JobError::Retry(reason)) = &is_there {
+            self.trouble(reason.on_one_line());
+        }
         if !self.watcher.follow(&hot, backend) {
             self.troubles.push(format!("the hot folder {} is gone", hot.display()));
             if !self.hot_is_missing {
@@ -60,6 +68,9 @@ impl<C: Corrector> Worker<'_, C> {
             self.hot_is_missing = true;
             self.drops = Drops::default();
             self.next_listing = self.now() + watch.rescan.min(MISSING_FOLDER_LOOK);
+            return;
+        }
+        if !self.holds_hot(&hot) {
             return;
         }
         if std::mem::take(&mut self.hot_is_missing) {
@@ -89,7 +100,9 @@ impl<C: Corrector> Worker<'_, C> {
         }
         self.drops.keep_only(&found);
         self.kept.retain(|path, _| found.contains(path));
-        self.close_what_was_interrupted(&hot);
+        if is_there.is_ok() {
+            self.close_what_was_interrupted(&hot);
+        }
         for sku in self.drops.awaited() {
             // What is wrong with the settings or the surface is told when the pattern's turn comes.
             let known =
@@ -100,6 +113,21 @@ impl<C: Corrector> Worker<'_, C> {
             }
         }
         self.tell_settings_events();
+    }
+
+    /// Whether no other station takes the drops from the hot folder; if one does, this one ends.
+    fn holds_hot(&mut self, hot: &Path) -> bool {
+        if self.hot_lock.as_ref().is_some_and(|lock| lock.identity == folders::identity(hot)) {
+            return true;
+        }
+        self.hot_lock = None;
+        self.hot_lock = HotLock::take(hot);
+        if self.hot_lock.is_none() {
+            let what = format!("Another station takes drops from the hot folder {}.", hot.display());
+            let remedy = "Stop that one first. Another station needs folders `hot` and `state` of its own.";
+            self.stopped = Some(Reason::new("hot-folder-held", what, remedy));
+        }
+        self.hot_lock.is_some()
     }
 
     /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.

@@ -12,7 +12,7 @@ use super::super::job::{Corrector, Mode};
 use super::super::names::{delivered_as, is_sidecar};
 use super::super::settle::{Moment, Writer};
 use super::Worker;
-use crate::config::{BEING_SAVED, Sku};
+use crate::config::{BEING_SAVED, JobSettings, Sku};
 use crate::reason::Reason;
 
 /// How long after a pattern was delivered settings for it are told to have come too late.
@@ -50,10 +50,19 @@ impl<C: Corrector> Worker<'_, C> {
             Outcome::Delivered => {
                 self.tally.delivered += 1;
                 self.status.delivered();
-                if let Work::Correct { name, .. } = &running.work {
+                if let Work::Correct { sku, name } = &running.work {
                     self.reprocessing.forget(&delivered_as(name));
+                    // Nobody found it outdated as long as it was under way.
+                    let is_new = |now: JobSettings| now != running.settings;
+                    if running.was_delivered || self.job_settings(sku).is_ok_and(is_new) {
+                        self.reprocessing.check(sku.clone());
+                    }
                     if let Some(sidecar) = sidecar_of(path).filter(|path| !went_along.contains(path)) {
-                        self.late_sidecars.insert(sidecar, self.now() + LATE_SIDECAR);
+                        self.late_sidecars.insert(sidecar.clone(), self.now() + LATE_SIDECAR);
+                        // It may have come while the job was at its end.
+                        if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
+                            self.companion(&sidecar);
+                        }
                     }
                 }
                 self.done(path);
@@ -106,10 +115,8 @@ impl<C: Corrector> Worker<'_, C> {
                 self.status.delivered();
                 self.reprocessing.forget(name);
             }
-            Outcome::Rejected(reason) => {
-                self.status.rejected(name, &reason);
-                self.reprocessing.forget(name);
-            }
+            // It stays marked: other settings may do.
+            Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
             Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
                 let (now, once) = (self.now(), self.mode == Mode::Once);
                 self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);

@@ -1,0 +1,120 @@
+//! Which folders of the station lie on shares and disks that can go away.
+//!
+//! ```text
+//! state/shares.json       for each folder that was seen on one: where it is and where that was mounted
+//! ```
+//!
+//! When a share goes, its mount point stays as an empty folder. What is put there is on the wrong disk, and hidden as soon
+//! as the share is back; so a folder that was once seen on a mounted share or disk is only used while it is on one.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::folders::mount_of;
+use super::job::JobError;
+use crate::config::FolderPaths;
+use crate::files::{read_if_there, write_whole};
+use crate::reason::Reason;
+
+const FILE: &str = "shares.json";
+/// The code of the reason for which drops wait for a share.
+const SHARE_MISSING: &str = "share-missing";
+
+/// What was seen of the folders that others than this station own, or that may lie elsewhere.
+pub(super) struct Shares {
+    state: PathBuf,
+    seen: Mutex<BTreeMap<String, Seen>>,
+}
+
+/// A folder as it was seen.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Seen {
+    folder: PathBuf,
+    /// The mount point that it lies at or below.
+    mount: PathBuf,
+}
+
+impl Shares {
+    /// What the state folder says was seen; what cannot be read is seen anew.
+    pub(super) fn open(state: &Path) -> Self {
+        let text = read_if_there(&state.join(FILE)).ok().flatten().unwrap_or_default();
+        let seen = serde_json::from_slice(&text).unwrap_or_default();
+        Self { state: state.into(), seen: Mutex::new(seen) }
+    }
+
+    /// Sees to it that the folders which results and originals go to lie where they did.
+    ///
+    /// # Errors
+    /// With the share or disk that is not mounted.
+    pub(super) fn are_there(&self, folders: &FolderPaths) -> Result<(), JobError> {
+        let FolderPaths { import, archive, rejected, reports, .. } = folders;
+        let all = [("import", import), ("archive", archive), ("rejected", rejected), ("reports", reports)];
+        for (purpose, folder) in all {
+            if let Some(mount) = mount_of(folder) {
+                self.is_there(purpose, Seen { folder: folder.clone(), mount })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_there(&self, purpose: &str, now: Seen) -> Result<(), JobError> {
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        match seen.get(purpose) {
+            Some(before) if *before == now => return Ok(()),
+            Some(before) if before.folder == now.folder && before.mount.starts_with(&now.mount) => {
+                return Err(JobError::Retry(self.missing(purpose, before)));
+            }
+            // What lies on the machine's own disk goes away with the machine.
+            None if now.mount.parent().is_none() => return Ok(()),
+            _ => {}
+        }
+        seen.insert(purpose.into(), now);
+        let written = serde_json::to_string_pretty(&*seen).map_err(std::io::Error::other);
+        // Until it is written, it is known as long as the station runs.
+        if let Err(error) = written.and_then(|text| write_whole(&self.state, FILE, text.as_bytes())) {
+            tracing::warn!("it cannot be noted that the {purpose} folder is on a share: {error}");
+        }
+        Ok(())
+    }
+
+    fn missing(&self, purpose: &str, before: &Seen) -> Reason {
+        let Seen { folder, mount } = before;
+        let what = format!(
+            "The {purpose} folder {} lay on a share or disk that is not mounted at {} now.",
+            folder.display(),
+            mount.display()
+        );
+        let remedy = format!(
+            "Mount it. If it is to be a plain folder from now on, remove {}.",
+            self.state.join(FILE).display()
+        );
+        Reason::new(SHARE_MISSING, what, remedy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_on_a_share_is_used_only_while_it_is_on_one() {
+        let state = tempfile::tempdir().unwrap();
+        let see = |shares: &Shares, folder: &str, mount: &str| {
+            shares.is_there("import", Seen { folder: folder.into(), mount: mount.into() }).is_ok()
+        };
+        let shares = Shares::open(state.path());
+        assert!(see(&shares, "/srv/import", "/") && see(&shares, "/srv/import", "/srv"));
+        assert!(!see(&shares, "/srv/import", "/"));
+        let shares = Shares::open(state.path());
+        assert!(!see(&shares, "/srv/import", "/"), "it is known after a restart");
+        assert!(see(&shares, "/srv/import", "/srv/import"), "another share on top of it");
+        assert!(!see(&shares, "/srv/import", "/srv"));
+        assert!(see(&shares, "/home/import", "/"), "the settings name another folder");
+        assert!(see(&shares, "/srv/import", "/"), "and the old one again");
+        std::fs::remove_file(state.path().join(FILE)).unwrap();
+        assert!(see(&Shares::open(state.path()), "/srv/import", "/"));
+    }
+}
