@@ -44,6 +44,8 @@ pub(super) struct Executor<'a, C> {
     unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     beamserver: beamserver::Turns,
     pub(super) shares: Shares,
+    /// The name of the surface that each SKU was last seen to have under these settings.
+    shapes: Mutex<BTreeMap<Sku, (JobSettings, String)>>,
 }
 
 /// One job, with all it needs to know.
@@ -175,6 +177,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             unfit_archive: Mutex::default(),
             beamserver: beamserver::Turns::default(),
             shares,
+            shapes: Mutex::default(),
         }
     }
 
@@ -184,6 +187,35 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     fn overtaken(&self) -> MutexGuard<'_, BTreeSet<Sku>> {
         self.overtaken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn shapes(&self) -> MutexGuard<'_, BTreeMap<Sku, (JobSettings, String)>> {
+        self.shapes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes the SKU's surface, if it was not noted for these settings or is `new`.
+    fn note_shape(&self, sku: &Sku, settings: &JobSettings, new: bool) {
+        let is_noted = self.shapes().get(sku).is_some_and(|(noted, _)| noted == settings);
+        if (new || !is_noted)
+            && let Ok(Some(name)) = guarded(|| self.corrector.surface_name(sku, settings))
+        {
+            self.shapes().insert(sku.clone(), (settings.clone(), name));
+        }
+    }
+
+    /// The SKUs that nobody is at and whose shape is another one than was last seen here: another station that shares the
+    /// surfaces learned a part.
+    pub(super) fn learned_elsewhere(&self, is_busy: impl Fn(&Sku) -> bool) -> Vec<Sku> {
+        let mut changed = Vec::new();
+        for (sku, (settings, last)) in self.shapes().iter_mut().filter(|(sku, _)| !is_busy(sku)) {
+            if let Ok(Some(now)) = guarded(|| self.corrector.surface_name(sku, settings))
+                && now != *last
+            {
+                *last = now;
+                changed.push(sku.clone());
+            }
+        }
+        changed
     }
 
     /// A part of the SKU lies in the hot folder: what is not delivered yet waits for it.
@@ -240,6 +272,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let archived = self.archive(task, sku, name, read, None)?;
         // Should it fail, the job stays open, and the next listing closes it: the note must not name an older part.
         filing::set_current_part(folders, sku, &archived).map_err(folder_trouble)?;
+        self.note_shape(sku, &task.settings, true);
         let original = filing::in_archive(folders, sku, &archived);
         tell_trouble(self.journal().learned(&with_slashes(&task.relative), sku.as_str(), &original));
         self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner).remove(sku);
@@ -279,6 +312,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             return Ok(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy)));
         }
+        self.note_shape(sku, &task.settings, false);
         let read = &*slot.insert(self.read(task, Some(pattern))?);
         let ready = Ready { task, sku, pattern, name, read };
         let last = self.journal().result(name).cloned();
@@ -583,7 +617,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 Ok(true)
             }
             Err(JobError::Rejected(reason)) => {
-                tracing::warn!("the surface of {sku} cannot be restored from the archive: {reason}");
+                tracing::warn!(
+                    "the surface of {sku} cannot be restored from the archive: {}",
+                    reason.on_one_line()
+                );
                 unfit().insert(sku.clone(), attempt);
                 Ok(false)
             }
@@ -702,7 +739,7 @@ fn words(how: How, last: Option<(&str, bool)>) -> String {
 }
 
 /// What the journal would have said is found out from the folders at the next start.
-fn tell_trouble(noted: std::io::Result<()>) {
+pub(super) fn tell_trouble(noted: std::io::Result<()>) {
     if let Err(error) = noted {
         tracing::warn!("the journal lacks a line: {error}");
     }

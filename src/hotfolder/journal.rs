@@ -161,6 +161,12 @@ enum Record {
     },
     /// It bears its own name.
     Delivered { drop: String },
+    /// A thread is at this drop.
+    Began { drop: String, stamp: StampRecord },
+    /// It is not any more.
+    Ended { drop: String },
+    /// The station ended as often while a thread was at this drop.
+    Died { drop: String, stamp: StampRecord, deaths: u32 },
     /// It could not be renamed; the drop waits.
     Cancelled { drop: String },
     /// The original is about to go to the archive.
@@ -225,6 +231,16 @@ pub(super) struct Journal {
     /// The folded names of the results of each SKU.
     by_sku: BTreeMap<Sku, BTreeSet<String>>,
     refused: BTreeMap<String, Refused>,
+    at_work: BTreeMap<String, AtWork>,
+}
+
+/// A drop that a thread is at, or was at when the station ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct AtWork {
+    stamp: StampRecord,
+    /// How often the station ended meanwhile, without a word.
+    deaths: u32,
+    under_way: bool,
 }
 
 impl Journal {
@@ -247,6 +263,7 @@ impl Journal {
             results: BTreeMap::new(),
             by_sku: BTreeMap::new(),
             refused: BTreeMap::new(),
+            at_work: BTreeMap::new(),
         };
         let (mut damaged, mut read) = (0, 0);
         for line in bytes.split_inclusive(|byte| *byte == b'\n') {
@@ -283,6 +300,9 @@ impl Journal {
         {
             tracing::warn!("the journal cannot be written: {error}");
         }
+        if let Err(error) = journal.count_deaths() {
+            tracing::warn!("the journal cannot be written: {error}");
+        }
         if damaged > 0 {
             tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
         }
@@ -292,12 +312,22 @@ impl Journal {
         Ok(journal)
     }
 
+    /// What the station was at when it ended may be why it ended.
+    fn count_deaths(&mut self) -> io::Result<()> {
+        let begun: Vec<_> = self.at_work.iter().filter(|(_, at_work)| at_work.under_way).collect();
+        let died = begun.into_iter().map(|(drop, at_work)| {
+            let AtWork { stamp, deaths, .. } = *at_work;
+            Record::Died { drop: drop.clone(), stamp, deaths: deaths + 1 }
+        });
+        died.collect::<Vec<_>>().into_iter().try_for_each(|record| self.append(record, false))
+    }
+
     fn keep_tag(&mut self) -> io::Result<()> {
         self.append(Record::Tag { tag: self.tag.clone(), home: self.home }, true)
     }
 
     fn live(&self) -> usize {
-        self.open.len() + self.results.len() + self.refused.len()
+        self.open.len() + self.results.len() + self.refused.len() + self.at_work.len()
     }
 
     fn file(&mut self) -> io::Result<&mut std::fs::File> {
@@ -325,6 +355,22 @@ impl Journal {
     /// Notes with the jobs that are begun from now on which folder is the hot folder.
     pub(super) fn hot_is(&mut self, identity: Option<Identity>) {
         self.hot = identity;
+    }
+
+    /// A thread is at this drop.
+    pub(super) fn began(&mut self, drop: &str, stamp: Stamp) -> io::Result<()> {
+        self.append(Record::Began { drop: drop.into(), stamp: stamp.into() }, false)
+    }
+
+    /// No thread is at this drop any more.
+    pub(super) fn ended(&mut self, drop: &str) -> io::Result<()> {
+        self.append(Record::Ended { drop: drop.into() }, false)
+    }
+
+    /// The drops that the station was at when it ended without a word, and how often.
+    pub(super) fn suspects(&self) -> BTreeMap<String, (StampRecord, u32)> {
+        let died = self.at_work.iter().filter(|(_, at_work)| at_work.deaths > 0);
+        died.map(|(drop, at_work)| (drop.clone(), (at_work.stamp, at_work.deaths))).collect()
     }
 
     /// The job that was begun on this very file.
@@ -488,6 +534,17 @@ impl Journal {
             Record::Delivered { drop } => {
                 self.open.entry(drop).and_modify(|open| open.delivered = true);
             }
+            Record::Began { drop, stamp } => {
+                let same = self.at_work.get(&drop).filter(|at_work| at_work.stamp == stamp);
+                let deaths = same.map_or(0, |at_work| at_work.deaths);
+                self.at_work.insert(drop, AtWork { stamp, deaths, under_way: true });
+            }
+            Record::Ended { drop } => {
+                self.at_work.remove(&drop);
+            }
+            Record::Died { drop, stamp, deaths } => {
+                self.at_work.insert(drop, AtWork { stamp, deaths, under_way: false });
+            }
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
             }
@@ -560,6 +617,13 @@ impl Journal {
         for (sku, refused) in &self.refused {
             let Refused { drop, to } = refused.clone();
             push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
+        }
+        for (drop, at_work) in &self.at_work {
+            let (drop, AtWork { stamp, deaths, under_way }) = (drop.clone(), *at_work);
+            push(Record::Died { drop: drop.clone(), stamp, deaths });
+            if under_way {
+                push(Record::Began { drop, stamp });
+            }
         }
         for (drop, open) in &self.open {
             if let Some(job) = &open.job {
@@ -723,6 +787,27 @@ mod tests {
         assert_ne!(copy.tag(), tag);
         assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
         assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
+    }
+
+    #[test]
+    fn ends_without_a_word_are_counted_for_what_was_under_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || Journal::open(folder.path()).unwrap();
+        let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
+        for count in [None, Some(1), Some(2)] {
+            let mut journal = open();
+            assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (count, None));
+            journal.began("a.obj", STAMP).unwrap();
+            journal.began("b.obj", STAMP).unwrap();
+            journal.ended("b.obj").unwrap();
+            journal.write_anew().unwrap();
+        }
+        let mut journal = open();
+        assert_eq!(deaths(&journal, "a.obj"), Some(3));
+        journal.began("a.obj", Stamp { size: 8, ..STAMP }).unwrap();
+        assert_eq!(deaths(&journal, "a.obj"), None, "another file of that name");
+        journal.ended("a.obj").unwrap();
+        assert!(open().suspects().is_empty());
     }
 
     #[test]

@@ -94,6 +94,7 @@ pub fn run(
             watcher: Watcher::new(sender),
             drops: Drops::default(),
             lanes: BTreeMap::new(),
+            suspects: VecDeque::new(),
             lanes_made: Moment::ZERO,
             stale: true,
             running: BTreeMap::new(),
@@ -170,6 +171,8 @@ struct Worker<'a, C> {
     drops: Drops,
     /// What can be done now, for each SKU in its order; without a SKU each drop for itself.
     lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
+    /// What was under way when the station ended without a word: done alone, after all others.
+    suspects: VecDeque<PathBuf>,
     /// What was due by this moment is in the lanes.
     lanes_made: Moment,
     /// Something happened since the lanes were made.
@@ -205,6 +208,8 @@ pub(super) struct Running {
     pub(super) since: Moment,
     stamp: Stamp,
     large: bool,
+    /// Nothing else is done meanwhile.
+    alone: bool,
     settings: JobSettings,
     /// It was delivered before, and is only filed.
     was_delivered: bool,
@@ -287,7 +292,10 @@ impl<C: Corrector> Worker<'_, C> {
 
     fn is_idle(&self) -> bool {
         let now = self.now();
-        self.lanes.is_empty() && self.reprocessing.is_idle(now) && !self.drops.any_settles(now, &self.times())
+        self.lanes.is_empty()
+            && self.suspects.is_empty()
+            && self.reprocessing.is_idle(now)
+            && !self.drops.any_settles(now, &self.times())
     }
 
     fn introduce(&self) {

@@ -572,6 +572,42 @@ fn what_lies_in_the_archive_and_was_never_dropped_is_not_delivered() {
     assert_eq!(line.stop().rejected, 0);
 }
 
+/// A drop that ends the program, for want of memory perhaps, must not do so for ever, nor take others along.
+#[test]
+fn what_ends_the_station_again_and_again_is_done_alone_and_then_rejected() {
+    let mut line = Line::new();
+    line.once();
+    line.drop("can.glb", "part");
+    line.drop("can@good.dxf", "pattern");
+    line.drop("can@bad.dxf", "pattern");
+    let stamp = |name: &str| {
+        let metadata = fs::metadata(line.path("hot").join(name)).unwrap();
+        let since = metadata.modified().unwrap().duration_since(std::time::UNIX_EPOCH).unwrap();
+        format!(r#"{{"size":{},"modified":{},"identity":0}}"#, metadata.len(), since.as_nanos())
+    };
+    let journal = |record: String| {
+        let json = format!(r#"{{"at":"2026-01-01T00:00:00Z",{record}}}"#);
+        let sum = blake3::hash(json.as_bytes()).to_hex()[..8].to_owned();
+        let path = line.path("state/journal.log");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(path, format!("{text}{sum} {json}\n")).unwrap();
+    };
+    for (name, deaths) in [("can@good.dxf", 3), ("can@bad.dxf", 4)] {
+        let stamp = stamp(name);
+        journal(format!(r#""did":"died","drop":"{name}","stamp":{stamp},"deaths":{deaths}"#));
+        journal(format!(r#""did":"began","drop":"{name}","stamp":{stamp}"#));
+    }
+    let tally = line.once();
+    assert_eq!((tally.delivered, tally.rejected), (1, 1));
+    assert!(line.text("rejected/can@bad.dxf.reason.json").unwrap().contains("ends-isomark"));
+    assert_eq!(line.text("import/can@good.dxf").unwrap(), "pattern on part at 0");
+    assert_eq!(*line.seen.corrected.lock().unwrap(), ["can@good.dxf"]);
+    // Dropped again it is another file.
+    line.drop("can@bad.dxf", "pattern\nmended");
+    line.drop("can.glb", "part");
+    assert_eq!(line.once().delivered, 1);
+}
+
 #[test]
 fn a_rejected_version_says_what_stays() {
     let line = Line::running();

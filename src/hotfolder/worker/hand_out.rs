@@ -1,14 +1,15 @@
 //! Which job is done next: each SKU in its order, large ones never on all threads.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::super::delivery::IMPORT_MISSING;
-use super::super::drops::Block;
-use super::super::executor::{Task, Work};
+use super::super::drops::{Block, Drop};
+use super::super::executor::{Task, Work, tell_trouble};
 use super::super::filing::with_slashes;
 use super::super::folders::{self, Found};
 use super::super::job::Corrector;
+use super::super::journal::StampRecord;
 use super::super::names::Meaning;
 use super::super::settle::{Stamp, Verdict};
 use super::outcomes::part_under_way;
@@ -19,6 +20,8 @@ use crate::reason::Reason;
 
 /// A drop of this size or more is a large job, bytes: its fit takes seconds.
 const LARGE: u64 = 4 << 20;
+/// A drop is rejected after the station ended as often while it was at it; but for the first time it was at nothing else.
+const MOST_DEATHS: u32 = 5;
 
 impl<C: Corrector> Worker<'_, C> {
     /// Gives every free thread something to do.
@@ -26,11 +29,15 @@ impl<C: Corrector> Worker<'_, C> {
         if self.stale || self.lanes.is_empty() {
             self.make_lanes();
         }
-        while self.running.len() < self.threads {
+        while self.has_room() {
             let Some(path) = self.next_in_lanes() else { break };
             self.begin(&path);
         }
-        while self.running.len() < self.threads {
+        while self.running.is_empty() && self.lanes.is_empty() {
+            let Some(path) = self.suspects.pop_front() else { break };
+            self.begin(&path);
+        }
+        while self.has_room() {
             let busy: BTreeSet<Sku> =
                 self.running.values().filter_map(|running| running.sku().cloned()).collect();
             let Some(again) = self.reprocessing.next(self.now(), &busy) else { break };
@@ -38,12 +45,23 @@ impl<C: Corrector> Worker<'_, C> {
         }
     }
 
+    fn has_room(&self) -> bool {
+        self.running.len() < self.threads && !self.running.values().any(|running| running.alone)
+    }
+
     fn make_lanes(&mut self) {
         self.stale = false;
         self.lanes.clear();
+        self.suspects.clear();
         self.lanes_made = self.now();
+        let suspects = self.executor.journal().suspects();
         for (sku, path) in self.drops.ready(self.lanes_made, &self.times()) {
-            if !self.running.contains_key(&path) {
+            if self.running.contains_key(&path) {
+                continue;
+            }
+            if !suspects.is_empty() && self.drops.get(&path).is_some_and(|drop| deaths(&suspects, drop) > 0) {
+                self.suspects.push_back(path);
+            } else {
                 self.lanes.entry(sku).or_default().push_back(path);
             }
         }
@@ -104,8 +122,11 @@ impl<C: Corrector> Worker<'_, C> {
             return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
         let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
+        let deaths = deaths(&self.executor.journal().suspects(), drop);
+        let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
-        self.start(path, relative, work, stamp, Chance { last_chance, doomed, waits_for_import });
+        let chance = Chance { last_chance, doomed, waits_for_import, alone: deaths > 0 };
+        self.start(path, relative, work, stamp, chance);
     }
 
     fn start(&mut self, path: &Path, relative: PathBuf, work: Work, stamp: Stamp, chance: Chance) {
@@ -124,6 +145,7 @@ impl<C: Corrector> Worker<'_, C> {
             since: self.now(),
             stamp,
             large: stamp.size >= LARGE,
+            alone: chance.alone,
             settings: settings.clone(),
             was_delivered: self.kept.contains_key(path),
         };
@@ -144,6 +166,7 @@ impl<C: Corrector> Worker<'_, C> {
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
             if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
         }
+        tell_trouble(self.executor.journal().began(&running.drop, stamp));
         self.running.insert(path.into(), running);
         if self.tasks.send(task).is_err() {
             self.running.remove(path);
@@ -160,7 +183,7 @@ impl<C: Corrector> Worker<'_, C> {
         // The archived original bears the pattern's name.
         let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let work = Work::CorrectAgain { sku: again.sku, name };
-        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false };
+        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false };
         self.start(&again.original, relative, work, stamp, chance);
     }
 }
@@ -170,6 +193,19 @@ struct Chance {
     last_chance: bool,
     doomed: Option<Reason>,
     waits_for_import: bool,
+    alone: bool,
+}
+
+/// How often the station ended while it was at this very file.
+fn deaths(suspects: &BTreeMap<String, (StampRecord, u32)>, drop: &Drop) -> u32 {
+    let suspect = suspects.get(&with_slashes(&drop.relative));
+    suspect.filter(|(stamp, _)| stamp.is_of(drop.settle.stamp())).map_or(0, |(_, deaths)| *deaths)
+}
+
+fn ends_isomark(deaths: u32) -> Reason {
+    let what = "isomark ended without a word each time it worked at this file, for want of memory perhaps.";
+    let remedy = "Export it with fewer triangles or lines, or give the machine more memory.";
+    Reason::new("ends-isomark", what, remedy).with_number("ends", f64::from(deaths), "", None)
 }
 
 fn cut_short() -> Reason {

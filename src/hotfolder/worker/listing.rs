@@ -54,6 +54,10 @@ impl<C: Corrector> Worker<'_, C> {
         self.next_listing = now + interval;
         self.troubles.clear();
         self.keep_state();
+        for sku in self.executor.learned_elsewhere(|sku| self.is_busy(sku)) {
+            tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
+            self.reprocessing.check(sku);
+        }
         let folders = self.folders().clone();
         let is_there =
             delivery::import_is_there(&folders).and_then(|()| self.executor.shares.are_there(&folders));
