@@ -1,0 +1,192 @@
+//! The end of a job: the marking software, report and preview, and the original out of the hot folder.
+
+use std::path::{Path, PathBuf};
+
+use super::super::beamserver;
+use super::super::delivery;
+use super::super::filing::{self, Original, with_slashes};
+use super::super::folders;
+use super::super::intake::Read;
+use super::super::job::{Corrector, JobError};
+use super::super::journal::{Import, Job};
+use super::super::names::delivered_as;
+use super::{Broken, Executor, Kept, Outcome, Ready, Task, Work, folder_trouble, guarded};
+use crate::config::{DeliveryKind, Sku, Station};
+use crate::files::sync_folder;
+use crate::reason::{Reason, on_one_line};
+
+impl<C: Corrector> Executor<'_, C> {
+    /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
+    pub(super) fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
+        match self.finish_steps(ready, &mut kept) {
+            Ok(()) => Ok(Outcome::Delivered),
+            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(kept)))),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn finish_steps(&self, ready: &Ready, kept: &mut Kept) -> Result<(), JobError> {
+        let Task { station, .. } = ready.task;
+        if station.delivery.kind == DeliveryKind::Beamserver && !kept.asked {
+            let imported = self.import(station, ready.name, kept);
+            if matches!(imported, Err(JobError::Rejected(_))) {
+                delivery::take_back(&station.folders, &mut self.journal(), &kept.job)?;
+            }
+            let story = imported?;
+            delivery::forget_previous(&station.folders, ready.name);
+            tracing::info!("{} {story}", ready.name);
+            (kept.import, kept.asked) = (Import::Done, true);
+        }
+        let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
+        if !kept.delivery.report.is_empty() {
+            let report = &kept.delivery.report;
+            filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
+        }
+        if let Some(preview) = &kept.preview {
+            filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
+        }
+        self.file_original(ready, &kept.job, kept.import)
+    }
+
+    /// Sees to it that BeamConstruct holds the drawing.
+    fn import(&self, station: &Station, name: &str, kept: &Kept) -> Result<String, JobError> {
+        let import = &station.folders.import;
+        let for_server = |name: &str| beamserver::sendable(&station.delivery.path_for_server(import, name));
+        let trial_name = delivery::trial_name(&self.journal());
+        let trial = import.join(&trial_name);
+        let drawing = beamserver::Drawing {
+            name,
+            path: for_server(name)?,
+            size: kept.delivery.size,
+            trial: (&trial_name, for_server(&trial_name)?),
+            is_known: kept.import == Import::Done,
+        };
+        let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
+        self.beamserver.talk(|| {
+            let imported = beamserver::import(&station.delivery, &drawing, lay_out);
+            delivery::remove_quietly(&trial);
+            imported
+        })
+    }
+
+    /// Moves the original to the archive and notes that all is done.
+    pub(super) fn file_original(&self, ready: &Ready, job: &Job, import: Import) -> Result<(), JobError> {
+        let folders = &ready.task.station.folders;
+        let original = match ready.task.work {
+            Work::CorrectAgain { .. } => filing::in_archive(folders, ready.sku, &ready.task.path),
+            _ => {
+                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read, Some(job))?;
+                filing::in_archive(folders, ready.sku, &archived)
+            }
+        };
+        tell_trouble(self.journal().done(job, &original, import));
+        Ok(())
+    }
+
+    /// Moves an original to the archive; `job` is the drawing that was made of it.
+    pub(super) fn archive(
+        &self,
+        task: &Task,
+        sku: &Sku,
+        name: &str,
+        read: &Read,
+        job: Option<&Job>,
+    ) -> Result<PathBuf, JobError> {
+        let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
+        let original = read.original(&task.path);
+        let begun = self.journal().begun(&drop, task.stamp).and_then(|open| open.to.clone());
+        let copied = begun.map(|to| folders.archive.join(sku.key()).join(to));
+        if let Some(copy) = copied.filter(|copy| folders::has_content(copy, &read.file.bytes)) {
+            // The archive is on another disk, and the original was copied when the station was interrupted.
+            filing::remove_copied(folders, &original, &copy).map_err(folder_trouble)?;
+            return Ok(copy);
+        }
+        let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
+        let to = filing::in_archive(folders, sku, &place);
+        self.journal().filing(&drop, sku.as_str(), read.stamp, &to, job).map_err(folder_trouble)?;
+        filing::put_away(folders, &original, &place).map_err(folder_trouble)?;
+        // Done and back in the hot folder after a power cut, the original would be another drop.
+        sync_folder(place.parent().unwrap_or(&place)).map_err(folder_trouble)?;
+        Ok(place)
+    }
+
+    /// The job on this drop if its drawing lay in the import folder before the station was interrupted, and whether
+    /// BeamConstruct holds it.
+    pub(super) fn was_delivered(&self, task: &Task, drop: &str) -> Result<Option<(Job, Import)>, JobError> {
+        let mut journal = self.journal();
+        let Some(open) = journal.begun(drop, task.stamp).cloned() else { return Ok(None) };
+        let Some(job) = open.job.clone() else { return Ok(None) };
+        if !open.delivered {
+            delivery::settle(&task.station.folders, &mut journal, drop, &open, &job)?;
+        }
+        // Nobody takes drawings away from BeamServer's folder as an importer does: it is to be made anew.
+        if open.to.is_none() && is_missing_for_server(&task.station, &job.name) {
+            journal.cancelled(drop).map_err(folder_trouble)?;
+        }
+        let import = delivery::imported(&task.station, &open);
+        Ok(journal.begun(drop, task.stamp).is_some_and(|open| open.delivered).then_some((job, import)))
+    }
+
+    pub(super) fn reject(
+        &self,
+        task: &Task,
+        read: Option<&Read>,
+        reason: Reason,
+    ) -> Result<Outcome, JobError> {
+        let drop = with_slashes(&task.relative);
+        let mut reason = reason.in_file(drop.clone());
+        if matches!(task.work, Work::CorrectAgain { .. }) {
+            let name = drop.rsplit('/').next().unwrap_or(&drop);
+            tracing::warn!(
+                "{name} cannot be corrected again, and what was delivered stays in force, outdated: {}",
+                reason.on_one_line()
+            );
+            return Ok(Outcome::Rejected(reason));
+        }
+        if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
+            return Ok(Outcome::Changed);
+        }
+        let sidecars: Vec<PathBuf> =
+            task.place_of_sidecar().into_iter().filter(|path| folders::is_file(path)).collect();
+        let bare = Original { path: &task.path, content: None, companions: &sidecars };
+        let original = read.map_or(bare, |read| read.original(&task.path));
+        let folders = &task.station.folders;
+        let part_of = match &task.work {
+            Work::Learn(sku) => guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku),
+            _ => None,
+        };
+        if let Work::Correct { name, .. } = &task.work
+            && let Some(older) = self.journal().result(&delivered_as(name))
+        {
+            reason.what +=
+                &format!(" What was delivered as {} at {} stays in force.", older.job.name, older.at);
+        }
+        // Noted before the move: a pattern must not slip through with the older shape after a crash between the two.
+        let note = |rejected: &Path| {
+            let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
+            self.journal().rejected(&drop, &reason.code, &to, part_of)
+        };
+        let rejected =
+            filing::reject(folders, &task.relative, &original, &reason, note).map_err(folder_trouble)?;
+        tracing::warn!(
+            "{} rejected and moved to {}: {}",
+            on_one_line(&drop),
+            on_one_line(&rejected.to_string_lossy()),
+            reason.on_one_line()
+        );
+        Ok(Outcome::Rejected(reason))
+    }
+}
+
+/// Whether BeamServer would look for a drawing that is not there.
+pub(super) fn is_missing_for_server(station: &Station, name: &str) -> bool {
+    let there = || folders::is_file(&station.folders.import.join(name));
+    station.delivery.kind == DeliveryKind::Beamserver && !there()
+}
+
+/// What the journal would have said is found out from the folders at the next start.
+pub(in crate::hotfolder) fn tell_trouble(noted: std::io::Result<()>) {
+    if let Err(error) = noted {
+        tracing::warn!("the journal lacks a line: {error}");
+    }
+}

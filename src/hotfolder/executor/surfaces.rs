@@ -1,0 +1,103 @@
+//! Which shape a SKU has now: from the cache, from the archive, or from another station that shares the cache.
+
+use std::collections::BTreeMap;
+use std::sync::{MutexGuard, PoisonError};
+
+use super::super::filing;
+use super::super::folders;
+use super::super::job::{Corrector, DroppedFile, JobError};
+use super::{Executor, PART_REFUSED, folder_trouble, guarded};
+use crate::config::{FolderPaths, JobSettings, Sku};
+use crate::reason::Reason;
+
+impl<C: Corrector> Executor<'_, C> {
+    fn shapes(&self) -> MutexGuard<'_, BTreeMap<Sku, (JobSettings, String)>> {
+        self.shapes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes the SKU's surface, if it was not noted for these settings or is `new`.
+    pub(super) fn note_shape(&self, sku: &Sku, settings: &JobSettings, new: bool) {
+        let is_noted = self.shapes().get(sku).is_some_and(|(noted, _)| noted == settings);
+        if (new || !is_noted)
+            && let Ok(Some(name)) = guarded(|| self.corrector.surface_name(sku, settings))
+        {
+            self.shapes().insert(sku.clone(), (settings.clone(), name));
+        }
+    }
+
+    /// The SKUs that nobody is at and whose shape is another one than was last seen here: another station that shares the
+    /// surfaces learned a part.
+    pub(in crate::hotfolder) fn learned_elsewhere(&self, is_busy: impl Fn(&Sku) -> bool) -> Vec<Sku> {
+        let mut changed = Vec::new();
+        for (sku, (settings, last)) in self.shapes().iter_mut().filter(|(sku, _)| !is_busy(sku)) {
+            if let Ok(Some(now)) = guarded(|| self.corrector.surface_name(sku, settings))
+                && now != *last
+            {
+                *last = now;
+                changed.push(sku.clone());
+            }
+        }
+        changed
+    }
+
+    /// Name of the SKU's surface and settings together: what may change under a delivered drawing.
+    pub(in crate::hotfolder) fn basis(&self, sku: &Sku, settings: &JobSettings) -> Result<String, JobError> {
+        let surface = guarded(|| self.corrector.surface_name(sku, settings))?.unwrap_or_default();
+        let all = format!("{surface}\n{settings:?}");
+        Ok(blake3::hash(all.as_bytes()).to_hex()[..32].to_owned())
+    }
+
+    /// Why the older shape of the SKU is not used: its newest part was rejected and still lies in the rejected folder.
+    pub(super) fn refused(&self, folders: &FolderPaths, sku: &Sku) -> Option<Reason> {
+        let journal = self.journal();
+        let refused = journal.refused(sku)?;
+        let lies = folders.rejected.join(&refused.to);
+        if !matches!(folders::look(&lies), Ok(Some(_))) {
+            return None;
+        }
+        let what =
+            format!("The new part {} of {sku} was rejected; its older shape is not used.", refused.drop);
+        let remedy = format!(
+            "Drop a good part of {sku}; or remove {}, to go on with the older shape.",
+            lies.display()
+        );
+        Some(Reason::new(PART_REFUSED, what, remedy))
+    }
+
+    /// Whether there is a surface for the SKU; one that got lost is fitted again from the archived part.
+    pub(super) fn has_surface(
+        &self,
+        folders: &FolderPaths,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) -> Result<bool, JobError> {
+        if guarded(|| Ok(self.corrector.knows(sku, settings)))? {
+            return Ok(true);
+        }
+        let Some(part) = filing::current_part(folders, sku) else { return Ok(false) };
+        let attempt = (part, settings.clone());
+        let unfit = || self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner);
+        if unfit().get(sku) == Some(&attempt) {
+            return Ok(false);
+        }
+        let path = attempt.0.clone();
+        let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let file = DroppedFile { name, path, bytes };
+        match guarded(|| self.corrector.restore_part(sku, &file, settings)) {
+            Ok(learned) => {
+                tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);
+                Ok(true)
+            }
+            Err(JobError::Rejected(reason)) => {
+                tracing::warn!(
+                    "the surface of {sku} cannot be restored from the archive: {}",
+                    reason.on_one_line()
+                );
+                unfit().insert(sku.clone(), attempt);
+                Ok(false)
+            }
+            Err(other) => Err(other),
+        }
+    }
+}
