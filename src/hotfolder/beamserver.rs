@@ -227,7 +227,7 @@ impl Server {
                 _ => error.to_string(),
             };
             let what = format!("BeamServer at {} gave no answer to `{command}`: {why}.", self.address);
-            let remedy = "Nothing, if BeamServer is restarted or busy: it is tried again. \
+            let remedy = "Wait if BeamServer is restarted or busy: it is tried again. \
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
             JobError::Retry(Reason::new(SILENT, what, remedy))
         })?;

@@ -259,8 +259,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
         };
         let took = started.elapsed().as_millis();
         let summary = &made.summary;
+        let is_for_server = task.station.delivery.kind == DeliveryKind::Beamserver;
+        let for_server = if is_for_server { " for BeamServer" } else { "" };
         tracing::info!(
-            "{name} {} in {took} ms: {summary}",
+            "{name} {}{for_server} in {took} ms: {summary}",
             words(how, last.as_ref().map(|last| (last.at.as_str(), last.job.key == job.key)))
         );
         if let Some(last) = &last
