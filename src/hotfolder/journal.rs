@@ -235,11 +235,14 @@ pub(super) struct Journal {
 }
 
 /// A drop that a thread is at, or was at when the station ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct AtWork {
     stamp: StampRecord,
-    /// How often the station ended meanwhile, without a word.
+    /// In how many minutes the station ended meanwhile, without a word. What ends it comes from outside if that happens
+    /// again and again within one.
     deaths: u32,
+    /// When it did so last, to the minute.
+    last_death: String,
     under_way: bool,
 }
 
@@ -314,10 +317,11 @@ impl Journal {
 
     /// What the station was at when it ended may be why it ended.
     fn count_deaths(&mut self) -> io::Result<()> {
-        let begun: Vec<_> = self.at_work.iter().filter(|(_, at_work)| at_work.under_way).collect();
-        let died = begun.into_iter().map(|(drop, at_work)| {
-            let AtWork { stamp, deaths, .. } = *at_work;
-            Record::Died { drop: drop.clone(), stamp, deaths: deaths + 1 }
+        let now = to_the_minute(&clock::now());
+        let begun = self.at_work.iter().filter(|(_, at_work)| at_work.under_way);
+        let died = begun.map(|(drop, at_work)| {
+            let deaths = at_work.deaths + u32::from(at_work.last_death != now);
+            Record::Died { drop: drop.clone(), stamp: at_work.stamp, deaths }
         });
         died.collect::<Vec<_>>().into_iter().try_for_each(|record| self.append(record, false))
     }
@@ -536,14 +540,16 @@ impl Journal {
             }
             Record::Began { drop, stamp } => {
                 let same = self.at_work.get(&drop).filter(|at_work| at_work.stamp == stamp);
-                let deaths = same.map_or(0, |at_work| at_work.deaths);
-                self.at_work.insert(drop, AtWork { stamp, deaths, under_way: true });
+                let (deaths, last_death) =
+                    same.map_or((0, String::new()), |last| (last.deaths, last.last_death.clone()));
+                self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: true });
             }
             Record::Ended { drop } => {
                 self.at_work.remove(&drop);
             }
             Record::Died { drop, stamp, deaths } => {
-                self.at_work.insert(drop, AtWork { stamp, deaths, under_way: false });
+                let last_death = to_the_minute(at);
+                self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: false });
             }
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
@@ -619,7 +625,8 @@ impl Journal {
             push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
         }
         for (drop, at_work) in &self.at_work {
-            let (drop, AtWork { stamp, deaths, under_way }) = (drop.clone(), *at_work);
+            let AtWork { stamp, deaths, under_way, .. } = *at_work;
+            let drop = drop.clone();
             push(Record::Died { drop: drop.clone(), stamp, deaths });
             if under_way {
                 push(Record::Began { drop, stamp });
@@ -666,6 +673,11 @@ fn new_tag() -> String {
 fn tag_of_older(folder: &Path) -> String {
     let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
     blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
+}
+
+/// The moment without its seconds.
+fn to_the_minute(at: &str) -> String {
+    at.chars().take("2026-03-01T12:34".len()).collect()
 }
 
 fn checksum(text: &str) -> String {
@@ -794,16 +806,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let open = || Journal::open(folder.path()).unwrap();
         let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
-        for count in [None, Some(1), Some(2)] {
+        drop(open());
+        let at = "2026-01-01T00:00:00Z".to_owned();
+        let died = Record::Died { drop: "a.obj".into(), stamp: STAMP.into(), deaths: 1 };
+        let line = written(&Line { at, record: died }).unwrap();
+        let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap() + &line;
+        fs::write(folder.path().join(JOURNAL), text).unwrap();
+        for count in [1, 2, 2] {
             let mut journal = open();
-            assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (count, None));
+            assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (Some(count), None));
             journal.began("a.obj", STAMP).unwrap();
             journal.began("b.obj", STAMP).unwrap();
             journal.ended("b.obj").unwrap();
-            journal.write_anew().unwrap();
         }
         let mut journal = open();
-        assert_eq!(deaths(&journal, "a.obj"), Some(3));
+        assert_eq!(deaths(&journal, "a.obj"), Some(2), "once in a minute");
         journal.began("a.obj", Stamp { size: 8, ..STAMP }).unwrap();
         assert_eq!(deaths(&journal, "a.obj"), None, "another file of that name");
         journal.ended("a.obj").unwrap();

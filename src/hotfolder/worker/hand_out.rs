@@ -20,7 +20,8 @@ use crate::reason::Reason;
 
 /// A drop of this size or more is a large job, bytes: its fit takes seconds.
 const LARGE: u64 = 4 << 20;
-/// A drop is rejected after the station ended as often while it was at it; but for the first time it was at nothing else.
+/// A drop is rejected after the station ended in as many minutes while it was at it; but for the first time it was at
+/// nothing else.
 const MOST_DEATHS: u32 = 5;
 
 impl<C: Corrector> Worker<'_, C> {
@@ -122,7 +123,12 @@ impl<C: Corrector> Worker<'_, C> {
             return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
         let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
-        let deaths = deaths(&self.executor.journal().suspects(), drop);
+        let mut deaths = deaths(&self.executor.journal().suspects(), drop);
+        let begun = with_slashes(&relative);
+        // What is delivered is only filed, and no fault of the file any more.
+        if self.executor.journal().begun(&begun, stamp).is_some_and(|open| open.delivered) {
+            deaths = 0;
+        }
         let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
         let chance = Chance { last_chance, doomed, waits_for_import, alone: deaths > 0 };
