@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use tracing_subscriber::layer::SubscriberExt;
@@ -11,6 +12,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, fmt as lines};
 
 use crate::config::LogSettings;
+use crate::hotfolder::lies_at;
 
 /// Lines for people on standard error and in the file, if there is one; `RUST_LOG` chooses others.
 ///
@@ -39,25 +41,32 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     Ok(())
 }
 
+/// How often the path is looked at: somebody may remove the file while it is written.
+const LOOK: Duration = Duration::from_secs(1);
+
 /// A log file that is begun anew when it has become large; older ones are `<file>.1`, `<file>.2` and so on.
 struct RotatingFile {
     settings: LogSettings,
     /// Closed while files are renamed, which Windows refuses to do with an open one.
     file: Option<File>,
     size: u64,
+    /// At this size it is begun anew.
+    full: u64,
+    looked: Instant,
 }
 
 impl RotatingFile {
     fn open(settings: &LogSettings) -> std::io::Result<Self> {
-        if let Some(folder) = settings.file.parent() {
-            fs::create_dir_all(folder)?;
-        }
-        let mut log = Self { settings: settings.clone(), file: None, size: 0 };
+        let (settings, full) = (settings.clone(), settings.largest);
+        let mut log = Self { settings, file: None, size: 0, full, looked: Instant::now() };
         log.reopen()?;
         Ok(log)
     }
 
     fn reopen(&mut self) -> std::io::Result<&mut File> {
+        if let Some(folder) = self.settings.file.parent() {
+            fs::create_dir_all(folder)?;
+        }
         let file = fs::OpenOptions::new().create(true).append(true).open(&self.settings.file)?;
         self.size = file.metadata()?.len();
         Ok(self.file.insert(file.into_parts().0))
@@ -69,19 +78,42 @@ impl RotatingFile {
         name.into()
     }
 
-    /// A file that cannot be renamed goes on growing; that is better than losing lines.
+    /// A file that cannot be renamed, because an editor holds it, goes on growing: older ones are given up only for a
+    /// newer one. It is tried again when as much has been written once more.
     fn rotate(&mut self) {
         self.file = None;
-        for number in (1..self.settings.keep).rev() {
-            let _ = fs::rename(self.older(number), self.older(number + 1));
+        let aside = self.older(0);
+        // What lies there already was put aside when the others could not be moved on.
+        let put_aside = if aside.exists() { Ok(()) } else { fs::rename(&self.settings.file, &aside) };
+        self.full = match put_aside.and_then(|()| self.move_on()) {
+            Ok(()) => self.settings.largest,
+            Err(_) => self.size + self.settings.largest,
+        };
+    }
+
+    /// Gives the file that was put aside and those before it the next numbers, up to the first that is free.
+    fn move_on(&self) -> std::io::Result<()> {
+        let keep = self.settings.keep;
+        let free = (1..keep).find(|number| !self.older(*number).exists()).unwrap_or(keep);
+        (0..free).rev().try_for_each(|number| fs::rename(self.older(number), self.older(number + 1)))
+    }
+
+    /// Forgets a file that was removed, or moved away, so that the next line begins another.
+    fn keep_in_place(&mut self) {
+        if self.looked.elapsed() < LOOK {
+            return;
         }
-        let _ = fs::rename(&self.settings.file, self.older(1));
+        self.looked = Instant::now();
+        if self.file.as_ref().is_some_and(|file| !lies_at(file, &self.settings.file)) {
+            (self.file, self.full) = (None, self.settings.largest);
+        }
     }
 }
 
 impl Write for RotatingFile {
     fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
-        if self.size > 0 && self.size + line.len() as u64 > self.settings.largest {
+        self.keep_in_place();
+        if self.size > 0 && self.size + line.len() as u64 > self.full {
             self.rotate();
         }
         let file = match &mut self.file {
@@ -120,5 +152,69 @@ mod tests {
         assert_eq!(text(".1"), "line 8 of ten\nline 9 of ten\n");
         assert_eq!(text(".2"), "line 6 of ten\nline 7 of ten\n");
         assert_eq!(text(".3"), "");
+    }
+
+    /// Older files are given up for a newer one only, whichever of them is held by another program.
+    #[test]
+    fn a_file_that_cannot_be_renamed_costs_no_older_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |ending: &str| folder.path().join(format!("station.log{ending}"));
+        let text = |ending: &str| fs::read_to_string(path(ending)).unwrap_or_default();
+        let settings = LogSettings { file: path(""), largest: 30, keep: 2 };
+        fs::write(path(".1"), "older\n").unwrap();
+        // Over a folder no file is renamed.
+        fs::create_dir_all(path(".2").join("held")).unwrap();
+        let mut log = RotatingFile::open(&settings).unwrap();
+        let mut lines = (0..).map(|number| format!("line {number} of ten\n"));
+        let mut all = String::new();
+        let mut write = |log: &mut RotatingFile, count: usize| {
+            for line in lines.by_ref().take(count) {
+                log.write_all(line.as_bytes()).unwrap();
+                all += &line;
+            }
+            all.clone()
+        };
+        let all = write(&mut log, 8);
+        assert_eq!(text(".1"), "older\n");
+        assert_eq!(text(".0") + &text(""), all);
+        // It heals by itself.
+        fs::remove_dir_all(path(".2")).unwrap();
+        let all = write(&mut log, 6);
+        assert_eq!(text(".0"), "");
+        assert!(all.ends_with(&(text(".2") + &text(".1") + &text(""))) && !text(".2").is_empty());
+    }
+
+    #[cfg(windows)]
+    #[test]
+    fn a_log_that_an_editor_holds_grows_and_is_begun_anew_later() {
+        use std::os::windows::fs::OpenOptionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = |ending: &str| folder.path().join(format!("station.log{ending}"));
+        let settings = LogSettings { file: path(""), largest: 30, keep: 2 };
+        [".1", ".2"].map(|ending| fs::write(path(ending), ending).unwrap());
+        let mut log = RotatingFile::open(&settings).unwrap();
+        // Others may read and write it, and not rename it.
+        let held = std::fs::OpenOptions::new().read(true).share_mode(3).open(path("")).unwrap();
+        for _ in 0..4 {
+            log.write_all(b"line 0 of ten\n").unwrap();
+        }
+        assert_eq!([".1", ".2"].map(|ending| fs::read_to_string(path(ending)).unwrap()), [".1", ".2"]);
+        drop(held);
+        for _ in 0..2 {
+            log.write_all(b"line 0 of ten\n").unwrap();
+        }
+        assert_eq!(fs::read_to_string(path(".2")).unwrap(), ".1");
+    }
+
+    #[test]
+    fn a_log_that_somebody_removed_is_made_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = LogSettings { file: folder.path().join("log/station.log"), largest: 300, keep: 2 };
+        let mut log = RotatingFile::open(&settings).unwrap();
+        log.write_all(b"before\n").unwrap();
+        fs::remove_dir_all(folder.path().join("log")).unwrap();
+        log.looked = log.looked.checked_sub(LOOK).unwrap();
+        log.write_all(b"after\n").unwrap();
+        assert_eq!(fs::read_to_string(&settings.file).unwrap(), "after\n");
     }
 }

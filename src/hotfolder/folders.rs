@@ -51,7 +51,7 @@ pub(super) fn identity(folder: &Path) -> Option<Identity> {
 }
 
 /// Whether the open file is still the one at the path.
-pub(super) fn lies_at(file: &std::fs::File, path: &Path) -> bool {
+pub(crate) fn lies_at(file: &std::fs::File, path: &Path) -> bool {
     let identity = |metadata: &std::fs::Metadata| (file_identity(metadata), creation(metadata));
     matches!((file.metadata(), fs::metadata(path)), (Ok(ours), Ok(theirs)) if identity(&ours) == identity(&theirs))
 }

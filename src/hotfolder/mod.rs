@@ -37,6 +37,7 @@ mod corrector;
 
 pub use corrector::PipelineCorrector;
 pub use filing::CURRENT_PART;
+pub(crate) use folders::lies_at;
 pub use job::{
     Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse, Sketch,
     StationError, Tally, Waiting,
