@@ -26,7 +26,7 @@ use super::settle::{Moment, SettleTimes, Stamp};
 use super::shares::Shares;
 use super::status::StatusBoard;
 use super::watcher::{Message, StopSignal, Watcher};
-use crate::config::{FolderPaths, JobSettings, LiveSettings, SettingsEvent, Sku};
+use crate::config::{FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
 use crate::diff;
 use crate::reason::Reason;
 
@@ -88,6 +88,7 @@ pub fn run(
             hot_lock: None,
             status: StatusBoard::new(&station, &state),
             state,
+            log: station.log.clone(),
             messages,
             tasks,
             threads,
@@ -164,6 +165,8 @@ struct Worker<'a, C> {
     hot_lock: Option<HotLock>,
     /// The state folder in which lock and journal are, whatever the settings say later.
     state: PathBuf,
+    /// The log file that is written, whatever the settings say later.
+    log: Option<LogSettings>,
     messages: Receiver<Message>,
     tasks: SyncSender<Task>,
     threads: usize,
@@ -353,6 +356,9 @@ impl<C: Corrector> Worker<'_, C> {
                     }
                     if threads(station.watch.jobs) != self.threads {
                         tracing::warn!("`watch.jobs` counts from the next start on");
+                    }
+                    if station.log != self.log {
+                        tracing::warn!("`[log]` counts from the next start on");
                     }
                     self.executor.corrector.follow(station);
                     self.status.follow(station);

@@ -261,6 +261,16 @@ fn a_log_file_is_written_beside_what_is_said() {
     assert!(said.err.contains("x.pdf rejected") && !logged.contains('\u{1b}'));
 }
 
+#[test]
+fn a_log_file_begun_or_changed_while_the_station_runs_is_told_to_count_later() {
+    let station = Station::running();
+    station.waits_for_file("state/status.json");
+    append(&station, "[log]\nfile = \"log/station.log\"\n");
+    station
+        .waits_for("a word of it", |station| station.log().contains("`[log]` counts from the next start on"));
+    assert!(!station.path("log").exists());
+}
+
 /// The other end of `sd_notify(3)`.
 #[cfg(target_os = "linux")]
 #[test]
