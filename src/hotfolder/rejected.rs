@@ -8,8 +8,9 @@ use std::time::SystemTime;
 use fs_err as fs;
 use serde::Deserialize;
 
-use super::filing::{self, REPORT};
+use super::filing::{self, REPORT, with_slashes};
 use super::folders::move_new;
+use super::journal::Order;
 use super::names::{Meaning, meaning};
 use crate::config::FolderPaths;
 use crate::reason::Reason;
@@ -33,6 +34,7 @@ pub fn return_rejected(
 ) -> std::io::Result<(Vec<String>, Vec<Reason>)> {
     let mut reasons = Vec::new();
     collect(&folders.rejected, 0, &mut reasons)?;
+    let order = Order::read(&folders.state)?;
     // Of a drop that was rejected several times the newest counts; an older one would undo it.
     let mut newest = BTreeMap::new();
     for reason in reasons {
@@ -41,13 +43,15 @@ pub fn return_rejected(
         if wanted.is_some_and(|wanted| !wanted.contains(&drop)) {
             continue;
         }
-        let this = (written(&reason), place_number(&reason), reason);
+        let line = reason.with_file_name(Path::new(&drop).file_name().unwrap_or_default());
+        let line = order.rejected(&with_slashes(line.strip_prefix(&folders.rejected).unwrap_or(&line)));
+        let this = (line, written(&reason), place_number(&reason), reason);
         let last = newest.entry(drop).or_insert_with(|| this.clone());
         *last = this.max(std::mem::take(last));
     }
     let (mut returned, mut trouble) = (Vec::new(), Vec::new());
-    for (drop, (rejected_at, _, reason)) in newest {
-        if done_since(folders, &drop, rejected_at) {
+    for (drop, (line, rejected_at, _, reason)) in newest {
+        if done_since(folders, &order, &drop, line, rejected_at) {
             let what =
                 format!("{drop} is not put back: a newer one of that name was done since it was rejected.");
             let remedy =
@@ -111,14 +115,26 @@ fn place_number(file: &Path) -> u64 {
     number.and_then(|number| number.parse().ok()).unwrap_or(1)
 }
 
-/// Whether a drop of that name was done after this moment: its report, or the note of the SKU's part, is newer.
-fn done_since(folders: &FolderPaths, drop: &str, rejected_at: Option<SystemTime>) -> bool {
-    let done = match meaning(Path::new(drop)) {
-        Ok(Meaning::Pattern { sku, name }) => filing::report_path(folders, &sku, &name, REPORT),
-        Ok(Meaning::Part(sku)) => filing::current_part_note(folders, &sku),
+/// Whether a drop of that name was done since it was rejected: the journal tells it by its lines; where it was written
+/// anew without the rejection, the report, or the note of the SKU's part, is newer.
+fn done_since(
+    folders: &FolderPaths,
+    order: &Order,
+    drop: &str,
+    rejected: Option<usize>,
+    rejected_at: Option<SystemTime>,
+) -> bool {
+    let (done, told) = match meaning(Path::new(drop)) {
+        Ok(Meaning::Pattern { sku, name }) => {
+            (order.delivered(&name), filing::report_path(folders, &sku, &name, REPORT))
+        }
+        Ok(Meaning::Part(sku)) => (order.learned(&sku), filing::current_part_note(folders, &sku)),
         Ok(Meaning::Companion) | Err(_) => return false,
     };
-    written(&done).is_some_and(|done| Some(done) > rejected_at)
+    match rejected {
+        Some(rejected) => done.is_some_and(|done| done > rejected),
+        None => written(&told).is_some_and(|done| Some(done) > rejected_at),
+    }
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {

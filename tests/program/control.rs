@@ -2,6 +2,7 @@
 //! with drawings that were delivered before.
 
 use std::process::Command;
+use std::time::{Duration, SystemTime};
 
 use fs_err as fs;
 use serde_json::Value;
@@ -46,7 +47,7 @@ fn a_station_is_set_up_checked_and_works() {
     fs::copy(drawing("square"), desk.path("line 1/hot/trough.dxf")).unwrap();
     // It lay there for a while: an OBJ has no end mark.
     let part = fs::OpenOptions::new().write(true).open(desk.path("line 1/hot/trough.obj")).unwrap();
-    part.file().set_modified(std::time::SystemTime::now() - std::time::Duration::from_secs(3600)).unwrap();
+    part.file().set_modified(SystemTime::now() - Duration::from_secs(3600)).unwrap();
     drop(part);
     let said = desk.isomark(&["watch", "line 1/station.toml", "--once"]);
     assert!(said.code == 0 && said.out.starts_with("1 delivered"), "{said:?}");
@@ -158,6 +159,31 @@ fn what_is_asked_of_a_station_that_does_not_run_is_done_when_it_starts() {
     let before = fs::read(station.path("import/trough.dxf")).unwrap();
     assert!(station.once().out.starts_with("1 delivered"));
     assert!(fs::read(station.path("import/trough.dxf")).unwrap() != before);
+}
+
+/// Clocks are set back, by people and by the net; the journal has its own order.
+#[test]
+fn what_was_done_last_stays_whatever_the_clock_says() {
+    let station = delivered();
+    let hours_on = |name: &str| {
+        let file = fs::OpenOptions::new().write(true).open(station.path(name)).unwrap();
+        file.file().set_modified(SystemTime::now() + Duration::from_secs(7200)).unwrap();
+    };
+    let retry = || station.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    station.desk.write("hot/trough.dxf", "%PDF");
+    assert!(station.once().out.contains("1 rejected"));
+    // Rejected last, though the report of the delivered one is newer.
+    hours_on("reports/trough/trough.dxf.report.json");
+    assert_eq!(retry().out, "trough.dxf is back in the hot folder\n");
+    assert!(station.once().out.contains("1 rejected"));
+    // Delivered last, though the reason is newer.
+    station.copy_into(&drawing("abc"), "trough.dxf");
+    assert!(station.once().out.starts_with("1 delivered"));
+    hours_on("rejected/trough.dxf.reason.json");
+    retry().refused(3, &["trough.dxf is not put back", "a newer one of that name"]);
+    // The journal may have forgotten what was rejected.
+    fs::remove_file(station.path("state/journal.log")).unwrap();
+    assert_eq!(retry().out, "trough.dxf is back in the hot folder\n");
 }
 
 #[test]
@@ -278,7 +304,7 @@ fn a_service_manager_hears_that_the_station_is_ready_alive_and_stopping() {
     use std::os::unix::net::UnixDatagram;
     let mut station = Station::new();
     let socket = UnixDatagram::bind(station.path("ear")).unwrap();
-    socket.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     let hears = |words: &str| {
         let mut buffer = [0; 200];
         loop {
