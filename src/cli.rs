@@ -211,9 +211,16 @@ impl Failure {
 }
 
 impl From<ConfigError> for Failure {
+    /// A file that is not there, or is none, does not come by trying again.
     fn from(error: ConfigError) -> Self {
-        let exit =
-            if matches!(error, ConfigError::Unreadable { .. }) { Exit::Environment } else { Exit::Usage };
+        use ErrorKind::{InvalidData, IsADirectory, NotADirectory, NotFound};
+        let wrong = |kind| matches!(kind, NotFound | InvalidData | IsADirectory | NotADirectory);
+        let exit = match &error {
+            ConfigError::Unreadable { file, source } if !wrong(source.kind()) && !file.is_dir() => {
+                Exit::Environment
+            }
+            _ => Exit::Usage,
+        };
         Self { exit, reason: error.reason() }
     }
 }

@@ -216,7 +216,11 @@ fn a_typo_in_the_settings() {
     desk.isomark(&["watch", "station.toml", "--once"]).refused(2, &words);
     desk.isomark(&["cache", "list", "--station", "station.toml"]).refused(2, &words);
     correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(2, &words);
-    desk.isomark(&["watch", "nowhere.toml"]).refused(3, &["nowhere.toml", "remedy: "]);
+    // A service with a mistyped name is not started again and again.
+    desk.isomark(&["watch", "nowhere.toml"]).refused(2, &["nowhere.toml", "remedy: "]);
+    desk.write("latin.toml", b"[station]\nname = \"B\xfcro\"\n");
+    desk.isomark(&["watch", "latin.toml"]).refused(2, &["latin.toml", "UTF-8"]);
+    desk.isomark(&["watch", "."]).refused(2, &["station.toml", "remedy: Name the file"]);
 }
 
 #[test]
