@@ -298,8 +298,11 @@ impl FolderKeys {
             ("reports", self.reports.as_ref()),
             ("skus", self.skus.as_ref()),
             ("state", self.state.as_ref()),
-        ]
-        .map(|(name, given)| {
+        ];
+        for given in all.iter().filter_map(|(_, given)| *given) {
+            refuse_half_absolute(text, given)?;
+        }
+        let all = all.map(|(name, given)| {
             let path = given.map_or(Path::new(name), |given| given.get_ref());
             (name, normal(&base.join(path)), given.unwrap_or(&self.hot).span())
         });
@@ -352,6 +355,21 @@ fn normal(path: &Path) -> PathBuf {
     for component in path.components() {
         match component {
             Component::CurDir => {}
+/// Refuses what on Windows depends on the drive or the folder that the program was started in (`C:laser`, `\laser`):
+/// another command would look elsewhere.
+fn refuse_half_absolute(text: &SettingsText, given: &Spanned<PathBuf>) -> Result<(), ConfigError> {
+    let path = given.get_ref();
+    let begins_absolute = matches!(path.components().next(), Some(Component::Prefix(_) | Component::RootDir));
+    if path.is_absolute() || !begins_absolute {
+        return Ok(());
+    }
+    Err(ConfigError::Contradiction {
+        spot: text.spot(&given.span()),
+        what: format!("The path {} depends on where the program is started.", path.display()),
+        remedy: "Write it with drive and root, such as 'C:\\laser\\hot' or '\\\\server\\laser\\hot', or relative to this file.".into(),
+    })
+}
+
             Component::ParentDir if matches!(normal.components().next_back(), Some(Component::Normal(_))) => {
                 normal.pop();
             }
@@ -477,3 +495,4 @@ impl LogKeys {
         Ok(Some(LogSettings { file, largest, keep }))
     }
 }
+        refuse_half_absolute(text, &given)?;

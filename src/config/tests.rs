@@ -353,3 +353,25 @@ fn a_sku_file_that_was_never_right_is_an_error_for_its_jobs_only() {
     assert!(live.job(&"bad".parse().unwrap()).unwrap_err().to_string().contains("`facing`"));
     assert!(live.job(&"good".parse().unwrap()).is_ok());
 }
+
+/// They would depend on the drive and the folder in which each command is started.
+#[cfg(windows)]
+#[test]
+fn paths_are_absolute_or_relative_to_their_file() {
+    for path in ["C:laser", "\\laser", "/laser"] {
+        for (key, text) in [
+            ("hot", NEEDED.replace("\"drop/hot\"", &format!("'{path}'"))),
+            ("archive", NEEDED.replace("[field]", &format!("archive = '{path}'\n[field]"))),
+            ("file", format!("{NEEDED}[log]\nfile = '{path}'\n")),
+        ] {
+            let error = parse(&text).unwrap_err();
+            let line = text.lines().position(|line| line.starts_with(key)).unwrap() as u64 + 1;
+            assert_eq!(error.reason().place.line, Some(line), "{error}");
+            assert!(error.to_string().contains("depends on where the program is started"), "{error}");
+        }
+    }
+    for path in ["C:\\laser", "\\\\server\\share\\laser"] {
+        let station = parse(&NEEDED.replace("\"drop/hot\"", &format!("'{path}'"))).unwrap();
+        assert_eq!(station.folders.hot, Path::new(path));
+    }
+}
