@@ -45,12 +45,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         }
     }
     let skus = checked.len();
-    if !station.folders.import.is_dir() {
-        let what = format!("The import folder {} does not exist.", station.folders.import.display());
-        let remedy =
-            "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
-        mistakes.push(Reason::new("import-missing", what, remedy));
-    }
+    mistakes.extend(station.folders.import_trouble());
     refuse_for(mistakes, Exit::Usage)?;
     let mut troubles = unwritable(&station.folders);
     if let Err(error) = fs::read_dir(&station.folders.hot)

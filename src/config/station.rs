@@ -15,6 +15,7 @@ use super::keys::{
 use super::settings::JobSettings;
 use super::sku::fold;
 use super::text::SettingsText;
+use crate::reason::Reason;
 
 /// A station, validated.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,6 +73,23 @@ impl FolderPaths {
                 resolved(&above)
             })
             .ok()
+    }
+
+    /// Why nothing can be delivered into the import folder now, if that is so.
+    pub fn import_trouble(&self) -> Option<Reason> {
+        let import = self.import.display();
+        let (code, what, remedy) = if self.import.is_dir() {
+            return None;
+        } else if self.import.exists() {
+            let what = format!("The import folder {import} is a file.");
+            ("import-is-file", what, "Name the folder that the marking software imports from.")
+        } else {
+            let what = format!("The import folder {import} does not exist.");
+            let remedy =
+                "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
+            ("import-missing", what, remedy)
+        };
+        Some(Reason::new(code, what, remedy))
     }
 }
 
@@ -337,6 +355,21 @@ impl FolderKeys {
     }
 }
 
+/// Refuses what on Windows depends on the drive or the folder that the program was started in (`C:laser`, `\laser`):
+/// another command would look elsewhere.
+fn refuse_half_absolute(text: &SettingsText, given: &Spanned<PathBuf>) -> Result<(), ConfigError> {
+    let path = given.get_ref();
+    let begins_absolute = matches!(path.components().next(), Some(Component::Prefix(_) | Component::RootDir));
+    if path.is_absolute() || !begins_absolute {
+        return Ok(());
+    }
+    Err(ConfigError::Contradiction {
+        spot: text.spot(&given.span()),
+        what: format!("The path {} depends on where the program is started.", path.display()),
+        remedy: "Write it with drive and root, such as 'C:\\laser\\hot' or '\\\\server\\laser\\hot', or relative to this file.".into(),
+    })
+}
+
 /// The path by which folders are told apart: links are followed as far as it is there, and Windows knows no upper and
 /// lower case.
 fn comparable(path: &Path) -> PathBuf {
@@ -355,21 +388,6 @@ fn normal(path: &Path) -> PathBuf {
     for component in path.components() {
         match component {
             Component::CurDir => {}
-/// Refuses what on Windows depends on the drive or the folder that the program was started in (`C:laser`, `\laser`):
-/// another command would look elsewhere.
-fn refuse_half_absolute(text: &SettingsText, given: &Spanned<PathBuf>) -> Result<(), ConfigError> {
-    let path = given.get_ref();
-    let begins_absolute = matches!(path.components().next(), Some(Component::Prefix(_) | Component::RootDir));
-    if path.is_absolute() || !begins_absolute {
-        return Ok(());
-    }
-    Err(ConfigError::Contradiction {
-        spot: text.spot(&given.span()),
-        what: format!("The path {} depends on where the program is started.", path.display()),
-        remedy: "Write it with drive and root, such as 'C:\\laser\\hot' or '\\\\server\\laser\\hot', or relative to this file.".into(),
-    })
-}
-
             Component::ParentDir if matches!(normal.components().next_back(), Some(Component::Normal(_))) => {
                 normal.pop();
             }
@@ -482,6 +500,7 @@ impl LogKeys {
         let keep = number("log.keep", &self.keep, 5.0, 1.0..=1000.0, "files")? as usize;
         let largest = (megabytes * 1e6) as u64;
         let Some(given) = self.file else { return Ok(None) };
+        refuse_half_absolute(text, &given)?;
         let file = normal(&base.join(given.get_ref()));
         for (name, folder) in [("hot", &folders.hot), ("import", &folders.import)] {
             if comparable(&file).starts_with(comparable(folder)) {
@@ -495,4 +514,3 @@ impl LogKeys {
         Ok(Some(LogSettings { file, largest, keep }))
     }
 }
-        refuse_half_absolute(text, &given)?;

@@ -78,6 +78,9 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     }
     fs::remove_dir(station.path("import")).unwrap();
     check().refused(2, &["The import folder ", "does not exist", "connect its share"]);
+    station.desk.write("import", "no folder");
+    check().refused(2, &["The import folder ", " is a file.", "Name the folder that"]);
+    fs::remove_file(station.path("import")).unwrap();
     fs::create_dir(station.path("import")).unwrap();
     // Also as an administrator, who may write everywhere.
     station.desk.write("archive", "a file in the way");
