@@ -7,8 +7,8 @@ use clap::Args;
 
 use super::{Exit, Failure, Outcome, parse_sku, print, tell};
 use crate::config::{FolderPaths, Station};
-use crate::hotfolder::status::{Listed, Status, Waits};
-use crate::hotfolder::{Holder, Request, StationLock, return_rejected};
+use crate::hotfolder::status::{Listed, State, Status, Waits};
+use crate::hotfolder::{Holder, Request, StationLock, count_rejected, return_rejected};
 use crate::reason::on_one_line;
 
 #[derive(Debug, Args)]
@@ -47,22 +47,32 @@ fn folders_of(file: &Path) -> Result<FolderPaths, Failure> {
     }
 }
 
+/// What the station told last, if it was ever started, and who runs it.
+fn status_of(folders: &FolderPaths) -> Result<(Option<Status>, Option<Holder>), Failure> {
+    let holder = StationLock::holder(&folders.state).map_err(|error| Failure::environment(&error))?;
+    let status = Status::read(&folders.state).map_err(|error| Failure::environment(&error))?;
+    Ok((status.map(|status| status.seen(holder.is_some(), SystemTime::now())), holder))
+}
+
 pub(super) fn run(arguments: &StatusArguments) -> Outcome {
-    let state = &folders_of(&arguments.station)?.state;
-    let holder = StationLock::holder(state).map_err(|error| Failure::environment(&error))?;
-    let status = Status::read(state).map_err(|error| Failure::environment(&error))?;
-    let Some(mut status) = status else {
+    let folders = folders_of(&arguments.station)?;
+    let (Some(mut status), holder) = status_of(&folders)? else {
         let what = format!("The station of {} was never started.", arguments.station.display());
         return Err(Failure::usage(what, "Start it with `isomark watch`."));
     };
-    let ended_silently = status.running && holder.is_none();
-    status.running = holder.is_some();
+    status.in_rejected = count_rejected(&folders.rejected).ok();
+    let import = format!("import folder {}", folders.import.display());
+    if let Some(reason) = folders.import_trouble()
+        && !status.troubles.iter().any(|trouble| trouble.contains(&import))
+    {
+        status.troubles.push(reason.on_one_line());
+    }
     if arguments.json {
         let text =
             serde_json::to_string_pretty(&status).map_err(|error| Failure::environment(&error.into()))?;
         print(&(text + "\n"));
     } else {
-        print(&words(&status, holder.as_ref(), ended_silently));
+        print(&words(&status, holder.as_ref(), &folders));
     }
     Ok(())
 }
@@ -93,15 +103,15 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     Ok(())
 }
 
-fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> String {
+fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> String {
     let mut text = match holder {
         Some(holder) => format!("{}: runs, {holder}\n", status.station),
-        None if ended_silently => {
+        None if status.state == State::EndedSilently => {
             format!("{}: does not run; it ended without a word after {}\n", status.station, status.at)
         }
         None => format!("{}: does not run; it was stopped at {}\n", status.station, status.at),
     };
-    if status.is_silent(SystemTime::now()) {
+    if status.state == State::Silent {
         text += &format!(
             "it has said nothing since {}: it hangs, or cannot write its state folder; see its log, or start it again\n",
             status.at
@@ -118,6 +128,10 @@ fn words(status: &Status, holder: Option<&Holder>, ended_silently: bool) -> Stri
         done.rejected_last_hour,
         if done.learned == 1 { "1 part".into() } else { format!("{} parts", done.learned) }
     );
+    if let Some(count) = status.in_rejected.filter(|count| *count > 0) {
+        let lie = if count == 1 { "drop lies" } else { "drops lie" };
+        text += &format!("{count} rejected {lie} in {}\n", folders.rejected.display());
+    }
     if !status.under_way.is_empty() {
         text += "at work on\n";
         let lines = status.under_way.iter().map(|job| format!("  {}, for {:.1} s\n", job.drop, job.for_s));

@@ -85,6 +85,16 @@ pub fn return_rejected(
     Ok((returned, trouble))
 }
 
+/// How many rejected drops lie in the folder.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn count_rejected(folder: &Path) -> std::io::Result<usize> {
+    let mut reasons = Vec::new();
+    collect(folder, 0, &mut reasons)?;
+    Ok(reasons.len())
+}
+
 /// Reasons lie up to two folders deep: a SKU's, and a numbered one in it.
 fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let entries = match fs::read_dir(folder) {

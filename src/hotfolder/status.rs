@@ -40,15 +40,21 @@ pub struct Status {
     pub station: String,
     /// Whether it ran when this was written; only the lock tells whether it still does.
     pub running: bool,
+    /// The same in more words.
+    #[serde(default)]
+    pub state: State,
     /// When this was written, in universal time.
     pub at: String,
     /// When the station was started.
     pub since: String,
     /// What it did since then.
     pub done: Done,
-    /// What is wrong with the hot folder itself, so that drops may go unseen.
+    /// What is wrong with the folders and the settings themselves.
     #[serde(default)]
     pub troubles: Vec<String>,
+    /// How many rejected drops lie in the rejected folder; the station itself does not count them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_rejected: Option<usize>,
     /// What it is doing.
     pub under_way: Vec<UnderWay>,
     /// What waits for something else.
@@ -59,6 +65,21 @@ pub struct Status {
     pub outdated: Listed<OutdatedDrawing>,
     /// The last rejections, newest first.
     pub rejections: Vec<Rejection>,
+}
+
+/// What can be told of a station from outside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// It runs, and says so.
+    Running,
+    /// It runs and says nothing any more: it hangs, or cannot write its state folder.
+    Silent,
+    /// It was stopped.
+    #[default]
+    Stopped,
+    /// It does not run, and never said that it would end.
+    EndedSilently,
 }
 
 /// Counts since the start, and of the last hour.
@@ -133,10 +154,17 @@ impl Status {
         Ok(Some(serde_json::from_slice(&bytes)?))
     }
 
-    /// Whether a station that runs says nothing any more: it writes its status every few seconds.
-    pub fn is_silent(&self, now: SystemTime) -> bool {
+    /// What this says at a later time of a station that runs, or does not: a running one writes its status every few
+    /// seconds.
+    pub fn seen(self, runs: bool, now: SystemTime) -> Self {
         let heard = now.checked_sub(LONGEST_SILENCE).unwrap_or(SystemTime::UNIX_EPOCH);
-        self.running && self.at < clock::timestamp(heard)
+        let state = match (runs, self.running) {
+            (true, _) if self.at < clock::timestamp(heard) => State::Silent,
+            (true, _) => State::Running,
+            (false, true) => State::EndedSilently,
+            (false, false) => State::Stopped,
+        };
+        Self { running: runs, state, ..self }
     }
 }
 
@@ -253,6 +281,8 @@ impl StatusBoard {
             schema: SCHEMA.into(),
             station: self.station.clone(),
             running: view.alive,
+            state: if view.alive { State::Running } else { State::Stopped },
+            in_rejected: None,
             at: String::new(),
             since: self.since.clone(),
             done,
@@ -298,7 +328,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_station_that_runs_and_says_nothing_is_silent() {
+    fn what_can_be_told_of_a_station_from_outside() {
         let at = SystemTime::UNIX_EPOCH + Duration::from_secs(1_767_225_600);
         let bytes = serde_json::json!({
             "schema": SCHEMA, "station": "test", "running": true, "at": clock::timestamp(at), "since": "",
@@ -308,8 +338,15 @@ mod tests {
         });
         // One that an older version wrote knows no troubles.
         let status: Status = serde_json::from_value(bytes).unwrap();
-        assert!(!status.is_silent(at + Duration::from_secs(30)));
-        assert!(status.is_silent(at + Duration::from_secs(31)));
-        assert!(!Status { running: false, ..status }.is_silent(at + Duration::from_secs(31)));
+        let ended = Status { running: false, ..status.clone() };
+        for (status, runs, after, state) in [
+            (&status, true, 30, State::Running),
+            (&status, true, 31, State::Silent),
+            (&status, false, 1, State::EndedSilently),
+            (&ended, false, 31, State::Stopped),
+        ] {
+            let seen = status.clone().seen(runs, at + Duration::from_secs(after));
+            assert_eq!((seen.running, seen.state), (runs, state));
+        }
     }
 }

@@ -124,14 +124,25 @@ fn a_station_is_asked_from_another_terminal() {
     assert!(ask(&station).out.starts_with(&format!("test: runs, process {id}")));
     let now = status(&station);
     assert_eq!((&now["schema"], &now["running"]), (&"isomark.status/1".into(), &true.into()));
+    assert_eq!((&now["state"], &now["in_rejected"]), (&"running".into(), &1.into()));
+    assert_eq!(now["troubles"], serde_json::json!([]));
+    fs::remove_dir(station.path("import")).unwrap();
+    let troubles = status(&station)["troubles"].to_string();
+    assert!(troubles.contains("The import folder ") && troubles.contains("does not exist"), "{troubles}");
+    fs::create_dir(station.path("import")).unwrap();
     assert_eq!((&now["waiting"]["count"], &now["done"]["rejected"]), (&1.into(), &1.into()));
     assert_eq!(now["waiting"]["first"][0]["reason"]["code"], "waits-for-part");
     assert_eq!(now["rejections"][0]["reason"]["code"], "unknown-kind");
     station.kill();
     assert!(ask(&station).out.contains("does not run; it ended without a word after 20"));
-    assert_eq!(status(&station)["running"], false);
+    let now = status(&station);
+    assert_eq!((&now["running"], &now["state"]), (&false.into(), &"ended-silently".into()));
     station.once();
-    assert!(ask(&station).out.contains("does not run; it was stopped at 20"));
+    let said = ask(&station).out;
+    assert!(said.contains("does not run; it was stopped at 20"), "{said}");
+    // Whenever they were rejected.
+    assert!(said.contains(" 0 rejected (0), ") && said.contains("1 rejected drop lies in "), "{said}");
+    assert_eq!(status(&station)["state"], "stopped");
 }
 
 #[test]
