@@ -6,8 +6,8 @@ use std::time::SystemTime;
 use clap::Args;
 
 use super::{Exit, Failure, Outcome, parse_sku, print, tell};
-use crate::config::{FolderPaths, Station};
-use crate::hotfolder::status::{Listed, State, Status, Waits};
+use crate::config::{FolderPaths, Sku, Station};
+use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, Waits};
 use crate::hotfolder::{Holder, Request, StationLock, count_rejected, return_rejected};
 use crate::reason::on_one_line;
 
@@ -95,12 +95,30 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),
         None => Request::Waiting,
     };
+    if let (Request::Outdated(sku), Ok((Some(status), _))) = (&request, status_of(&folders))
+        // One that does not run looks when it starts.
+        && runs
+        && !may_be_outdated(&status, sku.as_ref())
+    {
+        let whose = sku.as_ref().map_or("".into(), |sku| format!(" of {sku}"));
+        tell(&format!(
+            "isomark: warning: the station knows no outdated drawing{whose} yet; `isomark status` lists them"
+        ));
+    }
     request.leave(state).map_err(|error| Failure::environment(&error))?;
     print(&match request {
         Request::Waiting => format!("what waits is tried again{then}\n"),
         Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),
     });
     Ok(())
+}
+
+/// Whether the station told of an outdated drawing of the SKU, or of any; its list may be longer than what it told.
+fn may_be_outdated(status: &Status, sku: Option<&Sku>) -> bool {
+    let Listed { count, first } = &status.outdated;
+    let is_asked =
+        |drawing: &OutdatedDrawing| sku.is_none_or(|sku| drawing.sku.parse::<Sku>().as_ref() == Ok(sku));
+    *count > first.len() || first.iter().any(is_asked)
 }
 
 fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> String {
