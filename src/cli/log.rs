@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use tracing_subscriber::layer::SubscriberExt;
@@ -41,9 +40,6 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// How often the path is looked at: somebody may remove the file while it is written.
-const LOOK: Duration = Duration::from_secs(1);
-
 /// A log file that is begun anew when it has become large; older ones are `<file>.1`, `<file>.2` and so on.
 struct RotatingFile {
     settings: LogSettings,
@@ -52,13 +48,12 @@ struct RotatingFile {
     size: u64,
     /// At this size it is begun anew.
     full: u64,
-    looked: Instant,
 }
 
 impl RotatingFile {
     fn open(settings: &LogSettings) -> std::io::Result<Self> {
         let (settings, full) = (settings.clone(), settings.largest);
-        let mut log = Self { settings, file: None, size: 0, full, looked: Instant::now() };
+        let mut log = Self { settings, file: None, size: 0, full };
         log.reopen()?;
         Ok(log)
     }
@@ -98,12 +93,8 @@ impl RotatingFile {
         (0..free).rev().try_for_each(|number| fs::rename(self.older(number), self.older(number + 1)))
     }
 
-    /// Forgets a file that was removed, or moved away, so that the next line begins another.
+    /// Forgets a file that somebody removed or moved away while it was written, so that the next line begins another.
     fn keep_in_place(&mut self) {
-        if self.looked.elapsed() < LOOK {
-            return;
-        }
-        self.looked = Instant::now();
         if self.file.as_ref().is_some_and(|file| !lies_at(file, &self.settings.file)) {
             (self.file, self.full) = (None, self.settings.largest);
         }
@@ -213,7 +204,6 @@ mod tests {
         let mut log = RotatingFile::open(&settings).unwrap();
         log.write_all(b"before\n").unwrap();
         fs::remove_dir_all(folder.path().join("log")).unwrap();
-        log.looked = log.looked.checked_sub(LOOK).unwrap();
         log.write_all(b"after\n").unwrap();
         assert_eq!(fs::read_to_string(&settings.file).unwrap(), "after\n");
     }
