@@ -161,6 +161,25 @@ pub fn is_plain(name: &str) -> bool {
     single && !name.contains(['/', '\\', ':'])
 }
 
+/// Makes a folder for whoever owns the one it lies in, if it is not there: what an administrator's command makes must not
+/// stand in the way of the user that runs the station.
+///
+/// # Errors
+/// When it cannot be made.
+pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(()),
+        made => made?,
+    }
+    #[cfg(unix)]
+    if let Some(owner) = folder.parent().and_then(|parent| fs::metadata(parent).ok()) {
+        use std::os::unix::fs::{MetadataExt, chown};
+        // Only an administrator may, and only an administrator has to.
+        let _ = chown(folder, Some(owner.uid()), Some(owner.gid()));
+    }
+    Ok(())
+}
+
 /// The error with the path it happened at.
 pub(crate) fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
     io::Error::new(error.kind(), format!("{verb} {}: {error}", path.display()))
@@ -184,6 +203,22 @@ mod tests {
             let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
             assert_eq!(mode & 0o444, 0o444);
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_an_administrator_makes_belongs_to_whom_it_is_made_for() {
+        use std::os::unix::fs::{MetadataExt, chown};
+        let folder = tempfile::tempdir().unwrap();
+        // Nobody else may give a folder away.
+        let given_away = chown(folder.path(), Some(12_345), Some(12_345)).is_ok();
+        let made = folder.path().join("requests");
+        for _ in 0..2 {
+            make_folder(&made).unwrap();
+        }
+        let [outer, inner] = [folder.path(), &made].map(|path| fs::metadata(path).unwrap());
+        assert_eq!((inner.uid(), inner.gid()), (outer.uid(), outer.gid()));
+        assert!(!given_away || inner.uid() == 12_345);
     }
 
     /// Whoever tries again tells only what is new.

@@ -1,5 +1,6 @@
 //! `isomark status` and `isomark retry`: a running station, looked at and spoken to from another terminal.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -8,8 +9,8 @@ use clap::Args;
 use super::{Exit, Failure, Outcome, parse_sku, print, tell};
 use crate::config::{FolderPaths, Sku, Station};
 use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, Waits};
-use crate::hotfolder::{Holder, Request, StationLock, count_rejected, return_rejected};
-use crate::reason::on_one_line;
+use crate::hotfolder::{AS_ITS_USER, Holder, Request, StationLock, count_rejected, return_rejected};
+use crate::reason::{Reason, on_one_line};
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArguments {
@@ -105,7 +106,13 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
             "isomark: warning: the station knows no outdated drawing{whose} yet; `isomark status` lists them"
         ));
     }
-    request.leave(state).map_err(|error| Failure::environment(&error))?;
+    request.leave(state).map_err(|error| match error.kind() {
+        ErrorKind::PermissionDenied => {
+            let reason = Reason::new("environment", format!("{error}."), AS_ITS_USER);
+            Failure { exit: Exit::Environment, reason }
+        }
+        _ => Failure::environment(&error),
+    })?;
     print(&match request {
         Request::Waiting => format!("what waits is tried again{then}\n"),
         Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),

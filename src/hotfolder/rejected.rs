@@ -13,9 +13,13 @@ use super::folders::move_new;
 use super::journal::Order;
 use super::names::{Meaning, meaning};
 use crate::config::FolderPaths;
+use crate::files::make_folder;
 use crate::reason::Reason;
 
 const REASON: &str = ".reason.json";
+/// What to do when the station's folders may not be written.
+pub const AS_ITS_USER: &str =
+    "Do it as the user that runs the station, on Linux with `sudo -u isomark` before the command.";
 
 /// What is needed of a reason's file.
 #[derive(Deserialize)]
@@ -64,7 +68,10 @@ pub fn return_rejected(
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => {
                 let what = format!("{drop} cannot be put back: {error}.");
-                let remedy = "Let what lies in the hot folder under its name be done first.";
+                let remedy = match error.kind() {
+                    ErrorKind::PermissionDenied => AS_ITS_USER,
+                    _ => "Let what lies in the hot folder under its name be done first.",
+                };
                 trouble.push(Reason::new("not-returned", what, remedy));
             }
         }
@@ -157,7 +164,8 @@ fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Resu
     let rejected = reason.with_file_name(name);
     let target = folders.hot.join(relative);
     if let Some(folder) = target.parent() {
-        fs::create_dir_all(folder)?;
+        fs::create_dir_all(&folders.hot)?;
+        make_folder(folder)?;
     }
     let bytes = fs::read(&rejected)?;
     for companion in companions(&rejected, &bytes) {

@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use fs_err as fs;
 
 use crate::config::Sku;
-use crate::files::write_whole_unsynced;
+use crate::files::{make_folder, write_whole_unsynced};
 
 const FOLDER: &str = "requests";
 /// Endings of names that are still being written are none of these.
@@ -29,7 +29,8 @@ impl Request {
     /// When the folder cannot be written to.
     pub fn leave(&self, state: &Path) -> std::io::Result<()> {
         let folder = state.join(FOLDER);
-        fs::create_dir_all(&folder)?;
+        fs::create_dir_all(state)?;
+        make_folder(&folder)?;
         let words = match self {
             Self::Waiting => "waiting".to_owned(),
             Self::Outdated(None) => "outdated".to_owned(),
