@@ -182,7 +182,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |ending: &str| folder.path().join(format!("station.log{ending}"));
         let settings = LogSettings { file: path(""), largest: 30, keep: 2 };
-        [".1", ".2"].map(|ending| fs::write(path(ending), ending).unwrap());
+        for ending in [".1", ".2"] {
+            fs::write(path(ending), ending).unwrap();
+        }
         let mut log = RotatingFile::open(&settings).unwrap();
         // Others may read and write it, and not rename it.
         let held = std::fs::OpenOptions::new().read(true).share_mode(3).open(path("")).unwrap();

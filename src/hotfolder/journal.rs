@@ -18,60 +18,31 @@
 //! when the importer has taken the drawing away since. A drop is known by its path and its [`Stamp`]: should another
 //! file bear its name by then, that is another drop.
 
+mod line;
+mod order;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, UNIX_EPOCH};
 
 use fs_err as fs;
-use serde::{Deserialize, Serialize};
 
 use super::clock;
 use super::folders::{Identity, identity, lies_at};
-use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
+
+pub(super) use line::{Import, Job, StampRecord};
+use line::{Line, Parsed, Record, parse, written};
+pub(super) use order::Order;
 
 const JOURNAL: &str = "journal.log";
 /// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
 const MOST_RESULTS: usize = 100_000;
 /// The journal is written anew when it has this many lines more than what still counts.
 const IDLE_LINES: usize = 20_000;
-
-/// What one drawing was made of and became.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Job {
-    /// The drop, relative to the hot folder, with `/`; for an archived original that is corrected again, its place in
-    /// the archive after `archive:`.
-    pub(super) drop: String,
-    /// The SKU's name.
-    pub(super) sku: String,
-    /// The name of the result in the import folder.
-    pub(super) name: String,
-    /// Hash of everything the result depends on: name, pattern, surface, settings and version.
-    pub(super) key: String,
-    /// Hash of what may change without a new drop: surface and settings.
-    pub(super) basis: String,
-    /// Hash of the pattern.
-    pub(super) pattern: String,
-    /// Hash of the corrected drawing.
-    pub(super) result: String,
-}
-
-/// Whether BeamConstruct holds a drawing that lies in the import folder.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Import {
-    /// Nobody was to see to it: an importer takes drawings from the folder.
-    #[default]
-    ByFolder,
-    /// BeamServer has still to be told.
-    Due,
-    /// It was imported.
-    Done,
-}
 
 /// A job that was begun and not filed away.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -118,97 +89,6 @@ pub(super) struct Refused {
     pub(super) drop: String,
     /// Where it lies in the rejected folder, with `/`.
     pub(super) to: String,
-}
-
-/// A [`Stamp`] as it is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct StampRecord {
-    size: u64,
-    /// Nanoseconds since 1970.
-    modified: Option<u64>,
-    identity: u64,
-}
-
-impl StampRecord {
-    /// Whether it is the stamp of this file. Some shares number their files anew with each mount: size and time of the
-    /// last write, to the nanosecond, decide where the system tells the time.
-    pub(super) fn is_of(&self, stamp: Stamp) -> bool {
-        let now = Self::from(stamp);
-        *self == now || (self.modified.is_some() && (self.size, self.modified) == (now.size, now.modified))
-    }
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(tag = "did", rename_all = "kebab-case")]
-enum Record {
-    /// What this station's temporary files bear in their names.
-    Tag {
-        tag: String,
-        /// Which folder was the state folder: a copy of it is another station's.
-        #[serde(default)]
-        home: Option<Identity>,
-    },
-    /// The drawing lies in the import folder under its temporary name and is about to be renamed.
-    Delivering {
-        #[serde(flatten)]
-        job: Job,
-        stamp: StampRecord,
-        import: Option<Identity>,
-        #[serde(default)]
-        hot: Option<Identity>,
-        /// The tag in the temporary file's name.
-        #[serde(default)]
-        tag: String,
-    },
-    /// It bears its own name.
-    Delivered { drop: String },
-    /// A thread is at this drop.
-    Began { drop: String, stamp: StampRecord },
-    /// It is not any more.
-    Ended { drop: String },
-    /// The station ended as often while a thread was at this drop.
-    Died { drop: String, stamp: StampRecord, deaths: u32 },
-    /// It could not be renamed; the drop waits.
-    Cancelled { drop: String },
-    /// The original is about to go to the archive.
-    Filing {
-        drop: String,
-        sku: String,
-        stamp: StampRecord,
-        to: String,
-        /// The drawing, if it had not to be delivered.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        job: Option<Job>,
-        #[serde(default)]
-        hot: Option<Identity>,
-    },
-    /// A drawing is done; all that later jobs need to know of it.
-    Done {
-        #[serde(flatten)]
-        job: Job,
-        original: String,
-        #[serde(default)]
-        import: Import,
-        #[serde(default, skip_serializing_if = "String::is_empty")]
-        older: String,
-    },
-    /// A part is done.
-    Learned { drop: String, sku: String, original: String },
-    /// A drop was rejected; `part_of` names the SKU of a part.
-    Rejected {
-        drop: String,
-        code: String,
-        to: String,
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        part_of: Option<String>,
-    },
-}
-
-#[derive(Serialize, Deserialize)]
-struct Line {
-    at: String,
-    #[serde(flatten)]
-    record: Record,
 }
 
 /// The journal with what still counts of it.
@@ -656,14 +536,6 @@ impl Journal {
     }
 }
 
-impl From<Stamp> for StampRecord {
-    fn from(stamp: Stamp) -> Self {
-        let since = stamp.modified.and_then(|modified| modified.duration_since(UNIX_EPOCH).ok());
-        let modified = since.map(|since: Duration| since.as_nanos() as u64);
-        Self { size: stamp.size, modified, identity: stamp.identity }
-    }
-}
-
 /// A tag that no other station has: two machines may call their state folders the same and deliver into one folder.
 fn new_tag() -> String {
     // The standard library draws the keys of its hashers at random.
@@ -681,252 +553,5 @@ fn to_the_minute(at: &str) -> String {
     at.chars().take("2026-03-01T12:34".len()).collect()
 }
 
-fn checksum(text: &str) -> String {
-    blake3::hash(text.as_bytes()).to_hex()[..8].to_owned()
-}
-
-fn written(line: &Line) -> io::Result<String> {
-    let json = serde_json::to_string(line).map_err(io::Error::other)?;
-    Ok(format!("{} {json}\n", checksum(&json)))
-}
-
-/// What a line is.
-enum Parsed {
-    Good(Line),
-    /// It is as it was written, and says what this version does not know.
-    Unknown,
-    Damaged,
-}
-
-fn parse(line: &[u8]) -> Parsed {
-    let text = std::str::from_utf8(line).ok().and_then(|text| text.strip_suffix('\n'));
-    let Some((sum, json)) = text.and_then(|text| text.split_once(' ')) else { return Parsed::Damaged };
-    if sum != checksum(json) {
-        return Parsed::Damaged;
-    }
-    serde_json::from_str(json).map_or(Parsed::Unknown, Parsed::Good)
-}
-
-/// In which order the journal tells what became of drops, in lines: clocks may be set back.
-#[derive(Default)]
-pub(super) struct Order {
-    /// By where they lie in the rejected folder, with `/`.
-    rejected: BTreeMap<String, usize>,
-    /// By the result's folded name, with the key of its job and the place of its original.
-    delivered: BTreeMap<String, (usize, String, String)>,
-    /// By the SKU's key.
-    learned: BTreeMap<String, usize>,
-}
-
-impl Order {
-    /// Reads the journal in the state folder, also while a station writes it.
-    pub(super) fn read(state: &Path) -> io::Result<Self> {
-        let bytes = read_if_there(&state.join(JOURNAL))?.unwrap_or_default();
-        let mut order = Self::default();
-        for (number, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
-            let Parsed::Good(Line { record, .. }) = parse(line) else { continue };
-            match record {
-                Record::Rejected { to, .. } => {
-                    order.rejected.insert(to, number);
-                }
-                Record::Done { job, original, .. } if !job.drop.starts_with(ARCHIVE) => {
-                    let last = order.delivered.entry(fold(&job.name)).or_default();
-                    // A line that repeats the one before it says only that BeamServer was told.
-                    if (&last.1, &last.2) != (&job.key, &original) {
-                        *last = (number, job.key, original);
-                    }
-                }
-                Record::Learned { sku, .. } => {
-                    if let Ok(sku) = sku.parse::<Sku>() {
-                        order.learned.insert(sku.key().to_owned(), number);
-                    }
-                }
-                _ => {}
-            }
-        }
-        Ok(order)
-    }
-
-    /// The line that says that this was rejected; `None` when the journal has been written anew since.
-    pub(super) fn rejected(&self, to: &str) -> Option<usize> {
-        self.rejected.get(to).copied()
-    }
-
-    /// The line by which a drawing of this name was done.
-    pub(super) fn delivered(&self, name: &str) -> Option<usize> {
-        self.delivered.get(&fold(name)).map(|(number, ..)| *number)
-    }
-
-    /// The line by which the SKU's part was done.
-    pub(super) fn learned(&self, sku: &Sku) -> Option<usize> {
-        self.learned.get(sku.key()).copied()
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn job(name: &str, key: &str) -> Job {
-        let text = |text: &str| text.to_owned();
-        Job {
-            drop: text(name),
-            sku: text("Can"),
-            name: text(name),
-            key: text(key),
-            basis: text("b"),
-            pattern: text("p"),
-            result: text("r"),
-        }
-    }
-
-    const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
-
-    /// Everything that counts, for comparison.
-    fn state(
-        journal: &Journal,
-    ) -> (BTreeMap<String, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
-        (journal.open.clone(), journal.results.clone(), journal.refused.clone())
-    }
-
-    #[test]
-    fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut states = Vec::new();
-        let mut journal = Journal::open(folder.path()).unwrap();
-        let sku: Sku = "can".parse().unwrap();
-        states.push((0, state(&journal)));
-        for step in 0..6 {
-            match step {
-                0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
-                1 => journal.delivered("a.dxf"),
-                2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf", None),
-                3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done),
-                4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
-                _ => journal.delivering(&job("b.dxf", "2"), STAMP, Some(7)),
-            }
-            .unwrap();
-            states.push((journal.length, state(&journal)));
-        }
-        assert!(journal.begun("b.dxf", STAMP).is_some());
-        assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
-        assert_eq!(journal.results_of(&sku).len(), 1);
-        drop(journal);
-        let whole = fs::read(folder.path().join(JOURNAL)).unwrap();
-        for cut in 0..=whole.len() {
-            fs::write(folder.path().join(JOURNAL), &whole[..cut]).unwrap();
-            let expected = states.iter().rev().find(|(length, _)| *length <= cut as u64).unwrap();
-            let journal = Journal::open(folder.path()).unwrap();
-            assert_eq!(state(&journal), expected.1, "cut after {cut} bytes");
-            drop(journal);
-            assert_eq!(
-                state(&Journal::open(folder.path()).unwrap()),
-                expected.1,
-                "written anew after {cut} bytes"
-            );
-        }
-    }
-
-    /// Two stations may deliver into one folder, and each knows its own temporary files for ever.
-    #[test]
-    fn a_station_keeps_a_tag_of_its_own() {
-        let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        let mut journal = Journal::open(one.path()).unwrap();
-        let tag = journal.tag().to_owned();
-        assert_ne!(tag, Journal::open(other.path()).unwrap().tag());
-        journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
-        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
-        journal.write_anew().unwrap();
-        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
-        // A station of an older version may have been interrupted.
-        let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: "a".into() } });
-        fs::write(one.path().join(JOURNAL), older.unwrap()).unwrap();
-        assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
-    }
-
-    /// Two stations may deliver into one folder, and one must not sweep away what the other is about to deliver.
-    #[test]
-    fn a_copy_of_a_state_folder_is_another_stations() {
-        let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        let mut journal = Journal::open(one.path()).unwrap();
-        journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
-        let tag = journal.tag().to_owned();
-        fs::copy(one.path().join(JOURNAL), other.path().join(JOURNAL)).unwrap();
-        let copy = Journal::open(other.path()).unwrap();
-        assert_ne!(copy.tag(), tag);
-        assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
-        assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
-    }
-
-    #[test]
-    fn ends_without_a_word_are_counted_for_what_was_under_way() {
-        let folder = tempfile::tempdir().unwrap();
-        let open = || Journal::open(folder.path()).unwrap();
-        let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
-        drop(open());
-        let at = "2026-01-01T00:00:00Z".to_owned();
-        let died = Record::Died { drop: "a.obj".into(), stamp: STAMP.into(), deaths: 1 };
-        let line = written(&Line { at, record: died }).unwrap();
-        let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap() + &line;
-        fs::write(folder.path().join(JOURNAL), text).unwrap();
-        for count in [1, 2, 2] {
-            let mut journal = open();
-            assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (Some(count), None));
-            journal.began("a.obj", STAMP).unwrap();
-            journal.began("b.obj", STAMP).unwrap();
-            journal.ended("b.obj").unwrap();
-        }
-        let mut journal = open();
-        assert_eq!(deaths(&journal, "a.obj"), Some(2), "once in a minute");
-        journal.began("a.obj", Stamp { size: 8, ..STAMP }).unwrap();
-        assert_eq!(deaths(&journal, "a.obj"), None, "another file of that name");
-        journal.ended("a.obj").unwrap();
-        assert!(open().suspects().is_empty());
-    }
-
-    #[test]
-    fn what_a_newer_version_wrote_is_not_thrown_away() {
-        let folder = tempfile::tempdir().unwrap();
-        drop(Journal::open(folder.path()).unwrap());
-        let path = folder.path().join(JOURNAL);
-        let json = r#"{"at":"2030-01-01T00:00:00Z","did":"dreaming"}"#;
-        let text = fs::read_to_string(&path).unwrap() + &format!("{} {json}\n", checksum(json));
-        fs::write(&path, &text).unwrap();
-        let Err(error) = Journal::open(folder.path()) else { panic!("it was read") };
-        assert!(error.to_string().contains("newer version"), "{error}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), text);
-    }
-
-    /// Should the folder not be flushed after the journal is replaced, nobody knows how long it is.
-    #[test]
-    fn a_journal_that_was_replaced_goes_on_at_its_end() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut journal = Journal::open(folder.path()).unwrap();
-        journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder).unwrap();
-        let (length, line) = (journal.length, fs::read(folder.path().join(JOURNAL)).unwrap());
-        journal.done(&job("b.dxf", "1"), "b.dxf", Import::ByFolder).unwrap();
-        (journal.file, journal.length) = (None, 10 * length);
-        fs::write(folder.path().join(JOURNAL), line).unwrap();
-        journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder).unwrap();
-        let journal = Journal::open(folder.path()).unwrap();
-        assert_eq!(journal.results.keys().collect::<Vec<_>>(), ["a.dxf", "c.dxf"]);
-    }
-
-    #[test]
-    fn a_long_journal_is_written_anew_with_what_counts() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut journal = Journal::open(folder.path()).unwrap();
-        for round in 0..IDLE_LINES + 2 {
-            journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done).unwrap();
-        }
-        journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
-        journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due).unwrap();
-        let before = state(&journal);
-        assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
-        journal.delivered("b.dxf").unwrap();
-        drop(journal);
-        let journal = Journal::open(folder.path()).unwrap();
-        assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
-        assert!(journal.begun("b.dxf", STAMP).unwrap().delivered);
-    }
-}
+mod tests;

@@ -115,14 +115,17 @@ impl Reprocessing {
                 1 => (format!("1 delivered drawing of {sku} is"), "it"),
                 more => (format!("{more} delivered drawings of {sku} are"), "them"),
             };
-            let then = match station.delivery.outdated {
-                Outdated::Correct => format!("isomark corrects {them} again from the archive"),
+            let outdated = format!("{drawings} outdated by a new part or new settings");
+            match station.delivery.outdated {
+                Outdated::Correct => {
+                    tracing::info!("{outdated}: isomark corrects {them} again from the archive");
+                }
                 Outdated::Mark => {
                     let station = station.file.display();
-                    format!("`isomark retry {station} --outdated {sku}` corrects {them} again")
+                    let command = format!("isomark retry {station} --outdated {sku}");
+                    tracing::warn!("{outdated}: `{command}` corrects {them} again");
                 }
-            };
-            tracing::warn!("{drawings} outdated by a new part or new settings: {then}");
+            }
         }
     }
 

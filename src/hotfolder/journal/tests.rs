@@ -1,0 +1,165 @@
+use super::line::checksum;
+use super::*;
+
+fn job(name: &str, key: &str) -> Job {
+    let text = |text: &str| text.to_owned();
+    Job {
+        drop: text(name),
+        sku: text("Can"),
+        name: text(name),
+        key: text(key),
+        basis: text("b"),
+        pattern: text("p"),
+        result: text("r"),
+    }
+}
+
+const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
+
+/// Everything that counts, for comparison.
+fn state(
+    journal: &Journal,
+) -> (BTreeMap<String, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
+    (journal.open.clone(), journal.results.clone(), journal.refused.clone())
+}
+
+#[test]
+fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut states = Vec::new();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    let sku: Sku = "can".parse().unwrap();
+    states.push((0, state(&journal)));
+    for step in 0..6 {
+        match step {
+            0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
+            1 => journal.delivered("a.dxf"),
+            2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf", None),
+            3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done),
+            4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
+            _ => journal.delivering(&job("b.dxf", "2"), STAMP, Some(7)),
+        }
+        .unwrap();
+        states.push((journal.length, state(&journal)));
+    }
+    assert!(journal.begun("b.dxf", STAMP).is_some());
+    assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
+    assert_eq!(journal.results_of(&sku).len(), 1);
+    drop(journal);
+    let whole = fs::read(folder.path().join(JOURNAL)).unwrap();
+    for cut in 0..=whole.len() {
+        fs::write(folder.path().join(JOURNAL), &whole[..cut]).unwrap();
+        let expected = states.iter().rev().find(|(length, _)| *length <= cut as u64).unwrap();
+        let journal = Journal::open(folder.path()).unwrap();
+        assert_eq!(state(&journal), expected.1, "cut after {cut} bytes");
+        drop(journal);
+        assert_eq!(
+            state(&Journal::open(folder.path()).unwrap()),
+            expected.1,
+            "written anew after {cut} bytes"
+        );
+    }
+}
+
+/// Two stations may deliver into one folder, and each knows its own temporary files for ever.
+#[test]
+fn a_station_keeps_a_tag_of_its_own() {
+    let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let mut journal = Journal::open(one.path()).unwrap();
+    let tag = journal.tag().to_owned();
+    assert_ne!(tag, Journal::open(other.path()).unwrap().tag());
+    journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
+    assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
+    journal.write_anew().unwrap();
+    assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
+    // A station of an older version may have been interrupted.
+    let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: "a".into() } });
+    fs::write(one.path().join(JOURNAL), older.unwrap()).unwrap();
+    assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
+}
+
+/// Two stations may deliver into one folder, and one must not sweep away what the other is about to deliver.
+#[test]
+fn a_copy_of_a_state_folder_is_another_stations() {
+    let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let mut journal = Journal::open(one.path()).unwrap();
+    journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
+    let tag = journal.tag().to_owned();
+    fs::copy(one.path().join(JOURNAL), other.path().join(JOURNAL)).unwrap();
+    let copy = Journal::open(other.path()).unwrap();
+    assert_ne!(copy.tag(), tag);
+    assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
+    assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
+}
+
+#[test]
+fn ends_without_a_word_are_counted_for_what_was_under_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = || Journal::open(folder.path()).unwrap();
+    let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
+    drop(open());
+    let at = "2026-01-01T00:00:00Z".to_owned();
+    let died = Record::Died { drop: "a.obj".into(), stamp: STAMP.into(), deaths: 1 };
+    let line = written(&Line { at, record: died }).unwrap();
+    let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap() + &line;
+    fs::write(folder.path().join(JOURNAL), text).unwrap();
+    for count in [1, 2, 2] {
+        let mut journal = open();
+        assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (Some(count), None));
+        journal.began("a.obj", STAMP).unwrap();
+        journal.began("b.obj", STAMP).unwrap();
+        journal.ended("b.obj").unwrap();
+    }
+    let mut journal = open();
+    assert_eq!(deaths(&journal, "a.obj"), Some(2), "once in a minute");
+    journal.began("a.obj", Stamp { size: 8, ..STAMP }).unwrap();
+    assert_eq!(deaths(&journal, "a.obj"), None, "another file of that name");
+    journal.ended("a.obj").unwrap();
+    assert!(open().suspects().is_empty());
+}
+
+#[test]
+fn what_a_newer_version_wrote_is_not_thrown_away() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(Journal::open(folder.path()).unwrap());
+    let path = folder.path().join(JOURNAL);
+    let json = r#"{"at":"2030-01-01T00:00:00Z","did":"dreaming"}"#;
+    let text = fs::read_to_string(&path).unwrap() + &format!("{} {json}\n", checksum(json));
+    fs::write(&path, &text).unwrap();
+    let Err(error) = Journal::open(folder.path()) else { panic!("it was read") };
+    assert!(error.to_string().contains("newer version"), "{error}");
+    assert_eq!(fs::read_to_string(&path).unwrap(), text);
+}
+
+/// Should the folder not be flushed after the journal is replaced, nobody knows how long it is.
+#[test]
+fn a_journal_that_was_replaced_goes_on_at_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder).unwrap();
+    let (length, line) = (journal.length, fs::read(folder.path().join(JOURNAL)).unwrap());
+    journal.done(&job("b.dxf", "1"), "b.dxf", Import::ByFolder).unwrap();
+    (journal.file, journal.length) = (None, 10 * length);
+    fs::write(folder.path().join(JOURNAL), line).unwrap();
+    journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder).unwrap();
+    let journal = Journal::open(folder.path()).unwrap();
+    assert_eq!(journal.results.keys().collect::<Vec<_>>(), ["a.dxf", "c.dxf"]);
+}
+
+#[test]
+fn a_long_journal_is_written_anew_with_what_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    for round in 0..IDLE_LINES + 2 {
+        journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done).unwrap();
+    }
+    journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
+    journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due).unwrap();
+    let before = state(&journal);
+    assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
+    journal.delivered("b.dxf").unwrap();
+    drop(journal);
+    let journal = Journal::open(folder.path()).unwrap();
+    assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
+    assert!(journal.begun("b.dxf", STAMP).unwrap().delivered);
+}
