@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 use super::clock;
-use super::folders::{Identity, identity, lies_at};
+use super::folders::{Identity, lies_at};
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
@@ -168,7 +168,7 @@ impl Journal {
         if journal.tag.is_empty() {
             journal.tag = if journal.lines > 0 { tag_of_older(folder) } else { new_tag() };
         }
-        let home = identity(folder);
+        let home = home_of(folder);
         if journal.home.is_some() && journal.home != home {
             (journal.tag, journal.tag_is_kept) = (new_tag(), false);
         }
@@ -498,7 +498,7 @@ impl Journal {
             lines.push(Line { at: result.at.clone(), record });
         }
         let at = clock::now();
-        let home = identity(&self.folder);
+        let home = home_of(&self.folder);
         lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone(), home } });
         let mut push = |record| lines.push(Line { at: at.clone(), record });
         for (sku, refused) in &self.refused {
@@ -540,6 +540,20 @@ impl Journal {
 fn new_tag() -> String {
     // The standard library draws the keys of its hashers at random.
     format!("{:08x}", RandomState::new().hash_one(clock::now()) as u32)
+}
+
+/// Which folder the state folder is, so that a copy of it is known for one.
+#[cfg(unix)]
+fn home_of(folder: &Path) -> Option<Identity> {
+    super::folders::identity(folder)
+}
+
+/// Which folder the state folder is, so that a copy of it is known for one: a copy lies elsewhere.
+#[cfg(not(unix))]
+fn home_of(folder: &Path) -> Option<Identity> {
+    let full = fs::canonicalize(folder).ok()?;
+    let hash = blake3::hash(fold(&full.to_string_lossy()).as_bytes());
+    hash.as_bytes().first_chunk().map(|bytes| Identity::from_le_bytes(*bytes))
 }
 
 /// The tag of stations whose journal has none, as older versions wrote it.

@@ -107,6 +107,7 @@ pub fn run(
             complaints: Complaints::default(),
             not_again: BTreeMap::new(),
             kept: BTreeMap::new(),
+            companions_came: 0,
             late_companions: BTreeMap::new(),
             late_sidecars: BTreeMap::new(),
             reprocessing: Reprocessing::default(),
@@ -194,6 +195,8 @@ struct Worker<'a, C> {
     not_again: BTreeMap<String, String>,
     /// Patterns whose result is delivered while report or original could not be filed yet.
     kept: BTreeMap<PathBuf, Kept>,
+    /// How many companions came so far.
+    companions_came: u64,
     /// Companions that were not there when their part was done: until when they may follow it, and where it went.
     late_companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
     /// The places of settings beside patterns that were done without any: until when they are told to be late.
@@ -211,6 +214,8 @@ pub(super) struct Running {
     pub(super) since: Moment,
     stamp: Stamp,
     large: bool,
+    /// How many companions had come when it began.
+    companions_came: u64,
     /// Nothing else is done meanwhile.
     alone: bool,
     settings: JobSettings,

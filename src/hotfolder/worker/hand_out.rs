@@ -151,6 +151,7 @@ impl<C: Corrector> Worker<'_, C> {
             since: self.now(),
             stamp,
             large: stamp.size >= LARGE,
+            companions_came: self.companions_came,
             alone: chance.alone,
             settings: settings.clone(),
             was_delivered: self.kept.contains_key(path),

@@ -85,6 +85,10 @@ impl<C: Corrector> Worker<'_, C> {
                     drop.settle.wait_anew(now);
                 }
                 drop.settle.found_incomplete(gap);
+                if running.companions_came != self.companions_came {
+                    // What it lacks may have come while it was read.
+                    drop.settle.companion_came();
+                }
                 if drop.reason.as_ref() != Some(&reason) {
                     tracing::info!("{} is not complete yet: {}", running.drop, reason.what);
                     drop.reason = Some(reason);
@@ -146,6 +150,7 @@ impl<C: Corrector> Worker<'_, C> {
             self.drops.forget(path);
             return;
         }
+        self.companions_came += 1;
         self.drops.companion_came(path);
         self.stale = true;
         let is_late = self.late_sidecars.remove(path).is_some();
