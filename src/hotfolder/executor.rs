@@ -28,14 +28,14 @@ use super::job::{Corrector, Delivery, JobError, PartLearned};
 use super::journal::{Delivered, Import, Job, Journal};
 use super::names::{Meaning, delivered_as, meaning};
 use super::reprocess::ARCHIVE;
+use super::settle::Stamp;
 use super::shares::Shares;
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold};
 use crate::files::read_if_there;
 use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
-use ending::is_missing_for_server;
-pub(super) use ending::tell_trouble;
+use ending::{is_missing_for_server, tell_trouble};
 use task::Ready;
 pub(super) use task::{Broken, End, Kept, Outcome, Task, Work};
 
@@ -87,11 +87,24 @@ impl<'a, C: Corrector> Executor<'a, C> {
         self.overtaken().remove(sku);
     }
 
+    /// Whether the drawing of this drop was delivered before the station was interrupted.
+    pub(super) fn is_delivered(&self, relative: &Path, stamp: Stamp) -> bool {
+        self.journal().begun(&with_slashes(relative), stamp).is_some_and(|open| open.delivered)
+    }
+
     /// Does one job.
-    pub(super) fn perform(&self, mut task: Task) -> End {
+    pub(super) fn perform(&self, task: Task) -> End {
+        let drop = with_slashes(&task.relative);
+        tell_trouble(self.journal().began(&drop, task.stamp));
+        let end = self.attempt(task);
+        tell_trouble(self.journal().ended(&drop));
+        end
+    }
+
+    fn attempt(&self, mut task: Task) -> End {
         let kept = task.kept.take();
         let mut read = None;
-        if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders) {
+        if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders, false) {
             return End { outcome: Outcome::Retry(reason, kept.map(Box::new)), went_along: Vec::new() };
         }
         let doomed = task.doomed.take();
@@ -241,7 +254,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let mut made = guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), &settings))?;
         job.result = delivery::hash_of(&made.drawing);
         delivery::import_is_there(folders)?;
-        self.shares.are_there(folders)?;
+        self.shares.are_there(folders, false)?;
         // Files that are dropped together come one after the other, the drawing first perhaps.
         if was_begun.is_none() && self.overtaken().contains(sku) {
             return Ok(Outcome::PartCame);

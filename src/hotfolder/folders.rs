@@ -213,6 +213,18 @@ pub(super) fn mount_of(folder: &Path) -> Option<PathBuf> {
     nearest_mount(&folder, &mounts).map(|(point, _)| point)
 }
 
+/// The number of the device that the folder lies on; `None` for a folder that is not there.
+#[cfg(target_os = "linux")]
+pub(super) fn device_of(folder: &Path) -> Option<u64> {
+    fs::metadata(folder).ok().map(|metadata| std::os::unix::fs::MetadataExt::dev(&metadata))
+}
+
+/// Elsewhere nobody asks.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn device_of(_: &Path) -> Option<u64> {
+    None
+}
+
 /// Elsewhere the mount point of a share goes with it, as a drive's letter does.
 #[cfg(not(target_os = "linux"))]
 pub(super) fn mount_of(_: &Path) -> Option<PathBuf> {

@@ -247,8 +247,11 @@ impl Journal {
         self.append(Record::Began { drop: drop.into(), stamp: stamp.into() }, false)
     }
 
-    /// No thread is at this drop any more.
+    /// No thread is at this drop any more; a line that says that it is done says so, too.
     pub(super) fn ended(&mut self, drop: &str) -> io::Result<()> {
+        if !self.at_work.contains_key(drop) {
+            return Ok(());
+        }
         self.append(Record::Ended { drop: drop.into() }, false)
     }
 
@@ -449,6 +452,7 @@ impl Journal {
             }
             Record::Done { job, original, import, older } => {
                 self.open.remove(&job.drop);
+                self.at_work.remove(&job.drop);
                 self.forget(&job.name);
                 if let Ok(sku) = job.sku.parse::<Sku>() {
                     self.by_sku.entry(sku).or_default().insert(fold(&job.name));
@@ -458,12 +462,14 @@ impl Journal {
             }
             Record::Learned { drop, sku, .. } => {
                 self.open.remove(&drop);
+                self.at_work.remove(&drop);
                 if let Ok(sku) = sku.parse::<Sku>() {
                     self.refused.remove(sku.key());
                 }
             }
             Record::Rejected { drop, to, part_of, .. } => {
                 self.open.remove(&drop);
+                self.at_work.remove(&drop);
                 if let Some(Ok(sku)) = part_of.map(|sku| sku.parse::<Sku>()) {
                     self.refused.insert(sku.key().to_owned(), Refused { drop, to });
                 }

@@ -9,11 +9,11 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::folders::mount_of;
+use super::folders::{device_of, mount_of};
 use super::job::JobError;
 use crate::config::FolderPaths;
 use crate::files::{read_if_there, write_whole};
@@ -27,6 +27,8 @@ const SHARE_MISSING: &str = "share-missing";
 pub(super) struct Shares {
     state: PathBuf,
     seen: Mutex<BTreeMap<String, Seen>>,
+    /// The device of each folder when it was looked at last and was there: as long as it is the same, nothing came or went.
+    devices: Mutex<BTreeMap<PathBuf, u64>>,
 }
 
 /// A folder as it was seen.
@@ -42,22 +44,32 @@ impl Shares {
     pub(super) fn open(state: &Path) -> Self {
         let text = read_if_there(&state.join(FILE)).ok().flatten().unwrap_or_default();
         let seen = serde_json::from_slice(&text).unwrap_or_default();
-        Self { state: state.into(), seen: Mutex::new(seen) }
+        Self { state: state.into(), seen: Mutex::new(seen), devices: Mutex::default() }
     }
 
-    /// Sees to it that the folders which results and originals go to lie where they did.
+    /// Sees to it that the folders which results and originals go to lie where they did; with `closely` also where one
+    /// disk is mounted at several places.
     ///
     /// # Errors
     /// With the share or disk that is not mounted.
-    pub(super) fn are_there(&self, folders: &FolderPaths) -> Result<(), JobError> {
+    pub(super) fn are_there(&self, folders: &FolderPaths, closely: bool) -> Result<(), JobError> {
         let FolderPaths { import, archive, rejected, reports, .. } = folders;
         let all = [("import", import), ("archive", archive), ("rejected", rejected), ("reports", reports)];
         for (purpose, folder) in all {
-            if let Some(mount) = mount_of(folder) {
+            let device = device_of(folder);
+            let last = self.devices().remove(folder);
+            if (closely || device.is_none() || last != device)
+                && let Some(mount) = mount_of(folder)
+            {
                 self.is_there(purpose, Seen { folder: folder.clone(), mount })?;
             }
+            self.devices().extend(device.map(|device| (folder.clone(), device)));
         }
         Ok(())
+    }
+
+    fn devices(&self) -> MutexGuard<'_, BTreeMap<PathBuf, u64>> {
+        self.devices.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn is_there(&self, purpose: &str, now: Seen) -> Result<(), JobError> {

@@ -18,7 +18,7 @@ use super::drops::Drops;
 use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing;
 use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
-use super::journal::Journal;
+use super::journal::{Journal, StampRecord};
 use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
@@ -96,6 +96,7 @@ pub fn run(
             drops: Drops::default(),
             lanes: BTreeMap::new(),
             suspects: VecDeque::new(),
+            suspected: executor.journal().suspects(),
             lanes_made: Moment::ZERO,
             stale: true,
             running: BTreeMap::new(),
@@ -177,6 +178,8 @@ struct Worker<'a, C> {
     lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
     /// What was under way when the station ended without a word: done alone, after all others.
     suspects: VecDeque<PathBuf>,
+    /// These drops, and in how many minutes that happened.
+    suspected: BTreeMap<String, (StampRecord, u32)>,
     /// What was due by this moment is in the lanes.
     lanes_made: Moment,
     /// Something happened since the lanes were made.

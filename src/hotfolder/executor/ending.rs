@@ -185,7 +185,7 @@ pub(super) fn is_missing_for_server(station: &Station, name: &str) -> bool {
 }
 
 /// What the journal would have said is found out from the folders at the next start.
-pub(in crate::hotfolder) fn tell_trouble(noted: std::io::Result<()>) {
+pub(super) fn tell_trouble(noted: std::io::Result<()>) {
     if let Err(error) = noted {
         tracing::warn!("the journal lacks a line: {error}");
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::super::delivery::IMPORT_MISSING;
 use super::super::drops::{Block, Drop};
-use super::super::executor::{Task, Work, tell_trouble};
+use super::super::executor::{Task, Work};
 use super::super::filing::with_slashes;
 use super::super::folders::{self, Found};
 use super::super::job::Corrector;
@@ -55,12 +55,11 @@ impl<C: Corrector> Worker<'_, C> {
         self.lanes.clear();
         self.suspects.clear();
         self.lanes_made = self.now();
-        let suspects = self.executor.journal().suspects();
         for (sku, path) in self.drops.ready(self.lanes_made, &self.times()) {
             if self.running.contains_key(&path) {
                 continue;
             }
-            if !suspects.is_empty() && self.drops.get(&path).is_some_and(|drop| deaths(&suspects, drop) > 0) {
+            if self.drops.get(&path).is_some_and(|drop| deaths(&self.suspected, drop) > 0) {
                 self.suspects.push_back(path);
             } else {
                 self.lanes.entry(sku).or_default().push_back(path);
@@ -123,10 +122,9 @@ impl<C: Corrector> Worker<'_, C> {
             return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
         let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
-        let mut deaths = deaths(&self.executor.journal().suspects(), drop);
-        let begun = with_slashes(&relative);
+        let mut deaths = deaths(&self.suspected, drop);
         // What is delivered is only filed, and no fault of the file any more.
-        if self.executor.journal().begun(&begun, stamp).is_some_and(|open| open.delivered) {
+        if deaths > 0 && self.executor.is_delivered(&relative, stamp) {
             deaths = 0;
         }
         let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
@@ -173,7 +171,6 @@ impl<C: Corrector> Worker<'_, C> {
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
             if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
         }
-        tell_trouble(self.executor.journal().began(&running.drop, stamp));
         self.running.insert(path.into(), running);
         if self.tasks.send(task).is_err() {
             self.running.remove(path);
@@ -205,6 +202,9 @@ struct Chance {
 
 /// How often the station ended while it was at this very file.
 fn deaths(suspects: &BTreeMap<String, (StampRecord, u32)>, drop: &Drop) -> u32 {
+    if suspects.is_empty() {
+        return 0;
+    }
     let suspect = suspects.get(&with_slashes(&drop.relative));
     suspect.filter(|(stamp, _)| stamp.is_of(drop.settle.stamp())).map_or(0, |(_, deaths)| *deaths)
 }

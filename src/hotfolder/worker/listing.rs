@@ -60,7 +60,7 @@ impl<C: Corrector> Worker<'_, C> {
         }
         let folders = self.folders().clone();
         let is_there =
-            delivery::import_is_there(&folders).and_then(|()| self.executor.shares.are_there(&folders));
+            delivery::import_is_there(&folders).and_then(|()| self.executor.shares.are_there(&folders, true));
         if let Err(JobError::Retry(reason)) = &is_there {
             self.trouble(reason.on_one_line());
         }

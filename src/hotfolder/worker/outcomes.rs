@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::super::drops::Block;
-use super::super::executor::{Outcome, Work, tell_trouble};
+use super::super::executor::{Outcome, Work};
 use super::super::filing::{self, with_slashes};
 use super::super::folders;
 use super::super::intake::sidecar_of;
@@ -28,7 +28,7 @@ impl<C: Corrector> Worker<'_, C> {
     /// A job is over.
     pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
         let Some(running) = self.running.remove(path) else { return };
-        tell_trouble(self.executor.journal().ended(&running.drop));
+        self.suspected.remove(&running.drop);
         went_along.iter().for_each(|companion| self.look_again(companion));
         let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
         if let Work::CorrectAgain { sku, name } = &running.work {
