@@ -1,6 +1,7 @@
 //! What surrounds a station: it is set up, checked, asked, told to try again, run by a service manager; and what it does
 //! with drawings that were delivered before.
 
+#[cfg(unix)]
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 

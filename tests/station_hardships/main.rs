@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -120,7 +120,7 @@ fn line(from: [f64; 2], to: [f64; 2]) -> String {
 }
 
 #[cfg(target_os = "linux")]
-fn exists(path: &Path) -> bool {
+fn exists(path: &std::path::Path) -> bool {
     path.exists()
 }
 
