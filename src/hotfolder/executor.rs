@@ -188,15 +188,6 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let read = &*slot.insert(self.read(task, Some(pattern))?);
         let ready = Ready { task, sku, pattern, name, read };
         let last = self.journal().result(name).cloned();
-        if read.sidecar.is_none()
-            && let Some(settings) =
-                last.as_ref().and_then(|last| sidecar_of_last(&task.station.folders, sku, last))
-        {
-            tracing::warn!(
-                "{drop} comes without the settings that its last version had: if they still hold, drop it again with {}",
-                settings.display()
-            );
-        }
         let settings = match &read.sidecar {
             Some((path, text)) => {
                 task.settings.with_sidecar(path, text).map_err(|error| JobError::Rejected(error.reason()))?
@@ -287,6 +278,15 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 last.job.drop,
                 job.drop,
                 job.drop
+            );
+        }
+        if read.sidecar.is_none()
+            && let Some(settings) =
+                last.as_ref().and_then(|last| sidecar_of_last(&task.station.folders, sku, last))
+        {
+            tracing::warn!(
+                "{name} comes without the settings that its last version had: if they still hold, drop it again with {}",
+                settings.display()
             );
         }
         let is_ours =

@@ -242,6 +242,10 @@ pub enum StationError {
     Stopped(Reason),
 }
 
+/// What to do about a second station.
+pub(super) const STOP_THE_OTHER: &str =
+    "Stop that one first. Another station needs folders `hot` and `state` of its own.";
+
 impl StationError {
     /// The reason that people are shown.
     pub fn reason(&self) -> Reason {
@@ -250,11 +254,7 @@ impl StationError {
                 let remedy = format!("Make the folder, or change `folders.{purpose}` in the station file.");
                 Reason::new("folder-missing", format!("{self}."), remedy).in_file(path.display().to_string())
             }
-            Self::Held(_) => {
-                let remedy =
-                    "Stop that one first. Another station needs folders `hot` and `state` of its own.";
-                Reason::new("station-held", format!("{self}."), remedy)
-            }
+            Self::Held(_) => Reason::new("station-held", format!("{self}."), STOP_THE_OTHER),
             Self::Journal { .. } => {
                 let remedy = "Let isomark read and write `folders.state`, and see to free space on its disk.";
                 Reason::new("station-journal", format!("{self}."), remedy)

@@ -108,6 +108,7 @@ pub fn run(
             complaints: Complaints::default(),
             not_again: BTreeMap::new(),
             kept: BTreeMap::new(),
+            settings_changes: 0,
             companions_came: 0,
             late_companions: BTreeMap::new(),
             late_sidecars: BTreeMap::new(),
@@ -198,6 +199,8 @@ struct Worker<'a, C> {
     not_again: BTreeMap<String, String>,
     /// Patterns whose result is delivered while report or original could not be filed yet.
     kept: BTreeMap<PathBuf, Kept>,
+    /// How often the settings changed so far.
+    settings_changes: u64,
     /// How many companions came so far.
     companions_came: u64,
     /// Companions that were not there when their part was done: until when they may follow it, and where it went.
@@ -221,7 +224,8 @@ pub(super) struct Running {
     companions_came: u64,
     /// Nothing else is done meanwhile.
     alone: bool,
-    settings: JobSettings,
+    /// How often the settings had changed when it began.
+    settings_changes: u64,
     /// It was delivered before, and is only filed.
     was_delivered: bool,
 }
@@ -348,6 +352,7 @@ impl<C: Corrector> Worker<'_, C> {
         for event in self.settings.take_events() {
             match event {
                 SettingsEvent::StationChanged { old, new } => {
+                    self.settings_changes += 1;
                     tracing::info!(
                         "the station's settings changed and are in force:\n{}",
                         changes(&old, &new)
@@ -374,6 +379,7 @@ impl<C: Corrector> Worker<'_, C> {
                     self.next_listing = Moment::ZERO;
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
+                    self.settings_changes += 1;
                     tracing::info!(
                         "the settings of {sku} changed and are in force:\n{}",
                         changes(&old, &new)

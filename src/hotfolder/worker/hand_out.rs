@@ -151,7 +151,7 @@ impl<C: Corrector> Worker<'_, C> {
             large: stamp.size >= LARGE,
             companions_came: self.companions_came,
             alone: chance.alone,
-            settings: settings.clone(),
+            settings_changes: self.settings_changes,
             was_delivered: self.kept.contains_key(path),
         };
         let task = Task {

@@ -9,7 +9,7 @@ use super::super::drops::Drops;
 use super::super::filing;
 use super::super::folders::{self, Found};
 use super::super::intake::sidecar_of;
-use super::super::job::{Corrector, JobError, Mode};
+use super::super::job::{Corrector, JobError, Mode, STOP_THE_OTHER};
 use super::super::journal::OpenJob;
 use super::super::lock::HotLock;
 use super::super::names::{Meaning, is_ignored};
@@ -128,8 +128,7 @@ impl<C: Corrector> Worker<'_, C> {
         self.hot_lock = HotLock::take(hot);
         if self.hot_lock.is_none() {
             let what = format!("Another station takes drops from the hot folder {}.", hot.display());
-            let remedy = "Stop that one first. Another station needs folders `hot` and `state` of its own.";
-            self.stopped = Some(Reason::new("hot-folder-held", what, remedy));
+            self.stopped = Some(Reason::new("hot-folder-held", what, STOP_THE_OTHER));
         }
         self.hot_lock.is_some()
     }

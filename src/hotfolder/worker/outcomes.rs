@@ -12,7 +12,7 @@ use super::super::job::{Corrector, Mode};
 use super::super::names::{delivered_as, is_sidecar};
 use super::super::settle::{Moment, Writer};
 use super::Worker;
-use crate::config::{BEING_SAVED, JobSettings, Sku};
+use crate::config::{BEING_SAVED, Sku};
 use crate::reason::Reason;
 
 /// How long after a pattern was delivered settings for it are told to have come too late.
@@ -54,8 +54,7 @@ impl<C: Corrector> Worker<'_, C> {
                 if let Work::Correct { sku, name } = &running.work {
                     self.reprocessing.forget(&delivered_as(name));
                     // Nobody found it outdated as long as it was under way.
-                    let is_new = |now: JobSettings| now != running.settings;
-                    if running.was_delivered || self.job_settings(sku).is_ok_and(is_new) {
+                    if running.was_delivered || running.settings_changes != self.settings_changes {
                         self.reprocessing.check(sku.clone());
                     }
                     if let Some(sidecar) = sidecar_of(path).filter(|path| !went_along.contains(path)) {
