@@ -12,7 +12,7 @@ use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::mesh::TriMesh;
-use isomark::geometry::optics::{Fixture, Lens};
+use isomark::geometry::optics::{Fixture, ScanHead};
 use isomark::geometry::pattern::{Affine, Pattern};
 use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
@@ -89,8 +89,12 @@ fn bend_and_write(bencher: Bencher) {
     let (surface, pattern) = (surface(), letters());
     let map = map(&surface, &pattern, IsometricOptions::INK);
     bencher.bench(|| {
-        let projection =
-            Projection { map: &map, surface: &surface, fixture: Fixture::default(), lens: Lens::Telecentric };
+        let projection = Projection {
+            map: &map,
+            surface: &surface,
+            fixture: Fixture::default(),
+            head: ScanHead::TELECENTRIC,
+        };
         let drawing = projection.bend(black_box(&pattern), 0.01, Subdivision::Adaptive);
         drawing.map(|drawing| pattern::write(&drawing, DxfProfile::R2000))
     });

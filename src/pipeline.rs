@@ -272,7 +272,7 @@ impl Pipeline {
         clock.lap("map");
 
         let projection =
-            Projection { map: &map, surface, fixture: settings.fixture, lens: settings.optics.lens };
+            Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
         checks::ink_layers(&pattern, settings, &mut notices);

@@ -18,7 +18,7 @@ use crate::formats::pattern::DrawingUnit;
 use crate::geometry::figure::{Figure, Form};
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
-use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
+use crate::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan;
 
 /// A coordinate no station reaches, mm; beyond it a unit was mistaken.
@@ -463,6 +463,7 @@ pub(super) struct OpticsKeys {
     kind: Option<Spanned<LensKind>>,
     lens_distance_x_mm: Option<Spanned<f64>>,
     lens_distance_y_mm: Option<Spanned<f64>>,
+    axis_mm: Option<Spanned<[f64; 2]>>,
     focus_depth_mm: Option<Spanned<f64>>,
     incidence_note_deg: Option<Spanned<f64>>,
     incidence_warn_deg: Option<Spanned<f64>>,
@@ -479,6 +480,7 @@ enum LensKind {
 impl OpticsKeys {
     pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
         to.optics.lens = self.lens(text)?;
+        to.optics.axis = self.axis(text, to.optics.lens)?;
         if let Some(depth) = &self.focus_depth_mm {
             to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);
         }
@@ -507,6 +509,19 @@ impl OpticsKeys {
                 key: if x.is_none() { "lens_distance_x_mm" } else { "lens_distance_y_mm" }.into(),
             }),
         }
+    }
+
+    fn axis(&self, text: &SettingsText, lens: Lens) -> Result<Option<FieldPoint>, ConfigError> {
+        let Some(given) = &self.axis_mm else { return Ok(None) };
+        if lens == Lens::Telecentric {
+            return Err(ConfigError::Contradiction {
+                spot: text.spot(&given.span()),
+                what: "The axis of a telecentric lens changes nothing.".into(),
+                remedy: "Set `kind = \"perspective\"`, or remove `axis_mm`.".into(),
+            });
+        }
+        let [x, y] = text.numbers("optics.axis_mm", given, -FARTHEST..=FARTHEST, "mm")?;
+        Ok(Some(FieldPoint::new(x, y)))
     }
 
     fn incidence(

@@ -5,8 +5,8 @@ use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, PictureOptions};
 use crate::geometry::figure::Figure;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
-use crate::geometry::optics::{Fixture, Lens};
-use crate::geometry::space::{Extents, Facing, FlatPoint, ViewPoint};
+use crate::geometry::optics::{Fixture, Lens, ScanHead};
+use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
 
@@ -29,6 +29,15 @@ pub struct JobSettings {
     pub field: Option<Field>,
     /// The corrected file.
     pub output: Output,
+}
+
+impl JobSettings {
+    /// The scan head: its axis stands where the settings put it, else in the middle of the field, else at the marking
+    /// software's zero.
+    pub fn scan_head(&self) -> ScanHead {
+        let middle = self.field.map_or(Vector2::zeros(), |field| field.extents().center());
+        ScanHead { lens: self.optics.lens, axis: self.optics.axis.unwrap_or(middle.into()) }
+    }
 }
 
 /// How the part's file is read and from which side it is seen.
@@ -196,6 +205,8 @@ impl FromIterator<Slip> for AsPrinted {
 pub struct Optics {
     /// How the lens projects.
     pub lens: Lens,
+    /// Where the lens' axis meets the field; `None` for the middle of the field.
+    pub axis: Option<FieldPoint>,
     /// Whole range of heights that is in focus, mm; `None` leaves it unchecked.
     pub focus_depth: Option<f64>,
     /// What is said about the angle between the beam and the surface's normal.

@@ -7,7 +7,7 @@ use super::*;
 use crate::formats::mesh::LengthUnit;
 use crate::formats::pattern::PictureOptions;
 use crate::geometry::optics::Lens;
-use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::space::{FieldPoint, FlatPoint, ViewPoint};
 
 const NEEDED: &str = r#"
 [station]
@@ -42,11 +42,12 @@ fn a_short_file_is_enough_and_paths_start_at_it() {
 #[test]
 fn files_speak_degrees_and_settings_hold_radians() {
     let more = "[fixture]\nz_mm = -2\nrotation_deg = 90\n[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300\n\
-                lens_distance_y_mm = 285\nincidence_warn_deg = 45\n[placement]\nanchor = [1, 2.5]\nplace_mm = [0, 3]\n\
+                lens_distance_y_mm = 285\naxis_mm = [3, -2]\nincidence_warn_deg = 45\n[placement]\nanchor = [1, 2.5]\nplace_mm = [0, 3]\n\
                 rotate_deg = 180\n[part]\nfacing = [0, -2, 0]\nunit = \"inch\"";
     let settings = with(more).unwrap().settings;
     assert_eq!(settings.fixture.rotation, std::f64::consts::FRAC_PI_2);
     assert_eq!(settings.optics.lens, Lens::Perspective { x: 300.0, y: 285.0 });
+    assert_eq!(settings.scan_head().axis, FieldPoint::new(3.0, -2.0));
     assert_eq!(settings.optics.incidence.warn, 45f64.to_radians());
     assert_eq!(settings.placement.anchor, Anchor::At(FlatPoint::new(1.0, 2.5)));
     assert_eq!(settings.placement.place, Some(ViewPoint::new(0.0, 3.0)));
@@ -72,6 +73,12 @@ fn a_sku_overrides_key_by_key() {
 const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[watch]\nsetle_ms = 1", "There is no key `setle_ms` here. Did you mean `settle_ms`?", 11, 1),
     ("[pattern]\nwidth_mm = 0", "`pattern.width_mm` cannot be 0 mm. Give a number from 0.01", 11, 12),
+    (
+        "[optics]\naxis_mm = [0, 0]",
+        "The axis of a telecentric lens changes nothing. Set `kind = \"perspective\"`, or remove `axis_mm`.",
+        11,
+        11,
+    ),
     ("[optic]\nkind = 1", "There is no key `optic` here. Did you mean `optics`?", 10, 2),
     (
         "[correction]\nmethod = \"isometrc\"",

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector2};
 use super::ink::Ink;
 use super::mapping::LengthTrueMap;
 use super::marking::{MarkingDrawing, MarkingPath, MarkingShape};
-use super::optics::{Fixture, Lens};
+use super::optics::{Fixture, ScanHead};
 use super::pattern::{Pattern, Segment, Shape};
 use super::space::{Extents, FieldPoint, FlatPoint, ViewPoint};
 use super::surface::fit::FittedSurface;
@@ -36,7 +36,7 @@ pub struct Projection<'a> {
     /// The view in the laser's frame.
     pub fixture: Fixture,
     /// The laser's frame into the field.
-    pub lens: Lens,
+    pub head: ScanHead,
 }
 
 /// The part reaches up to the lens: no beam comes there.
@@ -61,7 +61,7 @@ impl Projection<'_> {
     /// When the part is as high as the lens there.
     pub fn aim(&self, at: FlatPoint) -> Result<FieldPoint, AboveLens> {
         let (view, landing) = self.landing(at);
-        self.lens.aim(landing).ok_or(AboveLens { at: view })
+        self.head.aim(landing).ok_or(AboveLens { at: view })
     }
 
     /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
@@ -220,7 +220,7 @@ impl Projection<'_> {
                 continue;
             }
             let normal = self.fixture.direction(self.map.normal(self.surface, flat));
-            let incidence = normal.dot(&self.lens.towards(landing)).clamp(-1.0, 1.0).acos();
+            let incidence = normal.dot(&self.head.towards(landing)).clamp(-1.0, 1.0).acos();
             if incidence > exposure.steepest {
                 (exposure.steepest, exposure.steepest_at) = (incidence, view);
             }
@@ -228,7 +228,7 @@ impl Projection<'_> {
             exposure.highest = exposure.highest.max(landing.z);
             exposure.largest_difference =
                 exposure.largest_difference.max(self.surface.difference(view).abs());
-            if let Some(aim) = self.lens.aim(landing) {
+            if let Some(aim) = self.head.aim(landing) {
                 exposure.field.include(aim.coords());
             }
         }
@@ -401,7 +401,7 @@ mod tests {
     ) -> (MarkingDrawing, LengthTrueMap) {
         let map = LengthTrueMap::find(surface, pattern, |_| true, FlatPoint::new(0.0, 0.0), &method).unwrap();
         let projection =
-            Projection { map: &map, surface, fixture: Fixture::default(), lens: Lens::Telecentric };
+            Projection { map: &map, surface, fixture: Fixture::default(), head: ScanHead::TELECENTRIC };
         (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap(), map)
     }
 
@@ -529,7 +529,7 @@ mod tests {
             map: &map,
             surface: &surface,
             fixture: Fixture { z: -30.0, ..Fixture::default() },
-            lens: Lens::Telecentric,
+            head: ScanHead::TELECENTRIC,
         };
         let seen = projection.expose(&Ink::sample(&pattern, |_| true, 0.25, 0.2));
         assert_eq!(seen.off_surface, 0);

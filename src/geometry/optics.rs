@@ -1,6 +1,6 @@
 //! Where the part stands under the laser, and where the marking software must aim to hit a point of it.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use super::space::FieldPoint;
 
@@ -46,28 +46,44 @@ pub enum Lens {
     },
 }
 
-impl Lens {
-    /// What the drawing must say to hit a point of the laser's frame (mm): X = x·Lx/(Lx − z), and alike for y. `None`
-    /// if the point lies as high as the lens or higher.
+/// The scan head over the field: its lens, and where the lens' axis meets the field.
+///
+/// The marking software's zero may lie at a corner of the field; the axis does not move with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanHead {
+    /// How the lens projects.
+    pub lens: Lens,
+    /// Where the lens' axis meets the field; a telecentric lens has no use for it.
+    pub axis: FieldPoint,
+}
+
+impl ScanHead {
+    /// A head whose beam is parallel to its axis everywhere.
+    pub const TELECENTRIC: Self = Self { lens: Lens::Telecentric, axis: FieldPoint::new(0.0, 0.0) };
+
+    /// What the drawing must say to hit a point of the laser's frame (mm): X = x·Lx/(Lx − z), and alike for y, with x and
+    /// X measured from the lens' axis. `None` if the point lies as high as the lens or higher.
     ///
     /// The stretch is linear in z as in Scanlab's RTC5 manual, page 176, "correction for z ≠ 0".
     pub fn aim(&self, at: Point3<f64>) -> Option<FieldPoint> {
-        match *self {
-            Self::Telecentric => Some(FieldPoint::new(at.x, at.y)),
-            Self::Perspective { x, y } => {
+        match self.lens {
+            Lens::Telecentric => Some(FieldPoint::new(at.x, at.y)),
+            Lens::Perspective { x, y } => {
                 let (clear_x, clear_y) = (x - at.z, y - at.z);
+                let beside = at.xy().coords - self.axis.coords();
                 (clear_x > 0.0 && clear_y > 0.0)
-                    .then(|| FieldPoint::new(at.x * x / clear_x, at.y * y / clear_y))
+                    .then(|| self.axis + Vector2::new(beside.x * x / clear_x, beside.y * y / clear_y))
             }
         }
     }
 
     /// Unit direction from a point of the laser's frame (mm), which must lie below the lens, against the beam.
     pub fn towards(&self, at: Point3<f64>) -> Vector3<f64> {
-        match *self {
-            Self::Telecentric => Vector3::z(),
-            Self::Perspective { x, y } => {
-                Vector3::new(-at.x / (x - at.z), -at.y / (y - at.z), 1.0).normalize()
+        match self.lens {
+            Lens::Telecentric => Vector3::z(),
+            Lens::Perspective { x, y } => {
+                let beside = at.xy().coords - self.axis.coords();
+                Vector3::new(-beside.x / (x - at.z), -beside.y / (y - at.z), 1.0).normalize()
             }
         }
     }
@@ -77,24 +93,42 @@ impl Lens {
 mod tests {
     use super::*;
 
+    fn head(x: f64, y: f64, axis: [f64; 2]) -> ScanHead {
+        ScanHead { lens: Lens::Perspective { x, y }, axis: FieldPoint::new(axis[0], axis[1]) }
+    }
+
     #[test]
     fn height_shifts_the_aim_by_the_lens_distance() {
         // marking field notes: at r = 50 mm, z = 10 mm, L = 300 mm the shift is 1.7 mm.
-        let aim = Lens::Perspective { x: 300.0, y: 300.0 }.aim(Point3::new(50.0, 0.0, 10.0)).unwrap();
+        let aim = head(300.0, 300.0, [0.0, 0.0]).aim(Point3::new(50.0, 0.0, 10.0)).unwrap();
         assert!((aim.x - 50.0 - 50.0 / 29.0).abs() < 1e-12 && aim.y == 0.0);
-        assert_eq!(Lens::Perspective { x: 300.0, y: 290.0 }.aim(Point3::new(1.0, 1.0, 290.0)), None);
+        assert_eq!(head(300.0, 290.0, [0.0, 0.0]).aim(Point3::new(1.0, 1.0, 290.0)), None);
     }
 
     #[test]
     fn the_beam_from_the_aim_lands_on_the_point() {
-        let lens = Lens::Perspective { x: 310.0, y: 290.0 };
-        let at = Point3::new(40.0, -30.0, 12.0);
-        let aim = lens.aim(at).unwrap();
-        // The beam goes from (0, ·, Lx) in x and from (·, 0, Ly) in y through the aim at z = 0.
-        assert!((aim.x * (310.0 - 12.0) / 310.0 - at.x).abs() < 1e-12);
-        assert!((aim.y * (290.0 - 12.0) / 290.0 - at.y).abs() < 1e-12);
-        let back = lens.towards(at);
-        assert!((at + back * ((310.0 - 12.0) / back.z)).x.abs() < 1e-9);
+        for axis in [[0.0, 0.0], [100.0, 75.0], [-3.5, 20.0]] {
+            let head = head(310.0, 290.0, axis);
+            let at = Point3::new(40.0, -30.0, 12.0);
+            let aim = head.aim(at).unwrap();
+            // The beam goes from (axis, ·, Lx) in x and from (·, axis, Ly) in y through the aim at z = 0.
+            let landing = [
+                axis[0] + (aim.x - axis[0]) * (310.0 - 12.0) / 310.0,
+                axis[1] + (aim.y - axis[1]) * (290.0 - 12.0) / 290.0,
+            ];
+            assert!((landing[0] - at.x).abs() < 1e-12 && (landing[1] - at.y).abs() < 1e-12);
+            let back = head.towards(at);
+            assert!(((at + back * ((310.0 - 12.0) / back.z)).x - axis[0]).abs() < 1e-9);
+            assert!(((at + back * ((290.0 - 12.0) / back.z)).y - axis[1]).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn nothing_is_shifted_on_the_axis_wherever_the_zero_is() {
+        let head = head(300.0, 285.0, [100.0, 75.0]);
+        let on_axis = Point3::new(100.0, 75.0, 20.0);
+        assert_eq!(head.aim(on_axis), Some(FieldPoint::new(100.0, 75.0)));
+        assert_eq!(head.towards(on_axis), Vector3::z());
     }
 
     #[test]

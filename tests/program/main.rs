@@ -13,6 +13,7 @@ mod desk;
 mod ezdxf;
 
 mod correct;
+mod simulated_laser;
 mod refusals;
 mod cache;
 mod inspect_and_diff;

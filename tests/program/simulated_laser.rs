@@ -1,0 +1,358 @@
+//! A laser made of formulas marks what the program delivers onto parts made of formulas: each beam leaves the mirrors' two
+//! centres, passes the delivered point of the field and meets the part. What it draws there must be the drawing.
+
+use std::fmt::Write as _;
+
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::shapes;
+use isomark::geometry::space::FlatPoint;
+use nalgebra::{Point2, Point3, Rotation3, Vector2, Vector3};
+
+use crate::desk::{Desk, assert_near, number};
+
+/// How near the beam must come to a vertex of the drawing, mm.
+const AT_VERTICES: f64 = 1e-3;
+/// The chord tolerance of the jobs, mm.
+const TOLERANCE: f64 = 0.01;
+
+/// A part by the height of its side that faces the laser, over the view, mm.
+struct Part {
+    name: &'static str,
+    height: fn(f64, f64) -> f64,
+    /// Where a point of the part lies when it is unrolled; only for developable parts.
+    unrolled: Option<fn(Point3<f64>) -> Point2<f64>>,
+}
+
+fn tilted_plane(x: f64, y: f64) -> f64 {
+    4.0 + 0.2 * x - 0.1 * y
+}
+
+/// A cylinder of radius 30 mm about the y axis, tipped by 0.12 rad so that it rises with y.
+fn tipped_cylinder(x: f64, y: f64) -> f64 {
+    let (sin, cos) = 0.12f64.sin_cos();
+    (shapes::cylinder(x, 0.0) + y * sin) / cos
+}
+
+fn unrolled_tipped_cylinder(at: Point3<f64>) -> Point2<f64> {
+    let (sin, cos) = 0.12f64.sin_cos();
+    let (along, up) = (at.y * cos + at.z * sin, at.z * cos - at.y * sin);
+    Point2::new(30.0 * at.x.atan2(up), along)
+}
+
+/// [`shapes::cone`]: apex at y = −60, half angle 0.3 rad about y.
+fn unrolled_cone(at: Point3<f64>) -> Point2<f64> {
+    let from_apex = at + Vector3::y() * 60.0;
+    let angle = at.x.atan2(at.z) * 0.3f64.sin();
+    Point2::from(Vector2::new(angle.sin(), angle.cos()) * from_apex.coords.norm())
+}
+
+fn unrolled_tilted_plane(at: Point3<f64>) -> Point2<f64> {
+    let right = Vector3::new(1.0, 0.0, 0.2).normalize();
+    let up = Vector3::new(-0.2, 0.1, 1.0).normalize().cross(&right);
+    Point2::new(at.coords.dot(&right), at.coords.dot(&up))
+}
+
+const PARTS: [Part; 6] = [
+    Part { name: "plate", height: |_, _| 0.0, unrolled: Some(|at| at.xy()) },
+    Part { name: "tilted-plane", height: tilted_plane, unrolled: Some(unrolled_tilted_plane) },
+    Part { name: "tipped-cylinder", height: tipped_cylinder, unrolled: Some(unrolled_tipped_cylinder) },
+    Part { name: "cone", height: shapes::cone, unrolled: Some(unrolled_cone) },
+    Part { name: "sphere", height: shapes::sphere, unrolled: None },
+    Part { name: "saddle", height: shapes::saddle, unrolled: None },
+];
+
+/// A side of the part that faces the laser, and how a point of its view stands in the part's file.
+struct Side {
+    facing: &'static str,
+    in_file: fn(Point3<f64>) -> Point3<f64>,
+}
+
+const SIDES: [Side; 3] = [
+    Side { facing: "+z", in_file: |view| view },
+    Side { facing: "-y", in_file: |view| Point3::new(view.x, -view.z, view.y) },
+    Side { facing: "+x", in_file: |view| Point3::new(view.z, view.x, view.y) },
+];
+
+impl Part {
+    /// The part as an OBJ file with the formula's normals.
+    fn obj(&self, side: &Side) -> String {
+        let mesh = shapes::graph(18.0, 0.75, self.height);
+        let turned = |direction: Vector3<f64>| (side.in_file)(direction.into()).coords;
+        let mut text = String::new();
+        for at in mesh.positions() {
+            let [point, normal] = [(side.in_file)(*at).coords, turned(self.normal(at.x, at.y))];
+            writeln!(text, "v {} {} {}", point.x, point.y, point.z).unwrap();
+            writeln!(text, "vn {} {} {}", normal.x, normal.y, normal.z).unwrap();
+        }
+        for corners in mesh.triangles() {
+            let [a, b, c] = corners.map(|index| index + 1);
+            writeln!(text, "f {a}//{a} {b}//{b} {c}//{c}").unwrap();
+        }
+        text
+    }
+
+    fn normal(&self, x: f64, y: f64) -> Vector3<f64> {
+        let step = 1e-4;
+        let slope =
+            |dx: f64, dy: f64| ((self.height)(x + dx, y + dy) - (self.height)(x - dx, y - dy)) / (2.0 * step);
+        Vector3::new(-slope(step, 0.0), -slope(0.0, step), 1.0).normalize()
+    }
+
+    fn point(&self, view: Point2<f64>) -> Point3<f64> {
+        Point3::new(view.x, view.y, (self.height)(view.x, view.y))
+    }
+}
+
+/// A station: where its field's zero lies, its lens, and where the part stands.
+struct Station {
+    origin: &'static str,
+    /// Lens distances; none for a telecentric lens.
+    lens: Option<[f64; 2]>,
+    /// As the settings give it; otherwise the middle of the field of 200 × 160 mm.
+    axis: Option<[f64; 2]>,
+    fixture: [f64; 3],
+    rotation_deg: f64,
+}
+
+const STATIONS: [Station; 7] = [
+    Station {
+        origin: "center",
+        lens: Some([300.0, 285.0]),
+        axis: None,
+        fixture: [0.0; 3],
+        rotation_deg: 0.0,
+    },
+    Station {
+        origin: "corner",
+        lens: Some([300.0, 285.0]),
+        axis: None,
+        fixture: [100.0, 80.0, 10.0],
+        rotation_deg: 0.0,
+    },
+    Station {
+        origin: "corner",
+        lens: Some([160.0, 150.0]),
+        axis: None,
+        fixture: [60.0, 110.0, -12.0],
+        rotation_deg: 35.0,
+    },
+    Station {
+        origin: "center",
+        lens: Some([210.0, 230.0]),
+        axis: None,
+        fixture: [-30.0, 25.0, 6.0],
+        rotation_deg: -120.0,
+    },
+    Station {
+        origin: "center",
+        lens: Some([210.0, 230.0]),
+        axis: Some([-8.0, 3.5]),
+        fixture: [20.0, 10.0, -20.0],
+        rotation_deg: 90.0,
+    },
+    Station {
+        origin: "corner",
+        lens: Some([300.0, 285.0]),
+        axis: Some([92.0, 85.0]),
+        fixture: [120.0, 60.0, 0.0],
+        rotation_deg: 0.0,
+    },
+    Station { origin: "corner", lens: None, axis: None, fixture: [70.0, 90.0, 5.0], rotation_deg: 10.0 },
+];
+
+impl Station {
+    fn settings(&self, facing: &str) -> String {
+        let [x, y, z] = self.fixture;
+        let lens = self.lens.map_or("kind = \"telecentric\"".into(), |[x, y]| {
+            format!("kind = \"perspective\"\nlens_distance_x_mm = {x:?}\nlens_distance_y_mm = {y:?}")
+        });
+        let axis = self.axis.map_or(String::new(), |axis| format!("axis_mm = {axis:?}"));
+        format!(
+            "[station]\nname = \"simulated\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\
+             [field]\nwidth_mm = 200\nheight_mm = 160\norigin = \"{}\"\n[optics]\n{lens}\n{axis}\n\
+             [fixture]\nx_mm = {x:?}\ny_mm = {y:?}\nz_mm = {z:?}\nrotation_deg = {:?}\n\
+             [part]\nfacing = \"{facing}\"\nunit = \"mm\"\nup = \"z\"\n",
+            self.origin, self.rotation_deg
+        )
+    }
+
+    fn axis(&self) -> Vector2<f64> {
+        let middle = if self.origin == "corner" { [100.0, 80.0] } else { [0.0, 0.0] };
+        self.axis.unwrap_or(middle).into()
+    }
+
+    /// The turn of the fixture.
+    fn spin(&self) -> Rotation3<f64> {
+        Rotation3::from_axis_angle(&Vector3::z_axis(), self.rotation_deg.to_radians())
+    }
+
+    /// A point of the field's frame in the view of the part.
+    fn in_view(&self, field: Point3<f64>) -> Point3<f64> {
+        self.spin().inverse() * (field - Vector3::from(self.fixture))
+    }
+
+    /// The point at height `z` of the beam that passes `aim` where z is 0: it crosses the axis of each mirror at that
+    /// mirror's distance.
+    fn beam(&self, aim: Point2<f64>, z: f64) -> Point3<f64> {
+        let Some([x, y]) = self.lens else { return Point3::new(aim.x, aim.y, z) };
+        let axis = self.axis();
+        Point3::new(axis.x + (aim.x - axis.x) * (x - z) / x, axis.y + (aim.y - axis.y) * (y - z) / y, z)
+    }
+
+    /// The unit direction of that beam, downwards.
+    fn direction(&self, aim: Point2<f64>) -> Vector3<f64> {
+        (self.beam(aim, -1.0) - self.beam(aim, 1.0)).normalize()
+    }
+
+    /// Where the beam through `aim` meets the part, in the view: by bisection between heights above and below it.
+    fn cast(&self, aim: Point2<f64>, part: &Part) -> Point3<f64> {
+        let (mut above, mut below) = (70.0, -50.0);
+        for _ in 0..80 {
+            let middle = (above + below) / 2.0;
+            let at = self.in_view(self.beam(aim, middle));
+            if at.z > (part.height)(at.x, at.y) { above = middle } else { below = middle }
+        }
+        self.in_view(self.beam(aim, (above + below) / 2.0))
+    }
+}
+
+/// Crossing lines of three lengths, off the middle and not along the axes alone.
+const LINES: [[[f64; 2]; 2]; 6] = [
+    [[-10.0, -4.0], [10.0, -4.0]],
+    [[-10.0, 5.0], [10.0, 5.0]],
+    [[-6.0, -9.0], [-6.0, 9.0]],
+    [[7.0, -8.0], [7.0, 8.0]],
+    [[-9.0, -7.0], [8.0, 6.0]],
+    [[-3.0, 7.5], [5.0, -6.5]],
+];
+
+fn drawing() -> String {
+    let mut text =
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n".to_owned();
+    for [[x, y], [to_x, to_y]] in LINES {
+        writeln!(text, "0\nLINE\n8\nMARK\n10\n{x}\n20\n{y}\n11\n{to_x}\n21\n{to_y}").unwrap();
+    }
+    text + "0\nENDSEC\n0\nEOF\n"
+}
+
+/// The polylines of a delivered drawing, mm of the field.
+fn delivered(dxf: &[u8]) -> Vec<Vec<Point2<f64>>> {
+    let point = |at: FlatPoint| Point2::from(at.coords());
+    let reading = read(dxf, &PatternOptions { strict: true, ..PatternOptions::default() }).unwrap();
+    let path = |path: &isomark::geometry::pattern::Path| {
+        let segments = path.shape.segments();
+        let starts = segments.iter().map(|segment| point(segment.start()));
+        starts.chain(segments.last().map(|segment| point(segment.end()))).collect()
+    };
+    reading.pattern.paths.iter().map(path).collect()
+}
+
+fn distance_to(line: &[Point2<f64>], at: Point2<f64>) -> f64 {
+    let to_piece = |pair: &[Point2<f64>]| {
+        let along = pair[1] - pair[0];
+        let t = ((at - pair[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+        (pair[0] + along * t - at).norm()
+    };
+    line.windows(2).map(to_piece).fold(f64::INFINITY, f64::min)
+}
+
+/// Every station with every part, sides in turn, after the job's files were written: the desk, what to say of it, and the
+/// paths of part, station and drawing.
+fn each_job(mut judge: impl FnMut(&Desk, &str, &Part, &Station, &str)) {
+    let desk = Desk::new();
+    desk.write("drawing.dxf", drawing());
+    for (turn, station) in STATIONS.iter().enumerate() {
+        for (number, part) in PARTS.iter().enumerate() {
+            let side = &SIDES[(turn + number) % SIDES.len()];
+            let name = format!("{}{}.obj", part.name, side.facing);
+            if !desk.path(&name).exists() {
+                desk.write(&name, part.obj(side));
+            }
+            desk.write("station.toml", station.settings(side.facing));
+            judge(&desk, &format!("{name} at station {turn}"), part, station, &name);
+        }
+    }
+}
+
+const OPTIONS: &str = "--station station.toml";
+
+#[test]
+fn the_beam_meets_every_projected_vertex_whatever_the_lens_and_the_fixture() {
+    each_job(|desk, said, part, station, file| {
+        let options = format!("{OPTIONS} --method none --vertices keep");
+        let report = desk.correct(file, "drawing.dxf", &options);
+        let marked = delivered(&desk.read("out.dxf"));
+        assert_eq!(marked.len(), LINES.len(), "{said}");
+        let mut steepest = 0.0f64;
+        for (line, drawn) in marked.iter().zip(LINES) {
+            assert_eq!(line.len(), 2, "{said}");
+            for (aim, drawn) in line.iter().zip(drawn) {
+                let landing = station.cast(*aim, part);
+                let miss = (landing.xy() - Point2::from(drawn)).norm();
+                assert!(miss <= AT_VERTICES, "{said}: {miss} mm off {drawn:?}");
+                let normal = station.spin() * part.normal(landing.x, landing.y);
+                steepest = steepest.max(normal.dot(&-station.direction(*aim)).acos());
+            }
+        }
+        // Between their ends the lines may be met more steeply, never less.
+        let reported = number(&report, "/exposure/incidence_deg");
+        assert!(reported > steepest.to_degrees() - 0.02, "{said}: {reported} for {}", steepest.to_degrees());
+        if part.name.contains("plane") || part.name == "plate" {
+            assert_near(&[reported], &[steepest.to_degrees()], 0.02);
+        }
+    });
+}
+
+#[test]
+fn the_beam_keeps_to_the_projected_lines_within_the_chord_tolerance() {
+    each_job(|desk, said, part, station, file| {
+        desk.correct(file, "drawing.dxf", &format!("{OPTIONS} --method none --tolerance {TOLERANCE}"));
+        for (line, [from, to]) in
+            delivered(&desk.read("out.dxf")).iter().zip(LINES.map(|ends| ends.map(Point2::from)))
+        {
+            // The chords lie in the field; on a part that is inclined by 40 degrees they may be off by a third more.
+            for pair in line.windows(2) {
+                for step in 0..=20 {
+                    let landing = station.cast(pair[0] + (pair[1] - pair[0]) * f64::from(step) / 20.0, part);
+                    let miss = distance_to(&[from, to], landing.xy());
+                    assert!(miss <= TOLERANCE * 1.35 + AT_VERTICES, "{said}: {miss} mm beside the line");
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn developable_parts_carry_true_lengths_under_the_simulated_laser() {
+    each_job(|desk, said, part, station, file| {
+        let Some(unrolled) = part.unrolled else { return };
+        desk.correct(file, "drawing.dxf", &format!("{OPTIONS} --vertices keep"));
+        let marked = delivered(&desk.read("out.dxf"));
+        let on_part: Vec<_> = marked.iter().flatten().map(|aim| unrolled(station.cast(*aim, part))).collect();
+        let drawn: Vec<_> = LINES.iter().flatten().map(|at| Point2::from(*at)).collect();
+        for (i, j) in (0..drawn.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let miss = (on_part[i] - on_part[j]).norm() - (drawn[i] - drawn[j]).norm();
+            assert!(miss.abs() <= AT_VERTICES, "{said}: {miss} mm from {:?} to {:?}", drawn[i], drawn[j]);
+        }
+    });
+}
+
+#[test]
+fn the_lens_moves_no_mark_on_parts_curved_both_ways() {
+    let plain = Station { origin: "center", lens: None, axis: None, fixture: [0.0; 3], rotation_deg: 0.0 };
+    each_job(|desk, said, part, station, file| {
+        if part.unrolled.is_some() {
+            return;
+        }
+        let options = format!("{OPTIONS} --vertices keep");
+        desk.correct(file, "drawing.dxf", &options);
+        let marked = delivered(&desk.read("out.dxf"));
+        let facing = &file[file.len() - "+z.obj".len()..file.len() - ".obj".len()];
+        desk.write("station.toml", plain.settings(facing));
+        desk.correct(file, "drawing.dxf", &options);
+        for (aim, view) in marked.iter().flatten().zip(delivered(&desk.read("out.dxf")).iter().flatten()) {
+            let miss = (station.cast(*aim, part) - part.point(*view)).norm();
+            assert!(miss <= AT_VERTICES, "{said}: {miss} mm off");
+        }
+    });
+}
