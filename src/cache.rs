@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder per SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v2/                 format version: another one is another folder
+//! <cache>/v3/                 format version: another one is another folder
 //! └── <sku>/
 //!     ├── current.toml        the part last learned for the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -28,7 +28,7 @@ use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
 /// Version of the files' format and of the fit itself: raised whenever either changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 /// Magic, version, hash of the body.
 const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;
@@ -122,6 +122,8 @@ struct Record {
     node_kinds: Vec<u8>,
     /// One for each wall or surface node.
     node_heights: Vec<f64>,
+    /// One for each node, or none at all.
+    doubts: Vec<f64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -333,6 +335,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         field_rows,
         node_kinds: field.nodes().iter().map(kind).collect(),
         node_heights: field.nodes().iter().filter_map(height).collect(),
+        doubts: kept.surface.doubts().to_vec(),
     };
     let body = postcard::to_stdvec(&record).map_err(io::Error::other)?;
     let mut bytes = Vec::with_capacity(HEADER + body.len());
@@ -376,7 +379,11 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     let (Some(nurbs), Some(field)) = (nurbs, field) else {
         return Err("its grids do not fit together".into());
     };
-    Ok(CachedSurface { origin: record.origin, facts, surface: FittedSurface::compare(nurbs, field) })
+    Ok(CachedSurface {
+        origin: record.origin,
+        facts,
+        surface: FittedSurface::compare(nurbs, field).doubted(record.doubts),
+    })
 }
 
 #[cfg(test)]

@@ -90,6 +90,7 @@
 //! | field | the marking software's working area |
 //! | height field | heights of the part over a grid of the view; holes and walls stay visible |
 //! | surface, knots, span, control net | the NURBS surface that is fitted to the height field, and what it is made of |
+//! | doubt | how far the part may be from the surface, because the file's normals contradict its facets |
 //! | residual | what a fit leaves; never called an error |
 //! | length-true map | from the drawing to the view, so that lengths on the part are those drawn |
 //! | developable | can be unrolled without stretch: Gaussian curvature zero; only there all lengths can be kept |

@@ -329,7 +329,7 @@ impl Pipeline {
                 surface,
                 learned.key.as_str(),
                 learned.from_cache,
-                exposure.largest_difference,
+                &exposure,
             ),
             pattern: PatternStory {
                 file: input.name.into(),

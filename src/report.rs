@@ -88,6 +88,10 @@ pub struct ResidualStory {
     pub most_mm: f64,
     /// Largest under the ink, mm.
     pub under_ink_mm: f64,
+    /// Farthest that the part may be from its samples under the ink, mm, where the file's normals contradict its facets;
+    /// absent where they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt_under_ink_mm: Option<f64>,
     /// Number of samples.
     pub samples: usize,
 }
@@ -294,7 +298,7 @@ impl PartStory {
         surface: &FittedSurface,
         key: &str,
         from_cache: bool,
-        under_ink: f64,
+        exposure: &Exposure,
     ) -> Self {
         let (knots_x, knots_y) = surface.nurbs.knots();
         let residual = &surface.residual;
@@ -310,7 +314,8 @@ impl PartStory {
                 at_mm: residual.at.coords().into(),
                 rms_mm: residual.rms,
                 most_mm: residual.most,
-                under_ink_mm: under_ink,
+                under_ink_mm: exposure.largest_difference,
+                doubt_under_ink_mm: Some(exposure.largest_doubt).filter(|doubt| *doubt > 0.0),
                 samples: residual.nodes,
             },
         }

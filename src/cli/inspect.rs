@@ -193,6 +193,9 @@ fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {
     let normals = match facts.normals {
         NormalsFound::Smooth => "follow the surface",
         NormalsFound::FacetsOnly => "only repeat the facets; better ones are estimated from the mesh",
+        NormalsFound::Averaged => {
+            "average the facets, as smooth shading does; better ones are estimated from the mesh"
+        }
         NormalsFound::None => "none; they are estimated from the mesh",
     };
     line(text, "normals", normals);

@@ -204,6 +204,8 @@ impl Projection<'_> {
             highest: f64::NEG_INFINITY,
             field: Extents::EMPTY,
             largest_difference: 0.0,
+            largest_doubt: 0.0,
+            largest_doubt_at: ViewPoint::new(0.0, 0.0),
         };
         let mut last = None;
         let ends = ink.pieces.iter().flat_map(|piece| {
@@ -228,6 +230,10 @@ impl Projection<'_> {
             exposure.highest = exposure.highest.max(landing.z);
             exposure.largest_difference =
                 exposure.largest_difference.max(self.surface.difference(view).abs());
+            let doubt = self.surface.doubt(view);
+            if doubt > exposure.largest_doubt {
+                (exposure.largest_doubt, exposure.largest_doubt_at) = (doubt, view);
+            }
             if let Some(aim) = self.head.aim(landing) {
                 exposure.field.include(aim.coords());
             }
@@ -284,6 +290,10 @@ pub struct Exposure {
     pub field: Extents,
     /// Largest distance between the sampled part and the fitted surface, mm.
     pub largest_difference: f64,
+    /// Farthest that the part may be from its samples, mm; see [`FittedSurface::doubt`].
+    pub largest_doubt: f64,
+    /// Where that is.
+    pub largest_doubt_at: ViewPoint,
 }
 
 /// The polyline through as few of the points as a pass along it can leave, both ends among them, so that all others lie

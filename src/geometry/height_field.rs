@@ -60,6 +60,9 @@ pub struct PartSamples {
     pub field: HeightField,
     /// For each node whether an edge of the part runs beside it: between two of its smooth sides, or at a cliff.
     pub is_at_edge: Vec<bool>,
+    /// For each node how far the part may be from its height, mm, where the part's normals contradict its facets; empty
+    /// where they do nowhere.
+    pub doubts: Vec<f64>,
 }
 
 impl Grid {
@@ -131,7 +134,7 @@ impl FacingPart {
         let hits = self.hits(grid);
         let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
         self.mark_edges(&field, &hits, &mut is_at_edge);
-        PartSamples { field, is_at_edge }
+        PartSamples { field, is_at_edge, doubts: self.doubts(&hits) }
     }
 
     /// For every node the triangle that is met there, and where.
@@ -170,6 +173,13 @@ impl FacingPart {
             }
         }
         hits
+    }
+
+    fn doubts(&self, hits: &[Option<(u32, Hit)>]) -> Vec<f64> {
+        if self.mesh.doubts.iter().all(|doubt| *doubt == 0.0) {
+            return Vec::new();
+        }
+        hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()
     }
 
     /// For each node whether it and a neighbour lie on two smooth sides of the part that do not continue each other.

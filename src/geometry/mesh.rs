@@ -11,6 +11,7 @@ pub struct TriMesh {
     positions: Vec<Point3<f64>>,
     normals: Vec<Vector3<f64>>,
     triangles: Vec<[u32; 3]>,
+    normals_only_shade: bool,
 }
 
 /// Why a set of triangles is no mesh.
@@ -86,7 +87,7 @@ impl TriMesh {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
-        Ok(Self { positions, normals, triangles })
+        Ok(Self { positions, normals, triangles, normals_only_shade: false })
     }
 
     /// Vertex positions, mm.
@@ -97,6 +98,17 @@ impl TriMesh {
     /// Unit normals, one for each vertex (zero where the file's was no direction), or none at all.
     pub fn normals(&self) -> &[Vector3<f64>] {
         &self.normals
+    }
+
+    /// The same mesh with normals that tell its edges but not its curvature: averages of facets, as smooth shading makes
+    /// them.
+    pub fn with_shading_normals(self) -> Self {
+        Self { normals_only_shade: true, ..self }
+    }
+
+    /// Whether the normals tell edges only.
+    pub fn normals_only_shade(&self) -> bool {
+        self.normals_only_shade
     }
 
     /// Triangles, three vertex indices each.

@@ -7,6 +7,8 @@ pub mod mesh;
 pub mod point_cloud;
 pub mod smooth_mesh;
 mod osculating_jet;
+mod flats;
+pub mod shading;
 pub mod curved_triangle;
 pub mod height_field;
 pub mod normal_equations;

@@ -3,6 +3,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::curved_triangle::CurvedTriangle;
+use super::flats;
 use super::mesh::TriMesh;
 use super::osculating_jet::refined_normal;
 use super::space::View;
@@ -10,6 +12,10 @@ use super::space::View;
 /// Facets that meet at a larger angle than this, rad, are taken for the two sides of an edge of the part when the file
 /// has no normals. CAD tessellations turn by up to 28.6° (0.5 rad) from facet to facet of one face; chamfers by 45°.
 pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
+
+/// The same where the file's normals were averaged to look smooth: that the facets of an octagonal prism were meant to be
+/// round is more likely then.
+const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 
 /// Normals of the file that differ by more than this, rad, at one place are those of two sides of an edge of the part.
 /// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
@@ -20,7 +26,7 @@ pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 const WELD_DISTANCE: f64 = 1e-4;
 
 /// No side.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Triangles over shared vertices, in the frame of a view, mm.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +40,12 @@ pub struct SmoothMesh {
     /// For each triangle the smooth region it belongs to: those that can be reached without crossing an edge of the
     /// part.
     pub regions: Vec<u32>,
+    /// For each side of each triangle (side 3·t + k runs from corner k to the next) the side of the neighbour that continues it;
+    /// [`NONE`] at a border and at an edge of the part.
+    pub(super) continued: Vec<u32>,
+    /// For each triangle how far the part may be from the surface that the normals make of it, mm: where they round an edge of
+    /// the facets, or contradict one another (`flats`).
+    pub doubts: Vec<f64>,
 }
 
 impl SmoothMesh {
@@ -44,7 +56,9 @@ impl SmoothMesh {
     /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
     /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
     /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
-    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically.
+    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; and
+    /// where a wide facet continues in narrow ones, as a flat side in its fillet, those that the narrow ones lead to
+    /// (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
@@ -52,15 +66,17 @@ impl SmoothMesh {
         let welded = weld(&positions);
         let places: Vec<[u32; 3]> =
             corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
-        let opposite = opposite_sides(&places);
+        let mut opposite = opposite_sides(&places);
         let facet = |triangle: usize| facet_normal(corners[triangle].map(|index| positions[index as usize]));
-        let normal = |corner: usize| {
+        let given_normal = |corner: usize| {
             given.get(corners[corner / 3][corner % 3] as usize).copied().unwrap_or_else(Vector3::zeros)
         };
-        let (same_normal, same_region) = (NORMAL_TOLERANCE.cos(), CREASE_ANGLE.cos());
+        let only_shades = mesh.normals_only_shade();
+        let same_normal = NORMAL_TOLERANCE.cos();
 
         let mut vertex_sets = DisjointSets::new(places.len() * 3);
         let mut region_sets = DisjointSets::new(places.len());
+        let mut rounded = Vec::new();
         for side in 0..opposite.len() {
             let other = opposite[side] as usize;
             // Each pair once; NONE is larger than any side.
@@ -74,18 +90,29 @@ impl SmoothMesh {
             // Neighbours that are wound alike run along their common side in opposite directions.
             let facing = if place(ends[0]) == place(facing[0]) { facing } else { [facing[1], facing[0]] };
             let pairs = [(ends[0], facing[0]), (ends[1], facing[1])];
+            let normal = &given_normal;
             let is_given =
                 |&(a, b): &(usize, usize)| normal(a) != Vector3::zeros() && normal(b) != Vector3::zeros();
-            let is_smooth = if pairs.iter().all(is_given) {
-                pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal)
-            } else {
+            let have_normals = pairs.iter().all(is_given);
+            let agree = || pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal);
+            let meets_within = |angle: f64| {
                 let wound_alike = place(ends[0]) != place(other);
                 let cosine = facet(here).dot(&facet(there));
-                (if wound_alike { cosine } else { -cosine }) >= same_region
+                (if wound_alike { cosine } else { -cosine }) >= angle.cos()
+            };
+            let is_smooth = match have_normals {
+                true if only_shades => agree() && meets_within(SHADED_CREASE_ANGLE),
+                true => agree(),
+                false => meets_within(CREASE_ANGLE),
             };
             if is_smooth {
+                if have_normals && !meets_within(SHADED_CREASE_ANGLE) {
+                    rounded.extend([ends[0], ends[1]]);
+                }
                 pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
                 region_sets.join(here, there);
+            } else {
+                (opposite[side], opposite[other]) = (NONE, NONE);
             }
         }
 
@@ -95,15 +122,20 @@ impl SmoothMesh {
         let mut normals = vec![Vector3::zeros(); count];
         for (corner, &vertex) in vertices.iter().enumerate() {
             shared[vertex as usize] = positions[corners[corner / 3][corner % 3] as usize];
-            normals[vertex as usize] += normal(corner);
+            if !only_shades {
+                normals[vertex as usize] += given_normal(corner);
+            }
         }
         let mut smooth = Self {
             positions: shared,
             normals,
             triangles: vertices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
             regions,
+            continued: opposite,
+            doubts: Vec::new(),
         };
         smooth.complete_normals();
+        smooth.doubt_rounded(rounded.iter().map(|&corner| vertices[corner]));
         smooth
     }
 
@@ -127,15 +159,32 @@ impl SmoothMesh {
         for normal in &mut self.normals {
             *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         }
+        let mut around = None;
         if is_missing.contains(&true) {
-            let around = Neighbours::of(&self.triangles, self.positions.len());
+            let around = around.insert(Neighbours::of(&self.triangles, self.positions.len()));
             let estimated = |vertex: usize| {
                 if !is_missing[vertex] {
                     return self.normals[vertex];
                 }
-                refined_normal(&self.positions, &self.normals, &around, vertex)
+                refined_normal(&self.positions, &self.normals, around, vertex)
             };
             self.normals = (0..self.normals.len()).map(estimated).collect();
+        }
+        self.doubts = flats::lead_across(self, around, &is_missing);
+    }
+
+    /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
+    /// doubt be larger than the bulge: the facets themselves are part of the part.
+    fn doubt_rounded(&mut self, vertices: impl Iterator<Item = u32>) {
+        let mut is_rounded = vec![false; self.positions.len()];
+        vertices.for_each(|vertex| is_rounded[vertex as usize] = true);
+        for triangle in 0..self.triangles.len() {
+            let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize]);
+            if is_rounded || self.doubts[triangle] > 0.0 {
+                let (corners, normals) = self.corners(triangle);
+                let bulge = CurvedTriangle::new(corners, normals).largest_bulge();
+                self.doubts[triangle] = if is_rounded { bulge } else { self.doubts[triangle].min(bulge) };
+            }
         }
     }
 
@@ -156,7 +205,7 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    fn of(triangles: &[[u32; 3]], count: usize) -> Self {
+    pub(super) fn of(triangles: &[[u32; 3]], count: usize) -> Self {
         let sides =
             || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
         let mut starts = vec![0u32; count + 1];
@@ -186,7 +235,7 @@ impl Neighbours {
     }
 }
 
-fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
+pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 

@@ -277,6 +277,7 @@ pub(super) fn exposure(
     incidence(seen, settings, notices)?;
     focus(seen, settings, notices);
     field(seen, settings)?;
+    doubt(seen, settings, notices)?;
     residual(seen, surface, settings, notices)
 }
 
@@ -336,6 +337,31 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
         "Move the drawing (`place_mm`, `--place`), or the part with the station's `[fixture]`.",
     )
     .with_number("overhang", beyond, "mm", Some(0.0)))
+}
+
+/// The file's normals do not belong to its facets: nobody can tell how the part bends between its vertices.
+fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
+    let (largest, limit) = (seen.largest_doubt, settings.correction.max_residual);
+    let at = seen.largest_doubt_at;
+    if largest > limit {
+        return Err(Reason::new(
+            "normals-contradict-facets",
+            "Under the drawing the part's normals contradict its facets, as smooth shading does beside a flat side: the surface between its vertices is not known well enough.",
+            "Export the part from CAD with its own normals or with a smaller deviation; in Blender apply a finer bevel or shade it flat; or raise `max_residual_mm`.",
+        )
+        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+        .with_number("height that is not known", largest, "mm", Some(limit)));
+    }
+    if largest > limit / 5.0 {
+        notices.push(Notice::warning(
+            "normals-contradict-facets",
+            format!(
+                "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be off by {largest:.3} mm; export it with a smaller deviation",
+                at.x, at.y
+            ),
+        ));
+    }
+    Ok(())
 }
 
 fn residual(

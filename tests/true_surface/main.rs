@@ -7,6 +7,7 @@
 
 mod exact_maps;
 mod forms;
+mod shading;
 
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;

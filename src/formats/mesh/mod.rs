@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::point_cloud::PointCloud;
+use crate::geometry::shading;
 use crate::reason::Notice;
 
 mod units;
@@ -140,6 +141,9 @@ pub enum NormalsFound {
     /// They repeat each triangle's own plane and say nothing of a curved surface; the mesh comes without them, its
     /// vertices welded.
     FacetsOnly,
+    /// They average the facets round a vertex, as smooth shading does, where the surface has other ones; they tell the
+    /// part's edges and nothing else.
+    Averaged,
     /// They follow the surface.
     Smooth,
 }
@@ -256,6 +260,9 @@ impl NormalsFound {
         let found = match self {
             Self::None => "the file has no normals",
             Self::FacetsOnly => "the file's normals only repeat the flat facets",
+            Self::Averaged => {
+                "the file's normals are averages of the facets beside them, as smooth shading makes them, and not the surface's"
+            }
             Self::Smooth => return None,
         };
         let message = format!(
@@ -344,6 +351,13 @@ impl RawPart {
                     },
                 )?),
             };
+        let shape = match shape {
+            Shape::Mesh(mesh) if shading::only_shade(&mesh) => {
+                self.normals_found = NormalsFound::Averaged;
+                Shape::Mesh(mesh.with_shading_normals())
+            }
+            shape => shape,
+        };
         let (size, triangles, vertices) = match &shape {
             Shape::Mesh(mesh) => (mesh.size(), mesh.triangles().len(), mesh.positions().len()),
             Shape::Scan(cloud) => (cloud.size(), 0, cloud.points().len()),

@@ -54,6 +54,7 @@ pub struct FittedSurface {
     pub residual: Residual,
     /// Height of the sampled part less height of the fit at each node, mm; 0 where there is no surface.
     differences: Vec<f64>,
+    doubts: Vec<f64>,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -135,7 +136,7 @@ impl FittedSurface {
                 break;
             }
         }
-        Ok(Self::compare(nurbs, samples.field))
+        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts))
     }
 
     /// Fits a height field by least squares, one span for every two nodes. Nodes beside a cliff do not count, because a
@@ -168,7 +169,30 @@ impl FittedSurface {
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { largest, at, rms, most: most(sizes), nodes };
-        Self { nurbs, field, residual, differences }
+        Self { nurbs, field, residual, differences, doubts: Vec::new() }
+    }
+
+    /// The surface with a doubt for each node of its field, mm (see [`PartSamples::doubts`]); what does not fit the field is
+    /// left away.
+    ///
+    /// [`PartSamples::doubts`]: crate::geometry::height_field::PartSamples::doubts
+    pub fn doubted(self, doubts: Vec<f64>) -> Self {
+        let doubts = if doubts.len() == self.field.nodes().len() { doubts } else { Vec::new() };
+        Self { doubts, ..self }
+    }
+
+    /// The doubt of each node, mm; empty where there is none.
+    pub fn doubts(&self) -> &[f64] {
+        &self.doubts
+    }
+
+    /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 off the surface.
+    pub fn doubt(&self, at: ViewPoint) -> f64 {
+        if self.doubts.is_empty() {
+            return 0.0;
+        }
+        let Some((column, row, _)) = self.field.cell(at) else { return 0.0 };
+        self.field.cell_nodes(column, row).map(|index| self.doubts[index]).into_iter().fold(0.0, f64::max)
     }
 
     /// Height of the sampled part less height of the fit at each node of the field, mm; 0 where there is no surface.

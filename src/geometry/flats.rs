@@ -1,0 +1,264 @@
+//! Normals where a wide facet continues in narrow ones, as a flat side in its fillet.
+//!
+//! An estimate from the facets round such a vertex leans towards the narrow ones, and over the width of the flat side that is
+//! a bulge. The narrow side knows better: on a smooth curve the normals at the ends of a short chord lean away from it by
+//! equal and opposite angles (exactly on circles, to third order elsewhere), and at its far end the facets are alike.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::smooth_mesh::{NONE, Neighbours, SmoothMesh, facet_normal};
+
+/// Facets belong to one plane when their corners are within this of it, mm, and their sides within [`COPLANAR`] of its
+/// normal (a cosine): a file's rounding.
+const PLANE_DISTANCE: f64 = 5e-4;
+const COPLANAR: f64 = 0.9998;
+/// What normals bend by less than this, mm, is left as it is.
+const PLAIN: f64 = 1e-3;
+/// A vertex is uneven where one plane's width is so many times another's.
+const UNEVEN: f64 = 2.5;
+/// Weight of the estimate that was there against that of the nearest vertex.
+const PRIOR: f64 = 1e-3;
+/// A normal that leans from its widest plane by less than this share of the narrow facets' lean is that plane's own: the
+/// chords say so but for their third order.
+const LEANS: f64 = 0.15;
+
+/// Triangles that lie in one plane and continue each other.
+struct Planes {
+    of_triangle: Vec<u32>,
+    /// Four times the area over the perimeter, mm: the side of a square, twice the width of a strip.
+    widths: Vec<f64>,
+    normals: Vec<Vector3<f64>>,
+    /// mm².
+    areas: Vec<f64>,
+    /// Whether there is more than one triangle in it.
+    are_cut: Vec<bool>,
+}
+
+/// Corrects the normals that are `estimated` at vertices where facets of very different width continue each other, and
+/// returns for each triangle how far the part may be from the curved patch that the normals make of it, mm: where those of the
+/// file are not what the narrow facets lead to.
+///
+/// A normal is led to as the direction that meets the chords to the vertices round it as obliquely as their normals do from
+/// the other end, in the least-squares sense, short chords first. A vertex without a neighbour between facets that are
+/// alike takes the normal of its widest plane, if that is more than one triangle.
+///
+/// `around` are the neighbours of each vertex, if somebody has found them already.
+pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, estimated: &[bool]) -> Vec<f64> {
+    let nowhere = vec![0.0; mesh.triangles.len()];
+    let Some(chosen) = round_bent_ones(mesh) else { return nowhere };
+    let planes = Planes::of(mesh, |triangle| chosen[triangle]);
+    let spans = Span::of_vertices(mesh, &planes);
+    // A single wide triangle may be a long chord of a curved surface; a face that was cut into several can be flat.
+    let is_beside_face = |span: &Span| span.is_uneven() && planes.are_cut[span.widest as usize];
+    let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| is_beside_face(&spans[vertex])).collect();
+    if uneven.is_empty() {
+        return nowhere;
+    }
+    let around = around.unwrap_or_else(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
+    // A normal at a border, or within a single plane, is known from one side only.
+    let mut is_known: Vec<bool> = spans.iter().map(|span| span.turn > 0.0 && !span.is_uneven()).collect();
+    for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
+        let corners = mesh.triangles[side / 3];
+        (is_known[corners[side % 3] as usize], is_known[corners[(side + 1) % 3] as usize]) = (false, false);
+    }
+    let known = |&vertex: &usize| {
+        let known = around.of_vertex(vertex).iter().map(|&other| other as usize);
+        led_by(mesh, vertex, known.filter(|&other| is_known[other]))
+    };
+    let led: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
+    let mut astray = vec![0.0f64; spans.len()];
+    let mut is_flat = vec![false; planes.normals.len()];
+    for (&vertex, led) in uneven.iter().zip(led) {
+        let span = &spans[vertex];
+        let widest = span.widest as usize;
+        let flat = planes.normals[widest];
+        let leaning = led.filter(|led| led.angle(&flat) >= LEANS * span.turn);
+        is_flat[widest] |= leaning.is_none();
+        let normal = leaning.unwrap_or(flat);
+        if estimated[vertex] {
+            mesh.normals[vertex] = normal;
+        } else if led.is_some() {
+            astray[vertex] = mesh.normals[vertex].angle(&normal);
+        }
+    }
+    // Where all facets lie in a flat side, its far ends tell nothing.
+    for (vertex, span) in spans.iter().enumerate() {
+        if estimated[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
+            mesh.normals[vertex] = planes.normals[span.widest as usize];
+        }
+    }
+    let doubt = |triangle: usize| {
+        let plane = planes.of_triangle[triangle];
+        if plane == NONE {
+            return 0.0;
+        }
+        let width = planes.widths[plane as usize];
+        let led_astray = mesh.triangles[triangle].map(|vertex| astray[vertex as usize] * width / 4.0);
+        led_astray.into_iter().fold(0.0, f64::max)
+    };
+    (0..mesh.triangles.len()).map(doubt).collect()
+}
+
+/// The area of the plane that each triangle lies in, mm².
+pub(super) fn plane_areas(mesh: &SmoothMesh) -> Vec<f64> {
+    let planes = Planes::of(mesh, |_| true);
+    planes.of_triangle.iter().map(|&plane| planes.areas[plane as usize]).collect()
+}
+
+/// The planes that meet at a vertex.
+struct Span {
+    narrowest: f64,
+    width: f64,
+    /// The widest plane.
+    widest: u32,
+    /// The largest angle of another plane with it, rad.
+    turn: f64,
+}
+
+impl Span {
+    fn of_vertices(mesh: &SmoothMesh, planes: &Planes) -> Vec<Self> {
+        let none = || Self { narrowest: f64::INFINITY, width: 0.0, widest: NONE, turn: 0.0 };
+        let mut spans: Vec<Self> = mesh.positions.iter().map(|_| none()).collect();
+        let corners = || {
+            let planes = mesh.triangles.iter().zip(&planes.of_triangle);
+            let known = planes.filter(|(_, plane)| **plane != NONE);
+            known.flat_map(|(corners, &plane)| corners.iter().map(move |&vertex| (vertex as usize, plane)))
+        };
+        for (vertex, plane) in corners() {
+            let (span, width) = (&mut spans[vertex], planes.widths[plane as usize]);
+            span.narrowest = span.narrowest.min(width);
+            if width > span.width {
+                (span.width, span.widest) = (width, plane);
+            }
+        }
+        for (vertex, plane) in corners() {
+            let span = &mut spans[vertex];
+            if plane != span.widest && span.widest != NONE {
+                let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
+                span.turn = span.turn.max(angle);
+            }
+        }
+        spans
+    }
+
+    fn is_uneven(&self) -> bool {
+        self.width > UNEVEN * self.narrowest
+    }
+}
+
+/// The normal that the `known` vertices lead to.
+fn led_by(mesh: &SmoothMesh, vertex: usize, known: impl Iterator<Item = usize>) -> Option<Vector3<f64>> {
+    let before = mesh.normals[vertex];
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let mut heaviest = 0.0f64;
+    for other in known {
+        let chord = mesh.positions[other] - mesh.positions[vertex];
+        let length = chord.norm();
+        if !(length > 0.0) {
+            continue;
+        }
+        let along = chord / length;
+        // What a chord says is off by the square of its length.
+        let weight = length.powi(-4);
+        heaviest = heaviest.max(weight);
+        matrix += along * along.transpose() * weight;
+        right -= along * (along.dot(&mesh.normals[other]) * weight);
+    }
+    if heaviest == 0.0 {
+        return None;
+    }
+    let prior = PRIOR * heaviest;
+    let normal = (matrix + Matrix3::identity() * prior).cholesky()?.solve(&(right + before * prior));
+    normal.try_normalize(0.0)
+}
+
+impl Planes {
+    /// The planes of the `chosen` triangles; others belong to one of them, or to none.
+    fn of(mesh: &SmoothMesh, chosen: impl Fn(usize) -> bool) -> Self {
+        let corners = |triangle: usize| mesh.triangles[triangle].map(|index| mesh.positions[index as usize]);
+        let area = |triangle: usize| {
+            let [a, b, c] = corners(triangle);
+            (b - a).cross(&(c - a)).norm() / 2.0
+        };
+        // The largest first: its plane is known best.
+        let mut seeds: Vec<(f64, usize)> = (0..mesh.triangles.len())
+            .filter(|&index| chosen(index))
+            .map(|index| (area(index), index))
+            .collect();
+        seeds.sort_unstable_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
+        let mut of_triangle = vec![NONE; mesh.triangles.len()];
+        let (mut widths, mut normals) = (Vec::new(), Vec::new());
+        let (mut areas, mut are_cut, mut front) = (Vec::new(), Vec::new(), Vec::new());
+        for (_, seed) in seeds {
+            if of_triangle[seed] != NONE {
+                continue;
+            }
+            let plane = normals.len() as u32;
+            let (start, normal) = (corners(seed)[0], facet_normal(corners(seed)));
+            let (mut total, mut perimeter, mut count) = (0.0, 0.0, 0usize);
+            of_triangle[seed] = plane;
+            front.push(seed);
+            while let Some(triangle) = front.pop() {
+                let points = corners(triangle);
+                count += 1;
+                total += area(triangle);
+                for side in 0..3 {
+                    let length = (points[(side + 1) % 3] - points[side]).norm();
+                    let other = mesh.continued[triangle * 3 + side];
+                    if other == NONE {
+                        perimeter += length;
+                        continue;
+                    }
+                    let other = other as usize / 3;
+                    let is_same = of_triangle[other] == plane;
+                    if is_same {
+                        continue;
+                    }
+                    let lies_in =
+                        |point: &nalgebra::Point3<f64>| (point - start).dot(&normal).abs() < PLANE_DISTANCE;
+                    let points = corners(other);
+                    if of_triangle[other] == NONE
+                        && points.iter().all(lies_in)
+                        && facet_normal(points).dot(&normal) > COPLANAR
+                    {
+                        of_triangle[other] = plane;
+                        front.push(other);
+                    } else {
+                        perimeter += length;
+                    }
+                }
+            }
+            widths.push(if perimeter > 0.0 { 4.0 * total / perimeter } else { f64::INFINITY });
+            normals.push(normal);
+            areas.push(total);
+            are_cut.push(count > 1);
+        }
+        Self { of_triangle, widths, normals, areas, are_cut }
+    }
+}
+
+/// For each triangle whether it is of interest: one that its normals bend by more than [`PLAIN`], or one within two vertices
+/// of such a one.
+fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
+    let bends = |triangle: usize| {
+        let (points, normals) = mesh.corners(triangle);
+        (0..3).any(|corner| {
+            let off = |other: usize| (points[other] - points[corner]).dot(&normals[corner]).abs();
+            off((corner + 1) % 3).max(off((corner + 2) % 3)) > 4.0 * PLAIN
+        })
+    };
+    let mut chosen: Vec<bool> = (0..mesh.triangles.len()).map(bends).collect();
+    if !chosen.contains(&true) {
+        return None;
+    }
+    for _ in 0..2 {
+        let mut is_near = vec![false; mesh.positions.len()];
+        for (corners, _) in mesh.triangles.iter().zip(&chosen).filter(|(_, chosen)| **chosen) {
+            corners.iter().for_each(|&vertex| is_near[vertex as usize] = true);
+        }
+        for (corners, chosen) in mesh.triangles.iter().zip(&mut chosen) {
+            *chosen |= corners.iter().any(|&vertex| is_near[vertex as usize]);
+        }
+    }
+    Some(chosen)
+}

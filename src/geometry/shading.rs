@@ -1,0 +1,235 @@
+//! Whether a file's normals belong to the surface or only to its shading.
+//!
+//! CAD programs write the normals of the modelled surface. Modelling programs with smooth shading write averages of the facets
+//! round a vertex, so that an edge looks round in a picture: beside a narrow bevel such a normal leans by half the bevel's
+//! angle from a large flat side, and a surface that obeyed it would be a cushion.
+
+use nalgebra::{Point3, Vector3};
+
+use super::flats;
+use super::mesh::TriMesh;
+use super::smooth_mesh::SmoothMesh;
+use super::space::View;
+
+/// Vertices looked at, at most; larger meshes are sampled evenly.
+const SAMPLE: usize = 5_000;
+/// Places of the table that tells most other vertices from these: many times as many.
+const LIKELY: usize = 1 << 19;
+/// A normal equals an average when it is within this of it, rad: files round normals to three or four digits.
+const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
+/// Facets that turn by less than this at a vertex, rad, do not tell an average from the surface's own normal.
+const BENT: f64 = std::f64::consts::PI / 180.0;
+/// Meshes of at most so many triangles are put together to the faces that they were cut from; in larger ones every triangle
+/// stands for itself.
+const SMALL: usize = 6_000;
+/// Two directions are told apart when their angle is at least this share of the facets' bend at the vertex: estimates on coarse
+/// meshes are off by some per cent of it.
+const NOTABLE: f64 = 0.2;
+/// The same where the estimate is the normal of one of the facets, which it is beside a flat side, rad.
+const SURE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// A vertex votes for one of two directions when the file's is within this share of their angle from it.
+const DECIDED: f64 = 0.25;
+/// Share of the normals between bent facets that must be averages before it is asked what else they could be.
+const MOSTLY: f64 = 0.5;
+
+/// A facet at one of its corners.
+struct Facet {
+    corner: usize,
+    normal: Vector3<f64>,
+    /// The corner's angle, rad.
+    angle: f64,
+    /// mm².
+    area: f64,
+    /// Of all facets in its plane, mm².
+    plane_area: f64,
+}
+
+/// Whether the normals of the file are averages of its facets where the surface has other ones.
+///
+/// A vertex votes where the average of the facets that share its normal and the normal that is estimated for a smooth
+/// surface with edges (see [`SmoothMesh`]) differ: by which of the two the file's is. `false` for a mesh without normals.
+pub fn only_shade(mesh: &TriMesh) -> bool {
+    if mesh.normals().is_empty() {
+        return false;
+    }
+    let is_small = mesh.triangles().len() <= SMALL;
+    let estimated = || SmoothMesh::new(&mesh.clone().with_shading_normals(), &View::top());
+    let smooth = is_small.then(estimated);
+    let areas = smooth.as_ref().map(flats::plane_areas);
+    let places = Places::sampled(mesh, areas.as_deref());
+    let averages: Vec<Averages> =
+        places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
+    let matches = |weighting: usize| {
+        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
+    };
+    let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(weighting)) else { return false };
+    if averages.is_empty() || (matches(weighting) as f64) < MOSTLY * averages.len() as f64 {
+        return false;
+    }
+    let smooth = smooth.unwrap_or_else(estimated);
+    let (mut shading, mut surface) = (0usize, 0usize);
+    for there in &averages {
+        let estimated = smooth.corners(there.corner / 3).1[there.corner % 3];
+        let average = there.averages[weighting];
+        let apart = angle(average, estimated);
+        let least = if there.is_own(estimated) { SURE } else { SAME.max(there.bend * NOTABLE) };
+        if apart < least {
+            continue;
+        }
+        if angle(there.file, average) < apart * DECIDED {
+            shading += 1;
+        } else if angle(there.file, estimated) < apart * DECIDED {
+            surface += 1;
+        }
+    }
+    shading > surface
+}
+
+/// Ways in which modelling programs weight the facets round a vertex.
+const WEIGHTINGS: usize = 6;
+
+/// What a normal of the file could be an average of.
+struct Averages {
+    /// A corner that has the normal: 3·triangle + 0, 1 or 2.
+    corner: usize,
+    file: Vector3<f64>,
+    /// The largest angle between two of the facets, rad.
+    bend: f64,
+    /// One for each way.
+    averages: [Vector3<f64>; WEIGHTINGS],
+    /// The normals of the facets.
+    faces: Vec<Vector3<f64>>,
+}
+
+impl Averages {
+    /// For each different normal at a place, if the facets that share it are bent.
+    fn at(mesh: &TriMesh, facets: &[Facet]) -> Vec<Self> {
+        let normal =
+            |facet: &Facet| mesh.normals()[mesh.triangles()[facet.corner / 3][facet.corner % 3] as usize];
+        let mut found: Vec<Self> = Vec::new();
+        for facet in facets {
+            let file = normal(facet);
+            if file == Vector3::zeros() || found.iter().any(|there| is_within(there.file, file, SAME)) {
+                continue;
+            }
+            let shared: Vec<&Facet> =
+                facets.iter().filter(|other| is_within(normal(other), file, SAME)).collect();
+            let polygons = Polygon::of(&shared);
+            if polygons.len() < 2 {
+                continue;
+            }
+            let sum = |weight: &dyn Fn(&Facet) -> f64| {
+                direction(shared.iter().map(|facet| facet.normal * weight(facet)).sum())
+            };
+            let averages = [
+                sum(&|facet| facet.angle),
+                sum(&|facet| facet.area),
+                sum(&|_| 1.0),
+                direction(polygons.iter().map(|polygon| polygon.normal).sum()),
+                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area).sum()),
+                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
+            ];
+            let bends = polygons
+                .iter()
+                .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
+            let bend = bends.fold(0.0, f64::max);
+            let faces = polygons.iter().map(|polygon| polygon.normal).collect();
+            found.push(Self { corner: facet.corner, file, bend, averages, faces });
+        }
+        found
+    }
+
+    /// Whether a normal is that of one of the facets.
+    fn is_own(&self, normal: Vector3<f64>) -> bool {
+        self.faces.iter().any(|face| is_within(*face, normal, SURE / 2.0))
+    }
+}
+
+/// Facets at a vertex that lie in one plane: a face of the model, which was cut into triangles when it was exported.
+struct Polygon {
+    normal: Vector3<f64>,
+    /// Of the whole face, mm², where that is known.
+    area: f64,
+    angle: f64,
+}
+
+impl Polygon {
+    fn of(facets: &[&Facet]) -> Vec<Self> {
+        let mut polygons: Vec<Self> = Vec::new();
+        for facet in facets {
+            match polygons.iter_mut().find(|polygon| is_within(polygon.normal, facet.normal, BENT)) {
+                Some(polygon) => polygon.angle += facet.angle,
+                None => {
+                    polygons.push(Self { normal: facet.normal, area: facet.plane_area, angle: facet.angle });
+                }
+            }
+        }
+        polygons
+    }
+}
+
+/// Facets round the sampled places of a mesh.
+struct Places {
+    facets: Vec<Vec<Facet>>,
+}
+
+impl Places {
+    fn sampled(mesh: &TriMesh, plane_areas: Option<&[f64]>) -> Self {
+        let positions = mesh.positions();
+        let stride = positions.len().div_ceil(SAMPLE).max(1);
+        let mut sampled: Vec<[u64; 3]> = positions.iter().step_by(stride).map(key).collect();
+        sampled.sort_unstable();
+        sampled.dedup();
+        // Most corners of a large mesh are not sampled; one bit each keeps them from being searched for.
+        let mut is_likely = vec![false; LIKELY];
+        sampled.iter().for_each(|key| is_likely[mixed(key)] = true);
+        let place_of = |position| {
+            let key = key(position);
+            is_likely[mixed(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
+        };
+        let of_vertex: Vec<Option<usize>> = positions.iter().map(place_of).collect();
+        let mut facets: Vec<Vec<Facet>> = sampled.iter().map(|_| Vec::new()).collect();
+        for (triangle, &corners) in mesh.triangles().iter().enumerate() {
+            let points = mesh.corners(corners);
+            for corner in 0..3 {
+                let Some(place) = of_vertex[corners[corner] as usize] else { continue };
+                let [here, one, two] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
+                let (first, second) = (one - here, two - here);
+                let across = first.cross(&second);
+                let Some(normal) = across.try_normalize(0.0) else { continue };
+                let area = across.norm() / 2.0;
+                facets[place].push(Facet {
+                    corner: triangle * 3 + corner,
+                    normal,
+                    angle: first.angle(&second),
+                    area,
+                    plane_area: plane_areas.map_or(area, |areas| areas[triangle]),
+                });
+            }
+        }
+        Self { facets }
+    }
+}
+
+/// Equal for equal positions; -0 counts as 0.
+fn key(position: &Point3<f64>) -> [u64; 3] {
+    [position.x, position.y, position.z].map(|coordinate| (coordinate + 0.0).to_bits())
+}
+
+fn mixed(key: &[u64; 3]) -> usize {
+    let mixed =
+        key.iter().fold(0u64, |sum, part| (sum.rotate_left(23) ^ part).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    (mixed >> 40) as usize % LIKELY
+}
+
+fn direction(sum: Vector3<f64>) -> Vector3<f64> {
+    sum.try_normalize(0.0).unwrap_or(sum)
+}
+
+fn angle(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+    a.cross(&b).norm().atan2(a.dot(&b))
+}
+
+fn is_within(a: Vector3<f64>, b: Vector3<f64>, limit: f64) -> bool {
+    angle(a, b) <= limit
+}

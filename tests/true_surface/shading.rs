@@ -1,0 +1,234 @@
+//! Flat stays flat and round stays round, however a modelling program shaded the part: its normals are averages of facets
+//! there, and no normals of a surface.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::fmt::Write as _;
+
+use isomark::formats::mesh::{
+    self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, Shape, UpAxis,
+};
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::mapping::cylinder::CylinderFit;
+use isomark::geometry::mapping::patch::SampledPatch;
+use isomark::geometry::mesh::TriMesh;
+use isomark::geometry::shading;
+use isomark::geometry::space::{Extents, Facing, View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::forms::{ALL, Normals};
+
+/// How far a flat side may be from flat, mm.
+const FLAT: f64 = 0.01;
+
+fn read(name: &str, bytes: &[u8], options: &MeshOptions) -> PartReading {
+    let none = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    mesh::read(bytes, MeshFormat::from_name(name).unwrap(), options, none).unwrap()
+}
+
+fn sample(name: &str) -> PartReading {
+    let folder = format!("{}/tests/data/parts/shaded", env!("CARGO_MANIFEST_DIR"));
+    read(name, &fs_err::read(format!("{folder}/{name}")).unwrap(), &MeshOptions::default())
+}
+
+fn mesh_of(reading: &PartReading) -> &TriMesh {
+    let Shape::Mesh(mesh) = &reading.shape else { panic!("a mesh was read") };
+    mesh
+}
+
+fn seen_from(reading: &PartReading, facing: Vector3<f64>) -> FittedSurface {
+    let view = View::new(Facing::towards(facing).unwrap(), 0.0);
+    FittedSurface::of_part(&FacingPart::new(mesh_of(reading), &view), &FitOptions::default()).unwrap()
+}
+
+/// Largest distance from a plane at `height`, within `half` mm of (0, `middle`).
+fn unevenness(surface: &FittedSurface, middle: f64, half: f64, height: f64) -> f64 {
+    let along = |index: i32| half * f64::from(index) / 20.0;
+    let places = (-20..=20).flat_map(|row| (-20..=20).map(move |column| (column, row)));
+    let off = |(column, row)| {
+        let at = ViewPoint::new(along(column), middle + along(row));
+        (surface.sampled_height(at).unwrap_or(f64::INFINITY) - height).abs()
+    };
+    places.map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn flat_tops_of_real_exports_are_flat() {
+    for (name, normals) in [
+        ("bl34-box.glb", NormalsFound::Averaged),
+        ("bl34-bevel-2-auto-smooth.glb", NormalsFound::Averaged),
+        ("bl34-bevel-3.glb", NormalsFound::Averaged),
+        ("bl34-bevel-8-weighted.glb", NormalsFound::Averaged),
+        ("fc020-fillets.obj", NormalsFound::FacetsOnly),
+        ("fc020-top-fillets.stl", NormalsFound::FacetsOnly),
+    ] {
+        let reading = sample(name);
+        assert_eq!(reading.facts.normals, normals, "{name}");
+        let top = seen_from(&reading, Vector3::z());
+        let off = unevenness(&top, 0.0, 19.0, 30.0);
+        assert!(off <= FLAT, "{name}: {off} mm");
+        assert!(top.doubts().iter().all(|doubt| *doubt == 0.0), "{name}");
+        // The sides stand on z = 0 and have fillets or edges all round, too.
+        for side in [Vector3::x(), -Vector3::y()] {
+            let off = unevenness(&seen_from(&reading, side), 15.0, 9.0, 25.0);
+            assert!(off <= FLAT, "{name} {side:?}: {off} mm");
+        }
+    }
+}
+
+#[test]
+fn the_default_cylinder_of_blender_is_a_cylinder() {
+    let reading = sample("bl34-cylinder.glb");
+    assert_eq!(reading.facts.normals, NormalsFound::Averaged);
+    let side = seen_from(&reading, -Vector3::y());
+    let patch = Extents { min: Vector2::new(-400.0, -700.0), max: Vector2::new(400.0, 700.0) };
+    let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+    // It has a radius of 1 m; a marked one has some cm.
+    assert!((fit.cylinder.radius - 1000.0).abs() < 0.01 && fit.residual < 0.005, "{fit:?}");
+}
+
+/// How a modelling program weights the polygons round a vertex.
+type Weight = fn(angle: f64, area: f64) -> f64;
+const WEIGHTS: [(&str, Weight); 4] = [
+    ("angle", |angle, _| angle),
+    ("area", |_, area| area),
+    ("even", |_, _| 1.0),
+    ("both", |angle, area| angle * area),
+];
+
+/// A bar along y, ±`half` mm long, over a convex profile in x and z that runs counter-clockwise, as an OBJ file of polygons
+/// whose normals are averaged over all that meet at a vertex.
+fn shaded_bar(profile: &[[f64; 2]], half: f64, weight: Weight) -> String {
+    let count = profile.len();
+    let points: Vec<Point3<f64>> =
+        [-half, half].iter().flat_map(|y| profile.iter().map(|[x, z]| Point3::new(*x, *y, *z))).collect();
+    let sides = (0..count).map(|first| {
+        let second = (first + 1) % count;
+        vec![first, second, count + second, count + first]
+    });
+    let front: Vec<usize> = (0..count).rev().collect();
+    let back: Vec<usize> = (count..2 * count).collect();
+    let mut polygons: Vec<Vec<usize>> = sides.chain([front, back]).collect();
+    // Counter-clockwise seen from outside.
+    for polygon in &mut polygons {
+        let middle =
+            polygon.iter().map(|&vertex| points[vertex].coords).sum::<Vector3<f64>>() / polygon.len() as f64;
+        let outwards =
+            middle - points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+        if area_vector(&points, polygon).dot(&outwards) < 0.0 {
+            polygon.reverse();
+        }
+    }
+    let mut normals = vec![Vector3::zeros(); points.len()];
+    for polygon in &polygons {
+        let across = area_vector(&points, polygon);
+        for (place, &vertex) in polygon.iter().enumerate() {
+            let beside = |step: usize| points[polygon[(place + step) % polygon.len()]] - points[vertex];
+            let angle = beside(1).angle(&beside(polygon.len() - 1));
+            normals[vertex] += across.normalize() * weight(angle, across.norm());
+        }
+    }
+    let mut text = String::new();
+    for (point, normal) in points.iter().zip(&normals) {
+        let normal = normal.normalize();
+        writeln!(text, "v {:.6} {:.6} {:.6}", point.x, point.y, point.z).unwrap();
+        writeln!(text, "vn {:.4} {:.4} {:.4}", normal.x, normal.y, normal.z).unwrap();
+    }
+    for polygon in polygons {
+        let corners: Vec<String> = polygon.iter().map(|vertex| format!("{0}//{0}", vertex + 1)).collect();
+        writeln!(text, "f {}", corners.join(" ")).unwrap();
+    }
+    text
+}
+
+fn area_vector(points: &[Point3<f64>], polygon: &[usize]) -> Vector3<f64> {
+    let next = |place: usize| points[polygon[(place + 1) % polygon.len()]].coords;
+    let terms = polygon.iter().enumerate().map(|(place, &vertex)| points[vertex].coords.cross(&next(place)));
+    terms.sum::<Vector3<f64>>() / 2.0
+}
+
+fn read_bar(text: &str) -> PartReading {
+    let options = MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z) };
+    read("bar.obj", text.as_bytes(), &options)
+}
+
+/// A profile 50 mm wide and 30 mm high whose upper corners are rounded with a radius in so many pieces.
+fn rounded(radius: f64, pieces: i32) -> Vec<[f64; 2]> {
+    let arc = |x: f64, from: f64| {
+        (0..=pieces).map(move |step| {
+            let angle = from + FRAC_PI_2 * f64::from(step) / f64::from(pieces);
+            [x + radius * angle.cos(), 30.0 - radius + radius * angle.sin()]
+        })
+    };
+    let corners = [[-25.0, 0.0], [25.0, 0.0]].into_iter();
+    corners.chain(arc(25.0 - radius, 0.0)).chain(arc(radius - 25.0, FRAC_PI_2)).collect()
+}
+
+#[test]
+fn averaged_normals_bend_no_flat_side_and_no_cylinder() {
+    let mut failures = Vec::new();
+    for (name, weight) in WEIGHTS {
+        for (radius, pieces) in [(5.0, 1), (5.0, 2), (5.0, 3), (5.0, 8), (2.0, 4), (8.0, 5), (8.0, 16)] {
+            let reading = read_bar(&shaded_bar(&rounded(radius, pieces), 30.0, weight));
+            let off = unevenness(&seen_from(&reading, Vector3::z()), 0.0, 24.0 - radius, 30.0);
+            if !(off <= FLAT) {
+                failures.push(format!(
+                    "radius {radius} in {pieces}, {name}: {off} mm, {:?}",
+                    reading.facts.normals
+                ));
+            }
+        }
+        for sides in [16, 24, 32, 64] {
+            let corner = |step: i32| {
+                let angle = TAU * (f64::from(step) + 0.5) / f64::from(sides);
+                [30.0 * angle.cos(), 30.0 * angle.sin()]
+            };
+            let profile: Vec<[f64; 2]> = (0..sides).map(corner).collect();
+            let side = seen_from(&read_bar(&shaded_bar(&profile, 40.0, weight)), Vector3::z());
+            let patch = Extents { min: Vector2::new(-18.0, -35.0), max: Vector2::new(18.0, 35.0) };
+            let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+            let limit = if sides < 24 { 0.005 } else { 0.001 };
+            if !((fit.cylinder.radius - 30.0).abs() < limit && fit.residual < limit) {
+                failures.push(format!("{sides} sides, {name}: {fit:?}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn normals_of_cad_are_not_taken_for_shading() {
+    for form in ALL {
+        for sag in [0.02, 0.1, 0.5] {
+            assert!(!shading::only_shade(&form.mesh(sag, Normals::Exact)), "{} {sag}", form.name);
+        }
+    }
+}
+
+#[test]
+fn normals_that_contradict_the_facets_are_doubted() {
+    let text = shaded_bar(&rounded(5.0, 3), 30.0, WEIGHTS[0].1);
+    // Half way between what shading makes of them and the flat side: no average, and nobody's surface.
+    let damped: String = text
+        .lines()
+        .map(|line| match line.strip_prefix("vn ") {
+            Some(normal) => {
+                let [x, y, z] = numbers(normal);
+                let damped = Vector3::new(x * 0.6, y * 0.6, z).normalize();
+                format!("vn {} {} {}\n", damped.x, damped.y, damped.z)
+            }
+            None => format!("{line}\n"),
+        })
+        .collect();
+    let reading = read_bar(&damped);
+    assert_eq!(reading.facts.normals, NormalsFound::Smooth);
+    let top = seen_from(&reading, Vector3::z());
+    let off = unevenness(&top, 0.0, 15.0, 30.0);
+    let doubt = top.doubt(ViewPoint::new(0.5, 0.5));
+    assert!(off > 0.3 && doubt > 0.5 * off, "{off} mm off, {doubt} mm in doubt");
+}
+
+fn numbers(text: &str) -> [f64; 3] {
+    let numbers: Vec<f64> = text.split_whitespace().map(|number| number.parse().unwrap()).collect();
+    numbers.try_into().unwrap()
+}
