@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::pattern::{Affine, Color, Path, Segment, Shape, Source};
+use super::pattern::{Affine, Color, Path, SAME_POINT, Segment, Shape, Source};
 use super::space::FlatPoint;
 
 /// What mending made of a drawing. Every list is in drawing order and names everything it is about.
@@ -62,8 +62,6 @@ impl Finding {
 
 /// A gap up to this length, mm, makes an open path worth a look: far above rounding, far below a drawn opening.
 pub const NEARLY_CLOSED: f64 = 0.1;
-/// What reaches no farther than this, mm, has no length: a nanometre, and numbers in drawings end there.
-const NO_LENGTH: f64 = 1e-6;
 
 /// Mends a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
 /// `tolerance` mm of each other, and closes those that come back to themselves.
@@ -81,7 +79,7 @@ pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
     result.take_out_copies(&mut paths);
     let mut loose: Vec<Loose> = paths.into_iter().map(|path| Loose { path, pieces: 1, gap: 0.0 }).collect();
     // Ends that meet exactly belong together, whatever else is near.
-    for tolerance in [tolerance.min(NO_LENGTH), tolerance] {
+    for tolerance in [tolerance.min(SAME_POINT), tolerance] {
         if tolerance > 0.0 {
             (loose, result.ambiguous_ends) = chained(loose, tolerance);
         }
@@ -135,7 +133,7 @@ impl Mending {
         let Shape::Open(segments) = &path.shape else { return };
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return };
         let gap = first.start().distance(last.end());
-        if gap <= NEARLY_CLOSED && gap > tolerance && reaches_beyond(segments, 2.0 * gap) {
+        if gap <= NEARLY_CLOSED && gap > tolerance.max(SAME_POINT) && reaches_beyond(segments, 2.0 * gap) {
             self.nearly_closed.push(Finding::of(path, 1, gap));
         }
     }
@@ -190,7 +188,7 @@ fn take_out_empty(path: &mut Path) -> Option<Finding> {
         Shape::Open(segments) | Shape::Closed(segments) => segments,
     };
     let before = segments.len();
-    if reaches_beyond(segments, NO_LENGTH) {
+    if reaches_beyond(segments, SAME_POINT) {
         segments.retain(|segment| !matches!(segment, Segment::Line { from, to } if from == to));
     } else {
         segments.clear();

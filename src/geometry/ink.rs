@@ -76,7 +76,7 @@ impl Ink {
                 let along = |index: usize| segment.point(index as f64 / count as f64);
                 pieces.extend((0..count).map(|index| Piece { from: along(index), to: along(index + 1) }));
             }
-            if path.shape.is_closed() {
+            if path.is_contour() {
                 let group = contours.entry((path.layer, path.region)).or_default();
                 group.push(path.shape.flattened(side / 40.0));
             }
@@ -182,6 +182,18 @@ mod tests {
         assert!((frame.area() - 84.0).abs() < 1e-9, "{}", frame.area());
         assert!((frame.length() - 56.0).abs() < 1e-9);
         assert!(frame.pieces.iter().all(|piece| piece.length() <= 0.25 + 1e-12));
+    }
+
+    #[test]
+    fn a_contour_that_repeats_its_first_point_has_its_area_and_a_stroke_has_none() {
+        let around = square(5.0, None);
+        let open = Path { shape: Shape::Open(around.shape.segments().to_vec()), ..around.clone() };
+        assert_eq!(ink(vec![open.clone()]), ink(vec![around]));
+        let stroke = Path { source: Source { is_stroke: true, ..Source::default() }, ..open.clone() };
+        assert_eq!(ink(vec![stroke]).area(), 0.0);
+        let Shape::Open(mut sides) = open.shape.clone() else { panic!() };
+        sides.pop();
+        assert_eq!(ink(vec![Path { shape: Shape::Open(sides), ..open }]).area(), 0.0);
     }
 
     #[test]

@@ -4,6 +4,9 @@ use nalgebra::Vector2;
 
 use super::space::{Extents, FlatPoint};
 
+/// Points no farther apart than this, mm, are one point: a nanometre, and numbers in drawings end there.
+pub const SAME_POINT: f64 = 1e-6;
+
 /// A drawing in its own plane, mm, in drawing order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pattern {
@@ -349,6 +352,23 @@ impl Shape {
             }
         }
         points
+    }
+}
+
+impl Path {
+    /// Whether the path goes round an area: it is closed, or its ends are one point, as where a program repeats the first
+    /// point instead of closing the line. A stroke of a letter or a pattern is a line, wherever its ends are.
+    pub fn is_contour(&self) -> bool {
+        match &self.shape {
+            Shape::Dot(_) => false,
+            Shape::Closed(_) => true,
+            Shape::Open(segments) => match (segments.first(), segments.last()) {
+                (Some(first), Some(last)) if !self.source.is_stroke => {
+                    first.start().distance(last.end()) <= SAME_POINT
+                }
+                _ => false,
+            },
+        }
     }
 }
 

@@ -216,11 +216,21 @@ pub(super) fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -
     }
 }
 
-/// An angle from start to end counter-clockwise, rad, more than 0 and at most a full turn: equal angles are a full turn.
+/// A turn is a full one within this angle, rad: exporters round angles to five or six digits, and what is left open then
+/// is 0.001 mm on a radius of 100 mm.
+const FULL_TURN: f64 = 1e-5;
+/// Angles no farther apart are equal but for rounding in f64, rad.
+const EQUAL: f64 = 1e-9;
+
+/// An angle from start to end counter-clockwise, rad, more than 0 and at most a full turn: a turn, or several, within
+/// [`FULL_TURN`] is exactly a full one, and so are equal angles. An end just after the start, within the same turn, is the
+/// short arc that it is.
 pub(super) fn sweep_between(start: f64, end: f64) -> f64 {
     let turn = std::f64::consts::TAU;
-    let sweep = (end - start).rem_euclid(turn);
-    if sweep < 1e-9 { turn } else { sweep }
+    let difference = end - start;
+    let sweep = difference.rem_euclid(turn);
+    let is_just_beyond_a_turn = sweep < FULL_TURN && difference.abs() > FULL_TURN;
+    if is_just_beyond_a_turn || sweep < EQUAL || turn - sweep < FULL_TURN { turn } else { sweep }
 }
 
 /// A circular arc in its own plane, angles in rad; the full circle is a contour.
@@ -235,9 +245,19 @@ pub(super) fn arc(center: Vector3<f64>, radius: f64, start: f64, sweep: f64, pla
     Curve { segments: vec![segment.placed(plane)], closed: is_full_turn(sweep) }
 }
 
-/// Whether the angle is a full turn up to rounding in f64.
+/// Whether a sweep of [`sweep_between`], or its negative, is a full turn.
 pub(super) fn is_full_turn(sweep: f64) -> bool {
-    (sweep.abs() - std::f64::consts::TAU).abs() < 1e-9
+    sweep.abs() >= std::f64::consts::TAU
+}
+
+/// The radius and the turn of an arc, circle or ellipse that has a radius and yet draws nothing: it is no longer than
+/// `rounding`, or its angles are as near to each other as those of a rounded full turn and it is no longer than a hundred
+/// times that. A sliver that long stands between longer pieces, or on a large radius.
+pub(super) fn vanishing(segments: &[SpaceSegment], rounding: f64) -> Option<(f64, f64)> {
+    let [SpaceSegment::Arc { u, v, sweep, .. }] = segments else { return None };
+    let (radius, turn) = (u.norm().max(v.norm()), sweep.abs());
+    let longest = if turn < FULL_TURN { 100.0 * rounding } else { rounding };
+    (radius > 0.0 && radius * turn <= longest).then_some((radius, turn))
 }
 
 /// A contour or a line through points.
@@ -327,5 +347,25 @@ mod tests {
         assert!((sweep_between(FRAC_PI_2, 0.0) - 1.5 * PI).abs() < 1e-12);
         assert_eq!(sweep_between(0.0, TAU), TAU);
         assert_eq!(sweep_between(1.0, 1.0), TAU);
+    }
+
+    #[test]
+    fn a_turn_rounded_up_or_down_is_a_full_one_and_a_short_arc_is_not() {
+        use std::f64::consts::{FRAC_PI_2, PI, TAU};
+        for start in [0.0, FRAC_PI_2, PI, -PI, 100.0] {
+            for rounding in [-9e-6, -1e-12, 0.0, 1e-12, 2.9e-9, 9e-6] {
+                for turns in [-2.0, -1.0, 1.0, 2.0] {
+                    assert_eq!(
+                        sweep_between(start, start + turns * TAU + rounding),
+                        TAU,
+                        "{start} {rounding}"
+                    );
+                }
+            }
+            assert_eq!(sweep_between(start, start - 9e-6), TAU);
+            assert!((sweep_between(start, start + 9e-6) - 9e-6).abs() < 1e-12);
+            assert!((sweep_between(start, start + 2e-5) - 2e-5).abs() < 1e-12);
+            assert!((sweep_between(start, start - 2e-5) - TAU + 2e-5).abs() < 1e-12);
+        }
     }
 }

@@ -12,7 +12,7 @@ use super::entities::Remarks;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
 use crate::geometry::contour::{Finding, Mending};
-use crate::geometry::pattern::{Layer, Path, Shape};
+use crate::geometry::pattern::{Layer, Path, SAME_POINT, Shape};
 use crate::geometry::space::Extents;
 use crate::reason::Notice;
 
@@ -20,8 +20,6 @@ use crate::reason::Notice;
 const FLAT: f64 = 0.01;
 /// Reasons why entities are not taken that a summary names.
 const MOST_REASONS: usize = 3;
-/// Gaps below this, mm, are rounding and not worth a word.
-const ROUNDING: f64 = 1e-6;
 
 /// Repairs are told by so many places at most; there may be millions, and nobody reads them.
 const MAX_PLACES: usize = 1000;
@@ -169,7 +167,8 @@ pub(super) fn repairs(
         counted(mending.chains.len(), "open line", "open lines"),
     );
     add("pieces-joined", message, &[&mending.contours, &mending.chains]);
-    let closed: Vec<Finding> = mending.closed.iter().filter(|found| found.gap > ROUNDING).cloned().collect();
+    let closed: Vec<Finding> =
+        mending.closed.iter().filter(|found| found.gap > SAME_POINT).cloned().collect();
     if let Some(widest) = widest(&closed) {
         let message = format!(
             "{} closed, the widest gap {:.6} mm ({})",

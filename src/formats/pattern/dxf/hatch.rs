@@ -21,8 +21,9 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     let is_solid = head.or(70, 1.0) != 0.0;
 
     let mut cursor = Cursor { rest: paths };
-    let mut contours = Vec::new();
+    let (mut contours, mut has_paths) = (Vec::new(), false);
     while let Some(flags) = cursor.skip_to(92) {
+        has_paths = true;
         let contour = if flags as i64 & 2 != 0 {
             polyline_path(&mut cursor, height, budget)
         } else {
@@ -42,7 +43,11 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
         }
     }
     if contours.is_empty() {
-        return Item::NotTaken("it has no boundary".into());
+        return Item::DrawsNothing(if has_paths {
+            "its boundary encloses nothing"
+        } else {
+            "it has no boundary"
+        });
     }
     let style = match cursor.skip_to(75).unwrap_or(0.0) as i64 {
         1 => Style::Outermost,
@@ -57,10 +62,14 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     if is_solid {
         return Item::Fill(contours.into_iter().map(|contour| contour.placed(&plane)).collect());
     }
-    match lines(&contours, &families(&mut cursor), height, tolerance, budget) {
-        Ok(drawn) if drawn.is_empty() => {
-            Item::NotTaken("none of its pattern lines meets its boundary".into())
-        }
+    let families = families(&mut cursor);
+    if families.is_empty() {
+        return Item::NotTaken(
+            "the file does not hold the lines of its pattern: explode it in the drawing program".into(),
+        );
+    }
+    match lines(&contours, &families, height, tolerance, budget) {
+        Ok(drawn) if drawn.is_empty() => Item::DrawsNothing("none of its pattern lines meets its boundary"),
         Ok(drawn) => Item::Several(drawn.into_iter().map(|item| (None, item.placed(&plane))).collect()),
         Err(why) => Item::NotTaken(why.into()),
     }
@@ -144,7 +153,7 @@ fn edge_path(
     let mut segments: Vec<SpaceSegment> = Vec::new();
     let mut done = 0.0;
     while done < count {
-        let Some(kind) = cursor.take(72) else { break };
+        let Some(kind) = cursor.take(72) else { return Err(format!("it has {done} edges of {count}")) };
         budget.hold(1)?;
         let mut edge = edge(cursor, kind as i64, height, tolerance, budget)?;
         done += 1.0;
@@ -212,7 +221,12 @@ fn edge(
             let sign = if counter_clockwise { 1.0 } else { -1.0 };
             let is_full = is_full_turn(sweep_between(start, end));
             let parameter = |angle: f64| match kind {
-                3 if !is_full => (angle.sin() / size).atan2(angle.cos()),
+                3 if !is_full => {
+                    let parameter = (angle.sin() / size).atan2(angle.cos());
+                    // In the turn of the angle, or a short arc over the end of a turn would look like a whole one.
+                    let turn = std::f64::consts::TAU;
+                    parameter + turn * ((angle - parameter) / turn).round()
+                }
                 _ => angle,
             };
             let sweep = sweep_between(parameter(start), parameter(end)) * sign;
@@ -294,7 +308,71 @@ mod tests {
     }
 
     #[test]
-    fn a_hatch_without_boundary_is_named() {
-        assert!(matches!(hatch(&[(70, 1.0), (91, 0.0)], 1e-4, &mut Budget::default()), Item::NotTaken(_)));
+    fn a_hatch_without_boundary_draws_nothing_and_one_cut_off_is_a_loss() {
+        let read = |numbers: &[(i32, f64)]| hatch(numbers, 1e-4, &mut Budget::default());
+        assert!(matches!(read(&[(70, 1.0), (91, 0.0)]), Item::DrawsNothing(_)));
+        let one_of_two = [
+            (92, 1.0),
+            (93, 2.0),
+            (72, 1.0),
+            (10, 0.0),
+            (20, 0.0),
+            (11, 1.0),
+            (21, 0.0),
+            (97, 0.0),
+            (75, 0.0),
+        ];
+        assert!(matches!(read(&one_of_two), Item::NotTaken(_)));
+        // A pattern whose lines the program keeps in a file of its own.
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        let square = square.iter().flat_map(|(x, y)| [(10, *x), (20, *y)]);
+        let numbers: Vec<(i32, f64)> = [(70, 0.0), (91, 1.0), (92, 2.0), (72, 0.0), (73, 1.0), (93, 4.0)]
+            .into_iter()
+            .chain(square)
+            .chain([(97, 0.0), (75, 0.0), (78, 0.0)])
+            .collect();
+        assert!(matches!(read(&numbers), Item::NotTaken(_)));
+    }
+
+    #[test]
+    fn arcs_of_edges_that_turn_a_little_more_than_once_are_whole_either_way_round() {
+        let turn = |kind: f64, start: f64, end: f64, counter_clockwise: f64| {
+            let shape: &[(i32, f64)] =
+                if kind == 3.0 { &[(11, 4.0), (21, 0.0), (40, 0.5)] } else { &[(40, 4.0)] };
+            let mut numbers = vec![(92, 1.0), (93, 1.0), (72, kind), (10, 0.0), (20, 0.0)];
+            numbers.extend(shape);
+            numbers.extend([(50, start), (51, end), (73, counter_clockwise), (97, 0.0), (75, 0.0)]);
+            let Item::Fill(contours) = hatch(&numbers, 1e-4, &mut Budget::default()) else { panic!() };
+            let [SpaceSegment::Arc { sweep, .. }, ..] = contours[0].segments.as_slice() else { panic!() };
+            *sweep
+        };
+        use std::f64::consts::TAU;
+        for kind in [2.0, 3.0] {
+            for (start, end) in
+                [(0.0, 360.000001), (90.0, 450.000001), (180.0, 539.9999), (0.0, -0.0001), (360.0, 0.0)]
+            {
+                assert_eq!(turn(kind, start, end, 1.0), TAU, "{kind} {start} {end}");
+                assert_eq!(turn(kind, start, end, 0.0), -TAU, "{kind} {start} {end}");
+            }
+        }
+        // Of an ellipse five times as high as wide, 0.001 deg over the end of a turn are a short arc.
+        let numbers = [
+            (92, 1.0),
+            (93, 1.0),
+            (72, 3.0),
+            (10, 0.0),
+            (20, 0.0),
+            (11, 4.0),
+            (21, 0.0),
+            (40, 5.0),
+            (50, 180.0),
+            (51, 180.001),
+            (73, 1.0),
+            (97, 0.0),
+            (75, 0.0),
+        ];
+        let Item::Fill(contours) = hatch(&numbers, 1e-4, &mut Budget::default()) else { panic!() };
+        let [SpaceSegment::Arc { sweep, .. }, ..] = contours[0].segments.as_slice() else { panic!() };
+        assert!(*sweep < 1e-5, "{sweep}");
     }
 }
