@@ -11,6 +11,7 @@ use crate::config::{ConfigError, JOINING, LOW_PASS, PatternSettings, Sku, Smooth
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::surface::scan;
+use crate::printable::{on_lines, on_one_line};
 use crate::reason::Reason;
 
 mod cache;
@@ -165,7 +166,7 @@ pub fn main() -> ExitCode {
         Ok(line) => line,
         Err(error) => {
             let exit = if error.use_stderr() { Exit::Usage } else { Exit::Done };
-            let _ = error.print();
+            tell_mistake(&error);
             return ExitCode::from(exit as u8);
         }
     };
@@ -187,7 +188,7 @@ pub fn main() -> ExitCode {
         Err(failure) => {
             if json {
                 // Without its JSON form the failure is still told below.
-                print(&failure.reason.to_json(None).unwrap_or_default());
+                print_json(&failure.reason.to_json(None).unwrap_or_default());
             }
             tell(&format!("isomark: {}", failure.reason));
             ExitCode::from(failure.exit as u8)
@@ -234,15 +235,43 @@ impl From<crate::pipeline::PipelineError> for Failure {
     }
 }
 
-/// Writes to standard output; a closed one is no error.
+/// Writes to people on standard output; a closed one is no error. Names in the text that come from files have to be on
+/// one line ([`on_one_line`], [`shown`]); whatever else does not print is spelled out here.
 fn print(text: &str) {
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// Writes a line to standard error; a closed one is no error.
+/// Writes a line to people on standard error, with what does not print spelled out as in [`print`]; a closed one is no
+/// error.
+    write_out(&on_lines(text));
+}
+
+/// Writes a document to machines on standard output, exactly as it is; a closed one is no error.
+fn print_json(text: &str) {
+    write_out(text);
+}
+
+fn write_out(text: &str) {
 fn tell(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));
+}
+
+/// Writes what is wrong with the command line, or its help. What was typed may be a file's name that the shell put in.
+fn tell_mistake(error: &clap::Error) {
+    let typed: Vec<String> =
+        std::env::args_os().map(|argument| on_one_line(&argument.to_string_lossy())).collect();
+    match CommandLine::try_parse_from(typed) {
+        Err(error) => {
+            let _ = error.print();
+        }
+        Ok(_) => tell(error.to_string().trim_end()),
+    }
+}
+
+/// A path as people are shown it.
+fn shown(path: &Path) -> String {
+    on_one_line(&path.display().to_string())
 }
 
 /// The content of a file that the user named.

@@ -111,16 +111,17 @@
 //! | module | is | knows |
 //! |---|---|---|
 //! | [`geometry`] | mathematics only: no file, clock, thread, log or format | nobody |
-//! | [`reason`] | why something was rejected, what was noticed | nobody |
-//! | [`formats`] | bytes to values and back; the only place that names a format crate; opens no file | `geometry`, `reason` |
+//! | [`printable`] | names and messages with all that does not print spelled out | nobody |
+//! | [`reason`] | why something was rejected, what was noticed | `printable` |
+//! | [`formats`] | bytes to values and back; the only place that names a format crate; opens no file | `geometry`, `printable`, `reason` |
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
 //! | [`files`] | files written whole or not at all | nobody |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
-//! | [`preview`] | the picture of a job | `geometry` |
-//! | [`diff`] | what changed between two drawings, in words | `geometry` |
-//! | [`report`] | one job's story in numbers | `geometry`, `reason`, `formats`, `cache`, `diff` |
+//! | [`preview`] | the picture of a job | `geometry`, `printable` |
+//! | [`diff`] | what changed between two drawings, in words | `geometry`, `printable` |
+//! | [`report`] | one job's story in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
 //! | [`pipeline`] | the corridor: read, sample, fit, map, bend, check, write | all above but `files` |
-//! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `reason` |
+//! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |
 //! | [`cli`] | what can be typed | all above but `preview` |
 //!
 //! No arrow leads back. `tests/layering.rs` reads the sources and keeps it so, crates included.
@@ -137,6 +138,7 @@
 //!   [`Notice`](reason::Notice), and its limit, if people may change it, in [`config`] and `watch-config/`.
 
 pub mod geometry;
+pub mod printable;
 pub mod reason;
 pub mod formats;
 pub mod config;

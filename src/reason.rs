@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::printable::on_one_line;
+
 /// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.
 pub const SCHEMA: &str = "isomark.reason/1";
 
@@ -149,15 +151,16 @@ impl Reason {
 }
 
 impl std::fmt::Display for Reason {
+    /// A line each for what, where, number and remedy, whatever a name in them holds.
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(out, "{}", self.what)?;
+        write!(out, "{}", on_one_line(&self.what))?;
         if !self.place.is_unknown() {
-            write!(out, "\n  where:  {}", self.place)?;
+            write!(out, "\n  where:  {}", on_one_line(&self.place.to_string()))?;
         }
         if let Some(number) = &self.number {
-            write!(out, "\n  number: {number}")?;
+            write!(out, "\n  number: {}", on_one_line(&number.to_string()))?;
         }
-        write!(out, "\n  remedy: {}", self.remedy)
+        write!(out, "\n  remedy: {}", on_one_line(&self.remedy))
     }
 }
 
@@ -170,12 +173,6 @@ impl Reason {
         let facts = if facts.is_empty() { String::new() } else { format!(" ({})", facts.join("; ")) };
         on_one_line(&format!("{}{facts} {}", self.what, self.remedy))
     }
-}
-
-/// The text with its control characters spelled out: a file's name may hold a line break, a line of a log may not.
-pub(crate) fn on_one_line(text: &str) -> String {
-    let spelled = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    text.chars().map(spelled).collect()
 }
 
 impl Place {

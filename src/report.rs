@@ -16,6 +16,7 @@ use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::space::Extents;
 use crate::geometry::surface::fit::FittedSurface;
+use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
 /// Name and version of the JSON form.
@@ -502,12 +503,13 @@ impl Report {
         if let Some(scan) = &self.part.facts.scan {
             text += &format!(" The part is a scan: {}.", scan.summary());
         }
+        text = on_one_line(&text);
         for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
-            text += &format!("\n  warning: {}", notice.message);
+            text += &format!("\n  warning: {}", on_one_line(&notice.message));
         }
         if let Some(changes) = &self.changes {
             for line in changes.lines.iter().take(MOST_CHANGES) {
-                text += &format!("\n  changed: {line}");
+                text += &format!("\n  changed: {}", on_one_line(line));
             }
             if changes.lines.len() > MOST_CHANGES {
                 text += &format!(

@@ -10,20 +10,25 @@ use std::path::Path;
 /// Every module of the crate, in reading order, with the modules it may know.
 const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
-    ("reason", &[]),
-    ("formats", &["geometry", "reason"]),
+    ("printable", &[]),
+    ("reason", &["printable"]),
+    ("formats", &["geometry", "printable", "reason"]),
     ("config", &["geometry", "reason", "formats"]),
     ("files", &[]),
     ("cache", &["geometry", "formats", "config", "files"]),
-    ("preview", &["geometry"]),
-    ("diff", &["geometry"]),
-    ("report", &["geometry", "reason", "formats", "cache", "diff"]),
+    ("preview", &["geometry", "printable"]),
+    ("diff", &["geometry", "printable"]),
+    ("report", &["geometry", "printable", "reason", "formats", "cache", "diff"]),
     ("pipeline", &["geometry", "reason", "formats", "config", "cache", "preview", "diff", "report"]),
-    ("hotfolder", &["reason", "formats", "config", "files", "cache", "preview", "diff", "pipeline"]),
+    (
+        "hotfolder",
+        &["printable", "reason", "formats", "config", "files", "cache", "preview", "diff", "pipeline"],
+    ),
     (
         "cli",
         &[
             "geometry",
+            "printable",
             "reason",
             "formats",
             "config",

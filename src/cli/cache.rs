@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{Failure, Outcome, cache_of, parse_sku, print, station, tell};
+use super::{Failure, Outcome, cache_of, parse_sku, print, shown, station, tell};
 use crate::cache::{Cache, CacheEntry, EntryState};
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 #[derive(Debug, Args)]
@@ -60,9 +61,10 @@ fn list(cache: &Cache) -> Outcome {
         };
         let mark = if entry.current { '*' } else { ' ' };
         let kilobytes = entry.bytes.div_ceil(1000);
-        print(&format!("{mark} {:<24} {} {kilobytes:>6} kB  {state}\n", entry.sku, entry.key.as_str()));
+        let (sku, state) = (on_one_line(&entry.sku.to_string()), on_one_line(&state));
+        print(&format!("{mark} {sku:<24} {} {kilobytes:>6} kB  {state}\n", entry.key.as_str()));
     }
-    tell(&format!("cache: {}", cache.root().display()));
+    tell(&format!("cache: {}", shown(cache.root())));
     Ok(())
 }
 
@@ -72,7 +74,8 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
         entries.iter().filter(|entry| matches!(entry.state, EntryState::Damaged(_))).collect();
     for entry in &damaged {
         if let EntryState::Damaged(what) = &entry.state {
-            print(&format!("{} {}: {what}\n", entry.sku, entry.key.as_str()));
+            let what = on_one_line(&format!("{} {}: {what}", entry.sku, entry.key.as_str()));
+            print(&format!("{what}\n"));
         }
         if repair {
             cache.remove_entry(entry).map_err(|error| Failure::environment(&error))?;
@@ -101,7 +104,7 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
 fn remove(cache: &Cache, skus: &[String]) -> Outcome {
     for name in skus {
         let known = cache.remove(&parse_sku(name)?).map_err(|error| Failure::environment(&error))?;
-        tell(&format!("{name}: {}", if known { "removed" } else { "was not kept" }));
+        tell(&format!("{}: {}", on_one_line(name), if known { "removed" } else { "was not kept" }));
     }
     Ok(())
 }

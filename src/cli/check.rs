@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Exit, Failure, Outcome, print, tell};
+use super::{Exit, Failure, Outcome, print, shown, tell};
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 #[derive(Debug, Args)]
@@ -63,11 +64,11 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     }
     refuse_for(troubles, Exit::Environment)?;
     let plural = if skus == 1 { "file" } else { "files" };
-    print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, arguments.station.display()));
+    print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, shown(&arguments.station)));
     let folders = &station.folders;
-    print(&format!("  drops from  {}\n  results to  {}\n", folders.hot.display(), folders.import.display()));
+    print(&format!("  drops from  {}\n  results to  {}\n", shown(&folders.hot), shown(&folders.import)));
     if station.delivery.kind == DeliveryKind::Beamserver {
-        print(&format!("  BeamServer  {}\n", station.delivery.address));
+        print(&format!("  BeamServer  {}\n", on_one_line(&station.delivery.address)));
     }
     Ok(())
 }
@@ -135,12 +136,12 @@ pub(super) fn init(arguments: &InitArguments) -> Outcome {
         if let (false, Some(parent), Some(name)) = (path.exists(), path.parent(), path.file_name()) {
             write_whole(parent, &name.to_string_lossy(), bytes).map_err(failed)?;
         }
-        print(&format!("{verb:<8} {}\n", path.display()));
+        print(&format!("{verb:<8} {}\n", shown(&path)));
     }
     let station = folder.join("station.toml");
     print(&format!(
         "\nSet the import folder and the size of the field in {0}, then\n  isomark check {0}\n  isomark watch {0}\n",
-        station.display()
+        shown(&station)
     ));
     Ok(())
 }

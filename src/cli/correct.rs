@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::job::{Job, JobArguments, set};
-use super::{Failure, Outcome, apart, file_trouble, name_of, print, tell, write_file};
+use super::{Failure, Outcome, apart, file_trouble, name_of, print_json, tell, write_file};
 use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         write_file(path, preview::svg(picture).as_bytes())?;
     }
     if arguments.json {
-        print(&json);
+        print_json(&json);
     }
     tell(&corrected.report.summary());
     Ok(())

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Failure, Outcome, print};
+use super::{Failure, Outcome, print, shown};
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::files::write_whole;
@@ -54,11 +54,11 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
          \nDrop a part and a drawing into {} and run\n  isomark watch {}\n",
         tally.delivered,
         tally.rejected,
-        folders.import.display(),
-        folders.reports.display(),
-        folder.join("station.toml").display(),
-        folders.hot.display(),
-        folder.join("station.toml").display(),
+        shown(&folders.import),
+        shown(&folders.reports),
+        shown(&folder.join("station.toml")),
+        shown(&folders.hot),
+        shown(&folder.join("station.toml")),
     ));
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, Outcome, name_of, print, read_file};
+use super::{Failure, Outcome, name_of, print, print_json, read_file};
 use crate::diff::{DiffPath, DrawingDiff, TOLERANCE, compare, paths_of};
 use crate::formats::pattern::{PatternOptions, read};
 
@@ -38,7 +38,7 @@ pub(super) fn run(arguments: &DiffArguments) -> Outcome {
     if arguments.json {
         let text = serde_json::to_string_pretty(&Document { schema: SCHEMA, diff: &diff })
             .map_err(|error| Failure::environment(&error.into()))?;
-        print(&(text + "\n"));
+        print_json(&(text + "\n"));
     } else {
         print(&format!("{diff}\n"));
     }

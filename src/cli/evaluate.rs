@@ -5,9 +5,10 @@ use std::fmt::Write;
 use clap::Args;
 
 use super::job::{Job, JobArguments};
-use super::{Failure, Outcome, name_of, print};
+use super::{Failure, Outcome, name_of, print, print_json};
 use crate::config::Method;
 use crate::pipeline::{Evaluation, EvaluationRow, PatternInput};
+use crate::printable::on_one_line;
 
 #[derive(Debug, Args)]
 #[command(
@@ -54,7 +55,7 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
     if arguments.json {
         let json =
             serde_json::to_string_pretty(&evaluation).map_err(|error| Failure::environment(&error.into()))?;
-        print(&(json + "\n"));
+        print_json(&(json + "\n"));
     } else {
         print(&table(&evaluation));
     }
@@ -63,9 +64,9 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
 
 fn table(evaluation: &Evaluation) -> String {
     let Evaluation { pattern, part, size_mm: [width, height], length_mm, area_mm2, .. } = evaluation;
+    let (pattern, part) = (on_one_line(pattern), on_one_line(&part.file));
     let mut text = format!(
-        "{pattern} ({width:.1} x {height:.1} mm, {length_mm:.1} mm of lines, {area_mm2:.1} mm2) on {}\n\n",
-        part.file
+        "{pattern} ({width:.1} x {height:.1} mm, {length_mm:.1} mm of lines, {area_mm2:.1} mm2) on {part}\n\n"
     );
     let label = |row: &EvaluationRow| match row.variant.as_str() {
         "" => row.method.clone(),
@@ -92,7 +93,7 @@ fn table(evaluation: &Evaluation) -> String {
         }
         let words = row.reason.as_ref().map(|reason| reason.what.as_str()).or(row.note.as_deref());
         if let Some(words) = words {
-            let _ = write!(text, "  {words}");
+            let _ = write!(text, "  {}", on_one_line(words));
         }
         text.push('\n');
     }

@@ -7,8 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{
-    Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, read_file, sibling_of,
-    write_file,
+    Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, print_json, read_file,
+    sibling_of, write_file,
 };
 use crate::config::{PartSettings, PatternSettings, parse_facing};
 use crate::formats;
@@ -19,6 +19,7 @@ use crate::geometry::pattern::Pattern;
 use crate::geometry::space::{Facing, View};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::pipeline::surface_of;
+use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
 /// Entities that were not taken over are listed one by one up to this number.
@@ -97,7 +98,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     if arguments.json {
         let json =
             serde_json::to_string_pretty(&inspection).map_err(|error| Failure::environment(&error.into()))?;
-        print(&(json + "\n"));
+        print_json(&(json + "\n"));
     } else {
         print(&text);
     }
@@ -148,11 +149,11 @@ fn surface_file(path: &Path) -> Result<(&Path, SurfaceFormat), Failure> {
 }
 
 fn line(text: &mut String, label: &str, value: &str) {
-    let _ = writeln!(text, "  {label:<10} {value}");
+    let _ = writeln!(text, "  {label:<10} {}", on_one_line(value));
 }
 
 fn part_text(name: &str, facts: &PartFacts) -> String {
-    let mut text = format!("{name}: part\n");
+    let mut text = format!("{}: part\n", on_one_line(name));
     let [x, y, z] = facts.size;
     line(&mut text, "size", &format!("{x:.2} x {y:.2} x {z:.2} mm (x, y, z; z up)"));
     line(&mut text, "unit", &format!("{}, because {}", facts.unit.value, facts.unit.why));
@@ -223,7 +224,7 @@ fn scan_lines(text: &mut String, facts: &PartFacts) {
 }
 
 fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
-    let mut text = format!("{name}: drawing\n");
+    let mut text = format!("{}: drawing\n", on_one_line(name));
     let [width, height] = facts.size;
     let [left, bottom, right, top] = facts.extents;
     line(&mut text, "size", &format!("{width:.2} x {height:.2} mm"));
@@ -237,7 +238,7 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     }
     line(&mut text, "version", &facts.version);
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
-    let contours = pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
+    let contours = pattern.paths.iter().filter(|path| path.is_contour()).count();
     line(&mut text, "to mark", &format!("{} paths, {contours} of them closed", pattern.paths.len()));
     for (entity, layers) in &facts.entities {
         let by_layer: Vec<String> =

@@ -6,12 +6,16 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 
 use fs_err as fs;
+use tracing_subscriber::field::MakeExt;
+use tracing_subscriber::fmt::FormatFields;
+use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, fmt as lines};
 
 use crate::config::LogSettings;
 use crate::hotfolder::lies_at;
+use crate::printable::on_one_line;
 
 /// Lines for people on standard error and in the file, if there is one; `RUST_LOG` chooses others.
 ///
@@ -22,6 +26,7 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     let set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     // A log that cannot be written (its disk is full, its reader went) must not end the station.
     let to_people = lines::layer()
+        .fmt_fields(one_line())
         .with_target(false)
         .with_ansi(std::io::stderr().is_terminal() && !set("NO_COLOR"))
         .with_writer(std::io::stderr)
@@ -30,6 +35,7 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     let to_people = if set("JOURNAL_STREAM") { to_people.without_time().boxed() } else { to_people.boxed() };
     let to_file = file.map(RotatingFile::open).transpose()?.map(|file| {
         lines::layer()
+            .fmt_fields(one_line())
             .with_target(false)
             .with_ansi(false)
             .with_writer(Mutex::new(file))
@@ -38,6 +44,18 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     // A second log in one process is a test's; the first one goes on.
     let _ = tracing_subscriber::registry().with(filter).with(to_people).with(to_file).try_init();
     Ok(())
+}
+
+/// An event's message and values on one line, with what does not print spelled out: a name in them forges no line.
+fn one_line() -> impl for<'w> FormatFields<'w> + 'static {
+    debug_fn(|out, field, value| {
+        let value = on_one_line(&format!("{value:?}"));
+        match field.name() {
+            "message" => write!(out, "{value}"),
+            name => write!(out, "{name}={value}"),
+        }
+    })
+    .delimited(" ")
 }
 
 /// A log file that is begun anew when it has become large; older ones are `<file>.1`, `<file>.2` and so on.

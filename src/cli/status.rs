@@ -6,11 +6,12 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::{Exit, Failure, Outcome, parse_sku, print, tell};
+use super::{Exit, Failure, Outcome, parse_sku, print, print_json, shown, tell};
 use crate::config::{FolderPaths, Sku, Station};
-use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, Waits};
+use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UnderWay, Waits};
 use crate::hotfolder::{AS_ITS_USER, Holder, Request, StationLock, count_rejected, return_rejected};
-use crate::reason::{Reason, on_one_line};
+use crate::printable::on_one_line;
+use crate::reason::Reason;
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArguments {
@@ -71,7 +72,7 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
     if arguments.json {
         let text =
             serde_json::to_string_pretty(&status).map_err(|error| Failure::environment(&error.into()))?;
-        print(&(text + "\n"));
+        print_json(&(text + "\n"));
     } else {
         print(&words(&status, holder.as_ref(), &folders));
     }
@@ -87,7 +88,12 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         let wanted = (!arguments.rejected).then_some(arguments.drops.as_slice());
         let (returned, mut trouble) =
             return_rejected(&folders, wanted).map_err(|error| Failure::environment(&error))?;
-        print(&returned.iter().map(|drop| format!("{drop} is back in the hot folder\n")).collect::<String>());
+        print(
+            &returned
+                .iter()
+                .map(|drop| format!("{} is back in the hot folder\n", on_one_line(drop)))
+                .collect::<String>(),
+        );
         let Some(last) = trouble.pop() else { return Ok(()) };
         trouble.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
         return Err(Failure { exit: Exit::Environment, reason: last });
@@ -130,7 +136,7 @@ fn may_be_outdated(status: &Status, sku: Option<&Sku>) -> bool {
 
 fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> String {
     let mut text = match holder {
-        Some(holder) => format!("{}: runs, {holder}\n", status.station),
+        Some(holder) => format!("{}: runs, {}\n", status.station, on_one_line(&holder.to_string())),
         None if status.state == State::EndedSilently => {
             format!("{}: does not run; it ended without a word after {}\n", status.station, status.at)
         }
@@ -142,7 +148,7 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
             status.at
         );
     }
-    text.extend(status.troubles.iter().map(|trouble| format!("trouble: {trouble}\n")));
+    text.extend(status.troubles.iter().map(|trouble| format!("trouble: {}\n", on_one_line(trouble))));
     let done = &status.done;
     text += &format!(
         "since {}: {} delivered ({} in the last hour), {} rejected ({}), {} learned\n",
@@ -155,14 +161,15 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     );
     if let Some(count) = status.in_rejected.filter(|count| *count > 0) {
         let lie = if count == 1 { "drop lies" } else { "drops lie" };
-        text += &format!("{count} rejected {lie} in {}\n", folders.rejected.display());
+        text += &format!("{count} rejected {lie} in {}\n", shown(&folders.rejected));
     }
     if !status.under_way.is_empty() {
         text += "at work on\n";
-        let lines = status.under_way.iter().map(|job| format!("  {}, for {:.1} s\n", job.drop, job.for_s));
+        let line = |job: &UnderWay| format!("  {}, for {:.1} s\n", on_one_line(&job.drop), job.for_s);
+        let lines = status.under_way.iter().map(line);
         text.extend(lines);
     }
-    let waits = |waits: &Waits| format!("{}: {}", on_one_line(&waits.drop), waits.reason.on_one_line());
+    let waits = |waits: &Waits| format!("{}: {}", waits.drop, waits.reason.on_one_line());
     text += &list("waiting", &status.waiting, waits);
     text +=
         &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
@@ -183,7 +190,7 @@ fn list<T>(title: &str, listed: &Listed<T>, words: impl Fn(&T) -> String) -> Str
         return String::new();
     }
     let mut text = format!("{title}: {}\n", listed.count);
-    text.extend(listed.first.iter().map(|entry| format!("  {}\n", words(entry))));
+    text.extend(listed.first.iter().map(|entry| format!("  {}\n", on_one_line(&words(entry)))));
     let more = listed.count - listed.first.len();
     if more > 0 {
         text += &format!("  and {more} more\n");

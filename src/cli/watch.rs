@@ -10,6 +10,7 @@ use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally};
 use crate::pipeline::Pipeline;
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 #[derive(Debug, Args)]
@@ -75,7 +76,7 @@ fn words(tally: &Tally) -> String {
         text += &format!("{} delivered before and not again\n", tally.repeated);
     }
     for left in tally.waiting.iter().chain(&tally.incomplete) {
-        text += &format!("  {}: {}\n", left.drop, left.reason.what);
+        text += &format!("  {}\n", on_one_line(&format!("{}: {}", left.drop, left.reason.what)));
     }
     text
 }

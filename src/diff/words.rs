@@ -5,6 +5,7 @@ use std::fmt::{Display, Formatter};
 
 use super::outline::quantum;
 use super::{Change, DiffKind, Direction, DrawingDiff, PathNote};
+use crate::printable::on_one_line;
 
 /// Lines for each kind of change; the rest is summed up in one more.
 const MAX_LINES: usize = 8;
@@ -18,6 +19,7 @@ impl Display for DrawingDiff {
             let rest = if lines.is_empty() { "no difference: " } else { "" };
             lines.push(format!("{rest}{} unchanged", paths(self.unchanged)));
         }
+        let lines: Vec<String> = lines.iter().map(|line| on_one_line(line)).collect();
         write!(out, "{}", lines.join("\n"))
     }
 }

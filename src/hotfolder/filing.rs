@@ -25,6 +25,7 @@ use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
 use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
 use crate::formats::pattern::is_drawing;
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 /// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
@@ -158,7 +159,8 @@ pub(super) fn reject(
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
-        "{drop} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n"
+        "{} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n",
+        on_one_line(&drop)
     );
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;

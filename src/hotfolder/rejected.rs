@@ -14,6 +14,7 @@ use super::journal::Order;
 use super::names::{Meaning, meaning};
 use crate::config::FolderPaths;
 use crate::files::make_folder;
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 const REASON: &str = ".reason.json";
@@ -44,7 +45,7 @@ pub fn return_rejected(
     for reason in reasons {
         let Ok(text) = fs::read(&reason) else { continue };
         let Ok(RejectedDrop { drop }) = serde_json::from_slice(&text) else { continue };
-        if wanted.is_some_and(|wanted| !wanted.contains(&drop)) {
+        if wanted.is_some_and(|wanted| !wanted.iter().any(|name| names(name, &drop))) {
             continue;
         }
         let line = reason.with_file_name(Path::new(&drop).file_name().unwrap_or_default());
@@ -76,7 +77,9 @@ pub fn return_rejected(
             }
         }
     }
-    for name in wanted.unwrap_or_default().iter().filter(|name| !returned.contains(name)) {
+    for name in
+        wanted.unwrap_or_default().iter().filter(|name| !returned.iter().any(|drop| names(name, drop)))
+    {
         if trouble.is_empty() {
             let rejected = folders.rejected.display();
             trouble.push(if folders.hot.join(name).is_file() {
@@ -90,6 +93,11 @@ pub fn return_rejected(
         }
     }
     Ok((returned, trouble))
+}
+
+/// Whether somebody who typed `name` means the drop: as it was named, or as a terminal shows it.
+fn names(name: &str, drop: &str) -> bool {
+    name == drop || name == on_one_line(drop)
 }
 
 /// How many rejected drops lie in the folder.

@@ -7,6 +7,7 @@ use super::relief::{Backdrop, RESIDUAL, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
 use super::window::{Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
+use crate::printable::on_one_line;
 
 /// Blank border of the page and gap between its blocks, mm.
 pub(super) const MARGIN: f64 = 8.0;
@@ -60,7 +61,8 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
         page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
     }
     page.add(format_args!("{}</defs>", backdrop.definitions));
-    page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&preview.title, width - 2.0 * MARGIN));
+    let title = on_one_line(&preview.title);
+    page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&title, width - 2.0 * MARGIN));
 
     let thickness = line_width(&before, &drawn, left.scale);
     for (window, name, how, lines) in
@@ -91,7 +93,7 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     let summary_at = [legend_at[0] + LEGEND_WIDTH + 1.5 * MARGIN, foot];
     let summary_end = summary(&mut page, summary_at, width - MARGIN - summary_at[0], &preview.summary);
     let foot_height = (inset_end - foot).max(legend_end - foot).max(summary_end - foot);
-    page.finished(&preview.title, [width, (foot + foot_height + MARGIN - 2.0).ceil()])
+    page.finished(&title, [width, (foot + foot_height + MARGIN - 2.0).ceil()])
 }
 
 /// Part, field and axes, in coordinates of the view.

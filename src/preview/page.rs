@@ -2,6 +2,8 @@
 
 use std::fmt::Arguments;
 
+use crate::printable::on_one_line;
+
 /// Ink of headings and true lengths.
 pub(super) const DARK: &str = "#111827";
 /// Ink of explanations.
@@ -203,19 +205,17 @@ pub(super) fn number(value: f64) -> String {
     text
 }
 
-/// Text that may stand between tags or in an attribute; characters that XML does not know are left out.
+/// Text that may stand between tags or in an attribute; what does not print is spelled out, and what XML does not know left out.
 pub(super) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for letter in text.chars() {
+    for letter in on_one_line(text).chars() {
         match letter {
             '&' => escaped.push_str("&amp;"),
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&#39;"),
-            '\t' | '\n' | '\r' => escaped.push(' '),
             '\u{fffe}' | '\u{ffff}' => {}
-            control if control.is_control() => {}
             other => escaped.push(other),
         }
     }
@@ -265,7 +265,8 @@ mod tests {
 
     #[test]
     fn markup_in_names_stays_text() {
-        assert_eq!(escaped("a<b> & \"c\" d's\u{1}"), "a&lt;b&gt; &amp; &quot;c&quot; d&#39;s");
+        assert_eq!(escaped("a<b> & \"c\" d's"), "a&lt;b&gt; &amp; &quot;c&quot; d&#39;s");
+        assert_eq!(escaped("a\u{1}\n\u{202e}b\u{ffff}"), "a\\u{1}\\n\\u{202e}b");
     }
 
     #[test]

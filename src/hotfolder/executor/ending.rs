@@ -13,7 +13,8 @@ use super::super::names::delivered_as;
 use super::{Broken, Executor, Kept, Outcome, Ready, Task, Work, folder_trouble, guarded};
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::files::sync_folder;
-use crate::reason::{Reason, on_one_line};
+use crate::printable::on_one_line;
+use crate::reason::Reason;
 
 impl<C: Corrector> Executor<'_, C> {
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
