@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
-use crate::config::{ConfigError, JOINING, LOW_PASS, PatternSettings, Sku, Smoothing, Station};
+use crate::config::{ConfigError, JOINING, LOW_PASS, Losses, PatternSettings, Sku, Smoothing, Station};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::surface::scan;
@@ -88,6 +88,10 @@ struct MeaningArguments {
     /// Leaves a drawing as it is: nothing is joined, closed or taken out, only warned of.
     #[arg(long, help_heading = "Part and drawing")]
     strict: bool,
+    /// What is done when the drawing shows ink on an ink layer that cannot be taken over: refuse (default) or warn, which
+    /// marks the rest.
+    #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
+    losses: Option<Losses>,
     /// Marks the light pixels of a picture instead of the dark ones.
     #[arg(long, help_heading = "Part and drawing")]
     invert: bool,
@@ -104,6 +108,7 @@ impl MeaningArguments {
         to.picture.inverted |= self.invert;
         to.joining_tolerance = self.joining.unwrap_or(to.joining_tolerance);
         to.strict |= self.strict;
+        to.losses = self.losses.unwrap_or(to.losses);
     }
 }
 
@@ -238,12 +243,6 @@ impl From<crate::pipeline::PipelineError> for Failure {
 /// Writes to people on standard output; a closed one is no error. Names in the text that come from files have to be on
 /// one line ([`on_one_line`], [`shown`]); whatever else does not print is spelled out here.
 fn print(text: &str) {
-    let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-}
-
-/// Writes a line to people on standard error, with what does not print spelled out as in [`print`]; a closed one is no
-/// error.
     write_out(&on_lines(text));
 }
 
@@ -253,6 +252,12 @@ fn print_json(text: &str) {
 }
 
 fn write_out(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Writes a line to people on standard error, with what does not print spelled out as in [`print`]; a closed one is no
+/// error.
 fn tell(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));
 }

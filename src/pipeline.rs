@@ -335,7 +335,7 @@ impl Pipeline {
                 file: input.name.into(),
                 blake3: hash(input.bytes),
                 paths: pattern.paths.len(),
-                contours: pattern.paths.iter().filter(|path| path.shape.is_closed()).count(),
+                contours: pattern.paths.iter().filter(|path| path.is_contour()).count(),
                 facts,
                 ink_layers: settings.pattern.ink_layers.clone(),
             },
@@ -374,6 +374,7 @@ fn place(
     let placing = Placing::new(&pattern, settings);
     let placed = pattern.transformed(&placing.motion);
     checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
+    checks::lost_ink(&facts, settings).map_err(|reason| reason.in_file(input.name))?;
     let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
     checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
     clock.lap("place");

@@ -628,3 +628,249 @@ fn names_are_read_in_the_encoding_of_the_file() {
     assert_eq!(with("AC1032", "ANSI_1252", "Größe".as_bytes()), "Größe");
     assert_eq!(with("AC1009", "ANSI_1252", b"Gr\\U+00F6\\U+00DFe"), "Größe");
 }
+
+/// An ARC about the origin, its angles in degrees as they are written.
+fn arc(radius: &str, start: &str, end: &str, more: &str) -> String {
+    format!("0\nARC\n5\nA1\n8\nMARK\n10\n0\n20\n0\n30\n0\n40\n{radius}\n50\n{start}\n51\n{end}\n{more}")
+}
+
+/// An ELLIPSE of 10 x 5 mm about the origin, its parameters as they are written.
+fn ellipse(start: &str, end: &str, more: &str) -> String {
+    format!(
+        "0\nELLIPSE\n5\nE1\n8\nMARK\n10\n0\n20\n0\n30\n0\n11\n10\n21\n0\n31\n0\n40\n0.5\n41\n{start}\n42\n{end}\n{more}"
+    )
+}
+
+/// A fill with a single round edge, its angles in degrees as they are written.
+fn round_fill(shape: &str, start: &str, end: &str, counter_clockwise: u8) -> String {
+    let edge = format!("{shape}50\n{start}\n51\n{end}\n73\n{counter_clockwise}\n");
+    format!("0\nHATCH\n5\nF1\n8\nMARK\n2\nSOLID\n70\n1\n91\n1\n92\n1\n93\n1\n{edge}97\n0\n75\n0\n")
+}
+
+#[test]
+fn full_turns_beyond_or_short_of_one_by_rounding_are_whole() {
+    let circle = "72\n2\n10\n0\n20\n0\n40\n10\n";
+    let oval = "72\n3\n10\n0\n20\n0\n11\n10\n21\n0\n40\n0.5\n";
+    let turns = [
+        ("0", "360"),
+        ("90", "450.000001"),
+        ("0", "360.0003"),
+        ("180", "539.9998"),
+        ("0", "359.9999"),
+        ("30", "29.9999"),
+        ("0", "-0.0001"),
+        ("-90", "270.00001"),
+        ("360", "0"),
+    ];
+    let parameters = [
+        ("0", "6.28318531"),
+        ("3.141592654", "9.42477797"),
+        ("0", "6.283185"),
+        ("1.5707963", "7.8539816"),
+        ("0", "6.28319"),
+        ("-3.14159", "3.14159"),
+    ];
+    let mut drawn: Vec<(String, [f64; 2])> = Vec::new();
+    for (start, end) in turns {
+        drawn.push((arc("10", start, end, ""), [10.0, 10.0]));
+        for counter_clockwise in [0, 1] {
+            drawn.push((round_fill(circle, start, end, counter_clockwise), [10.0, 10.0]));
+            drawn.push((round_fill(oval, start, end, counter_clockwise), [10.0, 5.0]));
+        }
+        drawn.push((arc("10", start, end, "210\n0\n220\n0\n230\n-1\n"), [10.0, 10.0]));
+    }
+    for (start, end) in parameters {
+        drawn.push((ellipse(start, end, ""), [10.0, 5.0]));
+        drawn.push((ellipse(start, end, "210\n0\n220\n0\n230\n-1\n"), [10.0, 5.0]));
+    }
+    for (entity, [width, height]) in drawn {
+        for strict in [false, true] {
+            let options = PatternOptions { strict, ..PatternOptions::default() };
+            // By itself, and mirrored and turned inside a block.
+            let alone = drawing(&entity, "");
+            let mirrored = drawing(&insert("B", "41\n-1\n42\n1\n50\n180\n"), &block("B", &entity));
+            for file in [alone, mirrored] {
+                let read =
+                    read(file.as_bytes(), &options).unwrap_or_else(|error| panic!("{error}\n{entity}"));
+                let [path] = read.pattern.paths.as_slice() else { panic!("{entity}") };
+                assert!(path.shape.is_closed(), "{entity}");
+                let points = path.shape.flattened(1e-5);
+                let found = area(&points).abs();
+                let whole = std::f64::consts::PI * width * height;
+                assert!((found - whole).abs() < 1e-3, "{found} is not {whole}: {entity}");
+                assert!(read.facts.not_taken.is_empty() && read.facts.repairs.is_empty(), "{:?}", read.facts);
+            }
+        }
+    }
+}
+
+#[test]
+fn short_arcs_stay_short() {
+    // A degree, the least angle that is no rounding, and a tenth of a micrometre of a bow on a large radius.
+    for (radius, start, end, length) in [
+        ("10", "0", "1", 10f64.to_radians()),
+        ("10", "359.5", "360.5", 10f64.to_radians()),
+        ("10", "0", "0.001", 10.0 * 0.001f64.to_radians()),
+        ("100000", "90", "90.0004", 1e5 * 0.0004f64.to_radians()),
+        ("10", "0.001", "0", 10.0 * 359.999f64.to_radians()),
+    ] {
+        let options = PatternOptions { strict: true, ..PatternOptions::default() };
+        let file = drawing(&arc(radius, start, end, ""), "");
+        let read = read(file.as_bytes(), &options).unwrap();
+        let [path] = read.pattern.paths.as_slice() else { panic!("{:?}", read.pattern.paths) };
+        let found = self::length(path);
+        assert!(!path.shape.is_closed() && (found - length).abs() < 1e-4 * length, "{found} is not {length}");
+    }
+}
+
+/// The entities that are lost ink, with what they have in common.
+fn lost(reading: &PatternReading) -> Vec<&str> {
+    let lost = reading.facts.lost_ink(|_| true).0;
+    assert!(lost.iter().all(|left| left.is_loss && left.is_ink), "{lost:?}");
+    lost.iter().map(|left| left.entity.as_str()).collect()
+}
+
+#[test]
+fn round_entities_with_a_radius_that_draw_nothing_are_lost_ink() {
+    let besides = line(["0", "0", "1", "1"]);
+    let circle = "0\nCIRCLE\n5\nC1\n8\nMARK\n10\n0\n20\n0\n40\n0.0000001\n".to_owned();
+    // Whether this was a full turn, taken back to one turn after it was rounded, or the rest of a cut nobody can know.
+    for (entity, kind) in [
+        (arc("10", "90", "90.000001", ""), "ARC"),
+        (arc("10", "0", "0.0001", ""), "ARC"),
+        (arc("0.0000001", "0", "180", ""), "ARC"),
+        (ellipse("0", "0.000001", ""), "ELLIPSE"),
+        (circle.clone(), "CIRCLE"),
+    ] {
+        let reading = whole(&(entity.clone() + &besides), "");
+        assert_eq!(lost(&reading), [kind], "{entity}");
+        let why = reading.facts.not_taken[0].why.as_ref();
+        assert!(why.contains("radius of ") && why.contains("draws nothing: draw it again"), "{why}");
+        assert_eq!(reading.pattern.paths.len(), 1);
+    }
+    // Made that small by its block.
+    let small = whole(
+        &(insert("B", "41\n1e-8\n42\n1e-8\n43\n1e-8\n") + &besides),
+        &block("B", &arc("10", "0", "180", "")),
+    );
+    assert_eq!(lost(&small), ["ARC"]);
+    // Without a radius it is nothing anywhere.
+    let none = whole(&(circle.replace("0.0000001", "0") + &besides), "");
+    assert_eq!((lost(&none), none.facts.not_taken[0].is_loss), (vec![], false));
+}
+
+#[test]
+fn what_counts_as_lost_ink() {
+    let besides = line(["0", "0", "1", "1"]);
+    let simple = |kind: &str| format!("0\n{kind}\n5\n77\n8\nMARK\n10\n0\n20\n0\n11\n1\n21\n1\n");
+    let text = |words: &str| format!("0\nTEXT\n5\n77\n8\nMARK\n10\n0\n20\n0\n40\n3\n1\n{words}\n");
+    let spline =
+        |knots: &str| format!("0\nSPLINE\n5\n77\n8\nMARK\n70\n0\n71\n3\n{knots}10\n0\n20\n0\n10\n9\n20\n0\n");
+    let fit = |x: u8| format!("0\nSPLINE\n5\n77\n8\nMARK\n70\n0\n71\n3\n11\n0\n21\n0\n11\n{x}\n21\n0\n");
+    let in_space = "0\nPOLYLINE\n5\n77\n8\nMARK\n70\n64\n0\nSEQEND\n".to_owned();
+    let frame = "0\nPOLYLINE\n5\n77\n8\nMARK\n70\n4\n0\nVERTEX\n8\nMARK\n10\n0\n20\n0\n70\n16\n\
+                 0\nVERTEX\n8\nMARK\n10\n9\n20\n0\n70\n16\n0\nSEQEND\n"
+        .to_owned();
+    let mut ink: Vec<String> = [
+        "3DFACE",
+        "3DSOLID",
+        "BODY",
+        "REGION",
+        "MESH",
+        "LEADER",
+        "MULTILEADER",
+        "MLINE",
+        "ACAD_TABLE",
+        "IMAGE",
+        "OLE2FRAME",
+        "WIPEOUT",
+        "PDFUNDERLAY",
+        "TOLERANCE",
+        "SHAPE",
+        "RTEXT",
+        "DIMENSION",
+        "ACAD_PROXY_ENTITY",
+        "NEVER_HEARD_OF",
+    ]
+    .iter()
+    .map(|kind| simple(kind))
+    .collect();
+    ink.extend([text("株"), text("good 株"), spline("40\n0\n40\n1\n"), in_space, frame]);
+    ink.push(text("株").replace("0\nTEXT", "0\nMTEXT"));
+    ink.push(insert("NOT THERE", ""));
+    for entity in &ink {
+        let reading = whole(&(entity.clone() + &besides), "");
+        assert_eq!(lost(&reading).len(), 1, "{entity}: {:?}", reading.facts.not_taken);
+        assert!(has_notice(&reading, "not-taken", Severity::Warning), "{entity}");
+    }
+    // Named, and no ink that the drawing shows: nothing drawn, aids, and what is hidden or not plotted.
+    let single = "0\nLWPOLYLINE\n5\n77\n8\nMARK\n90\n1\n70\n0\n10\n1\n20\n1\n".to_owned();
+    let template = "0\nATTDEF\n5\n77\n8\nMARK\n10\n0\n20\n0\n40\n3\n1\nX\n2\nTAG\n70\n0\n".to_owned();
+    let mut none: Vec<String> =
+        ["RAY", "XLINE", "VIEWPORT", "LIGHT", "SEQEND"].iter().map(|kind| simple(kind)).collect();
+    none.extend([single, template, text(""), text("   "), text("\\U+200B\\U+FEFF"), fit(0)]);
+    none.push(simple("3DFACE").replace("MARK\n", "MARK\n60\n1\n"));
+    none.push(simple("3DFACE").replace("MARK\n", "MARK\n67\n1\n"));
+    none.push(simple("3DFACE").replace("MARK", "Defpoints"));
+    for entity in &none {
+        let reading = whole(&(entity.clone() + &besides), "");
+        assert!(lost(&reading).is_empty(), "{entity}: {:?}", reading.facts.not_taken);
+        assert_eq!(reading.facts.not_taken.len(), 1, "{entity}");
+    }
+    // Invisible characters beside letters hinder nothing.
+    assert!(whole(&(text("A\\U+200B\\U+2003B\\U+202E") + &besides), "").facts.not_taken.is_empty());
+    assert!(whole(&fit(9), "").facts.not_taken.is_empty());
+}
+
+#[test]
+fn lost_ink_is_on_the_layer_that_it_would_be_drawn_on() {
+    let face = |layer: &str| format!("0\n3DFACE\n5\n77\n8\n{layer}\n10\n0\n20\n0\n");
+    let on = |layer: &str| insert("B", "").replace("INSERT\n8\n0", &format!("INSERT\n8\n{layer}"));
+    let content = block("B", &(face("0") + &face("OWN")));
+    let reading = whole(&(on("MARK") + &on("MARK") + &on("NOTES") + &line(["0", "0", "1", "1"])), &content);
+    let layers: Vec<&str> =
+        reading.facts.lost_ink(|_| true).0.iter().map(|left| left.layer.as_str()).collect();
+    assert_eq!(layers, ["MARK", "OWN", "NOTES"]);
+    assert_eq!(reading.facts.lost_ink(|layer| layer == "NOTES").0.len(), 1);
+    assert_eq!(reading.facts.lost_ink(|layer| layer == "0").0.len(), 0);
+}
+
+#[test]
+fn a_list_of_lost_ink_is_short_however_much_is_lost() {
+    let face = |number: usize| format!("0\n3DFACE\n5\n{number:X}\n8\nL{}\n10\n0\n20\n0\n", number % 50);
+    let many: String = (0..5000).map(face).collect();
+    let reading = whole(&(many + &line(["0", "0", "1", "1"])), "");
+    let lost = reading.facts.lost_ink(|_| true);
+    let told = lost.to_string();
+    assert_eq!(lost.0.len(), 5000);
+    assert!(told.starts_with("3DFACE 0, 32, 64 and 97 more on layer L0: it is a surface"), "{told}");
+    assert!(told.ends_with("and 4400 more") && told.len() < 1000, "{told}");
+}
+
+/// A polyline round a square of 10 mm that comes back to its first point without being closed, off by a gap.
+fn square_with_gap(gap: &str) -> String {
+    let corners = [("0", "0"), ("10", "0"), ("10", "10"), ("0", "10"), ("0", gap)];
+    let points: String = corners.iter().map(|(x, y)| format!("10\n{x}\n20\n{y}\n")).collect();
+    format!("0\nLWPOLYLINE\n5\n5A\n8\nMARK\n90\n5\n70\n0\n{points}")
+}
+
+#[test]
+fn a_gap_within_rounding_is_none_and_its_contour_has_its_area() {
+    use isomark::geometry::ink::Ink;
+    let inked = |reading: &PatternReading| Ink::sample(&reading.pattern, |_| true, 0.25, 0.1).area();
+    for options in [
+        PatternOptions { strict: true, ..PatternOptions::default() },
+        PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() },
+    ] {
+        for gap in ["0", "1e-15", "-1e-15", "0.0000009"] {
+            let read = read(drawing(&square_with_gap(gap), "").as_bytes(), &options).unwrap();
+            assert!(read.facts.notices.iter().all(|notice| notice.code != "nearly-closed"), "{gap}");
+            // A row of squares may lie beside.
+            assert!((inked(&read) - 100.0).abs() < 1.01, "{gap}: {}", inked(&read));
+            // The drawing itself stays as it is.
+            assert!(matches!(&read.pattern.paths[0].shape, Shape::Open(sides) if sides.len() == 4), "{gap}");
+        }
+        let open = read(drawing(&square_with_gap("0.001"), "").as_bytes(), &options).unwrap();
+        assert!(has_notice(&open, "nearly-closed", Severity::Warning) && inked(&open) == 0.0);
+    }
+}

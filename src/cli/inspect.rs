@@ -10,7 +10,7 @@ use super::{
     Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, print_json, read_file,
     sibling_of, write_file,
 };
-use crate::config::{PartSettings, PatternSettings, parse_facing};
+use crate::config::{Losses, PartSettings, PatternSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
 use crate::formats::pattern::{self, PatternFacts};
@@ -89,8 +89,10 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let mut settings = PatternSettings::default();
             arguments.meaning.apply(&mut settings);
-            let reading = pattern::read(&bytes, &settings.options())
+            let mut reading = pattern::read(&bytes, &settings.options())
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
+            let lost = lost_ink(&reading.facts).filter(|_| settings.losses == Losses::Refuse);
+            reading.facts.notices.extend(lost);
             let text = pattern_text(&name, &reading.facts, &reading.pattern);
             (Inspection::Pattern(reading.facts), text)
         }
@@ -103,6 +105,18 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         print(&text);
     }
     Ok(())
+}
+
+/// Tells that jobs refuse the drawing, wherever the layers of what is lost count as ink.
+fn lost_ink(facts: &PatternFacts) -> Option<Notice> {
+    let lost = facts.lost_ink(|_| true);
+    (!lost.0.is_empty()).then(|| {
+        let message = format!(
+            "visible ink is lost, so `correct` and `watch` reject the drawing unless `losses` is \"warn\" or its layers \
+             are no ink layers: {lost}"
+        );
+        Notice::warning("ink-lost", message)
+    })
 }
 
 /// Fits the side that faces the laser and writes the surface if that was asked for. Without that, a part that makes no

@@ -143,6 +143,17 @@ choices! {
 }
 
 choices! {
+    /// What is done with a drawing that shows ink which cannot be taken over.
+    Losses, "losses" {
+        /// It is rejected, with a list of what cannot be taken over.
+        #[default]
+        Refuse = "refuse",
+        /// The rest is marked, and the report warns.
+        Warn = "warn",
+    }
+}
+
+choices! {
     /// Which points of the drawing are carried over.
     Vertices, "vertices" {
         /// As many as the chord tolerance needs, and no more.

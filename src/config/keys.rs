@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{
-    DxfVersion, FieldOrigin, FloaterWeights, Method, PartShape, Slip, Smoothing, Vertices, Weighting,
+    DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, PartShape, Slip, Smoothing, Vertices, Weighting,
     parse_axis, parse_facing,
 };
 use super::error::ConfigError;
@@ -68,6 +68,7 @@ pub(super) struct PatternKeys {
     invert: Option<bool>,
     joining_mm: Option<Spanned<f64>>,
     strict: Option<bool>,
+    losses: Option<Losses>,
 }
 
 #[derive(Default, Deserialize)]
@@ -321,6 +322,7 @@ impl PatternKeys {
             to.pattern.joining_tolerance = text.number("pattern.joining_mm", &joining, JOINING, "mm")?;
         }
         to.pattern.strict = self.strict.unwrap_or(to.pattern.strict);
+        to.pattern.losses = self.losses.unwrap_or(to.pattern.losses);
         Ok(())
     }
 }

@@ -19,8 +19,8 @@ mod text;
 mod error;
 
 pub use choices::{
-    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Method, Outdated, PartShape, Repeat,
-    Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated, PartShape,
+    Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub(crate) use error::BEING_SAVED;
 pub use error::{ConfigError, Spot};

@@ -1,6 +1,6 @@
 //! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
 
-use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Method, Slip, Vertices, Weighting};
+use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, PictureOptions};
 use crate::geometry::figure::Figure;
@@ -84,13 +84,16 @@ pub struct PatternSettings {
     pub joining_tolerance: f64,
     /// Leaves the drawing as it is, with warnings in place of repairs.
     pub strict: bool,
+    /// What is done when the drawing shows ink on an ink layer that cannot be taken over.
+    pub losses: Losses,
 }
 
 impl Default for PatternSettings {
     fn default() -> Self {
         let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, .. } =
             PatternOptions::default();
-        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, strict }
+        let losses = Losses::default();
+        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, strict, losses }
     }
 }
 

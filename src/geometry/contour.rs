@@ -430,14 +430,14 @@ fn copies(paths: &[Path]) -> Vec<bool> {
 
 /// What is drawn, rounded to 1e-6 mm, as sums over its pieces that depend neither on their order nor on their direction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-struct Drawn {
+pub(super) struct Drawn {
     pieces: usize,
     sum: u64,
     sum_of_others: u64,
 }
 
 impl Drawn {
-    fn by(path: &Path) -> Self {
+    pub(super) fn by(path: &Path) -> Self {
         let mut drawn = Self::default();
         if let Shape::Dot(point) = path.shape {
             drawn.see(mixed(point));

@@ -1,9 +1,10 @@
 //! Where the drawing puts ink: short pieces along its lines, and small squares over its inked areas.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector2;
 
+use super::contour::Drawn;
 use super::pattern::{Pattern, Shape};
 use super::space::{Extents, FlatPoint};
 
@@ -48,12 +49,12 @@ impl Ink {
     /// Samples the paths for which `counts` says yes (given the layer's name) with pieces of at most `piece` mm and
     /// squares of `side` mm.
     ///
-    /// The inked area of a layer is bounded by its contours under the even-odd rule; a fill (HATCH, SOLID) is a region
-    /// of its own. What several regions cover counts once.
+    /// The inked area of a layer is bounded by its contours under the even-odd rule, one that is drawn again by the first;
+    /// a fill (HATCH, SOLID) is a region of its own. What several regions cover counts once.
     pub fn sample(pattern: &Pattern, counts: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
-        let mut extents = Extents::EMPTY;
+        let (mut extents, mut outlines) = (Extents::EMPTY, BTreeSet::new());
         for path in &pattern.paths {
             if !pattern.layers.get(path.layer).is_some_and(|layer| counts(&layer.name)) {
                 continue;
@@ -76,7 +77,9 @@ impl Ink {
                 let along = |index: usize| segment.point(index as f64 / count as f64);
                 pieces.extend((0..count).map(|index| Piece { from: along(index), to: along(index + 1) }));
             }
-            if path.is_contour() {
+            // A second outline in the same place would make a hole of what the first one bounds.
+            if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path))))
+            {
                 let group = contours.entry((path.layer, path.region)).or_default();
                 group.push(path.shape.flattened(side / 40.0));
             }
@@ -194,6 +197,18 @@ mod tests {
         let Shape::Open(mut sides) = open.shape.clone() else { panic!() };
         sides.pop();
         assert_eq!(ink(vec![Path { shape: Shape::Open(sides), ..open }]).area(), 0.0);
+    }
+
+    #[test]
+    fn a_contour_drawn_again_empties_nothing() {
+        let back = match square(5.0, None).shape {
+            Shape::Closed(sides) => Shape::Closed(sides.iter().rev().map(Segment::reversed).collect()),
+            _ => panic!(),
+        };
+        let back = Path { shape: back, color: Color::Aci(1), ..square(5.0, None) };
+        assert!((ink(vec![square(5.0, None), back]).area() - 100.0).abs() < 1e-9);
+        // In a fill it is what the fill is made of.
+        assert_eq!(ink(vec![square(5.0, Some(1)), square(5.0, Some(1))]).area(), 0.0);
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::{
     CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap, Method,
-    PartSettings, Pattern, Placing, Sku, Weighting,
+    PartSettings, Pattern, PatternFacts, Placing, Sku, Weighting,
 };
+use crate::config::Losses;
 use crate::geometry::correction::AboveLens;
 use crate::geometry::figure::Figure;
 use crate::geometry::mapping::MapError;
@@ -104,6 +105,27 @@ pub(super) fn reach(
         .with_number("length of all lines", length, "mm", Some(LONGEST_INK)));
     }
     Ok(())
+}
+
+/// Refuses a drawing that shows ink on an ink layer which cannot be taken over, unless that is only warned of.
+pub(super) fn lost_ink(facts: &PatternFacts, settings: &JobSettings) -> Result<(), Reason> {
+    let lost = facts.lost_ink(|layer| settings.pattern.counts_as_ink(layer));
+    let (Losses::Refuse, Some(first)) = (settings.pattern.losses, lost.0.first()) else { return Ok(()) };
+    let count = lost.0.len();
+    let entities =
+        if count == 1 { "entity that the drawing shows" } else { "entities that the drawing shows" };
+    let item = first
+        .handle
+        .as_ref()
+        .map_or_else(|| first.entity.clone(), |handle| format!("{} {handle}", first.entity));
+    Err(Reason::new(
+        "ink-lost",
+        format!("{count} {entities} cannot be marked: {lost}."),
+        "Turn them into curves or outlines in the drawing program; hide their layer if they are not to be marked; or set \
+         `losses = \"warn\"` under [pattern] (`--losses warn`) to mark the drawing without them.",
+    )
+    .at(Place { item: Some(item), layer: Some(first.layer.clone()), ..Place::default() })
+    .with_number("entities not marked", count as f64, "", None))
 }
 
 pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSettings) -> Result<(), Reason> {

@@ -21,3 +21,4 @@ mod station;
 mod control;
 mod demo;
 mod evaluate;
+mod losses;

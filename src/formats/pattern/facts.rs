@@ -29,7 +29,7 @@ pub struct PatternFacts {
     pub entities: BTreeMap<String, BTreeMap<String, usize>>,
     /// The layers of the file, those without paths too.
     pub layers: BTreeMap<String, LayerFacts>,
-    /// Everything that draws something in the file and not in the pattern; what a block holds is named once.
+    /// Everything that draws something in the file and not in the pattern; what a block holds is named once for each layer.
     pub not_taken: Vec<NotTaken>,
     /// What was mended, such as loose pieces joined to contours; empty for drawings read strictly.
     pub repairs: Vec<Repair>,
@@ -112,10 +112,56 @@ pub struct NotTaken {
     pub entity: String,
     /// Its handle in hexadecimal, if the file has one.
     pub handle: Option<String>,
-    /// The layer it names.
+    /// The layer it is drawn on.
     pub layer: String,
     /// Why it was left out, and what can be done about it.
     pub why: Cow<'static, str>,
-    /// Whether something that it draws is missing now.
+    /// Whether something that it draws is missing now, visible in the drawing or not.
     pub is_loss: bool,
+    /// Whether that is ink which the drawing shows and plots, or a cover over such ink.
+    #[serde(default)]
+    pub is_ink: bool,
+}
+
+/// Entities that a list names in full, of each kind, layer and reason.
+const MOST_HANDLES: usize = 3;
+/// Kinds, layers and reasons that a list names.
+const MOST_GROUPS: usize = 6;
+
+impl PatternFacts {
+    /// The visible ink that is not in the pattern, on the layers for which `counts` says yes.
+    pub fn lost_ink(&self, counts: impl Fn(&str) -> bool) -> LostInk<'_> {
+        LostInk(self.not_taken.iter().filter(|left| left.is_ink && counts(&left.layer)).collect())
+    }
+}
+
+/// Visible ink that is not in the pattern.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LostInk<'f>(pub Vec<&'f NotTaken>);
+
+impl std::fmt::Display for LostInk<'_> {
+    /// The first entities with handle, layer and reason, and how many more there are; one line.
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut groups: Vec<([&str; 3], Vec<&str>)> = Vec::new();
+        let mut beyond = 0;
+        for left in &self.0 {
+            let key = [left.entity.as_str(), left.layer.as_str(), left.why.as_ref()];
+            let handle = left.handle.as_deref().unwrap_or("without handle");
+            match groups.iter().position(|(of, _)| *of == key) {
+                Some(group) => groups[group].1.push(handle),
+                None if groups.len() < MOST_GROUPS => groups.push((key, vec![handle])),
+                None => beyond += 1,
+            }
+        }
+        for (index, ([entity, layer, why], handles)) in groups.iter().enumerate() {
+            let more = handles.len().saturating_sub(MOST_HANDLES);
+            let separator = if index > 0 { "; " } else { "" };
+            write!(out, "{separator}{entity} {}", handles[..handles.len() - more].join(", "))?;
+            if more > 0 {
+                write!(out, " and {more} more")?;
+            }
+            write!(out, " on layer {layer}: {why}")?;
+        }
+        if beyond > 0 { write!(out, "; and {beyond} more") } else { Ok(()) }
+    }
 }

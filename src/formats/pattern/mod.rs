@@ -10,7 +10,7 @@ mod units;
 
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
-pub use facts::{LayerFacts, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};
+pub use facts::{LayerFacts, LostInk, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};
 pub use picture::PictureOptions;
 pub use units::{DrawingUnit, UnknownUnit};
 

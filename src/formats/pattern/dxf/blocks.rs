@@ -7,12 +7,12 @@ use nalgebra::Vector3;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
-use super::curves::{Curve, Placement};
+use super::curves::{Curve, Placement, vanishing};
 use super::entities::{Insert, Item, Reader, Remarks};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::NotTaken;
-use crate::geometry::pattern::{Color, Path, Shape, Source};
+use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::FlatPoint;
 
 /// Blocks may hold blocks this deep.
@@ -68,8 +68,11 @@ pub(super) fn unfold(
     }
     for index in reader.structure.paper_sheets().flat_map(|sheet| sheet.entities.clone()) {
         if let Some(record) = reader.structure.entities.get(index) {
-            let is_loss = reader.structure.kind(record) != "VIEWPORT";
-            unfolding.name(index, record, IN_PAPER_SPACE.into(), is_loss);
+            let missing = match reader.structure.kind(record) {
+                "VIEWPORT" => Missing::Nothing,
+                _ => Missing::Hidden,
+            };
+            unfolding.name(index, record, reader.structure.layer(record), IN_PAPER_SPACE.into(), missing);
         }
     }
     Ok(unfolding.result)
@@ -83,6 +86,20 @@ struct Context {
     /// The colour that stands for "by block".
     color: Color,
 }
+
+/// What a drawing lacks with an entity that is not taken over.
+#[derive(Clone, Copy, PartialEq)]
+enum Missing {
+    /// Nothing: it draws nothing.
+    Nothing,
+    /// What the drawing does not show or plot, or what is an aid and no ink.
+    Hidden,
+    /// Ink.
+    Ink,
+}
+
+/// The layer for the points of dimensions, which no program plots.
+const NEVER_PLOTTED: &str = "DEFPOINTS";
 
 /// What the paths of an entity look like.
 #[derive(Clone, Copy)]
@@ -99,8 +116,8 @@ struct Unfolding<'u> {
     items: &'u [Item],
     result: Unfolded,
     layer_numbers: BTreeMap<String, usize>,
-    /// What was named already inside blocks, which may be drawn many times.
-    named: BTreeSet<(usize, Cow<'static, str>)>,
+    /// What was named already inside blocks, which may be drawn many times, and the layer it was drawn on.
+    named: BTreeSet<(usize, String, Cow<'static, str>)>,
     budget: &'u mut Budget,
     regions: u32,
     open_blocks: Vec<String>,
@@ -116,7 +133,8 @@ impl<'u> Unfolding<'u> {
         if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
             let (layer, entry) = layer_of(structure, insert, context);
             if why_hidden(insert, entry, true).is_some() {
-                self.name(index, record, "the block that it belongs to is hidden".into(), true);
+                let why = "the block that it belongs to is hidden";
+                self.name(index, record, layer, why.into(), Missing::Hidden);
                 return Ok(());
             }
             of_insert = self.inside(insert, context, context.placement, layer);
@@ -126,8 +144,9 @@ impl<'u> Unfolding<'u> {
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
             // Points of dimensions lie on a layer that is never plotted.
-            let is_loss = !layer.eq_ignore_ascii_case("DEFPOINTS");
-            self.name(index, record, why.into(), is_loss);
+            let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
+            let missing = if is_aid { Missing::Nothing } else { Missing::Hidden };
+            self.name(index, record, layer, why.into(), missing);
             return Ok(());
         }
         let color = own_color(record, context);
@@ -139,7 +158,12 @@ impl<'u> Unfolding<'u> {
             self.result.drawn.insert(index);
         }
         if let Item::Insert(insert) = item {
-            return self.insert(index, record, insert, context, layer);
+            // Without its block nobody knows which layers its content lies on; on this one it would be hidden.
+            let missing = match why_hidden(record, entry, false) {
+                Some(_) => Missing::Hidden,
+                None => Missing::Ink,
+            };
+            return self.insert(index, record, insert, context, (layer, missing));
         }
         self.item(index, record, item, context, Look { layer, color, is_stroke: false })
     }
@@ -157,17 +181,18 @@ impl<'u> Unfolding<'u> {
         };
         match item {
             Item::Insert(_) => {}
-            Item::DrawsNothing(why) => self.name(index, record, (*why).into(), false),
-            Item::NotTaken(why) => self.name(index, record, why.clone(), true),
+            Item::DrawsNothing(why) => {
+                self.name(index, record, look.layer, (*why).into(), Missing::Nothing);
+            }
+            Item::Construction(why) => {
+                self.name(index, record, look.layer, (*why).into(), Missing::Hidden);
+            }
+            Item::NotTaken(why) => self.name(index, record, look.layer, why.clone(), Missing::Ink),
             // Inside a block it stands for the attributes of the inserts, which are texts of their own.
             Item::Template if !self.open_blocks.is_empty() => {}
             Item::Template => {
-                self.name(
-                    index,
-                    record,
-                    "it is the template of an attribute: write a text instead".into(),
-                    true,
-                );
+                let why = "it is the template of an attribute: write a text instead";
+                self.name(index, record, look.layer, why.into(), Missing::Hidden);
             }
             Item::Several(items) => {
                 for (own, item) in items {
@@ -188,7 +213,19 @@ impl<'u> Unfolding<'u> {
                 self.push(shape, None, look, record);
             }
             Item::Curve(curve) => {
-                let shape = self.shape(&placed(curve), curve.closed, record)?;
+                let segments = placed(curve);
+                if matches!(self.structure.kind(record), "ARC" | "CIRCLE" | "ELLIPSE")
+                    && let Some((radius, turn)) = vanishing(&segments, SAME_POINT)
+                {
+                    let why = format!(
+                        "with a radius of {radius:.7} mm and a turn of {:.7} deg it draws nothing: draw it again, \
+                         as a circle if a full turn is meant, or delete it",
+                        turn.to_degrees()
+                    );
+                    self.name(index, record, look.layer, why.into(), Missing::Ink);
+                    return Ok(());
+                }
+                let shape = self.shape(&segments, curve.closed, record)?;
                 self.push(shape, None, look, record);
             }
             Item::Fill(contours) => {
@@ -208,18 +245,18 @@ impl<'u> Unfolding<'u> {
         record: &Record,
         insert: &Insert,
         context: &Context,
-        layer: &str,
+        (layer, missing): (&str, Missing),
     ) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
         let Some(block) = structure.blocks.get(&key) else {
             let why = format!("the file does not define its block {}", insert.block);
-            self.name(index, record, why.into(), true);
+            self.name(index, record, layer, why.into(), missing);
             return Ok(());
         };
         if block.external {
             let why = "it stands for another file: bind the reference before exporting";
-            self.name(index, record, why.into(), true);
+            self.name(index, record, layer, why.into(), missing);
             return Ok(());
         }
         if self.open_blocks.contains(&key) {
@@ -330,15 +367,16 @@ impl<'u> Unfolding<'u> {
         self.result.paths.push(Path { layer, color, shape, region, source });
     }
 
-    fn name(&mut self, index: usize, record: &Record, why: Cow<'static, str>, is_loss: bool) {
-        if self.open_blocks.is_empty() || self.named.insert((index, why.clone())) {
-            let name = self.structure.name(self.scan, record);
+    fn name(&mut self, index: usize, record: &Record, layer: &str, why: Cow<'static, str>, missing: Missing) {
+        if self.open_blocks.is_empty() || self.named.insert((index, layer.to_owned(), why.clone())) {
+            let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
             self.result.not_taken.push(NotTaken {
-                entity: name.kind,
-                handle: name.handle,
-                layer: name.layer,
+                entity: self.structure.kind(record).into(),
+                handle: self.structure.handle(self.scan, record),
+                layer: layer.to_owned(),
                 why,
-                is_loss,
+                is_loss: missing != Missing::Nothing,
+                is_ink: missing == Missing::Ink && !is_aid,
             });
         }
     }

@@ -223,13 +223,13 @@ const FULL_TURN: f64 = 1e-5;
 const EQUAL: f64 = 1e-9;
 
 /// An angle from start to end counter-clockwise, rad, more than 0 and at most a full turn: a turn, or several, within
-/// [`FULL_TURN`] is exactly a full one, and so are equal angles. An end just after the start, within the same turn, is the
-/// short arc that it is.
+/// [`FULL_TURN`] is exactly a full one, and so are equal angles. An end just after the start, as it is written or over the
+/// end of a turn (359.9999 to 0), is the short arc that it is: on a large radius it is drawn.
 pub(super) fn sweep_between(start: f64, end: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     let difference = end - start;
     let sweep = difference.rem_euclid(turn);
-    let is_just_beyond_a_turn = sweep < FULL_TURN && difference.abs() > FULL_TURN;
+    let is_just_beyond_a_turn = sweep < FULL_TURN && difference > FULL_TURN;
     if is_just_beyond_a_turn || sweep < EQUAL || turn - sweep < FULL_TURN { turn } else { sweep }
 }
 
@@ -243,6 +243,12 @@ pub(super) fn arc(center: Vector3<f64>, radius: f64, start: f64, sweep: f64, pla
         sweep,
     };
     Curve { segments: vec![segment.placed(plane)], closed: is_full_turn(sweep) }
+}
+
+/// The same for a curve that has to come back to its start: what is within [`FULL_TURN`] of nothing is a full turn, too.
+pub(super) fn closing_sweep_between(start: f64, end: f64) -> f64 {
+    let sweep = sweep_between(start, end);
+    if sweep < FULL_TURN { std::f64::consts::TAU } else { sweep }
 }
 
 /// Whether a sweep of [`sweep_between`], or its negative, is a full turn.
@@ -354,14 +360,16 @@ mod tests {
         use std::f64::consts::{FRAC_PI_2, PI, TAU};
         for start in [0.0, FRAC_PI_2, PI, -PI, 100.0] {
             for rounding in [-9e-6, -1e-12, 0.0, 1e-12, 2.9e-9, 9e-6] {
-                for turns in [-2.0, -1.0, 1.0, 2.0] {
-                    assert_eq!(
-                        sweep_between(start, start + turns * TAU + rounding),
-                        TAU,
-                        "{start} {rounding}"
-                    );
+                for turns in [1.0, 2.0] {
+                    let end = start + turns * TAU + rounding;
+                    assert_eq!(sweep_between(start, end), TAU, "{start} {rounding}");
                 }
+                assert_eq!(closing_sweep_between(start, start + rounding), TAU);
             }
+            for rounding in [-9e-6, -1e-12, 0.0, 1e-12] {
+                assert_eq!(sweep_between(start, start - TAU + rounding), TAU, "{start} {rounding}");
+            }
+            assert!((sweep_between(start, start - TAU + 9e-6) - 9e-6).abs() < 1e-12);
             assert_eq!(sweep_between(start, start - 9e-6), TAU);
             assert!((sweep_between(start, start + 9e-6) - 9e-6).abs() < 1e-12);
             assert!((sweep_between(start, start + 2e-5) - 2e-5).abs() < 1e-12);

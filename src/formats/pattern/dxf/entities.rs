@@ -32,7 +32,9 @@ pub(super) enum Item {
     Template,
     /// Nothing, as it would anywhere, with the reason.
     DrawsNothing(&'static str),
-    /// Nothing here, although it draws something, with the reason.
+    /// Nothing here, although it draws lines that are an aid and no ink, with the reason.
+    Construction(&'static str),
+    /// Nothing here, although it draws ink, with the reason.
     NotTaken(Cow<'static, str>),
 }
 
@@ -51,7 +53,7 @@ impl Item {
                 insert.placement = placement.after(&insert.placement);
                 Self::Insert(insert)
             }
-            Self::Template | Self::DrawsNothing(_) | Self::NotTaken(_) => self,
+            Self::Template | Self::DrawsNothing(_) | Self::Construction(_) | Self::NotTaken(_) => self,
         }
     }
 }
@@ -211,6 +213,9 @@ impl Reader<'_> {
                 text::paragraphs::drawn(self, record, uses, budget)?
             }
             "VIEWPORT" => Item::DrawsNothing("it is a window of a layout"),
+            "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),
+            "SEQEND" => Item::DrawsNothing("it belongs to no polyline or block"),
+            "RAY" | "XLINE" => Item::Construction("it has no end: trim it to a line"),
             kind => Item::NotTaken(why_not(kind).into()),
         })
     }
@@ -275,8 +280,12 @@ fn spline(spline: &Groups, tolerance: f64, budget: &mut Budget) -> Item {
     let closed = spline.flags(70) & 1 == 1;
     let points = spline.points(10);
     let curve = if points.is_empty() {
+        let through = spline.points(11);
+        if through.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Item::DrawsNothing("it has fewer than two different points");
+        }
         let direction = |code| Some(spline.point(code)).filter(|tangent| tangent.norm() > 0.0);
-        through_fit_points(&spline.points(11), closed, [direction(12), direction(13)], budget)
+        through_fit_points(&through, closed, [direction(12), direction(13)], budget)
     } else {
         let control = ControlSpline {
             degree: usize::try_from(spline.flags(71)).unwrap_or(0),
@@ -316,11 +325,11 @@ fn why_not(kind: &str) -> &'static str {
         "LEADER" | "MULTILEADER" | "MLEADER" | "MLINE" | "ACAD_TABLE" => {
             "its look depends on styles that are not read: explode it in the drawing program"
         }
-        "IMAGE" | "OLEFRAME" | "OLE2FRAME" | "WIPEOUT" | "PDFUNDERLAY" | "DWFUNDERLAY" | "DGNUNDERLAY" => {
-            "pictures and covers are not marked: trace them to curves"
+        "IMAGE" | "OLEFRAME" | "OLE2FRAME" | "PDFUNDERLAY" | "DWFUNDERLAY" | "DGNUNDERLAY" => {
+            "pictures are not marked: trace them to curves"
         }
-        "RAY" | "XLINE" => "it has no end: trim it to a line",
-        "VERTEX" | "SEQEND" => "it belongs to no polyline or block",
+        "WIPEOUT" => "it covers what lies behind it, which would be marked: trim that, and delete the cover",
+        "VERTEX" => "it belongs to no polyline: draw the polyline again",
         _ => "this kind of entity is not read: explode it in the drawing program",
     }
 }

@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 use super::budget::Budget;
 use super::curves::{
-    BulgeVertex, Curve, Placement, SpaceSegment, bridge, bulged, is_full_turn, sweep_between,
+    BulgeVertex, Curve, Placement, SpaceSegment, bridge, bulged, closing_sweep_between, is_full_turn,
+    sweep_between,
 };
 use super::entities::Item;
 use super::groups::Groups;
@@ -155,7 +156,9 @@ fn edge_path(
     while done < count {
         let Some(kind) = cursor.take(72) else { return Err(format!("it has {done} edges of {count}")) };
         budget.hold(1)?;
-        let mut edge = edge(cursor, kind as i64, height, tolerance, budget)?;
+        // An edge alone has to come back to its start.
+        let turn_between = if count == 1.0 { closing_sweep_between } else { sweep_between };
+        let mut edge = edge(cursor, kind as i64, turn_between, height, tolerance, budget)?;
         done += 1.0;
         // Some programs write an edge against the direction of the path; what follows tells of the first one.
         let gap = |segments: &[SpaceSegment], edge: &[SpaceSegment]| match (segments.last(), edge.first()) {
@@ -193,6 +196,7 @@ fn reversed(segments: &[SpaceSegment]) -> Vec<SpaceSegment> {
 fn edge(
     cursor: &mut Cursor<'_>,
     kind: i64,
+    turn_between: fn(f64, f64) -> f64,
     height: f64,
     tolerance: f64,
     budget: &mut Budget,
@@ -219,7 +223,8 @@ fn edge(
             };
             // Angles of clockwise edges are measured clockwise; those of ellipses are angles, not parameters.
             let sign = if counter_clockwise { 1.0 } else { -1.0 };
-            let is_full = is_full_turn(sweep_between(start, end));
+            let turn = turn_between(start, end);
+            let is_full = is_full_turn(turn);
             let parameter = |angle: f64| match kind {
                 3 if !is_full => {
                     let parameter = (angle.sin() / size).atan2(angle.cos());
@@ -229,7 +234,8 @@ fn edge(
                 }
                 _ => angle,
             };
-            let sweep = sweep_between(parameter(start), parameter(end)) * sign;
+            let sweep = if is_full { turn } else { sweep_between(parameter(start), parameter(end)) };
+            let sweep = sweep * sign;
             let start = parameter(start) * sign;
             Ok(vec![SpaceSegment::Arc { center: lift(center), u, v, start, sweep }])
         }
@@ -358,7 +364,7 @@ mod tests {
         // Of an ellipse five times as high as wide, 0.001 deg over the end of a turn are a short arc.
         let numbers = [
             (92, 1.0),
-            (93, 1.0),
+            (93, 2.0),
             (72, 3.0),
             (10, 0.0),
             (20, 0.0),
@@ -368,6 +374,11 @@ mod tests {
             (50, 180.0),
             (51, 180.001),
             (73, 1.0),
+            (72, 1.0),
+            (10, -4.0),
+            (20, -0.0001),
+            (11, -4.0),
+            (21, 0.0),
             (97, 0.0),
             (75, 0.0),
         ];

@@ -73,11 +73,12 @@ pub(super) fn heavy(
     if head.flags(70) & (16 | 64) != 0 {
         return Ok(Item::NotTaken("it is a mesh, not a curve: draw its edges as lines".into()));
     }
-    let (mut vertices, mut points) = (Vec::new(), Vec::new());
+    let (mut vertices, mut points, mut has_frame) = (Vec::new(), Vec::new(), false);
     for part in parts.filter(|part| scan.raw(&part[0]) == b"VERTEX") {
         let groups = read(part)?;
         // Flag 16 of a vertex: a control point of a spline frame, which is not drawn.
         if groups.flags(70) & 16 != 0 {
+            has_frame = true;
             continue;
         }
         if let Err(exceeded) = budget.hold(1) {
@@ -92,6 +93,9 @@ pub(super) fn heavy(
     }
     let lie = Lie { closed: head.flags(70) & 1 == 1, plane: head.plane(), height: head.or(30, 0.0) };
     Ok(match points.len() {
+        0 if has_frame => Item::NotTaken(
+            "it holds the frame of a curve without the curve: explode it in the drawing program".into(),
+        ),
         2.. if head.flags(70) & 8 != 0 => Item::Curve(through(&points, lie.closed)),
         _ => drawn(&vertices, &lie, tolerance, budget),
     })

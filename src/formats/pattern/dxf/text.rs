@@ -21,6 +21,7 @@ use super::entities::{Item, Reader};
 use super::groups::{Groups, own};
 use super::scan::Scan;
 use super::structure::{Record, Structure, TextStyle};
+use crate::printable::is_invisible;
 
 /// A font that a drawing asks for, and the one that was used.
 pub(super) type FontUse = (Rc<str>, Typeface);
@@ -172,10 +173,13 @@ impl Font {
         uses: &mut FontUses,
         budget: &mut Budget,
     ) -> Result<Row, String> {
-        let lacks = |face: Typeface| letters.iter().any(|letter| face.glyph(letter.char).is_none());
-        let face = if lacks(self.face) { Typeface::Outline } else { self.face };
+        let lacks = |face: Typeface, letter: char| face.glyph(letter).is_none() && !draws_nothing(letter);
+        let face = match letters.iter().any(|letter| lacks(self.face, letter.char)) {
+            true => Typeface::Outline,
+            false => self.face,
+        };
         let missing: BTreeSet<char> =
-            letters.iter().map(|letter| letter.char).filter(|letter| face.glyph(*letter).is_none()).collect();
+            letters.iter().map(|letter| letter.char).filter(|letter| lacks(face, *letter)).collect();
         if !missing.is_empty() {
             let missing: String = missing.into_iter().take(12).collect();
             return Err(format!(
@@ -188,6 +192,11 @@ impl Font {
         }
         Ok(Row::new(letters, face, tracking, budget)?)
     }
+}
+
+/// Whether a letter without a shape in a font needs none: blanks of all widths, joiners and marks of direction.
+fn draws_nothing(letter: char) -> bool {
+    letter.is_whitespace() || is_invisible(letter)
 }
 
 /// Letters along the baseline from the origin, capitals 1 high.
@@ -203,7 +212,8 @@ impl Row {
         let mut starts = Vec::with_capacity(letters.len() + 1);
         for letter in letters {
             starts.push(row.width);
-            let Some(glyph) = face.glyph(letter.char) else { continue };
+            let blank = || face.glyph(' ').filter(|_| letter.char.is_whitespace());
+            let Some(glyph) = face.glyph(letter.char).or_else(blank) else { continue };
             budget.hold(glyph.curves.iter().map(|curve| curve.segments.len()).sum())?;
             let shift = sheared(0.0, Vector3::new(row.width, 0.0, 0.0));
             let curves: Vec<Curve> = glyph.curves.into_iter().map(|curve| curve.placed(&shift)).collect();

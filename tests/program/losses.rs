@@ -1,0 +1,210 @@
+//! Ink that the drawing shows and isomark cannot take over: refused with a list, unless it is only to be warned of.
+
+use serde_json::Value;
+
+use crate::desk::{Desk, Said, drawing, notices};
+use crate::station::{Station, files};
+
+/// A flat plate of 100 x 100 mm.
+const PLATE: &str = "v -50 -50 5\nv 50 -50 5\nv 50 50 5\nv -50 50 5\nf 1 2 3 4\n";
+const AS_DRAWN: &str = "--part-unit mm --part-up z";
+
+/// A square of 10 mm on the layer MARK and these entities; OFF is off, NOPLOT not plotted, COLD frozen.
+fn dxf(entities: &str) -> String {
+    let layer = |name: &str, flags: u8, color: i8, plotted: u8| {
+        format!("0\nLAYER\n2\n{name}\n70\n{flags}\n62\n{color}\n6\nCONTINUOUS\n290\n{plotted}\n")
+    };
+    let layers =
+        [layer("MARK", 0, 7, 1), layer("OFF", 0, -7, 1), layer("NOPLOT", 0, 7, 0), layer("COLD", 1, 7, 1)];
+    let square = "0\nLWPOLYLINE\n5\n50\n8\nMARK\n90\n4\n70\n1\n10\n0\n20\n0\n10\n10\n20\n0\n10\n10\n20\n10\n10\n0\n20\n10\n";
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nTABLES\n0\nTABLE\n2\n\
+         LAYER\n70\n4\n{}0\nENDTAB\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{square}{entities}0\nENDSEC\n0\nEOF\n",
+        layers.concat()
+    )
+}
+
+/// A text with a letter that no font at hand has.
+fn text(layer: &str) -> String {
+    format!("0\nTEXT\n5\n7E\n8\n{layer}\n10\n0\n20\n0\n40\n3\n1\nLOT \\U+682A 7\n")
+}
+
+fn desk(entities: &str) -> Desk {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("logo.dxf", dxf(entities));
+    desk
+}
+
+fn correct(desk: &Desk, options: &str) -> Said {
+    let words = format!("correct plate.obj logo.dxf --out out.dxf {AS_DRAWN} {options}");
+    desk.isomark(&words.split_whitespace().collect::<Vec<_>>())
+}
+
+#[test]
+fn lost_ink_refuses_the_drawing_with_a_list_and_the_remedy() {
+    let desk = desk(&(text("MARK") + "0\n3DFACE\n5\n95\n8\nMARK\n10\n0\n20\n0\n"));
+    let said = correct(&desk, "");
+    said.refused(
+        1,
+        &[
+            "2 entities that the drawing shows cannot be marked",
+            "TEXT 7E on layer MARK: no font at hand has its letters 株",
+            "3DFACE 95 on layer MARK: it is a surface",
+            "where:  logo.dxf, TEXT 7E, layer MARK",
+            "number: entities not marked 2",
+            "hide their layer",
+            "`losses = \"warn\"` under [pattern] (`--losses warn`)",
+        ],
+    );
+    assert!(!desk.path("out.dxf").exists());
+    let reason: Value = serde_json::from_str(&correct(&desk, "--json").out).unwrap();
+    assert_eq!((&reason["code"], &reason["place"]["layer"]), (&"ink-lost".into(), &"MARK".into()));
+
+    // What is known of the loss is in the report, too.
+    let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --losses warn"));
+    assert!(notices(&report).contains(&"not-taken"));
+    let lost = report["pattern"]["facts"]["not_taken"].as_array().unwrap();
+    assert!(lost.len() == 2 && lost.iter().all(|left| left["is_ink"] == true), "{lost:?}");
+    assert_eq!(report["output"]["paths"], 1);
+
+    correct(&desk, "--losses perhaps").refused(2, &["`perhaps`", "--losses", "`refuse`", "`warn`"]);
+}
+
+#[test]
+fn evaluate_and_inspect_tell_of_it() {
+    let desk = desk(&text("MARK"));
+    let words = format!("evaluate plate.obj logo.dxf --method none {AS_DRAWN}");
+    let words: Vec<&str> = words.split_whitespace().collect();
+    desk.isomark(&words).refused(1, &["1 entity that the drawing shows cannot be marked", "TEXT 7E"]);
+    assert_eq!(desk.isomark(&[&words[..], &["--losses", "warn"]].concat()).code, 0);
+
+    let inspect = |options: &[&str]| desk.isomark(&[&["inspect", "logo.dxf"], options].concat());
+    let said = inspect(&[]);
+    assert_eq!(said.code, 0);
+    for words in [
+        "NOT TAKEN  TEXT 7E on layer MARK",
+        "visible ink is lost",
+        "`correct` and `watch` reject the drawing",
+    ] {
+        assert!(said.out.contains(words), "{words}: {}", said.out);
+    }
+    let facts: Value = serde_json::from_str(&inspect(&["--json"]).out).unwrap();
+    assert!(notices(&facts).contains(&"ink-lost"));
+    let said = inspect(&["--losses", "warn"]);
+    assert!(said.out.contains("NOT TAKEN  TEXT 7E") && !said.out.contains("reject"), "{}", said.out);
+}
+
+#[test]
+fn what_is_hidden_or_on_no_ink_layer_refuses_nothing() {
+    for layer in ["OFF", "NOPLOT", "COLD"] {
+        let desk = desk(&text(layer));
+        let report = desk.correct("plate.obj", "logo.dxf", AS_DRAWN);
+        let left = &report["pattern"]["facts"]["not_taken"][0];
+        assert_eq!((&left["layer"], &left["is_ink"]), (&layer.into(), &false.into()), "{left}");
+    }
+    let desk = desk(&text("NOTES"));
+    correct(&desk, "").refused(1, &["TEXT 7E on layer NOTES"]);
+    let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --ink-layers mark"));
+    assert!(notices(&report).contains(&"not-taken"));
+    // The layer of the ink itself: what is lost is the plainer reason than that nothing lies there.
+    correct(&desk, "--ink-layers notes").refused(1, &["TEXT 7E on layer NOTES", "cannot be marked"]);
+}
+
+#[test]
+fn arcs_that_vanish_are_refused_and_full_turns_arrive_whole() {
+    let arc = |end: &str| format!("0\nARC\n5\nA7\n8\nMARK\n10\n5\n20\n5\n40\n2\n50\n90\n51\n{end}\n");
+    correct(&desk(&arc("90.000001")), "").refused(1, &["ARC A7 on layer MARK", "radius of 2.0000000 mm"]);
+    let desk = desk(&arc("450.000001"));
+    let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --strict"));
+    assert_eq!((&report["pattern"]["contours"], &report["output"]["paths"]), (&2.into(), &2.into()));
+    let Some(told) = crate::ezdxf::judged(&desk.read("out.dxf")) else { return };
+    let circle = &told["entities"][1];
+    assert_eq!(circle["closed"], true);
+    let points = circle["points"].as_array().unwrap();
+    let angles = points.iter().map(|point| {
+        let [x, y] = [0, 1].map(|axis| point[axis].as_f64().unwrap() - 5.0);
+        assert!((x.hypot(y) - 2.0).abs() < 0.011, "{point}");
+        y.atan2(x)
+    });
+    let mut angles: Vec<f64> = angles.collect();
+    angles.sort_by(f64::total_cmp);
+    let first = angles[0] + std::f64::consts::TAU;
+    let gaps = angles.iter().zip(angles.iter().skip(1).chain([&first])).map(|(from, to)| to - from);
+    assert!(gaps.fold(0.0, f64::max) < 0.5, "points all the way round: {angles:?}");
+}
+
+#[test]
+fn strict_counts_the_area_of_a_contour_that_repeats_its_first_point() {
+    let square = std::fs::read_to_string(drawing("square")).unwrap();
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    // The same square, open, with its first point again at its end.
+    let again = "0\nLWPOLYLINE\n5\n50\n8\nMARK\n90\n5\n70\n0\n10\n0\n20\n0\n10\n10\n20\n0\n10\n10\n20\n10\n10\n0\n20\n10\n10\n0\n20\n0.000000000000001\n";
+    let head = dxf("");
+    let (before, after) = head.split_once("0\nLWPOLYLINE").unwrap();
+    let after = &after[after.find("0\nENDSEC").unwrap()..];
+    desk.write("again.dxf", format!("{before}{again}{after}"));
+    desk.write("square.dxf", square);
+    let strict = desk.correct("plate.obj", "again.dxf", &format!("{AS_DRAWN} --strict"));
+    let mended = desk.correct("plate.obj", "again.dxf", AS_DRAWN);
+    assert_eq!(strict["quality"]["after"]["area_mm2"], mended["quality"]["after"]["area_mm2"]);
+    let area = strict["quality"]["after"]["area_mm2"].as_f64().unwrap();
+    assert!((area - 100.0).abs() < 1e-6, "{area}");
+    assert_eq!(strict["pattern"]["contours"], 1);
+    assert!(!notices(&strict).contains(&"nearly-closed"));
+}
+
+#[test]
+fn a_station_refuses_it_and_a_sku_or_a_drawing_may_allow_it() {
+    let station = Station::new();
+    let settings = station.desk.text("station.toml");
+    station.desk.write("station.toml", settings + "[part]\nunit = \"mm\"\nup = \"z\"\n");
+    station.desk.write("skus/loose.toml", "[pattern]\nlosses = \"warn\"\n");
+    for sku in ["plate", "loose"] {
+        station.desk.write(&format!("hot/{sku}.obj"), PLATE);
+        station.desk.write(&format!("hot/{sku}@logo.dxf"), dxf(&text("MARK")));
+    }
+    station.desk.write("hot/plate@date.toml", "[pattern]\nlosses = \"warn\"\n");
+    station.desk.write("hot/plate@date.dxf", dxf(&text("MARK")));
+    station.desk.write("hot/loose@seal.toml", "[pattern]\nlosses = \"refuse\"\n");
+    station.desk.write("hot/loose@seal.dxf", dxf(&text("MARK")));
+    let said = station.once();
+    assert!(said.out.starts_with("2 delivered, 2 parts learned, 2 rejected"), "{said:?}");
+    assert_eq!(station.import(), ["loose@logo.dxf", "plate@date.dxf"]);
+    let rejected = files(&station.path("rejected"));
+    for name in ["plate@logo.dxf", "loose@seal.dxf"] {
+        assert!(rejected.contains(&name.to_owned()), "{rejected:?}");
+        let reason = station.desk.text(&format!("rejected/{name}.reason.txt"));
+        assert!(reason.contains("TEXT 7E on layer MARK") && reason.contains("losses = \"warn\""), "{reason}");
+    }
+    station.desk.write("skus/loose.toml", "[pattern]\nlosses = \"accept\"\n");
+    station.desk.isomark(&["check", "station.toml"]).refused(2, &["loose.toml", "accept"]);
+}
+
+#[test]
+fn entities_that_ezdxf_makes_are_lost_ink_or_not_as_the_drawing_shows_them() {
+    if !crate::ezdxf::is_here() {
+        return;
+    }
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ezdxf/losses.py");
+    let made = std::process::Command::new("python3").arg(script).arg(desk.root()).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let drawings: Vec<String> =
+        files(desk.root()).into_iter().filter(|name| name.ends_with(".dxf")).collect();
+    assert!(drawings.len() >= 20, "{drawings:?}");
+    for name in drawings {
+        let words = format!("correct plate.obj {name} --out {name}.out {AS_DRAWN} --json");
+        let said = desk.isomark(&words.split_whitespace().collect::<Vec<_>>());
+        let told: Value = serde_json::from_str(&said.out).unwrap();
+        if name.starts_with("ink-") {
+            assert_eq!((said.code, &told["code"]), (1, &"ink-lost".into()), "{name}: {said:?}");
+            assert!(said.err.contains("1 entity that the drawing shows"), "{name}: {said:?}");
+        } else {
+            assert_eq!(said.code, 0, "{name}: {said:?}");
+            assert_eq!(told["pattern"]["facts"]["not_taken"].as_array().unwrap().len(), 1, "{name}");
+        }
+    }
+}
