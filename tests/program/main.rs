@@ -22,3 +22,4 @@ mod control;
 mod demo;
 mod evaluate;
 mod losses;
+mod names;
