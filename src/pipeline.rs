@@ -307,7 +307,7 @@ impl Pipeline {
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_preview.then(|| {
             let title = format!("{sku} · {} · {}", input.name, story.method());
-            picture::preview(title, &placed, &map, surface, settings, before.as_ref(), &after)
+            picture::preview(title, (&placed, &ink), &map, surface, settings, before.as_ref(), &after)
         });
         if with_preview {
             clock.lap("prepare preview");

@@ -138,6 +138,7 @@ impl Part {
             after,
             field: Some(Extents::of([[-55.0, -55.0].into(), [55.0, 55.0].into()])),
             summary,
+            ..Preview::default()
         }
     }
 }

@@ -5,8 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector2;
 
 use super::contour::Drawn;
-use super::pattern::{Pattern, Shape};
+use super::pattern::{Pattern, Segment, Shape};
 use super::space::{Extents, FlatPoint};
+
+/// What is shorter than this, mm, has no stretch of its own: far above what is lost by rounding, a twentieth of the finest
+/// laser spot.
+pub const SHORTEST: f64 = 1e-3;
+/// Chords of a curve are cut finer until they have this share of its length: one chord of a small circle has none.
+const SHARE_OF_LENGTH: f64 = 0.98;
+/// Pieces are made longer rather than more than this many; the ends of segments come on top.
+const MOST_PIECES: f64 = 2e6;
 
 /// Squares are made larger rather than more than this many.
 const MOST_SQUARES_IN_BOX: f64 = 4e6;
@@ -17,7 +25,8 @@ const MOST_SHORT_PIECES: usize = 200_000;
 /// The drawing as samples: what the quality figures sum over and what the length-true map is weighted by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ink {
-    /// Pieces of all curves, each no longer than asked for.
+    /// Pieces of all curves: no longer than asked for, as long as they are no more than two million, and no shorter than
+    /// [`SHORTEST`].
     pub pieces: Vec<Piece>,
     /// Single spots.
     pub dots: Vec<FlatPoint>,
@@ -54,29 +63,20 @@ impl Ink {
     pub fn sample(pattern: &Pattern, counts: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
-        let (mut extents, mut outlines) = (Extents::EMPTY, BTreeSet::new());
-        for path in &pattern.paths {
-            if !pattern.layers.get(path.layer).is_some_and(|layer| counts(&layer.name)) {
-                continue;
-            }
+        let is_ink = |layer: usize| pattern.layers.get(layer).is_some_and(|layer| counts(&layer.name));
+        let inked = || pattern.paths.iter().filter(|path| is_ink(path.layer));
+        let (mut extents, mut length, mut outlines) = (Extents::EMPTY, 0.0, BTreeSet::new());
+        for segment in inked().flat_map(|path| path.shape.segments()) {
+            length += chords(segment, segment.steps(FINE), |point| extents.include(point.coords()));
+        }
+        let piece = piece.max(length / MOST_PIECES);
+        for path in inked() {
             if let Shape::Dot(point) = path.shape {
                 extents.include(point.coords());
                 dots.push(point);
             }
-            for segment in path.shape.segments() {
-                let steps = segment.steps(1e-3);
-                let ends: Vec<FlatPoint> =
-                    (0..=steps).map(|step| segment.point(step as f64 / steps as f64)).collect();
-                ends.iter().for_each(|end| extents.include(end.coords()));
-                let length: f64 = ends.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-                // Repeated points close many contours; a piece shorter than rounding has no direction.
-                if length < 1e-6 {
-                    continue;
-                }
-                let count = (length / piece).ceil().clamp(1.0, 1e6) as usize;
-                let along = |index: usize| segment.point(index as f64 / count as f64);
-                pieces.extend((0..count).map(|index| Piece { from: along(index), to: along(index + 1) }));
-            }
+            let stations = stations(&path.shape, piece);
+            pieces.extend(stations.windows(2).map(|ends| Piece { from: ends[0], to: ends[1] }));
             // A second outline in the same place would make a hole of what the first one bounds.
             if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path))))
             {
@@ -103,6 +103,44 @@ impl Ink {
     pub fn area(&self) -> f64 {
         self.squares.len() as f64 * self.side * self.side
     }
+}
+
+/// Chords stay this close to the curve where its length is measured, mm.
+const FINE: f64 = 1e-3;
+
+/// Length of a segment cut into so many chords, mm; `meet` is given their ends.
+fn chords(segment: &Segment, count: usize, mut meet: impl FnMut(FlatPoint)) -> f64 {
+    let mut last = segment.point(0.0);
+    meet(last);
+    let mut length = 0.0;
+    for step in 1..=count {
+        let next = segment.point(step as f64 / count as f64);
+        meet(next);
+        length += last.distance(next);
+        last = next;
+    }
+    length
+}
+
+/// Points along a curve from its start on, `piece` mm or less apart and at least [`SHORTEST`]: what is shorter belongs to the
+/// piece before or after it. The end itself is left out where it is nearer than that. None for a dot.
+pub fn stations(shape: &Shape, piece: f64) -> Vec<FlatPoint> {
+    let mut stations: Vec<FlatPoint> = shape.segments().first().map(Segment::start).into_iter().collect();
+    for segment in shape.segments() {
+        let fine = segment.steps(FINE);
+        let length = chords(segment, fine, |_| {});
+        let mut count = (length / piece).ceil().clamp(1.0, 1e6) as usize;
+        while count < fine && chords(segment, count, |_| {}) < SHARE_OF_LENGTH * length {
+            count = (2 * count).min(fine);
+        }
+        for step in 1..=count {
+            let next = segment.point(step as f64 / count as f64);
+            if !stations.last().is_some_and(|last| last.distance(next) < SHORTEST) {
+                stations.push(next);
+            }
+        }
+    }
+    stations
 }
 
 /// Lets the ends of pieces be one piece as long as none is longer than `longest` mm.
@@ -185,6 +223,40 @@ mod tests {
         assert!((frame.area() - 84.0).abs() < 1e-9, "{}", frame.area());
         assert!((frame.length() - 56.0).abs() < 1e-9);
         assert!(frame.pieces.iter().all(|piece| piece.length() <= 0.25 + 1e-12));
+    }
+
+    /// Closing pieces of exporters, and outlines made of nothing but rounding.
+    #[test]
+    fn what_is_too_short_to_have_a_stretch_is_part_of_its_neighbour() {
+        let at = |x: f64| FlatPoint::new(x, 0.0);
+        let line = |from: f64, to: f64| Segment::Line { from: at(from), to: at(to) };
+        let path = |segments| Path { shape: Shape::Open(segments), ..square(1.0, None) };
+        let sampled = ink(vec![
+            path(vec![line(0.0, 1e-14), line(1e-14, 1.0), line(1.0, 1.0 + 1e-5)]),
+            path(vec![line(5.0, 5.0 + 1e-14)]),
+        ]);
+        assert_eq!(sampled.pieces.len(), 4);
+        assert!(sampled.pieces.iter().all(|piece| piece.length() >= SHORTEST));
+        // Segments far shorter than that add up.
+        let fine = ink(vec![path((0..10_000).map(|k| line(k as f64 * 1e-4, (k + 1) as f64 * 1e-4)).collect())]);
+        assert!((fine.length() - 1.0).abs() <= SHORTEST && fine.pieces.len() <= 1000, "{}", fine.length());
+    }
+
+    /// The ends of a circle's only chord are one point.
+    #[test]
+    fn a_circle_smaller_than_a_piece_has_its_length() {
+        for radius in [0.01, 0.04, 0.3, 10.0] {
+            let circle = Segment::Arc {
+                center: FlatPoint::new(3.0, 4.0),
+                u: Vector2::new(radius, 0.0),
+                v: Vector2::new(0.0, radius),
+                start: 0.0,
+                sweep: std::f64::consts::TAU,
+            };
+            let sampled = ink(vec![Path { shape: Shape::Closed(vec![circle]), ..square(1.0, None) }]);
+            let share = sampled.length() / (std::f64::consts::TAU * radius);
+            assert!((0.9..=1.0 + 1e-12).contains(&share), "{radius}: {share}");
+        }
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
-use crate::geometry::pattern::Shape;
+use crate::geometry::ink::{Ink, stations};
+use crate::geometry::mapping::quality;
+use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::preview::{HeightPicture, Preview, PreviewPath};
 
@@ -12,7 +14,7 @@ const MOST_PIECES: f64 = 40_000.0;
 
 pub(super) fn preview(
     title: String,
-    placed: &Pattern,
+    (placed, ink): (&Pattern, &Ink),
     map: &LengthTrueMap,
     surface: &FittedSurface,
     settings: &JobSettings,
@@ -47,11 +49,19 @@ pub(super) fn preview(
             residual.rms, residual.largest, residual.at.x, residual.at.y
         ),
     ));
+    // What lies beside the part has no figures as a whole, but the rest still has its range.
+    let plain = |at: FlatPoint| ViewPoint::from(at.coords());
+    let before_range = match before {
+        Some(before) => Some(before.stretch_range),
+        None => quality::stretch_range(ink, plain, |at| surface.sampled_height(at)),
+    };
     Preview {
         title,
         part_outline: relief(surface, settings.correction.tolerance),
-        before: lines(&|at| at.coords().into()),
+        before: lines(&plain),
         after: lines(&|at| map.point(at)),
+        before_range,
+        after_range: Some(after.stretch_range),
         field,
         summary,
     }
@@ -91,28 +101,19 @@ fn paths(
         if let Shape::Dot(point) = shape {
             return PreviewPath { points: vec![map(*point).coords().into()], ..PreviewPath::default() };
         }
-        let (mut points, mut stretch) = (Vec::new(), Vec::new());
-        for segment in shape.segments() {
-            let rough: f64 = {
-                let ends: Vec<FlatPoint> = (0..=8).map(|step| segment.point(f64::from(step) / 8.0)).collect();
-                ends.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
-            };
-            let count = (rough / piece).ceil().clamp(1.0, 1e5) as usize;
-            let mut last = (segment.point(0.0), lift(segment.point(0.0)));
-            if points.is_empty() {
-                points.push([last.1.x, last.1.y]);
-            }
-            for step in 1..=count {
-                let flat = segment.point(step as f64 / count as f64);
-                let next = (flat, lift(flat));
-                points.push([next.1.x, next.1.y]);
-                stretch.push((next.1 - last.1).norm() / next.0.distance(last.0) - 1.0);
-                last = next;
-            }
+        let stations = stations(shape, piece);
+        let lifted: Vec<_> = stations.iter().map(|flat| lift(*flat)).collect();
+        let mut points: Vec<[f64; 2]> = lifted.iter().map(|point| [point.x, point.y]).collect();
+        let both = stations.windows(2).zip(lifted.windows(2));
+        let stretch: Vec<f64> =
+            both.map(|(flat, on)| (on[1] - on[0]).norm() / flat[0].distance(flat[1]) - 1.0).collect();
+        if stretch.is_empty() {
+            return PreviewPath { points, ..PreviewPath::default() };
         }
         let closed = shape.is_closed();
-        if closed {
-            points.pop();
+        points.pop();
+        if let Some(end) = shape.segments().last().map(Segment::end).filter(|_| !closed) {
+            points.push(map(end).coords().into());
         }
         PreviewPath { points, closed, stretch }
     };

@@ -65,12 +65,13 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&title, width - 2.0 * MARGIN));
 
     let thickness = line_width(&before, &drawn, left.scale);
-    for (window, name, how, lines) in
-        [(&left, "Before", "drawn as it is", &before), (&right, "After", "corrected", &after)]
-    {
+    for (window, name, how, lines, range) in [
+        (&left, "Before", "drawn as it is", &before, preview.before_range),
+        (&right, "After", "corrected", &after, preview.after_range),
+    ] {
         page.text([window.at[0], 18.5], HEADING, name);
         page.text([window.at[0] + HEADING.width(name) + 1.5, 18.5], VALUE, how);
-        page.text([window.at[0], 23.0], LABEL, &stretch_range(lines));
+        page.text([window.at[0], 23.0], LABEL, &stretch_range(lines, range));
         page.add(format_args!("{}", window.opening("panel-window")));
         background(&mut page, window, relief.is_some(), field.as_ref());
         if name == "After" {
@@ -319,11 +320,15 @@ fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)])
     y - 3.0
 }
 
-/// The least and the largest stretch in words.
-fn stretch_range(lines: &[Line]) -> String {
-    let stretches = || ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
-    let least = stretches().fold(f64::INFINITY, f64::min);
-    let largest = stretches().fold(f64::NEG_INFINITY, f64::max);
+/// The least and the largest stretch in words: as measured, or of the lines themselves.
+fn stretch_range(lines: &[Line], measured: Option<[f64; 2]>) -> String {
+    let of_lines = || {
+        let stretches = ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
+        stretches.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], stretch| {
+            [least.min(stretch), largest.max(stretch)]
+        })
+    };
+    let [least, largest] = measured.unwrap_or_else(of_lines);
     match (lines.is_empty(), least <= largest) {
         (true, _) => "nothing drawn".to_owned(),
         (_, false) => "lengths on the part not measured".to_owned(),

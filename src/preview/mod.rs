@@ -35,6 +35,10 @@ pub struct Preview {
     pub before: Vec<PreviewPath>,
     /// The lines that are sent to the laser, with the stretch that remains.
     pub after: Vec<PreviewPath>,
+    /// Least and largest stretch of the lines before, as they were measured; without them those of the shown segments.
+    pub before_range: Option<[f64; 2]>,
+    /// The same of the lines after.
+    pub after_range: Option<[f64; 2]>,
     /// The working area, if it is known.
     pub field: Option<Extents>,
     /// Rows of the table at the foot: label and text, such as `length error` and `6.83 mm → 0.05 mm`.

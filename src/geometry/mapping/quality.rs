@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::geometry::ink::Ink;
+use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
 /// Pieces of the contours are at most this long for the figures, mm.
@@ -27,6 +27,8 @@ pub struct Distortion {
     pub largest_stretch: f64,
     /// Where that is, in the drawing.
     pub largest_stretch_at: FlatPoint,
+    /// Least and largest length on the part / length drawn − 1 of a piece; twice 0 without lines.
+    pub stretch_range: [f64; 2],
     /// Root mean square of the same, weighted by length.
     pub rms_stretch: f64,
     /// Largest change of the angle between any two directions, over the inked squares and along the lines, rad.
@@ -45,10 +47,7 @@ pub fn measure(
     map: impl Fn(FlatPoint) -> ViewPoint,
     height: impl Fn(ViewPoint) -> Option<f64>,
 ) -> Result<Distortion, ViewPoint> {
-    let lift = |flat: FlatPoint| -> Result<Point3<f64>, ViewPoint> {
-        let seen = map(flat);
-        height(seen).map(|z| Point3::new(seen.x, seen.y, z)).ok_or(seen)
-    };
+    let lift = |flat: FlatPoint| lift(flat, &map, &height);
     let mut distortion = Distortion {
         length_error: 0.0,
         area_error: 0.0,
@@ -56,24 +55,17 @@ pub fn measure(
         area: ink.area(),
         largest_stretch: 0.0,
         largest_stretch_at: FlatPoint::new(0.0, 0.0),
+        stretch_range: [0.0; 2],
         rms_stretch: 0.0,
         largest_angle_error: 0.0,
         largest_area_stretch: 0.0,
     };
-    let mut last: Option<(FlatPoint, Point3<f64>)> = None;
-    for piece in &ink.pieces {
-        // Pieces mostly continue each other.
-        let from = match last {
-            Some((flat, point)) if flat == piece.from => point,
-            _ => lift(piece.from)?,
-        };
-        let to = lift(piece.to)?;
-        last = Some((piece.to, to));
+    let mut range = None;
+    for lifted in lifted(ink, lift) {
+        let Lifted { piece, from, to } = lifted?;
         let drawn = piece.length();
-        if drawn == 0.0 {
-            continue;
-        }
         let stretch = (to - from).norm() / drawn - 1.0;
+        widen(&mut range, stretch);
         distortion.length += drawn;
         let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
         let middle = piece.from.lerp(piece.to, 0.5);
@@ -90,6 +82,7 @@ pub fn measure(
             distortion.largest_stretch_at = piece.from.lerp(piece.to, 0.5);
         }
     }
+    distortion.stretch_range = range.unwrap_or_default();
     if distortion.length > 0.0 {
         distortion.rms_stretch = (distortion.rms_stretch / distortion.length).sqrt();
     }
@@ -106,6 +99,60 @@ pub fn measure(
         distortion.largest_angle_error = distortion.largest_angle_error.max(angle_error(&across, &up));
     }
     Ok(distortion)
+}
+
+/// Least and largest length on the part / length drawn − 1 of the pieces that lie on the part; `None` where none does.
+pub fn stretch_range(
+    ink: &Ink,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    height: impl Fn(ViewPoint) -> Option<f64>,
+) -> Option<[f64; 2]> {
+    let mut range = None;
+    for Lifted { piece, from, to } in lifted(ink, |flat| lift(flat, &map, &height)).flatten() {
+        widen(&mut range, (to - from).norm() / piece.length() - 1.0);
+    }
+    range
+}
+
+fn widen(range: &mut Option<[f64; 2]>, stretch: f64) {
+    let [least, largest] = range.unwrap_or([stretch; 2]);
+    *range = Some([least.min(stretch), largest.max(stretch)]);
+}
+
+/// A piece of a line, and where its ends lie on the part.
+struct Lifted {
+    piece: Piece,
+    from: Point3<f64>,
+    to: Point3<f64>,
+}
+
+/// The pieces on the part; for one whose ends do not both lie there, the place in the view.
+fn lifted(
+    ink: &Ink,
+    lift: impl Fn(FlatPoint) -> Result<Point3<f64>, ViewPoint>,
+) -> impl Iterator<Item = Result<Lifted, ViewPoint>> {
+    let mut last: Option<(FlatPoint, Point3<f64>)> = None;
+    // What is made by hand may hold pieces without length.
+    ink.pieces.iter().filter(|piece| piece.length() > 0.0).map(move |piece| {
+        // Pieces mostly continue each other.
+        let from = match last {
+            Some((flat, point)) if flat == piece.from => point,
+            _ => lift(piece.from)?,
+        };
+        let to = lift(piece.to)?;
+        last = Some((piece.to, to));
+        Ok(Lifted { piece: *piece, from, to })
+    })
+}
+
+/// A point of the drawing on the part, or where the view has none.
+fn lift(
+    flat: FlatPoint,
+    map: &impl Fn(FlatPoint) -> ViewPoint,
+    height: &impl Fn(ViewPoint) -> Option<f64>,
+) -> Result<Point3<f64>, ViewPoint> {
+    let seen = map(flat);
+    height(seen).map(|z| Point3::new(seen.x, seen.y, z)).ok_or(seen)
 }
 
 /// The largest change of the angle between any two directions, rad, where unit steps in s and t of the drawing become
