@@ -2,7 +2,7 @@
 //! leaves the old settings in force and is told once. Half a file may be good settings, too, so a text counts only once
 //! it stood still.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -26,8 +26,8 @@ pub struct LiveSettings {
     at_once: bool,
     /// The complaint about each broken file, so that it is told once.
     complaints: BTreeMap<PathBuf, String>,
-    /// The folder of the SKU files was listed once, so a file that is new was made since.
-    skus_listed: bool,
+    /// The SKU files that the first listing of their folder found and every later one: any other was made since.
+    first_files: Option<BTreeSet<PathBuf>>,
     events: Vec<SettingsEvent>,
 }
 
@@ -94,7 +94,7 @@ impl LiveSettings {
             new_texts: BTreeMap::new(),
             at_once: false,
             complaints: BTreeMap::new(),
-            skus_listed: false,
+            first_files: None,
             events: Vec::new(),
         })
     }
@@ -179,13 +179,16 @@ impl LiveSettings {
             |file: &PathBuf| file == station || found.values().any(|path| path == file) || known(file);
         self.complaints.retain(|file, _| counts(file));
         self.new_texts.retain(|file, _| counts(file));
+        match &mut self.first_files {
+            Some(first) => first.retain(|file| found.values().any(|path| path == file) || known(file)),
+            None => self.first_files = Some(found.values().cloned().collect()),
+        }
         for (sku, path) in found {
             match self.read_sku(&sku, Some(path)) {
                 Ok(_) | Err(ConfigError::BeingSaved { .. }) => {}
                 Err(error) => self.complain(error),
             }
         }
-        self.skus_listed = true;
     }
 
     /// What was noticed since the last call.
@@ -221,7 +224,7 @@ impl LiveSettings {
             self.skus.insert(sku.clone(), SkuFile { file: file.clone(), text: text.clone(), missed: false });
         let old = match old {
             Some(old) => old.text,
-            None if self.skus_listed => String::new(),
+            None if self.first_files.as_ref().is_some_and(|first| !first.contains(&file)) => String::new(),
             None => text.clone(),
         };
         if old != text {

@@ -298,6 +298,40 @@ fn settings_that_may_still_be_written_do_not_count_yet() {
     assert!(live.station().name == "L2" && !is_saved(&mut live));
 }
 
+/// A station that is started a moment after its files were made judges them when they have stood still.
+#[test]
+fn a_sku_file_that_was_there_at_the_start_did_not_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, sku_file, late] =
+        ["station.toml", "skus/can.toml", "skus/mug.toml"].map(|name| folder.path().join(name));
+    let age = |file: &Path, age: u64| {
+        let file = fs_err::OpenOptions::new().write(true).open(file).unwrap();
+        file.file().set_modified(std::time::SystemTime::now() - Duration::from_secs(age)).unwrap();
+    };
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    fs_err::write(&file, NEEDED.replace("[field]", "[watch]\nsettle_ms = 5000\n[field]")).unwrap();
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
+    let mut live = LiveSettings::open(&file).unwrap();
+    live.refresh_skus();
+    age(&sku_file, 6);
+    live.refresh_skus();
+    let turn = live.job(&"can".parse().unwrap()).unwrap().placement.rotate.to_degrees();
+    assert_eq!((turn.round(), live.take_events().len()), (90.0, 0));
+    // One that is made later is news, and so is one that went and comes back.
+    fs_err::write(&late, "[placement]\nrotate_deg = 90").unwrap();
+    age(&late, 6);
+    live.refresh_skus();
+    assert!(matches!(&live.take_events()[..], [SettingsEvent::SkuChanged { old, .. }] if old.is_empty()));
+    fs_err::remove_file(&sku_file).unwrap();
+    (0..2).for_each(|_| live.refresh_skus());
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
+    age(&sku_file, 6);
+    live.refresh_skus();
+    assert!(
+        matches!(&live.take_events()[..], [SettingsEvent::SkuChanged { .. }, SettingsEvent::SkuChanged { old, .. }] if old.is_empty())
+    );
+}
+
 /// An editor that saves, a checkout or a share that drops for a moment must not turn a SKU's settings into the
 /// station's.
 #[test]
