@@ -1,5 +1,6 @@
 //! What can be typed.
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,6 +24,7 @@ mod inspect;
 mod job;
 mod log;
 mod service;
+mod shell;
 mod watch;
 mod status;
 mod check;
@@ -171,6 +173,9 @@ pub fn main() -> ExitCode {
         Ok(line) => line,
         Err(error) => {
             let exit = if error.use_stderr() { Exit::Usage } else { Exit::Done };
+            if exit == Exit::Usage && wants_json(std::env::args_os()) {
+                print_json(&usage(&error.to_string()).to_json(None).unwrap_or_default());
+            }
             tell_mistake(&error);
             return ExitCode::from(exit as u8);
         }
@@ -199,6 +204,20 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.exit as u8)
         }
     }
+}
+
+/// Whether the result is asked for as JSON on a command line that cannot be read as a whole.
+fn wants_json(arguments: impl Iterator<Item = OsString>) -> bool {
+    arguments.skip(1).take_while(|argument| argument != "--").any(|argument| argument == "--json")
+}
+
+/// What is wrong with a command line, from what people are shown: the mistake, then tips and the usage.
+fn usage(told: &str) -> Reason {
+    let mut parts = told.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
+    let what = parts.next().unwrap_or_default();
+    let what = what.strip_prefix("error: ").unwrap_or(&what).to_owned();
+    let tip = parts.find_map(|part| part.strip_prefix("tip: ").map(str::to_owned));
+    Reason::new("usage", what, tip.unwrap_or_else(|| "See `isomark help`.".into()))
 }
 
 impl Failure {

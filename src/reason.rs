@@ -7,6 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::printable::on_one_line;
 
+mod shell;
+
+pub(crate) use shell::quoted;
+
 /// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.
 pub const SCHEMA: &str = "isomark.reason/1";
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Exit, Failure, Outcome, print, shown, tell};
+use super::{Exit, Failure, Outcome, print, shell, shown, tell};
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
 use crate::printable::on_one_line;
@@ -139,9 +139,12 @@ pub(super) fn init(arguments: &InitArguments) -> Outcome {
         print(&format!("{verb:<8} {}\n", shown(&path)));
     }
     let station = folder.join("station.toml");
+    let file = shell::path(&station);
     print(&format!(
-        "\nSet the import folder and the size of the field in {0}, then\n  isomark check {0}\n  isomark watch {0}\n",
-        shown(&station)
+        "\nSet the import folder and the size of the field in {}, then\n  {}\n  {}\n",
+        shown(&station),
+        shell::command(&["check", &file]),
+        shell::command(&["watch", &file])
     ));
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Failure, Outcome, print, shown};
+use super::{Failure, Outcome, print, shell, shown};
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::files::write_whole;
@@ -51,14 +51,14 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
     print(&format!(
         "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, previews   {}\nsettings            {}\n\
-         \nDrop a part and a drawing into {} and run\n  isomark watch {}\n",
+         \nDrop a part and a drawing into {} and run\n  {}\n",
         tally.delivered,
         tally.rejected,
         shown(&folders.import),
         shown(&folders.reports),
         shown(&folder.join("station.toml")),
         shown(&folders.hot),
-        shown(&folder.join("station.toml")),
+        shell::command(&["watch", &shell::path(&folder.join("station.toml"))]),
     ));
     Ok(())
 }

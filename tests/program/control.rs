@@ -42,6 +42,13 @@ fn a_station_is_set_up_checked_and_works() {
     let desk = Desk::new();
     let said = desk.isomark(&["init", "line 1"]);
     assert!(said.code == 0 && said.out.contains("isomark check"), "{said:?}");
+    // What is printed can be typed.
+    #[cfg(unix)]
+    {
+        let check = said.out.lines().find(|line| line.starts_with("  ") && line.contains(" check ")).unwrap();
+        let typed = std::process::Command::new("sh").args(["-c", check]).current_dir(desk.root()).output();
+        assert!(typed.as_ref().is_ok_and(|typed| typed.status.success()), "{check}: {typed:?}");
+    }
     let said = desk.isomark(&["check", "line 1/station.toml"]);
     assert!(said.code == 0 && said.out.contains("1 SKU file are right"), "{said:?}");
     desk.write("line 1/hot/trough.obj", PART);
