@@ -254,6 +254,10 @@ impl From<crate::pipeline::PipelineError> for Failure {
     fn from(error: crate::pipeline::PipelineError) -> Self {
         match error {
             crate::pipeline::PipelineError::Rejected(reason) => Self::rejected(reason),
+            // Nobody is in a hurry here.
+            error @ crate::pipeline::PipelineError::TakesLong => {
+                Self::rejected(Reason::new("takes-long", format!("{error}."), "Try again."))
+            }
             crate::pipeline::PipelineError::Environment(error) => Self::environment(&error),
         }
     }

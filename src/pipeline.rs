@@ -16,10 +16,13 @@ use crate::config::{
     self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting,
 };
 use crate::diff;
+use crate::formats::Pace;
 use crate::formats::mesh::{
-    self, Decision, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartFacts, UpAxis,
+    self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, UpAxis,
 };
-use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, PatternReading};
+use crate::formats::pattern::{
+    self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
+};
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
 use crate::geometry::figure::{Figure, Form};
 use crate::geometry::ink::Ink;
@@ -45,6 +48,13 @@ mod picture;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use scan::surface_of;
+
+/// A piece of a line is so much more work than a square of inked area.
+const WORK_OF_PIECE: usize = 6;
+/// So many squares of inked area are a moment's work.
+const WORK_OF_A_MOMENT: usize = 200_000;
+/// An older drawing of so many bytes is compared with the new one in a moment.
+const BYTES_OF_A_MOMENT: usize = 2 << 20;
 
 /// A part file in memory, with a way to the files beside it.
 pub struct PartInput<'a> {
@@ -100,6 +110,9 @@ pub enum PipelineError {
     /// The input cannot be done; trying again changes nothing.
     #[error("{0}")]
     Rejected(Reason),
+    /// It is more than a moment's work, and [`Pipeline::at`] gave it only that.
+    #[error("the job takes longer than a moment")]
+    TakesLong,
     /// The cache's folder fails; the input may be all right.
     #[error("the cache cannot be used: {0}")]
     Environment(#[from] io::Error),
@@ -116,12 +129,24 @@ impl From<Reason> for PipelineError {
 pub struct Pipeline {
     cache: Option<Cache>,
     fit: FitOptions,
+    pace: Pace,
 }
 
 impl Pipeline {
     /// A pipeline that keeps surfaces in `cache`, or none.
     pub fn new(cache: Option<Cache>) -> Self {
-        Self { cache, fit: FitOptions::default() }
+        Self { cache, fit: FitOptions::default(), pace: Pace::Any }
+    }
+
+    /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as a job turns out to
+    /// be more than a moment's work, by what its files unfold to.
+    pub fn at(self, pace: Pace) -> Self {
+        Self { pace, ..self }
+    }
+
+    /// Stops what is more work than the pace allows, where `moment` of it is a moment's.
+    fn a_moment(&self, work: usize, moment: usize) -> Result<(), PipelineError> {
+        if self.pace.allows(work, moment) { Ok(()) } else { Err(PipelineError::TakesLong) }
     }
 
     /// Reads, samples and fits a part, or takes its surface from the cache, and makes it the SKU's part.
@@ -151,9 +176,12 @@ impl Pipeline {
             return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
         }
         let format = MeshFormat::from_name(part.name).ok_or_else(|| unknown_part_format(part.name))?;
-        let options = MeshOptions { unit: settings.unit, up: settings.up };
-        let mut reading = mesh::read(part.bytes, format, &options, part.sibling)
-            .map_err(|error| error.reason().in_file(part.name))?;
+        let options = MeshOptions { unit: settings.unit, up: settings.up, pace: self.pace };
+        let mut reading =
+            mesh::read(part.bytes, format, &options, part.sibling).map_err(|error| match error {
+                MeshReadError::TakesLong => PipelineError::TakesLong,
+                error => error.reason().in_file(part.name).into(),
+            })?;
         clock.lap("read part");
         let surface = surface_of(&reading.shape, &mut reading.facts, settings, &self.fit)
             .map_err(|reason| reason.in_file(part.name))?;
@@ -261,22 +289,23 @@ impl Pipeline {
         with_preview: bool,
     ) -> Result<Corrected, PipelineError> {
         let mut clock = Clock::start();
-        let surface = &learned.kept.surface;
+        let part = &learned.kept;
+        let surface = &part.surface;
         let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
-        let PlacedPattern { pattern, facts, placing, placed, ink } =
-            place(input, surface, settings, &mut clock)?;
+        self.a_moment(input.previous.map_or(0, <[u8]>::len), BYTES_OF_A_MOMENT)?;
+        let PlacedPattern { facts, placing, placed, ink } = self.place(input, part, settings, &mut clock)?;
 
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
-            .map_err(|error| checks::map_reason(&error, &placing, surface, &ink).in_file(input.name))?;
+            .map_err(|error| checks::map_reason(&error, &placing, part, &ink).in_file(input.name))?;
         clock.lap("map");
 
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
-        checks::ink_layers(&pattern, settings, &mut notices);
-        checks::exposure(&exposure, surface, &ink, settings, &mut notices)
+        checks::ink_layers(&placed, settings, &mut notices);
+        checks::exposure(&exposure, part, &ink, settings, &mut notices)
             .map_err(|reason| reason.in_file(input.name))?;
         clock.lap("check");
 
@@ -291,7 +320,7 @@ impl Pipeline {
 
         let height = |at: ViewPoint| surface.sampled_height(at);
         let after = quality::measure(&ink, |at| map.point(at), height)
-            .map_err(|at| checks::off_surface(at, surface, &ink.extents).in_file(input.name))?;
+            .map_err(|at| checks::off_surface(at, part, &ink.extents).in_file(input.name))?;
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
@@ -334,8 +363,8 @@ impl Pipeline {
             pattern: PatternStory {
                 file: input.name.into(),
                 blake3: hash(input.bytes),
-                paths: pattern.paths.len(),
-                contours: pattern.paths.iter().filter(|path| path.is_contour()).count(),
+                paths: placed.paths.len(),
+                contours: placed.paths.iter().filter(|path| path.is_contour()).count(),
                 facts,
                 ink_layers: settings.pattern.ink_layers.clone(),
             },
@@ -352,33 +381,44 @@ impl Pipeline {
     }
 }
 
-/// A drawing as it was read and as it is placed.
+/// A drawing as it is placed.
 struct PlacedPattern {
-    pattern: Pattern,
     facts: PatternFacts,
     placing: Placing,
     placed: Pattern,
     ink: Ink,
 }
 
-fn place(
-    input: PatternInput<'_>,
-    surface: &FittedSurface,
-    settings: &JobSettings,
-    clock: &mut Clock,
-) -> Result<PlacedPattern, Reason> {
-    let PatternReading { pattern, facts } = pattern::read(input.bytes, &settings.pattern.options())
-        .map_err(|error| error.reason().in_file(input.name))?;
-    clock.lap("read pattern");
-    let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let placing = Placing::new(&pattern, settings);
-    let placed = pattern.transformed(&placing.motion);
-    checks::reach(&placed, counts, surface).map_err(|reason| reason.in_file(input.name))?;
-    checks::lost_ink(&facts, settings).map_err(|reason| reason.in_file(input.name))?;
-    let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
-    checks::anything_inked(&ink, &pattern, settings).map_err(|reason| reason.in_file(input.name))?;
-    clock.lap("place");
-    Ok(PlacedPattern { pattern, facts, placing, placed, ink })
+impl Pipeline {
+    fn place(
+        &self,
+        input: PatternInput<'_>,
+        part: &CachedSurface,
+        settings: &JobSettings,
+        clock: &mut Clock,
+    ) -> Result<PlacedPattern, PipelineError> {
+        let refused = |reason: Reason| PipelineError::from(reason.in_file(input.name));
+        let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
+        let PatternReading { pattern, facts } =
+            pattern::read(input.bytes, &options).map_err(|error| match error {
+                PatternReadError::TakesLong => PipelineError::TakesLong,
+                error => refused(error.reason()),
+            })?;
+        clock.lap("read pattern");
+        let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let placing = Placing::new(&pattern, settings);
+        let placed = pattern.transformed(&placing.motion);
+        drop(pattern);
+        let length = checks::reach(&placed, counts, part).map_err(refused)?;
+        checks::lost_ink(&facts, settings).map_err(refused)?;
+        self.a_moment((length / quality::PIECE) as usize * WORK_OF_PIECE, WORK_OF_A_MOMENT)?;
+        let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
+        checks::anything_inked(&ink, &placed, settings).map_err(refused)?;
+        let work = ink.pieces.len() * WORK_OF_PIECE + ink.squares.len();
+        self.a_moment(work, WORK_OF_A_MOMENT)?;
+        clock.lap("place");
+        Ok(PlacedPattern { facts, placing, placed, ink })
+    }
 }
 
 /// Where a drawing is put: its anchor, the anchor's place in the view, and the rigid motion between.
@@ -461,7 +501,8 @@ fn figure_facts(figure: &Figure) -> PartFacts {
     }
 }
 
-fn unknown_part_format(name: &str) -> Reason {
+/// The refusal of a part in a format that is not read.
+pub(crate) fn unknown_part_format(name: &str) -> Reason {
     Reason::new(
         "part-format-unknown",
         format!("\"{name}\" is no part that can be read."),

@@ -242,11 +242,11 @@ fn reference_surfaces_without_producer_are_millimetres_with_z_up() {
 
 #[test]
 fn settings_override_what_the_file_shows() {
-    let options = MeshOptions { unit: Some(Metre), up: Some(Y) };
+    let options = MeshOptions { unit: Some(Metre), up: Some(Y), ..MeshOptions::default() };
     let lying = read_with("assembly/occ8-coarse.glb", &options).unwrap();
     assert!((lying.facts.size[1] - 35.501).abs() < 1e-3, "{:?}", lying.facts.size);
     assert_eq!(lying.facts.up.why, "the settings say so");
-    let options = MeshOptions { unit: Some(LengthUnit::Centimetre), up: None };
+    let options = MeshOptions { unit: Some(LengthUnit::Centimetre), ..MeshOptions::default() };
     let inflated = read_with("can/fc020-coarse-mesh.obj", &options).unwrap();
     assert!((inflated.facts.size[2] - 1150.0).abs() < 1e-6);
 }
@@ -259,7 +259,7 @@ fn a_part_in_decimetres_is_read_as_it_says_and_named() {
     let notice = facts.notices.iter().find(|notice| notice.code == "size-unconfirmed").unwrap();
     assert_eq!(notice.severity, Severity::Note);
     assert!(notice.message.contains("1150.0 mm") && notice.message.contains("unit MM"), "{}", notice.message);
-    let told = MeshOptions { unit: Some(LengthUnit::Decimetre), up: None };
+    let told = MeshOptions { unit: Some(LengthUnit::Decimetre), ..MeshOptions::default() };
     assert!((read_with("can/build123d-cm.gltf", &told).unwrap().facts.size[2] - 115.0).abs() < 1e-4);
     assert!(read("can/build123d.glb").facts.notices.iter().all(|notice| notice.code != "size-unconfirmed"));
 }

@@ -7,6 +7,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
+use isomark::formats::Pace;
 use isomark::formats::pattern::{
     DrawingUnit, PatternOptions, PatternReadError, PatternReading, Spot, is_complete, read,
 };
@@ -385,6 +386,47 @@ fn drawings_that_unfold_without_end_are_refused() {
 
     let far = drawing(&line(["0", "0", "1e20", "0"]), "");
     assert!(matches!(refusal(far.as_bytes()), PatternReadError::OutOfRange { .. }));
+}
+
+/// What a few bytes unfold to, wherever they ask for it, and where nothing is wrong with it.
+#[test]
+fn what_is_more_than_a_moment_of_work_is_told_before_it_is_done() {
+    let unit = line(["0", "0", "1", "1"]);
+    let copies = |columns: usize, rows: usize, entities: &str| {
+        drawing(&insert("A", &format!("70\n{columns}\n71\n{rows}\n44\n2\n45\n2\n")), &block("A", entities))
+    };
+    let nothing = "0\nATTDEF\n8\n0\n";
+    let text = format!("0\nTEXT\n8\n0\n40\n1\n1\n{}\n", "&&%%c@".repeat(1000));
+    let heavy = [
+        copies(300, 300, &unit),
+        copies(300, 300, nothing),
+        copies(1, 400, &unit.repeat(60)),
+        drawing(&hatch(&family(0.1, &[0.0, -0.12]), 1), ""),
+        drawing(&text, ""),
+    ];
+    let quick = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
+    for heavy in heavy {
+        assert_eq!(read(heavy.as_bytes(), &quick), Err(PatternReadError::TakesLong), "{heavy:.300}");
+        assert_ne!(read(heavy.as_bytes(), &PatternOptions::default()), Err(PatternReadError::TakesLong));
+    }
+    let light = copies(100, 100, &unit);
+    assert_eq!(read(light.as_bytes(), &quick), read(light.as_bytes(), &PatternOptions::default()));
+    // What is too much at any pace is refused at any pace.
+    let array = copies(32_000, 32_000, &unit);
+    assert!(matches!(read(array.as_bytes(), &quick), Err(PatternReadError::TooMany { .. })));
+}
+
+#[test]
+fn a_refusal_of_copies_has_the_numbers_of_the_drawing() {
+    let unit = line(["0", "0", "1", "1"]);
+    for (entities, columns, limit, what) in
+        [("", 1001, 1_000_000, "copies of a block"), (&*unit, 1000, 1_000_000, "entities")]
+    {
+        let copies = insert("A", &format!("70\n{columns}\n71\n1000\n44\n2\n45\n2\n"));
+        let error = refusal(drawing(&copies, &block("A", entities)).as_bytes());
+        // A thousand times a thousand lines and the insert itself are one more than the limit.
+        assert_eq!(error.to_string(), format!("the drawing has more than {limit} {what}"));
+    }
 }
 
 #[test]

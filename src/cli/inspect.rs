@@ -13,12 +13,12 @@ use super::{
 use crate::config::{Losses, PartSettings, PatternSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
-use crate::formats::pattern::{self, PatternFacts};
+use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::space::{Facing, View};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
-use crate::pipeline::surface_of;
+use crate::pipeline::{surface_of, unknown_part_format};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
@@ -61,7 +61,11 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let bytes = read_file(&arguments.file)?;
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
-            let options = MeshOptions { unit: arguments.meaning.part_unit, up: arguments.meaning.part_up };
+            let options = MeshOptions {
+                unit: arguments.meaning.part_unit,
+                up: arguments.meaning.part_up,
+                ..MeshOptions::default()
+            };
             let mut reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let is_asked = arguments.surface.is_some() || arguments.facing.is_some();
@@ -89,8 +93,13 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let mut settings = PatternSettings::default();
             arguments.meaning.apply(&mut settings);
-            let mut reading = pattern::read(&bytes, &settings.options())
-                .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
+            let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
+                // A drawing is one by its bytes, whatever its name.
+                PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {
+                    Failure::rejected(unknown_part_format(&name))
+                }
+                error => Failure::rejected(error.reason().in_file(&name)),
+            })?;
             let lost = lost_ink(&reading.facts).filter(|_| settings.losses == Losses::Refuse);
             reading.facts.notices.extend(lost);
             let text = pattern_text(&name, &reading.facts, &reading.pattern);

@@ -1,6 +1,7 @@
 //! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
+use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, PictureOptions};
 use crate::geometry::figure::Figure;
@@ -106,6 +107,7 @@ impl PatternSettings {
             joining_tolerance: self.joining_tolerance,
             strict: self.strict,
             picture: self.picture,
+            pace: Pace::Any,
         }
     }
 

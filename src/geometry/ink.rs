@@ -238,7 +238,8 @@ mod tests {
         assert_eq!(sampled.pieces.len(), 4);
         assert!(sampled.pieces.iter().all(|piece| piece.length() >= SHORTEST));
         // Segments far shorter than that add up.
-        let fine = ink(vec![path((0..10_000).map(|k| line(k as f64 * 1e-4, (k + 1) as f64 * 1e-4)).collect())]);
+        let fine =
+            ink(vec![path((0..10_000).map(|k| line(k as f64 * 1e-4, (k + 1) as f64 * 1e-4)).collect())]);
         assert!((fine.length() - 1.0).abs() <= SHORTEST && fine.pieces.len() <= 1000, "{}", fine.length());
     }
 

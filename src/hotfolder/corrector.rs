@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
+use crate::formats::Pace;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, Sibling};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
@@ -115,6 +116,7 @@ impl Corrector for PipelineCorrector {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<PartLearned, JobError> {
         let input =
             PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
@@ -124,7 +126,7 @@ impl Corrector for PipelineCorrector {
             let remedy = format!("Drop {newer} here, too.");
             return Err(JobError::Rejected(Reason::new("newer-elsewhere", what, remedy)));
         }
-        self.learn_part(sku, part, settings)
+        self.learn_part(sku, part, settings, pace)
     }
 
     fn learn_part(
@@ -132,10 +134,11 @@ impl Corrector for PipelineCorrector {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<PartLearned, JobError> {
         let input =
             PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
-        let learned = self.pipeline().learn(sku, input, &settings.part)?;
+        let learned = self.pipeline().at(pace).learn(sku, input, &settings.part)?;
         let [x, y, z] = learned.kept.facts.size;
         let residual = &learned.kept.surface.residual;
         let surface = match &learned.kept.facts.scan {
@@ -159,6 +162,7 @@ impl Corrector for PipelineCorrector {
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<Delivery, JobError> {
         let known = self.surface(sku, &settings.part)?.ok_or_else(|| {
             let what = format!("The surface of the SKU {sku} went from the cache.");
@@ -169,7 +173,7 @@ impl Corrector for PipelineCorrector {
             ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
-        let corrected = self.pipeline().correct(sku, &known.learned, input, settings, true)?;
+        let corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
         let report = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
         Ok(Delivery {
@@ -188,6 +192,7 @@ impl From<PipelineError> for JobError {
     fn from(error: PipelineError) -> Self {
         match error {
             PipelineError::Rejected(reason) => Self::Rejected(reason),
+            PipelineError::TakesLong => Self::TakesLong,
             PipelineError::Environment(error) => Self::Retry(Reason::new(
                 "cache-unusable",
                 format!("The cache cannot be used: {error}."),
@@ -201,7 +206,8 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
     if pattern::is_complete(bytes) {
         return Completeness::Whole { companions: Vec::new() };
     }
-    match pattern::read(bytes, &PatternOptions::default()) {
+    let options = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
+    match pattern::read(bytes, &options) {
         Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
         // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
         Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
@@ -216,7 +222,8 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
         // A whole last line is all the end an OBJ has; only without one is a closer look worth its time.
         MeshFormat::Obj if ends_with_a_line => {}
         MeshFormat::Obj => {
-            let reading = mesh::read(bytes, format, &MeshOptions::default(), &mut |_| Ok(Vec::new()));
+            let options = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
+            let reading = mesh::read(bytes, format, &options, &mut |_| Ok(Vec::new()));
             if let Some(error) = reading.err().filter(cut) {
                 return Completeness::CutShort(error.reason().in_file(name));
             }

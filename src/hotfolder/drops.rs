@@ -27,6 +27,8 @@ pub(super) struct Drop {
     pub(super) block: Block,
     /// What it waits for or lacks, as it was last told.
     pub(super) reason: Option<Reason>,
+    /// It turned out to be more than a moment's work.
+    pub(super) takes_long: bool,
 }
 
 /// What keeps a settled drop from being done.
@@ -94,6 +96,7 @@ impl Drops {
         };
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
+            drop.takes_long &= !changed;
             drop.settle.see(stamp, writer, now);
             // Another file may do where the last one failed.
             if changed && drop.block != Block::UnknownSku {
@@ -122,7 +125,15 @@ impl Drops {
         let settle = Settle::new(stamp, writer, now, still_for).ending(ending);
         let (number, block) = (self.count, Block::Free);
         self.count += 1;
-        let drop = Drop { relative: relative.into(), meaning, settle, number, block, reason: None };
+        let drop = Drop {
+            relative: relative.into(),
+            meaning,
+            settle,
+            number,
+            block,
+            reason: None,
+            takes_long: false,
+        };
         self.all.insert(path, drop);
     }
 

@@ -122,10 +122,11 @@ impl<'a, C: Corrector> Executor<'a, C> {
             Ok(outcome) | Err(Broken::Outcome(outcome)) => outcome,
             Err(Broken::Error(JobError::Stop(reason))) => Outcome::Stop(reason),
             Err(Broken::Error(JobError::Retry(reason))) => Outcome::Retry(reason, None),
+            Err(Broken::Error(JobError::TakesLong)) => Outcome::TakesLong,
             Err(Broken::Error(JobError::Rejected(reason))) => {
                 self.reject(&task, read.as_ref(), reason).unwrap_or_else(|error| match error {
-                    JobError::Retry(trouble) | JobError::Rejected(trouble) => Outcome::Retry(trouble, None),
                     JobError::Stop(reason) => Outcome::Stop(reason),
+                    trouble => Outcome::Retry(trouble.into_reason(), None),
                 })
             }
         };
@@ -135,7 +136,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
     fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, Broken> {
         let started = Instant::now();
         let read = &*slot.insert(self.read(task, None)?);
-        let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings))?;
+        let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings, task.pace))?;
         let PartLearned { summary, report } = learned;
         let (folders, name) = (&task.station.folders, &read.file.name);
         if let Some(report) = &report {
@@ -179,7 +180,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
             return Ok(Outcome::PartRefused(reason));
         }
-        if !self.has_surface(&task.station.folders, sku, &task.settings)? {
+        if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
             let what = format!("The pattern waits for a part: no surface of {sku} is known.");
             let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             return Ok(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy)));
@@ -242,7 +243,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
             beamserver::sendable(&task.station.delivery.path_for_server(&folders.import, name))?;
         }
         let previous = filing::delivered_before(folders, name).map_err(folder_trouble)?;
-        let mut made = guarded(|| self.corrector.correct(sku, &read.file, previous.as_deref(), &settings))?;
+        let previous_bytes = previous.as_deref();
+        let mut made =
+            guarded(|| self.corrector.correct(sku, &read.file, previous_bytes, &settings, task.pace))?;
         job.result = delivery::hash_of(&made.drawing);
         delivery::import_is_there(folders)?;
         self.shares.are_there(folders, false)?;
@@ -273,11 +276,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
             && last.job.key != job.key
             && !is_same_drop(&last.job.drop, &job.drop)
         {
+            let [older, newer] = told_apart(&last.job.drop, &job.drop);
             tracing::warn!(
-                "{} and {} claim one result: {name} is now made of {}. Give the drawings different names.",
-                last.job.drop,
-                job.drop,
-                job.drop
+                "{older} and {newer} claim one result: {name} is now made of {newer}. Give the drawings different names."
             );
         }
         if read.sidecar.is_none()
@@ -305,9 +306,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         };
         let preview = made.preview.take().and_then(|draw| {
             let trouble =
-                |(JobError::Rejected(reason) | JobError::Retry(reason) | JobError::Stop(reason))| {
-                    tracing::warn!("{name} has no preview: {}", reason.what);
-                };
+                |error: JobError| tracing::warn!("{name} has no preview: {}", error.into_reason().what);
             guarded(|| Ok(draw())).map_err(trouble).ok()
         });
         self.finish(&ready, Kept { stamp: task.stamp, job, delivery: made, preview, import, asked: false })
@@ -366,6 +365,19 @@ fn is_same_drop(a: &str, b: &str) -> bool {
         _ => drop.rsplit('/').next().unwrap_or(drop).to_owned(),
     };
     a == b || ((is_archived(a) || is_archived(b)) && fold(&name(a)) == fold(&name(b)))
+}
+
+/// Two names that differ, spelled so that the difference is seen: an accent may be a letter of its own.
+fn told_apart(one: &str, other: &str) -> [String; 2] {
+    let looks_alike = fold(one) == fold(other);
+    let spelled = |name: &str| match looks_alike {
+        true => name
+            .chars()
+            .map(|c| if c.is_ascii() { c.to_string() } else { c.escape_unicode().to_string() })
+            .collect(),
+        false => name.to_owned(),
+    };
+    [spelled(one), spelled(other)]
 }
 
 /// The settings in the archive that lie beside the original of a result.
@@ -430,5 +442,13 @@ mod tests {
         ] {
             assert_eq!(is_same_drop(a, b), same, "{a} {b}");
         }
+    }
+
+    #[test]
+    fn names_that_look_alike_are_told_apart() {
+        let [one, other] = told_apart("m\u{fc}g@pic.dxf", "mu\u{308}g@pic.dxf");
+        assert_eq!((&*one, &*other), ("m\\u{fc}g@pic.dxf", "mu\\u{308}g@pic.dxf"));
+        assert_eq!(told_apart("mug@pic.png", "m\u{fc}g@pic.dxf"), ["mug@pic.png", "m\u{fc}g@pic.dxf"]);
+        assert_eq!(told_apart("Mug@pic.dxf", "mug@pic.dxf"), ["Mug@pic.dxf", "mug@pic.dxf"]);
     }
 }

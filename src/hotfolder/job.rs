@@ -7,6 +7,7 @@ use super::folders::read_whole;
 use super::lock::Holder;
 use crate::config::{JobSettings, Sku, Station};
 use crate::files::is_plain;
+use crate::formats::Pace;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
@@ -33,12 +34,14 @@ pub trait Corrector: Sync {
     /// Fits an archived part whose surface got lost, and keeps the surface.
     ///
     /// # Errors
-    /// [`JobError::Rejected`] when another station that shares the surfaces learned another part of the SKU since.
+    /// [`JobError::Rejected`] when another station that shares the surfaces learned another part of the SKU since;
+    /// [`JobError::TakesLong`].
     fn restore_part(
         &self,
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<PartLearned, JobError>;
 
     /// Fits a part that was dropped, and keeps the surface.
@@ -50,6 +53,7 @@ pub trait Corrector: Sync {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<PartLearned, JobError>;
 
     /// Corrects a pattern for a known SKU. `previous` is the drawing of the same name that lies in the import folder.
@@ -63,6 +67,7 @@ pub trait Corrector: Sync {
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<Delivery, JobError>;
 }
 
@@ -155,6 +160,19 @@ pub enum JobError {
     Retry(Reason),
     /// Nothing can be done any more; the station stops and the drop stays.
     Stop(Reason),
+    /// The job is more than a moment's work and was to be quick; it is begun again where that stands in nobody's way.
+    TakesLong,
+}
+
+impl JobError {
+    pub(super) fn into_reason(self) -> Reason {
+        match self {
+            Self::Rejected(reason) | Self::Retry(reason) | Self::Stop(reason) => reason,
+            Self::TakesLong => {
+                Reason::new("takes-long", "The job takes longer than a moment.", "Wait until it is done.")
+            }
+        }
+    }
 }
 
 /// How long [`run`](super::run) works.

@@ -30,6 +30,8 @@ struct Marked {
     /// When it is corrected again; `None` until somebody asks for it.
     due: Option<Moment>,
     under_way: bool,
+    /// It turned out to be more than a moment's work.
+    takes_long: bool,
 }
 
 /// An archived pattern that is to be corrected again.
@@ -105,7 +107,12 @@ impl Reprocessing {
             if is_new && is_due {
                 tracing::info!("{name} is not in BeamConstruct yet");
             }
-            let marked = self.marked.entry(key).or_insert(Marked { again, due: None, under_way: false });
+            let marked = self.marked.entry(key).or_insert(Marked {
+                again,
+                due: None,
+                under_way: false,
+                takes_long: false,
+            });
             if asked || is_due {
                 marked.due.get_or_insert(Moment::ZERO);
             }
@@ -121,22 +128,37 @@ impl Reprocessing {
                     tracing::info!("{outdated}: isomark corrects {them} again from the archive");
                 }
                 Outdated::Mark => {
-                    let station = station.file.display();
-                    let command = format!("isomark retry {station} --outdated {sku}");
+                    let [station, name] =
+                        [&*station.file.to_string_lossy(), sku.as_str()].map(crate::reason::quoted);
+                    let command = format!("isomark retry {station} --outdated {name}");
                     tracing::warn!("{outdated}: `{command}` corrects {them} again");
                 }
             }
         }
     }
 
-    /// The next drawing to correct again whose SKU is free.
-    pub(super) fn next(&mut self, now: Moment, busy: &BTreeSet<Sku>) -> Option<Again> {
-        let due = |marked: &&mut Marked| {
-            !marked.under_way && marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku)
-        };
-        let next = self.marked.values_mut().find(due)?;
+    /// The next drawing to correct again whose SKU is free, and whether it takes long.
+    pub(super) fn next(
+        &mut self,
+        now: Moment,
+        busy: &BTreeSet<Sku>,
+        large_too: bool,
+    ) -> Option<(Again, bool)> {
+        let is_due =
+            |marked: &Marked| marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku);
+        let next = self
+            .marked
+            .values_mut()
+            .find(|marked| !marked.under_way && (large_too || !marked.takes_long) && is_due(marked))?;
         next.under_way = true;
-        Some(next.again.clone())
+        Some((next.again.clone(), next.takes_long))
+    }
+
+    /// It is more than a moment's work, and waits for its turn.
+    pub(super) fn takes_long(&mut self, name: &str) {
+        if let Some(marked) = self.marked.get_mut(&fold(name)) {
+            (marked.under_way, marked.takes_long) = (false, true);
+        }
     }
 
     /// It could not be done; `never` in a station that stops as soon as it can.

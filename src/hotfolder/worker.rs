@@ -2,7 +2,9 @@
 //!
 //! One thread knows all drops and decides; the jobs themselves are done by others ([`Executor`]). Jobs of one SKU are
 //! done one after the other, parts first and then in the order in which the drops came; jobs of different SKUs side by
-//! side. Large jobs never take all threads, so that a small one has to wait for a small one at most.
+//! side. Every job that is not known to be large begins as a quick one, and is given up as soon as what it reads turns out
+//! to be more than a moment's work; then it waits for its turn among the large ones, which never take all threads. So a
+//! small one has to wait for small ones at most.
 
 mod hand_out;
 mod listing;
@@ -17,7 +19,7 @@ use std::time::{Duration, Instant};
 use super::drops::Drops;
 use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing;
-use super::job::{Corrector, JobError, Mode, Pulse, StationError, Tally};
+use super::job::{Corrector, Mode, Pulse, StationError, Tally};
 use super::journal::{Journal, StampRecord};
 use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
@@ -73,11 +75,15 @@ pub fn run(
     stop.connect(sender.clone());
     let threads = threads(station.watch.jobs);
     let (tasks, taken) = sync_channel(threads);
-    let taken = Mutex::new(taken);
+    // Memory that a thread had stays with it, so these only take what the others cannot.
+    let (spare_tasks, taken_by_spare) = sync_channel(threads);
+    let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
     std::thread::scope(|scope| {
-        for _ in 0..threads {
-            let (taken, executor, sender) = (&taken, &executor, sender.clone());
-            scope.spawn(move || labour(taken, executor, &sender));
+        for taken in [&taken, &taken_by_spare] {
+            for _ in 0..threads {
+                let (executor, sender) = (&executor, sender.clone());
+                scope.spawn(move || labour(taken, executor, &sender));
+            }
         }
         let mut worker = Worker {
             settings,
@@ -91,6 +97,7 @@ pub fn run(
             log: station.log.clone(),
             messages,
             tasks,
+            spare_tasks,
             threads,
             watcher: Watcher::new(sender),
             drops: Drops::default(),
@@ -147,10 +154,9 @@ fn labour<C: Corrector>(
         let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(task) = next else { return };
         let path = task.path.clone();
-        let end = guarded(|| Ok(executor.perform(task))).unwrap_or_else(|error| match error {
-            JobError::Rejected(reason) | JobError::Retry(reason) | JobError::Stop(reason) => {
-                End { outcome: Outcome::Retry(reason, None), went_along: Vec::new() }
-            }
+        let end = guarded(|| Ok(executor.perform(task))).unwrap_or_else(|error| End {
+            outcome: Outcome::Retry(error.into_reason(), None),
+            went_along: Vec::new(),
         });
         if sender.send(Message::Finished(path, Box::new(end))).is_err() {
             return;
@@ -172,6 +178,8 @@ struct Worker<'a, C> {
     log: Option<LogSettings>,
     messages: Receiver<Message>,
     tasks: SyncSender<Task>,
+    /// To as many threads again, for what is to be done while jobs take long that did not look like it.
+    spare_tasks: SyncSender<Task>,
     threads: usize,
     watcher: Watcher,
     drops: Drops,
@@ -220,6 +228,8 @@ pub(super) struct Running {
     pub(super) since: Moment,
     stamp: Stamp,
     large: bool,
+    /// A spare thread is at it.
+    is_spare: bool,
     /// How many companions had come when it began.
     companions_came: u64,
     /// Nothing else is done meanwhile.
@@ -260,7 +270,7 @@ impl<C: Corrector> Worker<'_, C> {
             let now = self.now();
             let mut next = self.listing_is_due().min(now + HEARTBEAT);
             let mut due = Moment::MAX;
-            if !ends && self.running.len() < self.threads {
+            if !ends && self.has_room() {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
                 due = self.drops.next_due(self.lanes_made, &self.times()).unwrap_or(due);
                 next = next.min(due);
@@ -310,7 +320,8 @@ impl<C: Corrector> Worker<'_, C> {
         self.lanes.is_empty()
             && self.suspects.is_empty()
             && self.reprocessing.is_idle(now)
-            && !self.drops.any_settles(now, &self.times())
+            // As of the moment when the lanes were made: what settled since is not in them yet.
+            && !self.drops.any_settles(self.lanes_made, &self.times())
     }
 
     fn introduce(&self) {

@@ -1,8 +1,8 @@
 //! What stands between a drawing and the laser: every refusal and every warning of a job, with its number and remedy.
 
 use super::{
-    CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap, Method,
-    PartSettings, Pattern, PatternFacts, Placing, Sku, Weighting,
+    CachedSurface, CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap,
+    Method, PartSettings, Pattern, PatternFacts, Placing, Sku, Weighting,
 };
 use crate::config::Losses;
 use crate::geometry::correction::AboveLens;
@@ -66,13 +66,14 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     }
 }
 
-/// Refuses, before any work, ink that cannot lie on the part wherever it is placed, and more of it than anybody marks.
+/// The length of all lines, mm. Refuses, before any work, ink that cannot lie on the part wherever it is placed, and more of
+/// it than anybody marks.
 pub(super) fn reach(
     placed: &Pattern,
     counts: impl Fn(&str) -> bool,
-    surface: &FittedSurface,
-) -> Result<(), Reason> {
-    let domain = surface.nurbs.domain();
+    part: &CachedSurface,
+) -> Result<f64, Reason> {
+    let domain = part.surface.nurbs.domain();
     let area = domain.grown(FARTHEST_REACH * domain.size().norm());
     let inked =
         placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
@@ -94,7 +95,7 @@ pub(super) fn reach(
         }
     }
     if let Some(far) = far {
-        return Err(off_surface(far.coords().into(), surface, &drawn));
+        return Err(off_surface(far.coords().into(), part, &drawn));
     }
     if length > LONGEST_INK {
         return Err(Reason::new(
@@ -104,7 +105,7 @@ pub(super) fn reach(
         )
         .with_number("length of all lines", length, "mm", Some(LONGEST_INK)));
     }
-    Ok(())
+    Ok(length)
 }
 
 /// Refuses a drawing that shows ink on an ink layer which cannot be taken over, unless that is only warned of.
@@ -157,7 +158,8 @@ pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mu
     }
 }
 
-pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSurface, ink: &Ink) -> Reason {
+pub(super) fn map_reason(error: &MapError, placing: &Placing, part: &CachedSurface, ink: &Ink) -> Reason {
+    let surface = &part.surface;
     // Beside the part there is nothing to bend to; that is the plainer reason then.
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
     let seen = |flat: FlatPoint| ViewPoint::from(flat.coords());
@@ -168,7 +170,7 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, surface: &FittedSu
     let first = samples.iter().find(|at| !surface.field.is_surface(**at));
     if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
         let percent = 100.0 * beside as f64 / samples.len() as f64;
-        return off_surface(*at, surface, &ink.extents).with_number(
+        return off_surface(*at, part, &ink.extents).with_number(
             "ink without surface",
             percent,
             "%",
@@ -248,18 +250,26 @@ pub(super) fn above_lens(error: &AboveLens) -> Reason {
     .at(place)
 }
 
-pub(super) fn off_surface(at: ViewPoint, surface: &FittedSurface, drawn: &Extents) -> Reason {
-    let domain = surface.nurbs.domain();
+pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) -> Reason {
+    let domain = part.surface.nurbs.domain();
     let what = if domain.contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
     } else {
         "The drawing reaches beyond the part."
     };
     let sides = |extents: &Extents| (extents.max - extents.min).max();
-    let remedy = if sides(drawn) > STRAY * sides(&domain) {
-        "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
-    } else {
-        "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the laser (`facing`)."
+    let unit = &part.facts.unit;
+    let remedy = match sides(drawn) > STRAY * sides(&domain) {
+        true if part.facts.has_doubtful_unit() => format!(
+            "Check the unit of the part: its numbers are taken as {} because {} (`--part-unit`, `unit` under [part]). If it \
+             is right, check the drawing's unit, and delete stray lines far from it.",
+            unit.value, unit.why
+        ),
+        true => "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
+            .to_owned(),
+        false => "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the \
+                  laser (`facing`)."
+            .to_owned(),
     };
     Reason::new(
         "off-surface",
@@ -282,14 +292,14 @@ fn span(extents: &Extents, axis: usize) -> String {
 /// Refuses what cannot be marked and notes what should be looked at.
 pub(super) fn exposure(
     seen: &Exposure,
-    surface: &FittedSurface,
+    part: &CachedSurface,
     ink: &Ink,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
     if let Some((_, at)) = seen.first_off_surface {
         let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
-        return Err(off_surface(at, surface, &ink.extents).with_number(
+        return Err(off_surface(at, part, &ink.extents).with_number(
             "ink without surface",
             percent,
             "%",
@@ -300,7 +310,7 @@ pub(super) fn exposure(
     focus(seen, settings, notices);
     field(seen, settings)?;
     doubt(seen, settings, notices)?;
-    residual(seen, surface, settings, notices)
+    residual(seen, &part.surface, settings, notices)
 }
 
 fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {

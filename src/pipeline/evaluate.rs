@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern};
-use super::{checks, hash, method, place, program, weights};
+use super::{checks, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
@@ -81,8 +81,7 @@ impl Pipeline {
         methods: &[Method],
     ) -> Result<Evaluation, PipelineError> {
         let mut clock = Clock::start();
-        let surface = &learned.kept.surface;
-        let placed = place(input, surface, settings, &mut clock)?;
+        let placed = self.place(input, &learned.kept, settings, &mut clock)?;
         let contenders = methods.iter().flat_map(|method| choices(*method, &settings.correction));
         let rows = contenders
             .map(|(variant, correction)| {
@@ -159,11 +158,12 @@ fn row(
         reason: None,
         note: None,
     };
-    let measured = map.map_err(|error| checks::map_reason(&error, placing, surface, ink)).and_then(|map| {
-        quality::measure(ink, |at| map.point(at), |at| surface.sampled_height(at))
-            .map(|distortion| (map, distortion))
-            .map_err(|at| checks::off_surface(at, surface, &ink.extents))
-    });
+    let measured =
+        map.map_err(|error| checks::map_reason(&error, placing, &learned.kept, ink)).and_then(|map| {
+            quality::measure(ink, |at| map.point(at), |at| surface.sampled_height(at))
+                .map(|distortion| (map, distortion))
+                .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))
+        });
     match measured {
         Err(reason) => EvaluationRow { reason: Some(reason), ..empty },
         Ok((map, distortion)) => {

@@ -323,7 +323,8 @@ fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)])
 /// The least and the largest stretch in words: as measured, or of the lines themselves.
 fn stretch_range(lines: &[Line], measured: Option<[f64; 2]>) -> String {
     let of_lines = || {
-        let stretches = ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
+        let stretches =
+            ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
         stretches.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], stretch| {
             [least.min(stretch), largest.max(stretch)]
         })

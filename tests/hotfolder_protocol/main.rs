@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 use isomark::config::{JobSettings, LiveSettings, Sku, Station};
+use isomark::formats::Pace;
 use isomark::hotfolder::{
     self, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
     StationError, StopSignal, Tally,
@@ -40,14 +41,15 @@ struct Seen {
 }
 
 impl Pretender {
-    fn obey(&self, bytes: &[u8]) -> Result<String, JobError> {
+    fn obey(&self, bytes: &[u8], pace: Pace) -> Result<String, JobError> {
         let text = String::from_utf8(bytes.to_vec()).unwrap();
         let reason = |code| Reason::new(code, "As asked.", "Ask for something else.");
         match text.split_whitespace().next() {
+            Some("slow") if pace == Pace::Quick => Err(JobError::TakesLong),
             Some("reject") => Err(JobError::Rejected(reason("asked"))),
             Some("stop") => Err(JobError::Stop(reason("asked"))),
             Some("panic") => panic!("as asked"),
-            Some("hold") => {
+            Some("hold" | "slow") => {
                 self.seen.holding.fetch_add(1, Ordering::SeqCst);
                 while !self.seen.released.load(Ordering::SeqCst) {
                     std::thread::sleep(Duration::from_millis(1));
@@ -87,12 +89,19 @@ impl Corrector for Pretender {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<PartLearned, JobError> {
-        self.learn_part(sku, part, settings)
+        self.learn_part(sku, part, settings, pace)
     }
 
-    fn learn_part(&self, sku: &Sku, part: &DroppedFile, _: &JobSettings) -> Result<PartLearned, JobError> {
-        let surface = self.obey(&part.bytes)?;
+    fn learn_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        _: &JobSettings,
+        pace: Pace,
+    ) -> Result<PartLearned, JobError> {
+        let surface = self.obey(&part.bytes, pace)?;
         self.surfaces.lock().unwrap().insert(sku.clone(), surface);
         Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
     }
@@ -103,10 +112,11 @@ impl Corrector for Pretender {
         pattern: &DroppedFile,
         previous: Option<&[u8]>,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<Delivery, JobError> {
         let turn = settings.placement.rotate.to_degrees();
         let surface = self.surfaces.lock().unwrap()[sku].clone();
-        let drawing = format!("{} on {surface} at {turn:.0}", self.obey(&pattern.bytes)?);
+        let drawing = format!("{} on {surface} at {turn:.0}", self.obey(&pattern.bytes, pace)?);
         self.seen.corrected.lock().unwrap().push(pattern.name.clone());
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {

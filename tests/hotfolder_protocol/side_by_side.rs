@@ -35,6 +35,54 @@ fn large_jobs_leave_room_for_small_ones() {
     }
 }
 
+/// A few bytes may ask for any amount of work, and only reading tells.
+#[test]
+fn what_turns_out_to_take_long_leaves_room_for_the_rest() {
+    let line = Line::running();
+    let count = std::thread::available_parallelism().map_or(2, usize::from) + 20;
+    for number in 0..count {
+        line.drop(&format!("heavy{number}.glb"), "part");
+    }
+    line.drop("small.glb", "part");
+    line.waits_for_empty_hot();
+    for number in 0..count {
+        line.rename_into(&format!("heavy{number}.dxf"), "slow");
+    }
+    // Parts, too.
+    line.rename_into("vast.glb", "slow");
+    line.rename_into("vast.dxf", "pattern");
+    for number in 0..50 {
+        line.rename_into(&format!("small@{number}.dxf"), "small");
+    }
+    line.waits_for("the small ones", |line| line.import().len() == 50);
+    assert!(line.import().iter().all(|name| name.starts_with("small@")), "{:?}", line.import());
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).max(2);
+    assert!(line.seen.holding.load(Ordering::SeqCst) < threads);
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    assert_eq!(line.import().len(), 50 + count + 1);
+}
+
+/// What looks like nothing and takes long all the same makes room, too.
+#[test]
+fn jobs_that_take_long_unforeseen_make_room_for_others() {
+    let line = Line::running();
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).max(2);
+    for number in 0..threads {
+        line.drop(&format!("stuck{number}.glb"), "part");
+    }
+    line.drop("small.glb", "part");
+    line.waits_for_empty_hot();
+    for number in 0..threads {
+        line.rename_into(&format!("stuck{number}.dxf"), "hold");
+    }
+    line.waits_for("all threads to be taken", |line| line.seen.holding.load(Ordering::SeqCst) == threads);
+    line.rename_into("small.dxf", "small");
+    line.waits_for("the small one", |line| line.import() == ["small.dxf"]);
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+}
+
 #[test]
 fn drawings_of_a_sku_keep_their_order_and_no_other_waits_for_them() {
     let line = Line::running();

@@ -58,6 +58,66 @@ fn vertices(pattern: &Pattern) -> Vec<FlatPoint> {
     pattern.paths.iter().flat_map(starts).collect()
 }
 
+/// The README's first picture and the figures under it are what its command gives today.
+#[test]
+fn the_picture_of_the_readme_is_true() {
+    let file =
+        |name: &str| std::fs::read_to_string(format!("{}/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let (readme, picture) = (file("README.md"), file("examples/mouse.svg"));
+    let caption = readme.split("](examples/mouse.svg)").nth(1).unwrap();
+    let caption = caption.split("\n\n").nth(1).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+    let command = caption.split('`').nth(1).unwrap();
+    let mut words = command.split_whitespace().skip(1);
+    assert_eq!(words.next(), Some("correct"), "{command}");
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let inputs =
+        [words.next().unwrap(), words.next().unwrap()].map(|name| root.join(name).display().to_string());
+    let placing: Vec<&str> = words.by_ref().take(2).collect();
+    assert_eq!(words.collect::<Vec<_>>(), ["--out", "bent.dxf", "--preview", "mouse.svg"], "{command}");
+    let desk = Desk::new();
+    let options = format!("{} --preview mouse.svg", placing.join(" "));
+    let report = desk.correct_to("bent.dxf", &[&inputs[0], &inputs[1]], &options);
+    let told = |key: &str, scale: f64, digits: usize| {
+        let figure = |side: &str| scale * number(&report, &format!("/quality/{side}/{key}"));
+        [figure("before"), figure("after")].map(|figure| format!("{figure:.digits$}"))
+    };
+    let (length, stretch) = (told("length_error_mm", 1.0, 3), told("largest_stretch", 100.0, 2));
+    for words in
+        [format!("{} mm to {} mm", length[0], length[1]), format!("{} % to {} %", stretch[0], stretch[1])]
+    {
+        assert!(caption.contains(&words), "{words} is missing in: {caption}");
+    }
+    for words in
+        [format!("{} mm → {} mm", length[0], length[1]), format!("{} % → {} %", stretch[0], stretch[1])]
+    {
+        assert!(picture.contains(&words), "{words} is missing in examples/mouse.svg");
+    }
+}
+
+/// A closed curve of an exporter may end in a piece of 1e-14 mm, whose stretch is nothing but rounding.
+#[test]
+fn the_picture_names_the_range_that_the_largest_stretch_of_the_report_ends() {
+    let example = |name: &str| format!("{}/examples/{name}", env!("CARGO_MANIFEST_DIR"));
+    for name in ["guilloche", "letters"] {
+        let desk = Desk::new();
+        let inputs = [&*example("parts/mouse.glb"), &*example(&format!("patterns/{name}.dxf"))];
+        let report = desk.correct_to("out.dxf", &inputs, "--place 0,8 --preview preview.svg");
+        let picture = desk.text("preview.svg");
+        for (panel, quality) in [("Before", "before"), ("After", "after")] {
+            let range = picture.split(&format!(">{panel}<")).nth(1).unwrap();
+            let range = range.split("lengths on the part: ").nth(1).unwrap().split('<').next().unwrap();
+            let percent =
+                |text: &str| -> f64 { text.trim_end_matches(" %").replace('−', "-").parse().unwrap() };
+            let largest = range.split(" to ").map(|end| percent(end).abs()).fold(0.0, f64::max);
+            let told = 100.0 * number(&report, &format!("/quality/{quality}/largest_stretch"));
+            // The picture shows a digit or two.
+            let rounding = if told < 0.1 { 0.006 } else { 0.06 };
+            assert!((largest - told).abs() < rounding, "{name} {panel}: {range}, {told} %");
+        }
+        assert!(!picture.contains("stretch beyond ±2 %"), "{name}");
+    }
+}
+
 #[test]
 fn every_sample_part_by_several_exporters() {
     for (part_name, pattern_name, options, method, remains) in JOBS {

@@ -15,6 +15,21 @@ fn json(text: &str) -> Value {
 }
 
 #[test]
+fn a_part_in_a_format_that_is_not_read_is_refused_as_one() {
+    let desk = Desk::new();
+    for name in ["can.step", "can.STP", "can.3mf", "can.FCStd", "can.iges"] {
+        let bytes: &[u8] = if name.ends_with("3mf") { b"PK\x03\x04abc" } else { b"ISO-10303-21;\nHEADER;\n" };
+        desk.write(name, bytes);
+        let words = ["is no part that can be read", name, ".glb, .gltf, .obj, .stl"];
+        desk.isomark(&["inspect", name]).refused(1, &words);
+        desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
+    }
+    // A drawing is one by its bytes.
+    desk.write("abc.step", std::fs::read(drawing("abc")).unwrap());
+    assert!(desk.isomark(&["inspect", "abc.step"]).out.contains(": drawing"));
+}
+
+#[test]
 fn the_fitted_surface_is_written_for_cad() {
     let desk = Desk::new();
     let can = part("can/fc020-gui.glb");

@@ -72,6 +72,49 @@ fn drawings_without_anything_to_mark() {
         .refused(1, &["ink layers MARK, CUT", "abc.dxf", "OUTLINE"]);
 }
 
+/// For a program that asked for JSON a mistake in its own command line is JSON, too.
+#[test]
+fn bad_options_are_told_in_json_where_json_is_asked_for() {
+    let desk = Desk::new();
+    for arguments in [
+        &["correct", "a.glb", "b.dxf", "--json"][..],
+        &["correct", "--json", "a.glb", "b.dxf", "--out", "c.dxf", "--nonsense"],
+        &["correct", "a.glb", "b.dxf", "--out", "c.dxf", "--rotate", "much", "--json"],
+        &["evaluate", "--json", "a.glb", "b.dxf", "--method", "magic"],
+        &["inspect", "--json"],
+        &["diff", "--json", "a.dxf"],
+        &["status", "--json"],
+        &["status", "--json", "none.toml"],
+    ] {
+        let said = desk.isomark(arguments);
+        assert_eq!(said.code, 2, "{arguments:?}: {said:?}");
+        let reason: serde_json::Value = serde_json::from_str(&said.out).unwrap_or_default();
+        assert_eq!(reason["schema"], "isomark.reason/1", "{arguments:?}: {said:?}");
+        assert!(reason["what"].as_str().is_some_and(|what| !what.is_empty()), "{arguments:?}: {said:?}");
+        assert!(!said.err.is_empty());
+    }
+    let plain = desk.isomark(&["inspect"]);
+    assert_eq!((plain.code, plain.out.as_str()), (2, ""));
+    assert_eq!(desk.isomark(&["inspect", "--json", "--help"]).code, 0);
+}
+
+/// A part of millimetres that is taken as inches is none whose drawing holds stray lines.
+#[test]
+fn a_wrong_unit_of_the_part_is_named() {
+    let desk = Desk::new();
+    // Its numbers are metres: as inches it is 39 times too small, as millimetres a thousand times.
+    for unit in ["inch", "cm", "mm"] {
+        correct(&desk, &part(MOUSE), &drawing("abc"), &format!("--part-unit {unit}"))
+            .refused(1, &[&format!("taken as {unit} because the settings say so"), "`--part-unit`"]);
+    }
+    // A file in metres by its numbers, taken as mm because STL has no unit.
+    let in_metres = "solid x\nfacet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 -3 0\nvertex 3 3 0\nendloop\nendfacet\n\
+                     facet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 3 0\nvertex -3 3 0\nendloop\nendfacet\nendsolid x\n";
+    desk.write("plate.stl", in_metres);
+    correct(&desk, "plate.stl", &drawing("abc"), "")
+        .refused(1, &["Check the unit of the part", "taken as mm because STL"]);
+}
+
 #[test]
 fn drawings_that_do_not_lie_on_the_part() {
     let desk = Desk::new();

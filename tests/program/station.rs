@@ -143,6 +143,34 @@ fn by_command(part: &str, pattern: &str, name: &str, sku: &str) -> Vec<u8> {
     station.desk.read("out.dxf")
 }
 
+/// Few bytes that unfold to much work, more of them than there are threads, and a small drawing after them.
+#[test]
+fn a_small_drawing_is_delivered_before_large_ones_that_came_before_it() {
+    let mut station = Station::new();
+    station.desk.write("station.toml", SETTINGS.replace("[watch]\n", "[watch]\njobs = 2\n"));
+    let block = "0\nSECTION\n2\nBLOCKS\n0\nBLOCK\n8\n0\n2\nA\n10\n0\n20\n0\n0\nLINE\n8\n0\n10\n0\n20\n0\n11\n0.05\n21\n0.03\n\
+                 0\nENDBLK\n0\nENDSEC\n";
+    let drawing = |copies: u32| {
+        format!(
+            "{block}0\nSECTION\n2\nENTITIES\n0\nINSERT\n8\n0\n2\nA\n10\n0\n20\n0\n70\n{copies}\n71\n{copies}\n44\n0.1\n45\n0.1\n\
+             0\nENDSEC\n0\nEOF\n"
+        )
+    };
+    let trough =
+        "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\nf 1 2 5 4\nf 2 3 6 5\n";
+    for sku in ["large1", "large2", "large3", "large4", "small"] {
+        station.desk.write(&format!("hot/{sku}.obj"), trough);
+        station.desk.write(&format!("hot/{sku}.dxf"), drawing(if sku == "small" { 1 } else { 150 }));
+    }
+    station.start();
+    station.waits_for("all results", |station| files(&station.path("import")).len() == 5);
+    station.waits_for("the log", |station| station.log().matches(" delivered to import").count() == 5);
+    let log = station.log();
+    let delivered: Vec<&str> = log.lines().filter(|line| line.contains(" delivered to import")).collect();
+    let small = delivered.iter().position(|line| line.contains("small.dxf"));
+    assert!(small.is_some_and(|place| place < 2), "{delivered:#?}");
+}
+
 #[test]
 fn drops_in_any_order_give_the_bytes_of_the_command() {
     let can = part("can/fc020-gui.glb");

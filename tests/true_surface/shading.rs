@@ -148,7 +148,8 @@ fn area_vector(points: &[Point3<f64>], polygon: &[usize]) -> Vector3<f64> {
 }
 
 fn read_bar(text: &str) -> PartReading {
-    let options = MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z) };
+    let options =
+        MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..MeshOptions::default() };
     read("bar.obj", text.as_bytes(), &options)
 }
 

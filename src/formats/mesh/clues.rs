@@ -104,12 +104,12 @@ impl Clues {
     pub(super) fn judge(&self, corners: &Corners, options: &MeshOptions) -> Verdict {
         let diagonal = corners.size.norm();
         let (unit, unit_footing) = match options.unit {
-            Some(unit) => (Decision::new(unit, "the settings say so"), Footing::Settings),
+            Some(unit) => (Decision::by_settings(unit), Footing::Settings),
             None => self.unit(diagonal),
         };
         let in_millimetres = unit.value == LengthUnit::Millimetre && diagonal > LONGEST_IN_METRES;
         let (up, up_footing) = match options.up {
-            Some(up) => (Decision::new(up, "the settings say so"), Footing::Settings),
+            Some(up) => (Decision::by_settings(up), Footing::Settings),
             None => self.up(corners, in_millimetres),
         };
         let mut notices = Vec::new();

@@ -227,6 +227,9 @@ pub enum MeshReadError {
         /// How many can be read.
         limit: u64,
     },
+    /// It is more than a moment's work, and only a moment was given to it.
+    #[error("the part takes longer than a moment")]
+    TakesLong,
 }
 
 /// Where a vertex or face stands in its file.
@@ -336,6 +339,7 @@ impl MeshReadError {
             Self::Refused { .. } => "mesh-refused",
             Self::NoTriangles { .. } => "mesh-empty",
             Self::TooLarge { .. } => "mesh-too-large",
+            Self::TakesLong => "takes-long",
         }
     }
 
@@ -374,7 +378,8 @@ impl MeshReadError {
             | Self::NoTriangles { .. }
             | Self::NoPoints { .. }
             | Self::CutShort { .. }
-            | Self::TooLarge { .. } => Place::default(),
+            | Self::TooLarge { .. }
+            | Self::TakesLong => Place::default(),
         }
     }
 
@@ -431,6 +436,7 @@ impl MeshReadError {
             Self::TooLarge { .. } => {
                 "reduce the mesh (decimate it, or export with a larger chord tolerance) or the scan (thin it out)"
             }
+            Self::TakesLong => "give it more time",
         };
         fixed.into()
     }

@@ -11,6 +11,7 @@ use ::gltf::binary::Error as GlbError;
 use ::gltf::json::{Root, buffer::Buffer, deserialize};
 use ::gltf::{Document, Error as GltfError, Glb};
 
+use crate::formats::Pace;
 use crate::reason::Notice;
 
 use super::{MeshFormat, MeshReadError, RawPart, Sibling};
@@ -30,12 +31,13 @@ const CHUNK_HEADER: usize = 8;
 pub(super) fn read(
     bytes: &[u8],
     format: MeshFormat,
+    pace: Pace,
     sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
 ) -> Result<RawPart, MeshReadError> {
     let container = Container::split(bytes, format)?;
     let document = parse(&container.json)?;
     let buffers = load_buffers(&document.as_json().buffers, container.binary, sibling)?;
-    let mut part = scene::read(&document, &buffers, format)?;
+    let mut part = scene::read(&document, &buffers, format, pace)?;
     if container.trailing > 0 {
         let message = format!("{} bytes after the end of the GLB file were left aside", container.trailing);
         part.notices.push(Notice::warning("glb-trailing-bytes", message));

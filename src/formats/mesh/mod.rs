@@ -13,10 +13,11 @@ use std::io;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::Pace;
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading;
-use crate::reason::Notice;
+use crate::reason::{Notice, Severity};
 
 mod units;
 mod error;
@@ -39,6 +40,8 @@ use clues::{Clues, Corners};
 
 /// Most triangles a part may have; a million is already finer than any marking needs.
 const MOST_TRIANGLES: usize = 10_000_000;
+/// So many triangles are a moment's work, with the fit that follows.
+const MOMENT: usize = 200_000;
 /// Most points a scan may have; a million is already finer than any marking needs.
 const MOST_POINTS: usize = 10_000_000;
 
@@ -67,6 +70,8 @@ pub struct MeshOptions {
     pub unit: Option<LengthUnit>,
     /// Axis of the file that points up.
     pub up: Option<UpAxis>,
+    /// How long reading and fitting may take.
+    pub pace: Pace,
 }
 
 /// A part with what its file says about it.
@@ -162,12 +167,17 @@ pub fn read(
 ) -> Result<PartReading, MeshReadError> {
     let format = format.of_content(bytes);
     let part = match format {
-        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, sibling)?,
-        MeshFormat::Obj => obj::read(bytes)?,
+        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, options.pace, sibling)?,
+        MeshFormat::Obj => obj::read(bytes, options.pace)?,
         MeshFormat::Stl => stl::read(bytes)?,
-        MeshFormat::Ply => ply::read(bytes)?,
+        MeshFormat::Ply => ply::read(bytes, options.pace)?,
         MeshFormat::Xyz => points::read(bytes)?,
     };
+    // How much noise a scan has is found by fitting it several times.
+    if part.is_scan && options.pace == Pace::Quick {
+        return Err(MeshReadError::TakesLong);
+    }
+    a_moment(options.pace, part.triangles.len(), MOMENT)?;
     part.into_reading(options)
 }
 
@@ -213,6 +223,23 @@ pub fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
     }
 }
 
+/// Endings of parts that other programs read, in lower case.
+const UNREAD: [&str; 31] = [
+    "step", "stp", "p21", "iges", "igs", "3mf", "amf", "fcstd", "brep", "brp", "blend", "sldprt", "sldasm",
+    "ipt", "iam", "prt", "catpart", "x_t", "x_b", "sat", "jt", "3dm", "f3d", "fbx", "dae", "3ds", "skp",
+    "wrl", "usd", "usdz", "off",
+];
+
+/// Whether a file of this name is a part in a format that is not read, in capitals or not.
+///
+/// ```
+/// use isomark::formats::mesh::is_unread_part;
+/// assert!(is_unread_part("can.STEP") && !is_unread_part("can.glb") && !is_unread_part("can.dxf"));
+/// ```
+pub fn is_unread_part(file_name: &str) -> bool {
+    file_name.rsplit_once('.').is_some_and(|(_, ending)| UNREAD.contains(&&*ending.to_ascii_lowercase()))
+}
+
 impl MeshFormat {
     /// File name endings of parts, for people.
     pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
@@ -252,6 +279,17 @@ impl MeshFormat {
         } else {
             self
         }
+    }
+}
+
+impl PartFacts {
+    /// Whether the unit of the file's numbers may be another one: somebody set it, or it is a guess.
+    pub fn has_doubtful_unit(&self) -> bool {
+        let is_doubt = |notice: &Notice| {
+            notice.code == "size-implausible"
+                || (notice.code == "unit-assumed" && notice.severity == Severity::Warning)
+        };
+        self.format.is_some() && (self.unit.is_by_settings() || self.notices.iter().any(is_doubt))
     }
 }
 
@@ -386,6 +424,11 @@ impl RawPart {
         };
         Ok(PartReading { shape, facts })
     }
+}
+
+/// Refuses more work than the pace allows, where `moment` of it is a moment's.
+fn a_moment(pace: Pace, work: usize, moment: usize) -> Result<(), MeshReadError> {
+    if pace.allows(work, moment) { Ok(()) } else { Err(MeshReadError::TakesLong) }
 }
 
 /// Refuses more of something than can be kept.

@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector3};
 use super::clues::Clues;
 use super::error::EmptyCause;
 use super::{MeshFormat, MeshReadError, NormalsFound, RawPart, gltf, normals, polygon};
+use crate::formats::Pace;
 use crate::reason::Notice;
 
 use check::Checked;
@@ -18,7 +19,7 @@ mod lines;
 mod check;
 
 /// Reads a part from an OBJ file.
-pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     // Only text is OBJ; a zero byte never is.
     if bytes.is_empty() || bytes[..bytes.len().min(4096)].contains(&0) {
@@ -29,7 +30,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
         return Err(not_obj(bytes));
     }
     let ends_open = checked.ends_open;
-    let mut part = part_of(checked)?;
+    let mut part = part_of(checked, pace)?;
     if ends_open {
         let message =
             "the last line does not end with a line break; if the file was cut there, the last face is wrong";
@@ -42,7 +43,7 @@ fn not_obj(bytes: &[u8]) -> MeshReadError {
     MeshReadError::NotThisFormat { format: MeshFormat::Obj, found: gltf::beginning(bytes) }
 }
 
-fn part_of(mut checked: Checked) -> Result<RawPart, MeshReadError> {
+fn part_of(mut checked: Checked, pace: Pace) -> Result<RawPart, MeshReadError> {
     let mut clues = Clues::new(MeshFormat::Obj, checked.producer.take());
     clues.stated_unit = checked.stated_unit;
     let mut part = RawPart::new(clues);
@@ -60,7 +61,7 @@ fn part_of(mut checked: Checked) -> Result<RawPart, MeshReadError> {
     let model = parse(&checked)?;
     let positions: Vec<Point3<f64>> =
         model.positions.as_chunks().0.iter().map(|&position| Point3::from(position)).collect();
-    let triangles = triangles(&model, &positions);
+    let triangles = triangles(&model, &positions, pace)?;
     let normals: Vec<Vector3<f64>> =
         model.normals.as_chunks().0.iter().map(|&normal| Vector3::from(normal)).collect();
     let normal = |triangle: usize, corner: usize| {
@@ -100,11 +101,16 @@ fn parse(checked: &Checked) -> Result<tobj::Mesh, MeshReadError> {
 }
 
 /// All faces cut into triangles.
-fn triangles(model: &tobj::Mesh, positions: &[Point3<f64>]) -> Vec<[u32; 3]> {
+fn triangles(
+    model: &tobj::Mesh,
+    positions: &[Point3<f64>],
+    pace: Pace,
+) -> Result<Vec<[u32; 3]>, MeshReadError> {
     // Without numbers of corners all faces have three.
     if model.face_arities.is_empty() {
-        return model.indices.as_chunks().0.to_vec();
+        return Ok(model.indices.as_chunks().0.to_vec());
     }
+    let mut cutter = polygon::Cutter::new(pace);
     let mut triangles = Vec::with_capacity(model.indices.len());
     let mut outline = Vec::new();
     let mut rest = &model.indices[..];
@@ -117,9 +123,9 @@ fn triangles(model: &tobj::Mesh, positions: &[Point3<f64>]) -> Vec<[u32; 3]> {
         }
         outline.clear();
         outline.extend(face.iter().map(|&vertex| positions[vertex as usize]));
-        polygon::triangulate(&outline, |corners| triangles.push(corners.map(|corner| face[corner])));
+        cutter.cut(&outline, |corners| triangles.push(corners.map(|corner| face[corner])))?;
     }
-    triangles
+    Ok(triangles)
 }
 
 #[cfg(test)]

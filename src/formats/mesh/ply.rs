@@ -11,6 +11,7 @@ use super::error::{EmptyCause, VertexPlace};
 use super::text::{number, without_mark, words};
 use super::{MOST_POINTS, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, gltf};
 use super::{normals, polygon};
+use crate::formats::Pace;
 
 /// Longest header, bytes.
 const LONGEST_HEADER: usize = 1 << 16;
@@ -19,7 +20,7 @@ const MOST_CORNERS: usize = 10_000;
 const FORMAT: MeshFormat = MeshFormat::Ply;
 
 /// Reads a part or a scan from a PLY file.
-pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
     let header = Header::of(bytes)?;
     header.check_length(bytes)?;
     let mut body = Body::new(&header, bytes);
@@ -31,7 +32,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
             _ => body.pass(element)?,
         }
     }
-    found.into_part(header)
+    found.into_part(header, pace)
 }
 
 /// Whether all elements are there, as far as that is known without reading them.
@@ -429,7 +430,7 @@ impl Found {
         Ok(())
     }
 
-    fn into_part(self, header: Header) -> Result<RawPart, MeshReadError> {
+    fn into_part(self, header: Header, pace: Pace) -> Result<RawPart, MeshReadError> {
         let mut clues = Clues::new(FORMAT, header.comments.first().cloned());
         clues.stated_unit = header.comments.iter().find_map(|comment| stated_unit(comment));
         let mut part = RawPart::new(clues);
@@ -447,12 +448,13 @@ impl Found {
         if let Some((vertex, coordinate)) = self.broken {
             return Err(MeshReadError::NotFinite { vertex, coordinate });
         }
-        self.into_mesh(&mut part)?;
+        self.into_mesh(&mut part, pace)?;
         Ok(part)
     }
 
-    fn into_mesh(self, part: &mut RawPart) -> Result<(), MeshReadError> {
+    fn into_mesh(self, part: &mut RawPart, pace: Pace) -> Result<(), MeshReadError> {
         let (mut triangles, mut outline, mut rest) = (Vec::new(), Vec::new(), &self.corners[..]);
+        let mut cutter = polygon::Cutter::new(pace);
         for (number, &arity) in self.arities.iter().enumerate() {
             let (face, others) = rest.split_at(arity as usize);
             rest = others;
@@ -467,9 +469,7 @@ impl Found {
                 _ => {
                     outline.clear();
                     outline.extend(face.iter().map(|&vertex| self.points[vertex as usize]));
-                    polygon::triangulate(&outline, |corners| {
-                        triangles.push(corners.map(|corner| face[corner]))
-                    });
+                    cutter.cut(&outline, |corners| triangles.push(corners.map(|corner| face[corner])))?;
                 }
             }
         }

@@ -2,12 +2,52 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+use super::{MeshReadError, a_moment, at_most};
+use crate::formats::Pace;
+
+/// Most comparisons of corners for all faces of a part: half a minute.
+const MOST_WORK: usize = 4_000_000_000;
+/// So many are a moment's work.
+const MOMENT: usize = 20_000_000;
+
+/// Cuts all faces of one part.
+pub(super) struct Cutter {
+    pace: Pace,
+    /// Comparisons so far, at most.
+    work: usize,
+}
+
+impl Cutter {
+    pub(super) fn new(pace: Pace) -> Self {
+        Self { pace, work: 0 }
+    }
+
+    /// Cuts one face, as [`triangulate`] does.
+    ///
+    /// # Errors
+    /// When that is too much work, for the pace or at all.
+    pub(super) fn cut(
+        &mut self,
+        corners: &[Point3<f64>],
+        emit: impl FnMut([usize; 3]),
+    ) -> Result<(), MeshReadError> {
+        // Quadrangles are cut at once.
+        let work = if corners.len() > 4 { corners.len().saturating_mul(corners.len()) } else { 0 };
+        self.work = self.work.saturating_add(work);
+        at_most("comparisons of the corners of faces", self.work, MOST_WORK)?;
+        a_moment(self.pace, self.work, MOMENT)?;
+        triangulate(corners, emit);
+        Ok(())
+    }
+}
+
 /// Cuts the polygon into `corners.len() - 2` triangles, given as numbers of its corners and turning as it turns.
 ///
 /// Ear clipping (G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82, 1975) in the plane of the polygon's
 /// vector area; a convex polygon is cut into a fan. Where no ear is left, because the polygon crosses itself or has no
-/// area, the next corner is cut off all the same, so that every corner is used and the work is bounded.
-pub(super) fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 3])) {
+/// area, the next corner is cut off all the same, so that every corner is used. Takes O(n²): whether a corner is an ear
+/// changes only when one beside it is cut off.
+fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 3])) {
     if corners.len() < 3 {
         return;
     }
@@ -20,13 +60,16 @@ pub(super) fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 
         return;
     }
     let mut left: Vec<usize> = (0..count).collect();
+    let mut is_known: Vec<Option<bool>> = vec![None; count];
     let mut at = 0;
     let mut refused = 0;
     while left.len() > 3 {
         let here = [left[(at + left.len() - 1) % left.len()], left[at], left[(at + 1) % left.len()]];
-        if refused >= left.len() || is_ear(&flat, &left, here) {
+        let [before, tip, after] = here;
+        if refused >= left.len() || *is_known[tip].get_or_insert_with(|| is_ear(&flat, &left, here)) {
             emit(here);
             left.remove(at);
+            (is_known[before], is_known[after]) = (None, None);
             refused = 0;
             // Stepping back would cut a fan of slivers; going on spreads the cuts.
             at %= left.len();
@@ -135,6 +178,31 @@ mod tests {
         ];
         let (signed, total, _) = areas(&ring);
         assert!((signed - 12.0).abs() < 1e-12 && (total - 12.0).abs() < 1e-12, "{signed} {total}");
+    }
+
+    /// Teeth that reach into the gaps of other teeth: almost no corner is an ear.
+    #[test]
+    fn a_face_of_thousands_of_concave_corners_is_cut_whole() {
+        let count = 2500;
+        let x = |tooth: usize| tooth as f64 * 0.01;
+        let upper = (0..count)
+            .map(|tooth| [x(tooth), if tooth % 2 == 1 { 40.0 } else { 1.0 + 0.001 * tooth as f64 }]);
+        let lower = (0..count).rev().map(|tooth| [x(tooth), if tooth % 2 == 1 { 39.0 } else { 0.0 }]);
+        let points: Vec<[f64; 2]> = upper.chain(lower).collect();
+        let pairs = points.iter().zip(points.iter().cycle().skip(1));
+        let area = pairs.map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0;
+        let (signed, total, triangles) = areas(&points);
+        assert_eq!(triangles, 2 * count - 2);
+        assert!((signed - area).abs() < 1e-6 && (total - area.abs()).abs() < 1e-6, "{signed} {total} {area}");
+    }
+
+    #[test]
+    fn more_work_than_the_pace_allows_is_not_begun() {
+        let ring = vec![Point3::origin(); 1000];
+        let mut quick = Cutter::new(Pace::Quick);
+        let cut = (0..100).take_while(|_| quick.cut(&ring, |_| {}).is_ok()).count();
+        assert_eq!(cut, 20);
+        assert_eq!(quick.cut(&ring, |_| {}), Err(MeshReadError::TakesLong));
     }
 
     #[test]

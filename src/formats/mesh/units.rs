@@ -45,6 +45,8 @@ pub struct Decision<T> {
     pub why: String,
 }
 
+const SETTINGS: &str = "the settings say so";
+
 /// A setting's word that names no unit or axis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("\"{word}\" is none of {expected}")]
@@ -130,6 +132,16 @@ impl<T> Decision<T> {
     /// The value and its reason.
     pub fn new(value: T, why: impl Into<String>) -> Self {
         Self { value, why: why.into() }
+    }
+
+    /// What a person said.
+    pub(super) fn by_settings(value: T) -> Self {
+        Self::new(value, SETTINGS)
+    }
+
+    /// Whether a person said so.
+    pub fn is_by_settings(&self) -> bool {
+        self.why == SETTINGS
     }
 }
 

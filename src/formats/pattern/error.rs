@@ -98,6 +98,9 @@ pub enum PatternReadError {
         /// The entity where the limit was reached.
         entity: Option<EntityName>,
     },
+    /// It is more than a moment's work, and only a moment was given to it.
+    #[error("the drawing takes longer than a moment")]
+    TakesLong,
     /// A block holds itself.
     #[error("the block {block} holds itself")]
     RecursiveBlock {
@@ -227,6 +230,7 @@ impl PatternReadError {
                     None => reason,
                 }
             }
+            Self::TakesLong => told("takes-long", "Give it more time."),
             Self::RecursiveBlock { entity, .. } => told(
                 "pattern-recursive-block",
                 "Explode the block in the drawing program, or purge and export again.",

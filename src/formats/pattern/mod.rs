@@ -14,6 +14,7 @@ pub use facts::{LayerFacts, LostInk, NotTaken, PatternFacts, PictureFacts, Repai
 pub use picture::PictureOptions;
 pub use units::{DrawingUnit, UnknownUnit};
 
+use super::Pace;
 use crate::geometry::pattern::Pattern;
 use crate::reason::Notice;
 use picture::PictureFormat;
@@ -37,6 +38,8 @@ pub struct PatternOptions {
     pub strict: bool,
     /// How a picture is read.
     pub picture: PictureOptions,
+    /// How long reading may take. Default as long as it takes.
+    pub pace: Pace,
 }
 
 impl Default for PatternOptions {
@@ -47,6 +50,7 @@ impl Default for PatternOptions {
             joining_tolerance: 0.002,
             strict: false,
             picture: PictureOptions::default(),
+            pace: Pace::Any,
         }
     }
 }
@@ -64,7 +68,7 @@ pub struct PatternReading {
 ///
 /// # Errors
 /// The bytes are no whole DXF file or picture, a number is unreadable, the drawing unfolds to too much, a picture has no
-/// size, or nothing in it can be marked.
+/// size, or nothing in it can be marked; or it takes longer than [`PatternOptions::pace`] allows.
 pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     match PictureFormat::of(bytes) {
         Some(format) => picture::read(bytes, format, options),

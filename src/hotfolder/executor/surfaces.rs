@@ -8,6 +8,7 @@ use super::super::folders;
 use super::super::job::{Corrector, DroppedFile, JobError};
 use super::{Executor, PART_REFUSED, folder_trouble, guarded};
 use crate::config::{FolderPaths, JobSettings, Sku};
+use crate::formats::Pace;
 use crate::reason::Reason;
 
 impl<C: Corrector> Executor<'_, C> {
@@ -70,6 +71,7 @@ impl<C: Corrector> Executor<'_, C> {
         folders: &FolderPaths,
         sku: &Sku,
         settings: &JobSettings,
+        pace: Pace,
     ) -> Result<bool, JobError> {
         if guarded(|| Ok(self.corrector.knows(sku, settings)))? {
             return Ok(true);
@@ -84,7 +86,7 @@ impl<C: Corrector> Executor<'_, C> {
         let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let file = DroppedFile { name, path, bytes };
-        match guarded(|| self.corrector.restore_part(sku, &file, settings)) {
+        match guarded(|| self.corrector.restore_part(sku, &file, settings, pace)) {
             Ok(learned) => {
                 tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);
                 Ok(true)

@@ -9,6 +9,7 @@ use super::super::job::{Delivery, JobError};
 use super::super::journal::{Import, Job};
 use super::super::settle::{Gap, Stamp};
 use crate::config::{JobSettings, Sku, Station};
+use crate::formats::Pace;
 use crate::reason::Reason;
 
 /// One job, with all it needs to know.
@@ -26,6 +27,8 @@ pub(in crate::hotfolder) struct Task {
     pub(in crate::hotfolder) stamp: Stamp,
     /// What is incomplete now stays so.
     pub(in crate::hotfolder) last_chance: bool,
+    /// How long it may take.
+    pub(in crate::hotfolder) pace: Pace,
     /// Why it can only be rejected.
     pub(in crate::hotfolder) doomed: Option<Reason>,
     /// Other drops that may still be written.
@@ -100,6 +103,8 @@ pub(in crate::hotfolder) enum Outcome {
     NoSurface(Reason),
     /// A part of the SKU came before the drawing was delivered.
     PartCame,
+    /// It was to be quick, and is not.
+    TakesLong,
     /// The newest part of the SKU was rejected, and its older shape is not used.
     PartRefused(Reason),
     /// Something around the job fails.

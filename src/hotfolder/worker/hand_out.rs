@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::super::delivery::IMPORT_MISSING;
 use super::super::drops::{Block, Drop};
@@ -15,11 +16,14 @@ use super::super::settle::{Stamp, Verdict};
 use super::outcomes::part_under_way;
 use super::{Running, Worker};
 use crate::config::{JobSettings, Sku};
+use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
-/// A drop of this size or more is a large job, bytes: its fit takes seconds.
+/// A drop of this size or more is a large job, bytes: reading it alone takes longer than a moment.
 const LARGE: u64 = 4 << 20;
+/// A job that takes this long is a large one, whatever it looked like.
+const LONG: Duration = Duration::from_secs(2);
 /// A drop is rejected after the station ended in as many minutes while it was at it; but for the first time it was at
 /// nothing else.
 const MOST_DEATHS: u32 = 5;
@@ -41,13 +45,25 @@ impl<C: Corrector> Worker<'_, C> {
         while self.has_room() {
             let busy: BTreeSet<Sku> =
                 self.running.values().filter_map(|running| running.sku().cloned()).collect();
-            let Some(again) = self.reprocessing.next(self.now(), &busy) else { break };
-            self.correct_again(again);
+            let large_too = self.has_room_for_large();
+            let next = self.reprocessing.next(self.now(), &busy, large_too);
+            let Some((again, takes_long)) = next else { break };
+            self.correct_again(again, takes_long, large_too);
         }
     }
 
-    fn has_room(&self) -> bool {
-        self.running.len() < self.threads && !self.running.values().any(|running| running.alone)
+    /// Whether a thread is free for a job that is not known to be large. Jobs that take long without having looked like it
+    /// make room for as many others.
+    pub(super) fn has_room(&self) -> bool {
+        let now = self.now();
+        let takes_long = |running: &&Running| !running.large && now.saturating_sub(running.since) >= LONG;
+        let spare = self.running.values().filter(takes_long).count().min(self.threads);
+        self.running.len() < self.threads + spare && !self.running.values().any(|running| running.alone)
+    }
+
+    /// Whether a large job leaves a thread to the small ones.
+    fn has_room_for_large(&self) -> bool {
+        self.running.values().filter(|running| running.large).count() + 1 < self.threads
     }
 
     fn make_lanes(&mut self) {
@@ -73,12 +89,12 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// The first drop whose SKU is free and that is small enough for the threads that are left.
     fn next_in_lanes(&mut self) -> Option<PathBuf> {
-        let large_too = self.running.values().filter(|running| running.large).count() + 1 < self.threads;
+        let large_too = self.has_room_for_large();
         let mut found = None;
         for (sku, lane) in &self.lanes {
             let Some(first) = lane.front() else { continue };
-            let size = self.drops.get(first).map_or(0, |drop| drop.settle.stamp().size);
-            if sku.as_ref().is_none_or(|sku| !self.is_busy(sku)) && (large_too || size < LARGE) {
+            let is_large = self.drops.get(first).is_some_and(is_large);
+            if sku.as_ref().is_none_or(|sku| !self.is_busy(sku)) && (large_too || !is_large) {
                 found = Some(sku.clone());
                 break;
             }
@@ -129,7 +145,8 @@ impl<C: Corrector> Worker<'_, C> {
         }
         let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
-        let chance = Chance { last_chance, doomed, waits_for_import, alone: deaths > 0 };
+        let chance =
+            Chance { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
         self.start(path, relative, work, stamp, chance);
     }
 
@@ -148,7 +165,8 @@ impl<C: Corrector> Worker<'_, C> {
             work: work.clone(),
             since: self.now(),
             stamp,
-            large: stamp.size >= LARGE,
+            large: chance.large,
+            is_spare: self.running.values().filter(|running| !running.is_spare).count() >= self.threads,
             companions_came: self.companions_came,
             alone: chance.alone,
             settings_changes: self.settings_changes,
@@ -162,6 +180,8 @@ impl<C: Corrector> Worker<'_, C> {
             settings,
             stamp,
             last_chance: chance.last_chance,
+            // Nothing waits for what is done alone.
+            pace: if chance.large || chance.alone { Pace::Any } else { Pace::Quick },
             doomed: chance.doomed,
             settling: self.drops.settling_beside(path, self.now(), &self.times()),
             waits_for_import: chance.waits_for_import,
@@ -171,23 +191,29 @@ impl<C: Corrector> Worker<'_, C> {
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &running.work {
             if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
         }
+        let tasks = if running.is_spare { &self.spare_tasks } else { &self.tasks };
+        let sent = tasks.send(task);
         self.running.insert(path.into(), running);
-        if self.tasks.send(task).is_err() {
+        if sent.is_err() {
             self.running.remove(path);
         }
     }
 
-    fn correct_again(&mut self, again: super::super::reprocess::Again) {
+    fn correct_again(&mut self, again: super::super::reprocess::Again, takes_long: bool, large_too: bool) {
         let look = folders::look(&again.original);
         let Ok(Some(Found::File(stamp))) = look else {
             tracing::warn!("{} cannot be corrected again: its original is not in the archive", again.name);
             return self.reprocessing.forget(&again.name);
         };
+        let large = takes_long || stamp.size >= LARGE;
+        if large && !large_too {
+            return self.reprocessing.takes_long(&again.name);
+        }
         let relative = PathBuf::from(again.drop());
         // The archived original bears the pattern's name.
         let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let work = Work::CorrectAgain { sku: again.sku, name };
-        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false };
+        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
         self.start(&again.original, relative, work, stamp, chance);
     }
 }
@@ -198,6 +224,12 @@ struct Chance {
     doomed: Option<Reason>,
     waits_for_import: bool,
     alone: bool,
+    large: bool,
+}
+
+/// Whether a drop is known to be more than a moment's work.
+fn is_large(drop: &Drop) -> bool {
+    drop.takes_long || drop.settle.stamp().size >= LARGE
 }
 
 /// How often the station ended while it was at this very file.

@@ -107,6 +107,11 @@ impl<C: Corrector> Worker<'_, C> {
                 }
                 self.retry_later(path, reason);
             }
+            Outcome::TakesLong => {
+                if let Some(drop) = self.drops.get_mut(path).filter(|_| same) {
+                    drop.takes_long = true;
+                }
+            }
             Outcome::Stop(reason) => self.stopped = Some(reason),
         }
     }
@@ -135,6 +140,7 @@ impl<C: Corrector> Worker<'_, C> {
                 self.reprocessing.forget(name);
                 self.reprocessing.check(sku.clone());
             }
+            Outcome::TakesLong => self.reprocessing.takes_long(name),
             Outcome::Learned { .. } | Outcome::Changed | Outcome::Incomplete { .. } => {
                 self.reprocessing.forget(name);
             }

@@ -80,7 +80,7 @@ fn blender_obj_files_in_mm_show_their_axis_by_dust_or_by_their_stand() {
 
 #[test]
 fn settings_override_without_a_notice() {
-    let options = MeshOptions { unit: Some(LengthUnit::Centimetre), up: Some(Z) };
+    let options = MeshOptions { unit: Some(LengthUnit::Centimetre), up: Some(Z), ..MeshOptions::default() };
     let verdict = clues(Glb, "").judge(&corners([6.6, 6.6, 11.5]), &options);
     assert_eq!((verdict.unit.value, verdict.up.value), (LengthUnit::Centimetre, Z));
     assert_eq!(verdict.unit.why, "the settings say so");

@@ -11,21 +11,31 @@ use ::gltf::json::{Index, Mesh, Node, Root};
 use ::gltf::scene::Transform;
 use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
+use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
 use crate::formats::mesh::{
-    MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals,
+    MOMENT, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, a_moment, at_most, normals,
 };
 
 use super::accessor::Data;
+
+/// Most triangles that copies of few bytes may make: nodes share meshes, and primitives numbers, as often as they like.
+const MOST_COPIES: usize = 2_000_000;
+/// A triangle that a file holds takes three indices of two bytes; with small ones its vertices take more.
+const BYTES_OF_TRIANGLE: usize = 6;
+/// A vertex that a file holds takes three floats.
+const BYTES_OF_VERTEX: usize = 12;
 
 /// Reads the file's own scene; numbers stay in the file's unit and axes.
 pub(super) fn read(
     document: &Document,
     buffers: &[Cow<'_, [u8]>],
     format: MeshFormat,
+    pace: Pace,
 ) -> Result<RawPart, MeshReadError> {
     let root = document.as_json();
+    let bytes = buffers.iter().map(|buffer| buffer.len()).sum();
     let mut walk = Walk {
         root,
         data: Data { document, buffers },
@@ -33,6 +43,9 @@ pub(super) fn read(
         not_taken: BTreeMap::new(),
         used_materials: vec![false; root.materials.len()],
         has_normals: false,
+        pace,
+        most_triangles: most(bytes, BYTES_OF_TRIANGLE, MOST_COPIES).min(MOST_TRIANGLES),
+        most_vertices: most(bytes, BYTES_OF_VERTEX, 3 * MOST_COPIES / 2).min(3 * MOST_TRIANGLES),
     };
     let roots = walk.roots()?;
     walk.part.clues.root_turn = walk.turn_of(&roots);
@@ -50,6 +63,14 @@ struct Walk<'a> {
     not_taken: BTreeMap<&'static str, usize>,
     used_materials: Vec<bool>,
     has_normals: bool,
+    pace: Pace,
+    most_triangles: usize,
+    most_vertices: usize,
+}
+
+/// What the bytes of a file have room for, but at least `copies`.
+fn most(bytes: usize, each: usize, copies: usize) -> usize {
+    (bytes / each).max(copies)
 }
 
 impl Walk<'_> {
@@ -176,7 +197,9 @@ impl Walk<'_> {
         let first_vertex = self.part.positions.len();
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
         // Every vertex index must fit, as those of all instances are numbered through.
-        at_most("vertices", first_vertex + positions.len(), 3 * MOST_TRIANGLES)?;
+        let vertices = first_vertex + positions.len();
+        at_most("vertices", vertices, self.most_vertices)?;
+        a_moment(self.pace, vertices, 3 * MOMENT)?;
         let (linear, shift) =
             (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
@@ -205,7 +228,8 @@ impl Walk<'_> {
         }
         let is_list = matches!(primitive.mode, Checked::Valid(Mode::Triangles));
         let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
-        at_most("triangles", wanted, MOST_TRIANGLES)?;
+        at_most("triangles", wanted, self.most_triangles)?;
+        a_moment(self.pace, wanted, MOMENT)?;
         expand(primitive, &sequence, |[a, b, c]| {
             let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
             self.part.triangles.push(corners.map(|index| first + index));

@@ -416,3 +416,57 @@ fn textures_beside_the_part_are_named() {
     assert_eq!(super::textures(bytes.as_bytes(), MeshFormat::Gltf), ["wood grain.png"]);
     assert!(super::textures(b"no glTF", MeshFormat::Gltf).is_empty());
 }
+
+/// Nodes share a mesh, meshes share numbers: a few bytes may ask for any number of triangles.
+#[test]
+fn copies_of_few_bytes_are_bounded_and_known_to_take_long() {
+    let copies = |count: usize, shared_by_nodes: bool| {
+        let floats = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let mut binary: Vec<u8> = floats.iter().flat_map(|value| value.to_le_bytes()).collect();
+        binary.extend([0u8, 1, 2].repeat(10_000));
+        let primitive = json!({"attributes": {"POSITION": 0}, "indices": 1});
+        let (nodes, primitives) = if shared_by_nodes { (count, 1) } else { (1, count) };
+        let document = json!({
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": (0..nodes).collect::<Vec<_>>()}],
+            "nodes": vec![json!({"mesh": 0}); nodes],
+            "meshes": [{"primitives": vec![primitive; primitives]}],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5121, "count": 30_000, "type": "SCALAR"},
+            ],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 30_000}],
+            "buffers": [{"byteLength": binary.len()}],
+        });
+        container(&document, &binary)
+    };
+    let quick = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
+    let read_quickly = |bytes: &[u8]| mesh::read(bytes, MeshFormat::Glb, &quick, &mut no_sibling);
+    for by_nodes in [true, false] {
+        let few = copies(3, by_nodes);
+        assert_eq!(read_quickly(&few).unwrap().facts.triangles, read_glb(&few).unwrap().facts.triangles);
+        let many = copies(30, by_nodes);
+        assert_eq!(read_quickly(&many), Err(MeshReadError::TakesLong));
+        assert!(read_glb(&many).is_ok());
+        let refused = read_glb(&copies(201, by_nodes));
+        let is_bounded =
+            matches!(refused, Err(MeshReadError::TooLarge { what: "triangles", limit: 2_000_000, .. }));
+        assert!(is_bounded, "{:?}", refused.map(|part| part.facts.triangles));
+    }
+    // Points without triangles take memory, too.
+    let vertices = {
+        let binary = vec![0; 12 * 10_000];
+        let document = json!({
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": (0..301).collect::<Vec<_>>()}],
+            "nodes": vec![json!({"mesh": 0}); 301],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 10_000, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": binary.len()}],
+            "buffers": [{"byteLength": binary.len()}],
+        });
+        container(&document, &binary)
+    };
+    let refused = read_glb(&vertices);
+    assert!(matches!(refused, Err(MeshReadError::TooLarge { what: "vertices", .. })), "{refused:?}");
+}

@@ -1,5 +1,9 @@
 use super::*;
 
+fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
+    super::read(bytes, Pace::Any)
+}
+
 const TEXT: &str = "ply\nformat ascii 1.0\ncomment by hand, units: cm\nelement vertex 4\nproperty double z\n\
                     property list uchar int seen_by\nproperty float x\nproperty float y\nelement face 1\n\
                     property uchar red\nproperty list uchar int vertex_index\nend_header\n\

@@ -267,15 +267,13 @@ impl<'u> Unfolding<'u> {
             return Err(self.too_many("blocks inside each other", MAX_DEPTH, record));
         }
         let copies = insert.columns.saturating_mul(insert.rows);
-        if copies > Cost::Unfolded.limit() {
-            return Err(self.too_many("copies of a block", Cost::Unfolded.limit(), record));
-        }
+        self.foresee(Cost::Copies, copies, record)?;
         self.open_blocks.push(key);
         let base = Placement {
             linear: nalgebra::Matrix3::identity(),
             offset: -Vector3::new(block.base[0], block.base[1], block.base[2]),
         };
-        let before = [Cost::Unfolded, Cost::Drawn].map(|cost| (cost, self.budget.spent(cost)));
+        let before = [Cost::Unfolded, Cost::Copies, Cost::Drawn].map(|cost| (cost, self.budget.spent(cost)));
         for copy in 0..copies {
             let (row, column) = (copy / insert.columns, copy % insert.columns);
             let mut placement = insert.placement;
@@ -283,7 +281,7 @@ impl<'u> Unfolding<'u> {
             let placement = context.placement.after(&placement.after(&base));
             let inner = self.inside(record, context, placement, layer);
             // An empty block counts too, or a large array of nothing would take for ever.
-            self.spend(Cost::Unfolded, 1, record)?;
+            self.spend(Cost::Copies, 1, record)?;
             let items = self.items;
             for inside in block.entities.clone() {
                 if let Some(item) = items.get(inside) {
@@ -293,9 +291,7 @@ impl<'u> Unfolding<'u> {
             // All copies take what the first one took: too many are refused before they are there.
             for (cost, before) in before.into_iter().filter(|_| copy == 0) {
                 let of_one = self.budget.spent(cost) - before;
-                if of_one.saturating_mul(copies) > cost.limit() - before {
-                    return Err(cost.too_many(structure.name(self.scan, record)));
-                }
+                self.foresee(cost, of_one.saturating_mul(copies - 1), record)?;
             }
         }
         self.open_blocks.pop();
@@ -331,6 +327,11 @@ impl<'u> Unfolding<'u> {
     fn spend(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
         let spent = self.budget.spend(cost, count);
         spent.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
+    }
+
+    fn foresee(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
+        let foreseen = self.budget.foresee(cost, count);
+        foreseen.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
     }
 
     fn check(&self, reach: f64, record: &Record) -> Result<(), PatternReadError> {

@@ -6,14 +6,17 @@
 use std::borrow::Cow;
 
 use super::super::error::{EntityName, PatternReadError};
+use crate::formats::Pace;
 
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cost {
     /// Entities of the file, those of its blocks too.
     Listed,
-    /// Entities after unfolding, and copies of blocks.
+    /// Entities after unfolding.
     Unfolded,
+    /// Copies of blocks, empty ones too.
+    Copies,
     /// Segments and dots of what blocks hold and of the entity that is being read.
     Held,
     /// Segments and dots of paths.
@@ -26,9 +29,20 @@ impl Cost {
     /// The largest number of it in one drawing.
     pub(super) const fn limit(self) -> usize {
         match self {
-            Self::Listed | Self::Unfolded => 2_000_000,
-            Self::Held | Self::Drawn => 3_000_000,
+            Self::Listed => 2_000_000,
+            // The whole job takes about a kilobyte for each of them.
+            Self::Unfolded | Self::Copies | Self::Held | Self::Drawn => 1_000_000,
             Self::Steps => 200_000_000,
+        }
+    }
+
+    /// As many of it are a moment's work, together with all that follows for the whole drawing.
+    const fn moment(self) -> usize {
+        match self {
+            // No more than the file has bytes for.
+            Self::Listed => usize::MAX,
+            Self::Unfolded | Self::Copies | Self::Held | Self::Drawn => 20_000,
+            Self::Steps => 10_000_000,
         }
     }
 
@@ -36,6 +50,7 @@ impl Cost {
     pub(super) fn too_many(self, entity: EntityName) -> PatternReadError {
         let what = match self {
             Self::Listed | Self::Unfolded => "entities",
+            Self::Copies => "copies of a block",
             Self::Held | Self::Drawn => "segments and dots",
             Self::Steps => "steps of work in hatches, splines and texts",
         };
@@ -51,7 +66,9 @@ const STEPS_OF_SEGMENT: usize = 8;
 /// What a drawing has spent so far.
 #[derive(Debug, Default)]
 pub(super) struct Budget {
-    spent: [usize; 5],
+    spent: [usize; 6],
+    pace: Pace,
+    takes_long: bool,
     /// Steps that were spent before the entity that is being read.
     steps_before: usize,
     exceeded: Option<Cost>,
@@ -75,15 +92,33 @@ impl From<Exceeded> for Cow<'static, str> {
 }
 
 impl Budget {
+    /// A budget for a drawing that is read at this pace.
+    pub(super) fn new(pace: Pace) -> Self {
+        Self { pace, ..Self::default() }
+    }
+
     /// Spends so many, or nothing if there are not as many left.
     pub(super) fn spend(&mut self, cost: Cost, count: usize) -> Result<(), Exceeded> {
+        self.foresee(cost, count)?;
+        self.spent[cost as usize] += count;
+        Ok(())
+    }
+
+    /// Refuses so many before they are there.
+    pub(super) fn foresee(&mut self, cost: Cost, count: usize) -> Result<(), Exceeded> {
         let spent = self.spent[cost as usize].saturating_add(count);
-        if spent > cost.limit() {
+        let is_too_many = spent > cost.limit();
+        if is_too_many || !self.pace.allows(spent, cost.moment()) {
+            self.takes_long |= !is_too_many;
             self.exceeded.get_or_insert(cost);
             return Err(Exceeded);
         }
-        self.spent[cost as usize] = spent;
         Ok(())
+    }
+
+    /// Whether the drawing was refused only because it is more than a moment's work.
+    pub(super) fn takes_long(&self) -> bool {
+        self.takes_long
     }
 
     /// Steps of work on the entity that is being read.
@@ -136,6 +171,15 @@ mod tests {
         assert_eq!(budget.spent(Cost::Held), Cost::Held.limit());
         budget.release(5);
         assert!(budget.spend(Cost::Held, 1).is_ok() && budget.spent(Cost::Held) == 6);
+    }
+
+    #[test]
+    fn what_takes_long_is_told_from_what_is_too_much() {
+        for (count, takes_long) in [(Cost::Drawn.moment() + 1, true), (usize::MAX, false)] {
+            let mut budget = Budget::new(Pace::Quick);
+            assert_eq!(budget.foresee(Cost::Drawn, count), Err(Exceeded));
+            assert_eq!((budget.takes_long(), budget.spent(Cost::Drawn)), (takes_long, 0));
+        }
     }
 
     #[test]

@@ -31,14 +31,24 @@ use super::units::{UnitHints, decide};
 use super::{PatternOptions, PatternReading};
 use crate::geometry::contour;
 use crate::geometry::pattern::{Color, Layer, Path, Pattern};
+use budget::Budget;
 
 /// Splines of a degree above 3 are approximated within this, mm: far below what a laser can place.
 const SPLINE_TOLERANCE: f64 = 1e-4;
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
+    let mut budget = Budget::new(options.pace);
+    let reading = read_within(&mut budget, bytes, options);
+    if budget.takes_long() { Err(PatternReadError::TakesLong) } else { reading }
+}
+
+fn read_within(
+    budget: &mut Budget,
+    bytes: &[u8],
+    options: &PatternOptions,
+) -> Result<PatternReading, PatternReadError> {
     let mut scan = scan::scan(bytes)?;
-    let mut budget = budget::Budget::default();
-    let structure = structure::structure(&mut scan, &mut budget)?;
+    let structure = structure::structure(&mut scan, budget)?;
     let header = &structure.header;
     let hints = UnitHints { code: header.unit_code, measurement: header.measurement };
     let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
@@ -46,7 +56,7 @@ pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternRead
     let mut remarks = entities::Remarks { strict: options.strict, ..entities::Remarks::default() };
     let tolerance = SPLINE_TOLERANCE / unit.in_mm();
     let reader = entities::Reader { scan: &scan, structure: &structure, tolerance };
-    let unfolded = blocks::unfold(&reader, &mut remarks, &mut budget, unit.in_mm())?;
+    let unfolded = blocks::unfold(&reader, &mut remarks, budget, unit.in_mm())?;
     if unfolded.paths.is_empty() {
         return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
     }

@@ -8,9 +8,12 @@ use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, Limits};
 
 use super::super::error::{PatternReadError, Spot};
+use crate::formats::Pace;
 
 /// Pixels read at most: a sheet of A4 at 600 dpi has 35 million.
 const MOST_PIXELS: u64 = 64_000_000;
+/// So many pixels are a moment's work.
+const MOMENT: usize = 4_000_000;
 /// Largest decoded picture, bytes: [`MOST_PIXELS`] with four channels of 8 bits.
 const MOST_BYTES: u64 = 4 * MOST_PIXELS;
 
@@ -111,6 +114,7 @@ pub(super) fn decode(
     bytes: &[u8],
     format: PictureFormat,
     inverted: bool,
+    pace: Pace,
 ) -> Result<Decoded, PatternReadError> {
     let frame = format.frame(bytes);
     let damaged = |what: String| PatternReadError::PictureDamaged { format: format.name(), what };
@@ -129,10 +133,10 @@ pub(super) fn decode(
             let mut limits = Limits::no_limits();
             limits.max_alloc = Some(2 * MOST_BYTES);
             let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(told)?;
-            read(decoder, &frame, inverted, told)
+            read(decoder, &frame, inverted, pace, told)
         }
         PictureFormat::Bmp => {
-            read(BmpDecoder::new(Cursor::new(bytes)).map_err(told)?, &frame, inverted, told)
+            read(BmpDecoder::new(Cursor::new(bytes)).map_err(told)?, &frame, inverted, pace, told)
         }
     }
 }
@@ -141,6 +145,7 @@ fn read(
     mut decoder: impl ImageDecoder,
     frame: &Frame,
     inverted: bool,
+    pace: Pace,
     told: impl Fn(image::ImageError) -> PatternReadError + Copy,
 ) -> Result<Decoded, PatternReadError> {
     let (width, height) = decoder.dimensions();
@@ -149,6 +154,9 @@ fn read(
     if pixels > MOST_PIXELS || size > MOST_BYTES {
         let limit = if pixels > MOST_PIXELS { MOST_PIXELS } else { MOST_BYTES * pixels / size.max(1) };
         return Err(PatternReadError::PictureTooLarge { pixels: [width, height], limit });
+    }
+    if !pace.allows(pixels as usize, MOMENT) {
+        return Err(PatternReadError::TakesLong);
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let color = decoder.color_type();

@@ -33,6 +33,8 @@ const LEAST_TOLERANCE: f64 = 0.001;
 const SQUARE_PIXEL: f64 = 0.2;
 /// Outlines with more corners than this in all are noise, not a drawing.
 const MOST_CORNERS: usize = 1_000_000;
+/// So many corners are a moment's work.
+const MOMENT: usize = 20_000;
 /// Outlines that enclose less than this, square pixels, are specks.
 const SPECK: f64 = 4.0;
 /// So many specks, and more of them than other outlines, are worth a word.
@@ -77,7 +79,7 @@ pub(super) fn read(
     options: &PatternOptions,
 ) -> Result<PatternReading, PatternReadError> {
     let settings = &options.picture;
-    let decoded = decode::decode(bytes, format, settings.inverted)?;
+    let decoded = decode::decode(bytes, format, settings.inverted, options.pace)?;
     let picture = &decoded.picture;
     let pixels = Vector2::new(picture.width as f64, picture.height as f64);
     let Size { size, why } = size(&decoded, settings)?;
@@ -106,6 +108,9 @@ pub(super) fn read(
                 limit: MOST_CORNERS,
                 entity: None,
             });
+        }
+        if !options.pace.allows(corners, MOMENT) {
+            return Err(PatternReadError::TakesLong);
         }
         outlines.push(outline);
         Ok(())
