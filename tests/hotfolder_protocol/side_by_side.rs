@@ -54,8 +54,13 @@ fn what_turns_out_to_take_long_leaves_room_for_the_rest() {
     for number in 0..50 {
         line.rename_into(&format!("small@{number}.dxf"), "small");
     }
-    line.waits_for("the small ones", |line| line.import().len() == 50);
-    assert!(line.import().iter().all(|name| name.starts_with("small@")), "{:?}", line.import());
+    // A result under way has another name.
+    let results =
+        |line: &Line| line.import().iter().filter(|name| name.ends_with(".dxf")).cloned().collect::<Vec<_>>();
+    line.waits_for("the small ones", |line| {
+        results(line).iter().filter(|name| name.starts_with("small@")).count() == 50
+    });
+    assert_eq!(results(&line).len(), 50);
     let threads = std::thread::available_parallelism().map_or(2, usize::from).max(2);
     assert!(line.seen.holding.load(Ordering::SeqCst) < threads);
     line.seen.released.store(true, Ordering::SeqCst);
