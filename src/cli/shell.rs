@@ -2,14 +2,16 @@
 
 use std::path::Path;
 
+use crate::printable::on_one_line;
 use crate::reason::quoted;
 
-/// A command of this program, as it can be typed where it runs: its name, or the way to it where it was started by that.
+/// A command of this program on one line, as it can be typed where it runs: its name, or the way to it where it was started by that.
 pub(super) fn command(arguments: &[&str]) -> String {
     let program = std::env::args_os().next().filter(|name| !name.is_empty());
     let program = program.map_or_else(|| "isomark".to_owned(), |name| name.to_string_lossy().into_owned());
     let words = [program.as_str()].into_iter().chain(arguments.iter().copied());
-    words.map(quoted).collect::<Vec<_>>().join(" ")
+    // A name that breaks lines or turns text round is shown rather than typed.
+    on_one_line(&words.map(quoted).collect::<Vec<_>>().join(" "))
 }
 
 /// A path as an argument of a command; one that looks like an option comes with its folder.
