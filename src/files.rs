@@ -2,8 +2,20 @@
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Component, Path};
+use std::time::SystemTime;
 
 use fs_err as fs;
+
+/// What of a new file survives a power cut.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Flush {
+    /// Nothing for certain; a file of that name may be there and empty.
+    Nothing,
+    /// Its content, if its name does.
+    Content,
+    /// Content and name.
+    All,
+}
 
 /// Writes a file so that nobody ever sees a part of it, over an older one of the same name. When it returns, the file
 /// survives a power cut.
@@ -11,12 +23,16 @@ use fs_err as fs;
 /// # Errors
 /// When the folder cannot be written to or the disk is full; the older file is then untouched.
 pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary(folder)?;
-    write_all(&mut file, bytes, folder)?;
-    file.as_file().sync_all()?;
-    file.persist(in_full(&folder.join(name)))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
-    sync_folder(folder)
+    write_over(folder, name, bytes, Flush::All)
+}
+
+/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. After a power cut it is whole,
+/// or the older file is there, or none.
+///
+/// # Errors
+/// When the folder cannot be written to or the disk is full; the older file is then untouched.
+pub fn write_whole_or_not(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    write_over(folder, name, bytes, Flush::Content)
 }
 
 /// Writes a file so that nobody ever sees a part of it, over an older one of the same name. A power cut may take it
@@ -25,24 +41,49 @@ pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// When the folder cannot be written to or the disk is full; the older file is then untouched.
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary(folder)?;
-    write_all(&mut file, bytes, folder)?;
-    file.persist(in_full(&folder.join(name)))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
-    Ok(())
+    write_over(folder, name, bytes, Flush::Nothing)
 }
 
-/// Writes a new file and never over an older one. When it returns, the file survives a power cut.
+fn write_over(folder: &Path, name: &str, bytes: &[u8], flush: Flush) -> io::Result<()> {
+    let mut file = temporary(folder)?;
+    write_all(&mut file, bytes, folder)?;
+    if flush != Flush::Nothing {
+        file.as_file().sync_all()?;
+    }
+    file.persist(in_full(&folder.join(name)))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+}
+
+/// Writes a new file and never over an older one, with the time of the last write that it is given where the file system
+/// takes it. When it returns, the file survives a power cut.
 ///
 /// # Errors
 /// `AlreadyExists` when the name is taken; else as [`write_whole`].
-pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub(crate) fn write_new(path: &Path, bytes: &[u8], modified: Option<SystemTime>) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut file = temporary(folder)?;
     write_all(&mut file, bytes, folder)?;
+    keep_new(file, path, modified)
+}
+
+/// Gives a temporary file its name, never over another file, and the time of its last write. When it returns, the file
+/// survives a power cut.
+///
+/// # Errors
+/// `AlreadyExists` when the name is taken.
+pub(crate) fn keep_new(
+    file: tempfile::NamedTempFile,
+    path: &Path,
+    modified: Option<SystemTime>,
+) -> io::Result<()> {
+    if let Some(modified) = modified {
+        // The time is for people; a file system that cannot set it is no obstacle.
+        let _ = file.as_file().set_modified(modified);
+    }
     file.as_file().sync_all()?;
     file.persist_noclobber(in_full(path)).map_err(|error| named(error.error, "cannot write", path))?;
-    sync_folder(folder)
+    sync_folder(path.parent().unwrap_or(Path::new("")))
 }
 
 /// How the names of files begin and end that are not whole yet; importers and this program itself ignore them.
@@ -63,16 +104,6 @@ pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)?;
     file.sync_all()?;
     sync_folder(path.parent().unwrap_or(Path::new("")))
-}
-
-/// Renames a file, over an older one of the new name; when it returns, that survives a power cut.
-///
-/// # Errors
-/// When the system refuses it; the file may bear its new name all the same, if only the folder could not be flushed or a
-/// network's answer was lost.
-pub fn rename_flushed(from: &Path, to: &Path) -> io::Result<()> {
-    fs::rename(from, to)?;
-    sync_folder(to.parent().unwrap_or(Path::new("")))
 }
 
 /// A file whose name importers and this program itself ignore, readable for everybody.
@@ -236,8 +267,8 @@ mod tests {
     fn a_new_file_is_never_written_over_an_old_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.dxf");
-        write_new(&path, b"first").unwrap();
-        assert_eq!(write_new(&path, b"second").unwrap_err().kind(), ErrorKind::AlreadyExists);
+        write_new(&path, b"first", None).unwrap();
+        assert_eq!(write_new(&path, b"second", None).unwrap_err().kind(), ErrorKind::AlreadyExists);
         assert_eq!(read_if_there(&path).unwrap().unwrap(), b"first");
     }
 

@@ -62,7 +62,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("tempfile", &["files", "hotfolder"]),
     ("fs_err", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
-    ("std::time", &["config", "pipeline", "hotfolder", "cli"]),
+    ("std::time", &["files", "config", "pipeline", "hotfolder", "cli"]),
     ("std::thread", &["hotfolder"]),
     // Only its own number, which the lock tells others.
     ("std::process", &["hotfolder", "cli", "main"]),

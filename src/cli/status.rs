@@ -26,14 +26,18 @@ pub(super) struct StatusArguments {
 pub(super) struct RetryArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Rejected drops that go back into the hot folder, as they were named there; without any, what waits is tried now.
+    /// Rejected drops that go back into the hot folder, as they were named there, and uncertain drawings that are delivered
+    /// again; without any, what waits is tried now.
     #[arg(value_name = "DROP")]
     drops: Vec<String>,
     /// Puts all rejected drops back into the hot folder.
     #[arg(long, conflicts_with = "drops")]
     rejected: bool,
+    /// Delivers all drawings again of which nobody knows whether they were delivered.
+    #[arg(long, conflicts_with_all = ["drops", "rejected"])]
+    uncertain: bool,
     /// Corrects delivered drawings again whose part or settings changed; of one SKU, or of all.
-    #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected"])]
+    #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
 }
 
@@ -84,8 +88,22 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
-    if arguments.rejected || !arguments.drops.is_empty() {
-        let wanted = (!arguments.rejected).then_some(arguments.drops.as_slice());
+    let is_uncertain = |name: &&String| {
+        let known = status_of(&folders).ok().and_then(|(status, _)| status);
+        let drawings = known.map(|status| status.uncertain.first).unwrap_or_default();
+        drawings.iter().any(|drawing| drawing.name == **name || drawing.drop == **name)
+    };
+    let (uncertain, drops): (Vec<&String>, Vec<&String>) = arguments.drops.iter().partition(is_uncertain);
+    for name in &uncertain {
+        leave(&Request::Uncertain(Some((*name).clone())), state)?;
+        print(&format!("{name} is delivered again{then}\n"));
+    }
+    if drops.is_empty() && !uncertain.is_empty() {
+        return Ok(());
+    }
+    let drops: Vec<String> = drops.into_iter().cloned().collect();
+    if arguments.rejected || !drops.is_empty() {
+        let wanted = (!arguments.rejected).then_some(drops.as_slice());
         let (returned, mut trouble) =
             return_rejected(&folders, wanted).map_err(|error| Failure::environment(&error))?;
         print(
@@ -100,6 +118,7 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     }
     let request = match &arguments.outdated {
         Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),
+        None if arguments.uncertain => Request::Uncertain(None),
         None => Request::Waiting,
     };
     if let (Request::Outdated(sku), Ok((Some(status), _))) = (&request, status_of(&folders))
@@ -112,18 +131,23 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
             "isomark: warning: the station knows no outdated drawing{whose} yet; `isomark status` lists them"
         ));
     }
+    leave(&request, state)?;
+    print(&match request {
+        Request::Waiting => format!("what waits is tried again{then}\n"),
+        Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),
+        Request::Uncertain(_) => format!("uncertain drawings are delivered again{then}\n"),
+    });
+    Ok(())
+}
+
+fn leave(request: &Request, state: &Path) -> Outcome {
     request.leave(state).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => {
             let reason = Reason::new("environment", format!("{error}."), AS_ITS_USER);
             Failure { exit: Exit::Environment, reason }
         }
         _ => Failure::environment(&error),
-    })?;
-    print(&match request {
-        Request::Waiting => format!("what waits is tried again{then}\n"),
-        Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),
-    });
-    Ok(())
+    })
 }
 
 /// Whether the station told of an outdated drawing of the SKU, or of any; its list may be longer than what it told.
@@ -173,6 +197,13 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     text += &list("waiting", &status.waiting, waits);
     text +=
         &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
+    if status.uncertain.count > 0 {
+        text += &list("uncertain whether delivered", &status.uncertain, |drawing| {
+            format!("{}, interrupted before {}", on_one_line(&drawing.name), drawing.at)
+        });
+        text += "  see whether the importer took them; `isomark retry STATION NAME` delivers one again, \
+                 `--uncertain` all\n";
+    }
     text += &list("outdated by a new part or new settings", &status.outdated, |drawing| drawing.name.clone());
     if !status.rejections.is_empty() {
         text += "rejected last\n";

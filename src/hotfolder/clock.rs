@@ -1,6 +1,40 @@
-//! The time of day as people and programs read it.
+//! The time of day as people and programs read it, and the time that nobody sets.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// How long the machine has been running: unlike the time of day, nobody sets it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Uptime {
+    /// Which start of the machine it counts from; empty where the system does not tell.
+    pub(super) boot: String,
+    pub(super) since: Duration,
+}
+
+impl Uptime {
+    /// How much time has passed at least since `earlier`. Of the time between two starts of the machine only that after the
+    /// second is certain.
+    pub(super) fn passed_since(&self, earlier: &Self) -> Duration {
+        let same_start = self.boot == earlier.boot;
+        self.since.checked_sub(earlier.since).filter(|_| same_start).unwrap_or(self.since)
+    }
+}
+
+/// How long the machine has been running; `None` where the system does not tell.
+#[cfg(target_os = "linux")]
+pub(super) fn uptime() -> Option<Uptime> {
+    let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?.trim().to_owned();
+    // Seconds since the start, the time in which the machine slept included, and another number.
+    let text = std::fs::read_to_string("/proc/uptime").ok()?;
+    let seconds: f64 = text.split(' ').next()?.parse().ok()?;
+    Some(Uptime { boot, since: Duration::try_from_secs_f64(seconds).ok()? })
+}
+
+/// How long the machine has been running; `None` where the system does not tell.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn uptime() -> Option<Uptime> {
+    let seconds = sysinfo::System::uptime();
+    (seconds > 0).then(|| Uptime { boot: String::new(), since: Duration::from_secs(seconds) })
+}
 
 /// A moment as `2026-03-01T12:34:56Z`: universal time to the second, as RFC 3339 writes it. What lies before 1970, as
 /// on a machine without a clock, reads as its first second.
@@ -32,7 +66,23 @@ fn civil(days: u64) -> (u64, u64, u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+
+    #[test]
+    fn time_passes_at_least_as_long_as_is_certain() {
+        let at = |boot: &str, seconds| Uptime { boot: boot.into(), since: Duration::from_secs(seconds) };
+        for (name, earlier, now, seconds) in [
+            ("one start", at("a", 100), at("a", 130), 30),
+            ("another start, which may have been a second later", at("a", 100), at("b", 20), 20),
+            ("another start long ago", at("a", 100), at("b", 5000), 5000),
+            ("starts are not told apart", at("", 100), at("", 130), 30),
+            ("it can only be another start", at("", 100), at("", 20), 20),
+        ] {
+            assert_eq!(now.passed_since(&earlier), Duration::from_secs(seconds), "{name}");
+        }
+        let (first, second) = (uptime(), uptime());
+        assert_eq!(first.is_some(), second.is_some());
+        assert!(first.zip(second).is_none_or(|(first, second)| first.boot == second.boot));
+    }
 
     #[test]
     fn moments_read_as_the_calendar_has_them() {

@@ -1,7 +1,6 @@
 //! A drawing into the import folder: once, whole, and known for done after any crash. The protocol is that of the
 //! [`journal`](super::journal).
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::MutexGuard;
 use std::time::{Duration, SystemTime};
@@ -10,15 +9,13 @@ use fs_err as fs;
 
 use super::executor::folder_trouble;
 use super::filing;
-use super::folders::{self, is_file};
+use super::folders::{self, Identity, is_file};
 use super::job::JobError;
-use super::journal::{Delivered, Import, Job, Journal, OpenJob};
+use super::journal::{Certainty, Delivered, Import, Job, Journal, OpenJob};
 use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
 use crate::config::{DeliveryKind, FolderPaths, Repeat, Sku, Station};
-use crate::files::{
-    TEMPORARY_END, TEMPORARY_START, read_if_there, rename_flushed, write_flushed, write_whole,
-};
+use crate::files::{TEMPORARY_END, TEMPORARY_START, read_if_there, sync_folder, write_flushed, write_whole};
 use crate::formats::mesh::MeshFormat;
 use crate::reason::Reason;
 
@@ -44,6 +41,8 @@ pub(super) enum How {
     Again,
     /// The station put it there before it was interrupted.
     BeforeTheCrash,
+    /// The station may have put it there before it was interrupted.
+    PerhapsBeforeTheCrash,
 }
 
 /// Puts the drawing into the import folder; `previous` is what lies there under its name.
@@ -74,59 +73,134 @@ pub(super) fn deliver<'a>(
     }
     let identity = folders::identity(import);
     let noted = journal().delivering(job, stamp, identity);
-    let trouble = match noted.and_then(|()| rename_flushed(&temporary, &import.join(&job.name))) {
-        Ok(()) => None,
-        // As after a crash: what is gone from its folder was renamed, and importers may have seen it.
-        Err(error) if is_gone(&temporary) && identity == folders::identity(import) => {
-            tracing::warn!("{} lies in import, and a power cut may take it away again: {error}", job.name);
-            None
+    let mut certainty = Certainty::Certain;
+    if let Err(error) = noted.and_then(|()| fs::rename(&temporary, import.join(&job.name))) {
+        let seen = Evidence::seen(import, &temporary, job, identity);
+        match seen.map_or(Renamed::No, after_a_failed_rename) {
+            Renamed::Yes => {}
+            Renamed::Unknown => certainty = Certainty::Uncertain,
+            Renamed::No | Renamed::NotToBeSeen => {
+                // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
+                if journal().cancelled(&job.drop).is_ok() {
+                    remove_quietly(&temporary);
+                }
+                return Err(folder_trouble(error));
+            }
         }
-        Err(error) => Some(error),
-    };
-    if let Some(error) = trouble {
-        // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
-        if journal().cancelled(&job.drop).is_ok() {
-            remove_quietly(&temporary);
-        }
-        return Err(folder_trouble(error));
     }
-    // Should this line get lost, the missing temporary file says the same.
-    if let Err(error) = journal().delivered(&job.drop) {
+    // Importers may have seen it.
+    if let Err(error) = sync_folder(import) {
+        tracing::warn!("{} lies in import, and a power cut may take it away again: {error}", job.name);
+    }
+    // Should this line get lost, the folder says the same as long as nobody takes the drawing away.
+    let noted = match certainty {
+        Certainty::Certain => journal().delivered(&job.drop),
+        Certainty::Uncertain => perhaps_delivered(station, &mut journal(), job),
+    };
+    if let Err(error) = noted {
         tracing::warn!("the journal lacks a line: {error}");
     }
     Ok(how)
 }
 
-/// Whether nothing lies at the path, for certain.
-fn is_gone(path: &Path) -> bool {
-    matches!(fs::symlink_metadata(path), Err(error) if error.kind() == ErrorKind::NotFound)
+/// What is seen in the import folder of a drawing that was about to get its name there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Evidence {
+    /// Its temporary file is there.
+    temporary: bool,
+    /// The drawing lies there under its name.
+    result: bool,
+    /// It is the folder that it was.
+    same_folder: bool,
+    /// The folder is on another computer, which may have done what it reported as failed.
+    on_network: bool,
+}
+
+/// Whether the drawing got its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Renamed {
+    Yes,
+    No,
+    /// It did, and somebody took it away, or somebody removed its temporary file before.
+    Unknown,
+    /// The folder is another one now, such as the place of a share that is not connected.
+    NotToBeSeen,
+}
+
+impl Evidence {
+    fn seen(
+        import: &Path,
+        temporary: &Path,
+        job: &Job,
+        then: Option<Identity>,
+    ) -> Result<Self, std::io::Error> {
+        let result = import.join(&job.name);
+        Ok(Self {
+            temporary: folders::look(temporary)?.is_some(),
+            result: read_if_there(&result)?.is_some_and(|bytes| hash_of(&bytes) == job.result),
+            same_folder: then == folders::identity(import),
+            on_network: folders::is_on_network(import),
+        })
+    }
+}
+
+/// What the folder says after an interruption.
+fn after_a_crash(seen: Evidence) -> Renamed {
+    match seen {
+        Evidence { temporary: true, .. } => Renamed::No,
+        Evidence { same_folder: false, .. } => Renamed::NotToBeSeen,
+        Evidence { result: true, .. } => Renamed::Yes,
+        Evidence { .. } => Renamed::Unknown,
+    }
+}
+
+/// What the folder says after the system reported that it could not rename the drawing.
+fn after_a_failed_rename(seen: Evidence) -> Renamed {
+    match after_a_crash(seen) {
+        // On a disk of this machine, what failed was not done: somebody removed the temporary file.
+        Renamed::Unknown if !seen.on_network => Renamed::No,
+        renamed => renamed,
+    }
 }
 
 /// Finds out whether a drawing that was about to be renamed was renamed, and notes it.
 pub(super) fn settle(
-    folders: &FolderPaths,
+    station: &Station,
     journal: &mut Journal,
     drop: &str,
     open: &OpenJob,
     job: &Job,
 ) -> Result<(), JobError> {
-    import_is_there(folders)?;
-    let temporary = temporary_of(&folders.import, tag_of(journal, open), job);
-    match fs::symlink_metadata(&temporary) {
-        Ok(_) => {
+    let import = &station.folders.import;
+    import_is_there(&station.folders)?;
+    let temporary = temporary_of(import, tag_of(journal, open), job);
+    let seen = Evidence::seen(import, &temporary, job, open.import).map_err(folder_trouble)?;
+    match (after_a_crash(seen), station.delivery.kind) {
+        (Renamed::NotToBeSeen, _) => Err(JobError::Retry(other_import(import))),
+        // Nobody takes drawings away from BeamServer's folder: what is not there is made anew.
+        (Renamed::No, _) | (Renamed::Unknown, DeliveryKind::Beamserver) => {
             journal.cancelled(drop).map_err(folder_trouble)?;
             remove_quietly(&temporary);
             Ok(())
         }
-        // What is missing in another folder, such as the place of a share that is not connected yet, says nothing.
-        Err(error)
-            if error.kind() == ErrorKind::NotFound && open.import != folders::identity(&folders.import) =>
-        {
-            Err(JobError::Retry(other_import(&folders.import)))
+        (Renamed::Yes, _) => journal.delivered(drop).map_err(folder_trouble),
+        (Renamed::Unknown, DeliveryKind::Folder) => {
+            perhaps_delivered(station, journal, job).map_err(folder_trouble)
         }
-        Err(error) if error.kind() == ErrorKind::NotFound => journal.delivered(drop).map_err(folder_trouble),
-        Err(error) => Err(folder_trouble(error)),
     }
+}
+
+fn perhaps_delivered(station: &Station, journal: &mut Journal, job: &Job) -> std::io::Result<()> {
+    journal.perhaps_delivered(&job.drop)?;
+    tracing::warn!(
+        "{} may not have been delivered: the station was interrupted while it delivered the drawing, and the import \
+         folder holds neither it nor its temporary file. See whether the importer took it; if not, \
+         `isomark retry {} {}` delivers it again",
+        job.name,
+        station.file.display(),
+        job.name
+    );
+    Ok(())
 }
 
 /// Closes a job whose drop is gone from the hot folder: its last step was done, or somebody took the drop away. An
@@ -139,8 +213,8 @@ pub(super) fn close(
 ) -> Result<(), JobError> {
     let folders = &station.folders;
     if let Some(job) = open.job.as_ref().filter(|_| !open.delivered) {
-        settle(folders, journal, drop, open, job)?;
-        if !journal.all_begun().iter().any(|(begun, _)| begun == drop) {
+        settle(station, journal, drop, open, job)?;
+        if !journal.is_open(drop) {
             return Ok(());
         }
     }
@@ -302,5 +376,28 @@ pub(super) fn remove_quietly(path: &Path) {
         // A read-only disk says so also of what is not there.
         Err(error) if fs::symlink_metadata(path).is_ok() => tracing::warn!("{error}"),
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_import_folder_decides_what_became_of_an_interrupted_delivery() {
+        use Renamed::{No, NotToBeSeen, Unknown, Yes};
+        for (name, [temporary, result, same_folder, on_network], crash, failed) in [
+            ("not renamed yet", [true, false, true, false], No, No),
+            ("not renamed yet over the same", [true, true, true, false], No, No),
+            ("there, wherever that is", [true, false, false, false], No, No),
+            ("renamed", [false, true, true, false], Yes, Yes),
+            ("taken away, or never renamed", [false, false, true, false], Unknown, No),
+            ("the same on a share", [false, false, true, true], Unknown, Unknown),
+            ("another folder", [false, false, false, false], NotToBeSeen, NotToBeSeen),
+            ("another folder with such a drawing", [false, true, false, true], NotToBeSeen, NotToBeSeen),
+        ] {
+            let seen = Evidence { temporary, result, same_folder, on_network };
+            assert_eq!((after_a_crash(seen), after_a_failed_rename(seen)), (crash, failed), "{name}");
+        }
     }
 }

@@ -25,8 +25,9 @@ use super::filing::{self, with_slashes};
 use super::folders;
 use super::intake::{self, Intake, Read};
 use super::job::{Corrector, Delivery, JobError, PartLearned};
-use super::journal::{Delivered, Import, Job, Journal};
+use super::journal::{Certainty, Delivered, Import, Job, Journal};
 use super::names::{Meaning, delivered_as, meaning};
+use super::parked::Parking;
 use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
 use super::shares::Shares;
@@ -52,6 +53,7 @@ pub(super) struct Executor<'a, C> {
     unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     beamserver: beamserver::Turns,
     pub(super) shares: Shares,
+    pub(super) parking: Parking,
     /// The name of the surface that each SKU was last seen to have under these settings.
     shapes: Mutex<BTreeMap<Sku, (JobSettings, String)>>,
 }
@@ -65,6 +67,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             unfit_archive: Mutex::default(),
             beamserver: beamserver::Turns::default(),
             shares,
+            parking: Parking::default(),
             shapes: Mutex::default(),
         }
     }
@@ -130,7 +133,8 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 })
             }
         };
-        End { outcome, went_along: read.map(|read| read.companions).unwrap_or_default() }
+        let went_along = read.map(|read| read.companions).unwrap_or_default();
+        End { outcome, went_along: went_along.into_iter().map(|companion| companion.path).collect() }
     }
 
     fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, Broken> {
@@ -138,6 +142,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let read = &*slot.insert(self.read(task, None)?);
         let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings, task.pace))?;
         let PartLearned { summary, report } = learned;
+        // It may have been learned with one version of them, and is filed with another.
+        if !read.companions.iter().all(filing::Beside::is_unchanged) {
+            return Ok(Outcome::Changed);
+        }
         let (folders, name) = (&task.station.folders, &read.file.name);
         if let Some(report) = &report {
             filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
@@ -211,7 +219,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             && begun.key != job.key
         {
             tracing::warn!(
-                "{name} was delivered before the station was interrupted, and part or settings changed since: \
+                "part or settings changed since the station was interrupted while it delivered {name}: \
                  it has no report of its own"
             );
             let kept = Kept {
@@ -226,6 +234,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         }
         if let Some(last) = same_again
             && was_begun.is_none()
+            && last.certainty == Certainty::Certain
             && task.station.delivery.repeat == Repeat::Never
             && !matches!(task.work, Work::CorrectAgain { .. })
             && (task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done)
@@ -254,7 +263,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
             return Ok(Outcome::PartCame);
         }
         let how = match &was_begun {
-            Some(_) => How::BeforeTheCrash,
+            Some(_) => match self.journal().certainty(&job.drop) {
+                Certainty::Certain => How::BeforeTheCrash,
+                Certainty::Uncertain => How::PerhapsBeforeTheCrash,
+            },
             None => delivery::deliver(
                 || self.journal(),
                 &task.station,
@@ -398,6 +410,9 @@ fn words(how: How, last: Option<(&str, bool)>) -> String {
         (How::Unchanged, _) => "was already delivered and lies in import unchanged,".into(),
         (How::Again, _) => "was already delivered and is delivered again,".into(),
         (How::BeforeTheCrash, _) => "was delivered before the station was interrupted, and is filed".into(),
+        (How::PerhapsBeforeTheCrash, _) => {
+            "may have been delivered before the station was interrupted, and is filed".into()
+        }
     }
 }
 

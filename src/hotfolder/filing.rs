@@ -19,11 +19,12 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
-use super::folders::{Found, free_place, has_content, look, move_new};
+use super::folders::{Found, content_hash, copy_new, free_place, has_content, look, move_new};
 use super::names::{SIDECAR, is_sidecar};
+use super::parked::{Filed, Parking};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
-use crate::files::{read_if_there, write_new, write_whole, write_whole_unsynced};
+use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
 use crate::formats::pattern::is_drawing;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
@@ -35,10 +36,45 @@ pub const CURRENT_PART: &str = "current-part.txt";
 pub(super) struct Original<'a> {
     /// Where it lies.
     pub(super) path: &'a Path,
-    /// What was read of it, if it was: should somebody replace it meanwhile, these bytes are what is put away.
-    pub(super) content: Option<(&'a [u8], Stamp)>,
+    pub(super) content: Content<'a>,
     /// Files beside it that go along.
-    pub(super) companions: &'a [PathBuf],
+    pub(super) companions: &'a [Beside],
+}
+
+/// What is known of an original.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Content<'a> {
+    /// What was read of it: should somebody write or replace it meanwhile, these bytes are what is put away.
+    Read(&'a [u8], Stamp),
+    /// It was not read now, and is what bears this stamp.
+    Seen(Stamp),
+    /// It cannot be read, and whatever lies there goes.
+    Unknown,
+}
+
+/// A file beside an original that goes along.
+#[derive(Debug, Clone)]
+pub(super) struct Beside {
+    pub(super) path: PathBuf,
+    /// The file as it was seen; what was written since stays in the hot folder.
+    pub(super) stamp: Stamp,
+    /// What was read of it, if that is kept.
+    pub(super) bytes: Option<Vec<u8>>,
+}
+
+impl Beside {
+    /// The file at the path as it is now; `None` when there is none.
+    pub(super) fn at(path: &Path) -> Option<Self> {
+        match look(path) {
+            Ok(Some(Found::File(stamp))) => Some(Self { path: path.into(), stamp, bytes: None }),
+            _ => None,
+        }
+    }
+
+    /// Whether it is as it was seen.
+    pub(super) fn is_unchanged(&self) -> bool {
+        matches!(look(&self.path), Ok(found) if found == Some(Found::File(self.stamp)))
+    }
 }
 
 /// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
@@ -84,7 +120,8 @@ pub(super) fn current_part_note(folders: &FolderPaths, sku: &Sku) -> PathBuf {
     folders.archive.join(sku.key()).join(CURRENT_PART)
 }
 
-/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it.
+/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it, and never
+/// leaves a part of it.
 pub(super) fn write_report(
     folders: &FolderPaths,
     sku: &Sku,
@@ -94,7 +131,7 @@ pub(super) fn write_report(
 ) -> io::Result<()> {
     let folder = folders.reports.join(sku.key());
     fs::create_dir_all(&folder)?;
-    write_whole_unsynced(&folder, &format!("{name}.{ending}"), bytes)
+    write_whole_or_not(&folder, &format!("{name}.{ending}"), bytes)
 }
 
 /// Where an original that is done goes in the SKU's archive folder; the folder is made.
@@ -113,15 +150,24 @@ pub(super) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> S
     with_slashes(archived.strip_prefix(folders.archive.join(sku.key())).unwrap_or(archived))
 }
 
-/// Removes an original whose copy lies in the archive, and lets its companions follow. What bears its name by now and
-/// is not what was read is another drop and stays.
-pub(super) fn remove_copied(folders: &FolderPaths, original: &Original, copy: &Path) -> io::Result<()> {
-    match (look(original.path)?, original.content) {
-        (Some(found), Some((_, stamp))) if found != Found::File(stamp) => {}
-        (Some(_), _) => fs::remove_file(original.path)?,
+/// Takes an original out of the hot folder whose copy lies in the archive, and lets its companions follow. What bears its
+/// name by now and is not what was read is another drop and stays.
+pub(super) fn remove_copied(
+    folders: &FolderPaths,
+    parking: &Parking,
+    original: &Original,
+    copy: &Path,
+) -> io::Result<()> {
+    let filed = match original.content {
+        Content::Read(bytes, stamp) => Some(Filed { stamp, hash: blake3::hash(bytes) }),
+        Content::Seen(_) | Content::Unknown => None,
+    };
+    match (look(original.path)?, filed) {
+        (Some(_), Some(filed)) => parking.take_away(folders, original.path, &filed)?,
+        (Some(_), None) => {}
         (None, _) => stays_gone(folders, original.path)?,
     }
-    companions_follow(original, copy);
+    companions_follow(folders, parking, original, copy);
     Ok(())
 }
 
@@ -143,6 +189,7 @@ pub(super) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> 
 /// first, so that no rejected file is ever without one. `before` is told where it goes before it is moved there.
 pub(super) fn reject(
     folders: &FolderPaths,
+    parking: &Parking,
     relative: &Path,
     original: &Original,
     reason: &Reason,
@@ -155,7 +202,13 @@ pub(super) fn reject(
     let mut names = all_names(file_name, original);
     // A list of points may bear the very name that the reason will get; it lies there with its own reason.
     names.extend(["json", "txt"].map(|ending| format!("{stem}.reason.{ending}.reason.json").into()));
-    let place = free_place(&folder, &names)?;
+    let place = match free_place(&folder, &names)? {
+        // An interruption left the copy there, and the original in the hot folder.
+        free if holds_copy(&place_before(&folder, &free).join(file_name), original) => {
+            place_before(&folder, &free)
+        }
+        free => free,
+    };
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
@@ -165,45 +218,100 @@ pub(super) fn reject(
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
-    put_away(folders, original, &place.join(file_name))?;
+    put_away(folders, parking, original, &place.join(file_name))?;
     Ok(place.join(file_name))
 }
 
-/// Moves one companion into the folder where its part went before.
-pub(super) fn follow(companion: &Path, place: &Path) -> io::Result<()> {
-    move_new(companion, &place.join(companion.file_name().unwrap_or_default()))
+/// The place before a free one: the folder itself, or the numbered folder in it before.
+fn place_before(folder: &Path, free: &Path) -> PathBuf {
+    let name = free.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let number = name.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    match number.and_then(|number| number.parse::<u64>().ok()).filter(|_| free != folder) {
+        Some(number) if number > 2 => folder.join(format!("({})", number - 1)),
+        _ => folder.into(),
+    }
 }
 
-/// Moves the original to `target` and its companions beside it, the original first: what may be left behind by an
-/// interruption is a companion without a part, which does no harm.
-pub(super) fn put_away(folders: &FolderPaths, original: &Original, target: &Path) -> io::Result<()> {
-    match (original.content, look(original.path)?) {
-        (Some((bytes, stamp)), Some(found)) if found != Found::File(stamp) => write_new(target, bytes)?,
-        (Some((bytes, stamp)), Some(_)) => move_read(original.path, target, bytes, stamp)?,
-        (None, Some(_)) => move_new(original.path, target)?,
-        (Some((bytes, _)), None) => {
-            stays_gone(folders, original.path)?;
-            write_new(target, bytes)?;
+/// Whether a copy of this very original lies there: its content and the time of its last write are the same.
+fn holds_copy(copy: &Path, original: &Original) -> bool {
+    let modified = match look(copy) {
+        Ok(Some(Found::File(stamp))) => stamp.modified,
+        _ => None,
+    };
+    match original.content {
+        Content::Read(bytes, stamp) => {
+            modified.is_some() && modified == stamp.modified && has_content(copy, bytes)
         }
-        (None, None) => {}
+        Content::Seen(stamp) => {
+            modified.is_some() && modified == stamp.modified && is_same(original.path, copy)
+        }
+        Content::Unknown => false,
     }
-    companions_follow(original, target);
+}
+
+/// Moves one companion into the folder where its part went before.
+pub(super) fn follow(
+    folders: &FolderPaths,
+    parking: &Parking,
+    companion: &Path,
+    place: &Path,
+) -> io::Result<()> {
+    let Some(companion) = Beside::at(companion) else { return Err(io::ErrorKind::NotFound.into()) };
+    let name = companion.path.file_name().unwrap_or_default().to_owned();
+    go_along(folders, parking, &companion, &place.join(name))
+}
+
+/// Puts the original away at `target` and its companions beside it, the original first: what may be left behind by an
+/// interruption is a companion without a part, which does no harm. What lies there survives a power cut.
+pub(super) fn put_away(
+    folders: &FolderPaths,
+    parking: &Parking,
+    original: &Original,
+    target: &Path,
+) -> io::Result<()> {
+    let there = look(original.path)?;
+    let filed = match original.content {
+        Content::Read(bytes, stamp) => {
+            if there.is_none() {
+                stays_gone(folders, original.path)?;
+            }
+            if !holds_copy(target, original) {
+                write_new(target, bytes, stamp.modified)?;
+            }
+            Some(Filed { stamp, hash: blake3::hash(bytes) })
+        }
+        Content::Seen(stamp) if holds_copy(target, original) => {
+            Some(Filed { stamp, hash: content_hash(target)? })
+        }
+        Content::Seen(_) if there.is_some() => {
+            let (stamp, hash) = copy_new(original.path, target)?;
+            Some(Filed { stamp, hash })
+        }
+        Content::Unknown if there.is_some() => {
+            move_new(original.path, target)?;
+            flush(target)?;
+            None
+        }
+        Content::Seen(_) | Content::Unknown => None,
+    };
+    if let Some(filed) = filed {
+        parking.take_away(folders, original.path, &filed)?;
+    }
+    companions_follow(folders, parking, original, target);
     Ok(())
 }
 
-/// Moves the file that was read. A file that was renamed over it in the last moment is another drop: it goes back, and
-/// what was read is put away instead.
-fn move_read(path: &Path, target: &Path, bytes: &[u8], stamp: Stamp) -> io::Result<()> {
-    move_new(path, target)?;
-    if look(target)? == Some(Found::File(stamp)) || has_content(target, bytes) {
-        return Ok(());
+/// Lets a file that was moved survive a power cut, as far as it may be opened.
+fn flush(file: &Path) -> io::Result<()> {
+    if let Ok(Some(Found::File(_))) = look(file) {
+        // Windows flushes only what is open to be written.
+        let opened = fs::OpenOptions::new().read(true).write(cfg!(windows)).open(file);
+        // One that nobody may read was rejected for that.
+        if let Ok(opened) = opened {
+            opened.sync_all()?;
+        }
     }
-    match move_new(target, path) {
-        // It was replaced in its turn, as if by overwriting it.
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => fs::remove_file(target)?,
-        moved => moved?,
-    }
-    write_new(target, bytes)
+    sync_folder(file.parent().unwrap_or(Path::new("")))
 }
 
 /// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
@@ -224,22 +332,38 @@ fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn companions_follow(original: &Original, target: &Path) {
+fn companions_follow(folders: &FolderPaths, parking: &Parking, original: &Original, target: &Path) {
     for companion in original.companions {
-        let to = target.with_file_name(name_beside(companion, target.file_name().unwrap_or_default()));
-        let moved = match move_new(companion, &to) {
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_same(companion, &to) => {
-                // It was copied to the archive's disk when the station was interrupted.
-                fs::remove_file(companion)
+        let name = name_beside(&companion.path, target.file_name().unwrap_or_default());
+        match go_along(folders, parking, companion, &target.with_file_name(name)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                tracing::warn!("{} stays in the hot folder: {error}", companion.path.display());
             }
-            moved => moved,
-        };
-        if let Err(error) =
-            moved.or_else(|error| if error.kind() == io::ErrorKind::NotFound { Ok(()) } else { Err(error) })
-        {
-            tracing::warn!("{} stays in the hot folder: {error}", companion.display());
+            _ => {}
         }
     }
+}
+
+/// Copies a companion to its place and takes it out of the hot folder, unless it was written since it was seen.
+fn go_along(folders: &FolderPaths, parking: &Parking, companion: &Beside, to: &Path) -> io::Result<()> {
+    let path = &companion.path;
+    let copied = match &companion.bytes {
+        // It was copied there when the station was interrupted.
+        Some(bytes) if has_content(to, bytes) => Ok(blake3::hash(bytes)),
+        Some(bytes) => write_new(to, bytes, companion.stamp.modified).map(|()| blake3::hash(bytes)),
+        None if !companion.is_unchanged() && look(path)?.is_some() => {
+            let words = "it was written again while its part was read";
+            return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+        }
+        None => copy_new(path, to).map(|(_, hash)| hash),
+    };
+    let hash = match copied {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_same(path, to) => {
+            content_hash(path)?
+        }
+        copied => copied?,
+    };
+    parking.take_away(folders, path, &Filed { stamp: companion.stamp, hash })
 }
 
 /// What a companion is called beside its original: settings bear the pattern's name, or they would not be found again.
@@ -251,13 +375,13 @@ fn name_beside(companion: &Path, original: &OsStr) -> OsString {
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {
-    matches!(read_if_there(a), Ok(Some(bytes)) if has_content(b, &bytes))
+    matches!((content_hash(a), content_hash(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 /// The names that must be free where an original goes. Settings belong to each pattern of their stem that lies beside
 /// them, so neither do others' lie there, nor does a pattern that those which travel along would be taken for.
 fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
-    let companions = original.companions.iter().map(|companion| name_beside(companion, name));
+    let companions = original.companions.iter().map(|companion| name_beside(&companion.path, name));
     let mut names: Vec<OsString> = std::iter::once(name.to_owned()).chain(companions).collect();
     let text = name.to_string_lossy();
     if is_drawing(&text) {
@@ -300,19 +424,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         let sku = "can".parse().unwrap();
-        let place = |name: &str, companions: &[PathBuf]| {
-            let original = Original { path: Path::new(name), content: None, companions };
+        let stamp = Stamp { size: 0, modified: None, identity: 0 };
+        let beside = |name: &str| Beside { path: name.into(), stamp, bytes: None };
+        let place = |name: &str, companions: &[Beside]| {
+            let original = Original { path: Path::new(name), content: Content::Unknown, companions };
             let place = archive_place(&folders, &sku, name, &original).unwrap();
             in_archive(&folders, &sku, &place)
         };
         let put = |name: &str| fs::write(folders.archive.join("can").join(name), "").unwrap();
-        assert_eq!(place("can@a.dxf", &["can@a.toml".into()]), "can@a.dxf");
+        assert_eq!(place("can@a.dxf", &[beside("can@a.toml")]), "can@a.dxf");
         put("can@a.dxf");
         put("can@a.toml");
         assert_eq!(place("can@a.png", &[]), "(2)/can@a.png");
         put("can@b.png");
         assert_eq!(place("can@b.dxf", &[]), "can@b.dxf");
-        assert_eq!(place("can@b.dxf", &["can@b.toml".into()]), "(2)/can@b.dxf");
+        assert_eq!(place("can@b.dxf", &[beside("can@b.toml")]), "(2)/can@b.dxf");
         assert_eq!(place("can.glb", &[]), "can.glb");
     }
 
@@ -325,8 +451,8 @@ mod tests {
         let reject_drop = |name: &str| {
             let path = folders.hot.join(name);
             fs::write(&path, name).unwrap();
-            let original = Original { path: &path, content: None, companions: &[] };
-            reject(&folders, Path::new(name), &original, &reason, |_| Ok(())).unwrap()
+            let original = Original { path: &path, content: Content::Unknown, companions: &[] };
+            reject(&folders, &Parking::default(), Path::new(name), &original, &reason, |_| Ok(())).unwrap()
         };
         let scan = reject_drop("can.glb.reason.txt");
         let part = reject_drop("can.glb");
@@ -348,25 +474,46 @@ mod tests {
             fs::rename(hot.join("new"), &path).unwrap();
         };
         drop("first");
+        let parking = Parking::default();
         let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
-        let original = Original { path: &path, content: Some((&bytes, stamp)), companions: &[] };
+        let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
         drop("second");
 
-        // Its copy lies in an archive on another disk.
-        remove_copied(&folders, &original, &archive.join("can.dxf")).unwrap();
-        assert_eq!(content(&path), "second");
-
-        // It was replaced before it was moved, and between the look and the move.
-        put_away(&folders, &original, &archive.join("before")).unwrap();
-        move_read(&path, &archive.join("between"), &bytes, stamp).unwrap();
-        assert_eq!(content(&path), "second");
-        for place in ["before", "between"] {
-            assert_eq!(content(&archive.join(place)), "first", "{place}");
-        }
+        // Its copy lay in the archive, or is to be made.
+        remove_copied(&folders, &parking, &original, &archive.join("can.dxf")).unwrap();
+        put_away(&folders, &parking, &original, &archive.join("before")).unwrap();
+        assert_eq!((content(&path), content(&archive.join("before"))), ("second".into(), "first".into()));
 
         let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
-        let original = Original { path: &path, content: Some((&bytes, stamp)), companions: &[] };
-        remove_copied(&folders, &original, &archive.join("copy")).unwrap();
+        let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
+        remove_copied(&folders, &parking, &original, &archive.join("copy")).unwrap();
         assert!(!path.exists());
+    }
+
+    /// What an interruption left behind is used: a drop is rejected once.
+    #[test]
+    fn a_rejection_that_was_interrupted_goes_on_where_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let path = folders.hot.join("can.dxf");
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let reject_drop = || {
+            let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+            let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
+            reject(&folders, &Parking::default(), Path::new("can.dxf"), &original, &reason, |_| Ok(()))
+                .unwrap()
+        };
+        for (round, place) in ["can.dxf", "(2)/can.dxf", "(3)/can.dxf"].into_iter().enumerate() {
+            fs::write(&path, format!("{round}")).unwrap();
+            let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_767_225_600 + round as u64);
+            fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+            assert_eq!(reject_drop(), folders.rejected.join(place));
+            assert!(!path.exists());
+            // As if it had not been taken away any more.
+            fs::copy(folders.rejected.join(place), &path).unwrap();
+            fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+            assert_eq!(reject_drop(), folders.rejected.join(place));
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The few things that are done to folders: list, read a steady file, move without overwriting.
 
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -8,10 +8,13 @@ use fs_err as fs;
 
 use super::names::is_ignored;
 use super::settle::Stamp;
-use crate::files::{in_full, named, sync_folder, temporary};
+use crate::files::{in_full, keep_new, named, temporary};
 
 /// The largest file that is taken, bytes: it is held in memory, and fitting it takes a few times as much.
 pub(super) const LARGEST_DROP: u64 = 1 << 30;
+
+/// How much of a file is copied at a time, bytes.
+const COPY_BUFFER: usize = 1 << 16;
 
 /// What lies at a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -144,13 +147,13 @@ pub(super) fn entries(folder: &Path, unseen: &mut Vec<io::Error>) -> io::Result<
 
 /// Opens a file to read it.
 #[cfg(not(windows))]
-fn open(path: &Path) -> io::Result<fs::File> {
+pub(super) fn open(path: &Path) -> io::Result<fs::File> {
     fs::File::open(path)
 }
 
 /// Opens a file to read it, which Windows refuses as long as somebody has it open to write, and the other way round.
 #[cfg(windows)]
-fn open(path: &Path) -> io::Result<fs::File> {
+pub(super) fn open(path: &Path) -> io::Result<fs::File> {
     const READ_AND_DELETE: u32 = 1 | 4;
     let mut options = fs::OpenOptions::new();
     fs::os::windows::fs::OpenOptionsExt::share_mode(options.read(true), READ_AND_DELETE);
@@ -288,10 +291,10 @@ pub(super) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     let Err(failed) = moving.persist_noclobber(in_full(to)) else { return stays_once(from, to) };
     match failed.error.kind() {
         ErrorKind::AlreadyExists | ErrorKind::NotFound => Err(named(failed.error, "cannot move to", to)),
-        ErrorKind::CrossesDevices => copy_new(from, to),
+        ErrorKind::CrossesDevices => move_by_copy(from, to),
         // Some network and memory-card file systems know no rename that spares the target.
         _ if look(to)?.is_none() => match fs::rename(from, to) {
-            Err(error) if error.kind() == ErrorKind::CrossesDevices => copy_new(from, to),
+            Err(error) if error.kind() == ErrorKind::CrossesDevices => move_by_copy(from, to),
             renamed => renamed,
         },
         _ => Err(named(ErrorKind::AlreadyExists.into(), "cannot move to", to)),
@@ -318,29 +321,51 @@ fn stays_once(_: &Path, _: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The other half of [`move_new`]: the original goes when its copy is safe.
+/// The other half of [`move_new`]: the original goes when its copy is safe. One that was written meanwhile is another drop
+/// and stays.
+fn move_by_copy(from: &Path, to: &Path) -> io::Result<()> {
+    let (before, _) = copy_new(from, to)?;
+    if look(from)? == Some(Found::File(before)) { fs::remove_file(from) } else { Ok(()) }
+}
+
+/// Copies a file, never over another one; returns what was copied: the stamp before and the hash of the content. When it
+/// returns, the copy survives a power cut.
 ///
 /// # Errors
-/// `Unsupported` for what is no file: opening a pipe would wait for its writer for ever.
-fn copy_new(from: &Path, to: &Path) -> io::Result<()> {
-    let Some(Found::File(before)) = look(from)? else {
-        let words = "only a file can be moved to another disk";
-        return Err(named(io::Error::new(ErrorKind::Unsupported, words), "cannot move", from));
+/// `Unsupported` for what is no file: opening a pipe would wait for its writer for ever. `Interrupted` when the file changes
+/// meanwhile; nothing is there then.
+pub(super) fn copy_new(from: &Path, to: &Path) -> io::Result<(Stamp, blake3::Hash)> {
+    let before = match look(from)? {
+        Some(Found::File(before)) => before,
+        None => return Err(named(ErrorKind::NotFound.into(), "cannot copy", from)),
+        Some(_) => {
+            let words = "only a file can be moved to another disk";
+            return Err(named(io::Error::new(ErrorKind::Unsupported, words), "cannot move", from));
+        }
     };
-    let mut original = fs::File::open(from)?;
-    let folder = to.parent().unwrap_or(Path::new(""));
-    let mut copy = temporary(folder)?;
-    io::copy(&mut original, copy.as_file_mut()).map_err(|error| named(error, "cannot copy to", to))?;
-    if let Ok(modified) = original.metadata()?.modified() {
-        // The time is for people; a file system that cannot set it is no obstacle.
-        let _ = copy.as_file().set_modified(modified);
+    let mut original = open(from)?;
+    let mut copy = temporary(to.parent().unwrap_or(Path::new("")))?;
+    let (mut hasher, mut buffer) = (blake3::Hasher::new(), vec![0; COPY_BUFFER]);
+    loop {
+        let read = original.read(&mut buffer)?;
+        if read == 0 {
+            break;
+        }
+        hasher.update(&buffer[..read]);
+        copy.as_file_mut().write_all(&buffer[..read]).map_err(|error| named(error, "cannot copy to", to))?;
     }
-    copy.as_file().sync_all()?;
-    copy.persist_noclobber(in_full(to)).map_err(|error| named(error.error, "cannot write", to))?;
-    sync_folder(folder)?;
-    drop(original);
-    // A file that was written meanwhile is another drop and stays.
-    if look(from)? == Some(Found::File(before)) { fs::remove_file(from) } else { Ok(()) }
+    if stamp(&original.metadata()?) != before || look(from)? != Some(Found::File(before)) {
+        return Err(named(ErrorKind::Interrupted.into(), "cannot copy", from));
+    }
+    keep_new(copy, to, before.modified)?;
+    Ok((before, hasher.finalize()))
+}
+
+/// The hash of a file's content.
+pub(super) fn content_hash(path: &Path) -> io::Result<blake3::Hash> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(open(path)?)?;
+    Ok(hasher.finalize())
 }
 
 /// The first of `folder`, `folder/(2)`, `folder/(3)` … in which no file bears one of the names; it is made if needed.
@@ -382,17 +407,17 @@ mod tests {
         fs::write(&a, "a").unwrap();
         fs::write(&b, "b").unwrap();
         assert_eq!(move_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
-        assert_eq!(copy_new(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!(move_by_copy(&a, &b).unwrap_err().kind(), ErrorKind::AlreadyExists);
         assert_eq!((fs::read(&a).unwrap(), fs::read(&b).unwrap()), (b"a".to_vec(), b"b".to_vec()));
         move_new(&a, &folder.path().join("c")).unwrap();
-        copy_new(&b, &folder.path().join("d")).unwrap();
+        move_by_copy(&b, &folder.path().join("d")).unwrap();
         let names: Vec<_> =
             entries(folder.path(), &mut Vec::new()).unwrap().into_iter().map(|(path, _)| path).collect();
         assert_eq!(names.len(), 2, "{names:?}");
         assert_eq!(fs::read(folder.path().join("d")).unwrap(), b"b");
     }
 
-    /// Linux has a second file system in memory; where there is none, [`copy_new`] alone is tested.
+    /// Linux has a second file system in memory; where there is none, [`move_by_copy`] alone is tested.
     #[cfg(target_os = "linux")]
     #[test]
     fn files_move_across_file_systems() {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::executor::{Broken, Outcome, folder_trouble};
-use super::filing::Original;
+use super::filing::{Beside, Content, Original};
 use super::folders::{self, Found, LARGEST_DROP};
 use super::job::{Companion, Completeness, DroppedFile, JobError};
 use super::names::{Meaning, SIDECAR, meaning};
@@ -21,7 +21,7 @@ pub(super) struct Read {
     pub(super) file: DroppedFile,
     pub(super) stamp: Stamp,
     /// Files beside it that travel along.
-    pub(super) companions: Vec<PathBuf>,
+    pub(super) companions: Vec<Beside>,
     /// Files that it names and that are not there, without need.
     pub(super) absent: Vec<PathBuf>,
     /// A pattern's own settings: the file and its text.
@@ -30,7 +30,8 @@ pub(super) struct Read {
 
 impl Read {
     pub(super) fn original<'a>(&'a self, path: &'a Path) -> Original<'a> {
-        Original { path, content: Some((&self.file.bytes, self.stamp)), companions: &self.companions }
+        let content = Content::Read(&self.file.bytes, self.stamp);
+        Original { path, content, companions: &self.companions }
     }
 }
 
@@ -97,28 +98,29 @@ fn with_companions(
     let mut missing: Option<(Reason, bool)> = None;
     for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
         let path = file.path.with_file_name(&companion.name);
-        let size = match folders::look(&path).map_err(folder_trouble)? {
-            Some(Found::File(stamp)) => Some(stamp.size),
+        let stamp = match folders::look(&path).map_err(folder_trouble)? {
+            Some(Found::File(stamp)) => Some(stamp),
             _ => None,
         };
         let settling = intake.settling.contains(&path);
-        match size {
-            Some(size) if size > LARGEST_DROP => return Err(JobError::Rejected(too_large(size)).into()),
+        match stamp {
+            Some(Stamp { size, .. }) if size > LARGEST_DROP => {
+                return Err(JobError::Rejected(too_large(size)).into());
+            }
             None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
             None => absent.push(path),
-            Some(size)
-                if settling
-                    || (companion.needed && (size < companion.bytes || !folders::can_be_read(&path))) =>
-            {
-                missing = Some((companion_short(&file.name, companion, size), settling));
-                companions.push(path);
+            Some(stamp) => {
+                let is_short = stamp.size < companion.bytes || !folders::can_be_read(&path);
+                if settling || (companion.needed && is_short) {
+                    missing = Some((companion_short(&file.name, companion, stamp.size), settling));
+                }
+                companions.push(Beside { path, stamp, bytes: None });
             }
-            Some(_) => companions.push(path),
         }
     }
     // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
-    companions.retain(|path| {
-        let name = path.file_name().unwrap_or_default();
+    companions.retain(|companion| {
+        let name = companion.path.file_name().unwrap_or_default();
         meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
     });
     let sidecar = match intake.sidecar.clone() {
@@ -131,8 +133,9 @@ fn with_companions(
     };
     match missing {
         None => {
-            companions.extend(sidecar.iter().map(|(path, _)| path.clone()));
-            Ok(Read { file, stamp, companions, absent, sidecar })
+            let text = sidecar.as_ref().map(|(beside, text)| (beside.path.clone(), text.clone()));
+            companions.extend(sidecar.map(|(beside, _)| beside));
+            Ok(Read { file, stamp, companions, absent, sidecar: text })
         }
         Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
         Some((reason, _)) => {
@@ -142,7 +145,7 @@ fn with_companions(
     }
 }
 
-fn read_sidecar(path: PathBuf) -> Result<Option<(PathBuf, String)>, JobError> {
+fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
     match folders::look(&path).map_err(folder_trouble)? {
         Some(Found::File(stamp)) if stamp.size > LARGEST_SIDECAR => {
             let what = "The settings beside the pattern are too large to be settings.";
@@ -151,15 +154,15 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(PathBuf, String)>, JobError> {
             Err(JobError::Rejected(reason.with_number("size", size, "bytes", Some(limit))))
         }
         Some(Found::File(_)) => {
-            let Some((bytes, _)) = folders::read_whole(&path).map_err(|error| unreadable(&error))? else {
+            let Some((bytes, stamp)) = folders::read_whole(&path).map_err(|error| unreadable(&error))? else {
                 return Err(JobError::Retry(unsteady()));
             };
-            let text = String::from_utf8(bytes).map_err(|_| {
+            let text = String::from_utf8(bytes.clone()).map_err(|_| {
                 let what = "The settings beside the pattern are not UTF-8 text.";
                 let reason = Reason::new("settings-unreadable", what, "Save the file as UTF-8.");
                 JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy()))
             })?;
-            Ok(Some((path, text)))
+            Ok(Some((Beside { path, stamp, bytes: Some(bytes) }, text)))
         }
         Some(Found::Folder | Found::Other(_)) => {
             let what = "The settings beside the pattern are a folder or a link, which nobody follows.";

@@ -13,10 +13,11 @@
 //! # Exactly once
 //!
 //! A drawing lies flushed in the import folder under a name that importers ignore *before* the journal says
-//! `delivering`, and is renamed to its own name *after* that. Nobody but this station touches the temporary name, so
-//! after a crash it alone decides: it is still there, then the drawing was not delivered; it is gone, then it was, also
-//! when the importer has taken the drawing away since. A drop is known by its path and its [`Stamp`]: should another
-//! file bear its name by then, that is another drop.
+//! `delivering`, and is renamed to its own name *after* that. So after a crash the folder decides: the temporary file is
+//! still there, then the drawing was not delivered; the drawing is there, then it was. When neither is there, the importer
+//! has taken the drawing away since, or somebody removed the temporary file before it was renamed, and nobody can know:
+//! the drawing is not delivered a second time, and is `uncertain` until somebody decides. A drop is known by its path and
+//! its [`Stamp`]: should another file bear its name by then, that is another drop.
 
 mod line;
 mod order;
@@ -25,16 +26,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use fs_err as fs;
 
-use super::clock;
+use super::clock::{self, Uptime};
 use super::folders::{Identity, lies_at};
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
 
-pub(super) use line::{Import, Job, StampRecord};
+pub(super) use line::{Certainty, Import, Job, StampRecord};
 use line::{Line, Parsed, Record, parse, written};
 pub(super) use order::Order;
 
@@ -43,6 +45,9 @@ const JOURNAL: &str = "journal.log";
 const MOST_RESULTS: usize = 100_000;
 /// The journal is written anew when it has this many lines more than what still counts.
 const IDLE_LINES: usize = 20_000;
+
+/// A station that ends again and again within this time is ended from outside, and not by what it is at.
+const SHORTEST_LIFE: Duration = Duration::from_secs(60);
 
 /// A job that was begun and not filed away.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -59,6 +64,8 @@ pub(super) struct OpenJob {
     pub(super) tag: String,
     /// Whether the drawing lies, or lay, in the import folder.
     pub(super) delivered: bool,
+    /// Whether that is known.
+    pub(super) certainty: Certainty,
     /// Where its original goes in the archive, relative to the SKU's folder.
     pub(super) to: Option<String>,
 }
@@ -72,11 +79,18 @@ pub(super) struct Delivered {
     /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
     pub(super) original: String,
     pub(super) import: Import,
+    /// Whether it is known to have been delivered.
+    pub(super) certainty: Certainty,
     /// Hash of the older result that BeamConstruct holds as long as this one is due there.
     older: String,
 }
 
 impl Delivered {
+    /// Whether people mean it by this name: that of the drawing, or that of the drop.
+    pub(super) fn is_called(&self, name: &str) -> bool {
+        fold(&self.job.name) == fold(name) || self.job.drop == name
+    }
+
     /// Hash of the result that the marking software has.
     pub(super) fn held(&self) -> &str {
         if self.import == Import::Due { &self.older } else { &self.job.result }
@@ -111,6 +125,8 @@ pub(super) struct Journal {
     results: BTreeMap<String, Delivered>,
     /// The folded names of the results of each SKU.
     by_sku: BTreeMap<Sku, BTreeSet<String>>,
+    /// The folded names of the results that may not have been delivered.
+    uncertain: BTreeSet<String>,
     refused: BTreeMap<String, Refused>,
     at_work: BTreeMap<String, AtWork>,
 }
@@ -119,11 +135,11 @@ pub(super) struct Journal {
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct AtWork {
     stamp: StampRecord,
-    /// In how many minutes the station ended meanwhile, without a word. What ends it comes from outside if that happens
-    /// again and again within one.
+    /// How often the station ended meanwhile, without a word. What ends it comes from outside if that happens again and
+    /// again within [`SHORTEST_LIFE`]; that counts as once.
     deaths: u32,
-    /// When it did so last, to the minute.
-    last_death: String,
+    /// When it was counted last, where the system tells.
+    last_death: Option<Uptime>,
     under_way: bool,
 }
 
@@ -146,6 +162,7 @@ impl Journal {
             open: BTreeMap::new(),
             results: BTreeMap::new(),
             by_sku: BTreeMap::new(),
+            uncertain: BTreeSet::new(),
             refused: BTreeMap::new(),
             at_work: BTreeMap::new(),
         };
@@ -198,11 +215,13 @@ impl Journal {
 
     /// What the station was at when it ended may be why it ended.
     fn count_deaths(&mut self) -> io::Result<()> {
-        let now = to_the_minute(&clock::now());
+        let now = clock::uptime();
         let begun = self.at_work.iter().filter(|(_, at_work)| at_work.under_way);
         let died = begun.map(|(drop, at_work)| {
-            let deaths = at_work.deaths + u32::from(at_work.last_death != now);
-            Record::Died { drop: drop.clone(), stamp: at_work.stamp, deaths }
+            let counts = counts(at_work, now.as_ref());
+            let deaths = at_work.deaths + u32::from(counts);
+            let last = if counts { now.clone() } else { at_work.last_death.clone() };
+            died(drop.clone(), at_work.stamp, deaths, last)
         });
         died.collect::<Vec<_>>().into_iter().try_for_each(|record| self.append(record, false))
     }
@@ -266,6 +285,21 @@ impl Journal {
         self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
     }
 
+    /// Whether a job was begun on the drop and not filed away.
+    pub(super) fn is_open(&self, drop: &str) -> bool {
+        self.open.contains_key(drop)
+    }
+
+    /// Whether it is known what became of the drawing of a job that was begun.
+    pub(super) fn certainty(&self, drop: &str) -> Certainty {
+        self.open.get(drop).map_or(Certainty::Certain, |open| open.certainty)
+    }
+
+    /// The newest results that may not have been delivered.
+    pub(super) fn uncertain(&self) -> impl Iterator<Item = &Delivered> {
+        self.uncertain.iter().filter_map(|name| self.results.get(name))
+    }
+
     /// All jobs that were begun and not filed away.
     pub(super) fn all_begun(&self) -> Vec<(String, OpenJob)> {
         self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
@@ -308,7 +342,12 @@ impl Journal {
 
     /// The drawing bears its own name.
     pub(super) fn delivered(&mut self, drop: &str) -> io::Result<()> {
-        self.append(Record::Delivered { drop: drop.into() }, false)
+        self.append(Record::Delivered { drop: drop.into(), certainty: Certainty::Certain }, false)
+    }
+
+    /// Nobody can know whether the drawing got its own name.
+    pub(super) fn perhaps_delivered(&mut self, drop: &str) -> io::Result<()> {
+        self.append(Record::Delivered { drop: drop.into(), certainty: Certainty::Uncertain }, false)
     }
 
     /// The drawing was not given its own name.
@@ -339,9 +378,11 @@ impl Journal {
 
     /// A drawing is done, its original filed away.
     pub(super) fn done(&mut self, job: &Job, original: &str, import: Import) -> io::Result<()> {
+        let certainty = self.certainty(&job.drop);
         let last = self.result(&job.name).filter(|_| import == Import::Due);
         let older = last.map(|last| last.held().to_owned()).unwrap_or_default();
-        self.append(Record::Done { job: job.clone(), original: original.into(), import, older }, false)
+        let (job, original) = (job.clone(), original.into());
+        self.append(Record::Done { job, original, import, older, certainty }, false)
     }
 
     /// A part is done and filed away.
@@ -414,25 +455,26 @@ impl Journal {
                     tag,
                     sku: job.sku.clone(),
                     delivered: false,
+                    certainty: Certainty::Certain,
                     to: None,
                     job: Some(job.clone()),
                 };
                 self.open.insert(job.drop, open);
             }
-            Record::Delivered { drop } => {
-                self.open.entry(drop).and_modify(|open| open.delivered = true);
+            Record::Delivered { drop, certainty } => {
+                self.open.entry(drop).and_modify(|open| (open.delivered, open.certainty) = (true, certainty));
             }
             Record::Began { drop, stamp } => {
                 let same = self.at_work.get(&drop).filter(|at_work| at_work.stamp == stamp);
                 let (deaths, last_death) =
-                    same.map_or((0, String::new()), |last| (last.deaths, last.last_death.clone()));
+                    same.map_or((0, None), |last| (last.deaths, last.last_death.clone()));
                 self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: true });
             }
             Record::Ended { drop } => {
                 self.at_work.remove(&drop);
             }
-            Record::Died { drop, stamp, deaths } => {
-                let last_death = to_the_minute(at);
+            Record::Died { drop, stamp, deaths, boot, uptime } => {
+                let last_death = uptime.map(|uptime| Uptime { boot, since: Duration::from_secs(uptime) });
                 self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: false });
             }
             Record::Cancelled { drop } => {
@@ -445,19 +487,23 @@ impl Journal {
                         // What needs no delivery is filed without one.
                         let delivered = job.is_some();
                         let (import, to, tag) = (None, Some(to), String::new());
-                        let open = OpenJob { stamp, sku, job, import, hot, tag, delivered, to };
+                        let certainty = Certainty::Certain;
+                        let open = OpenJob { stamp, sku, job, import, hot, tag, delivered, certainty, to };
                         self.open.insert(drop, open);
                     }
                 }
             }
-            Record::Done { job, original, import, older } => {
+            Record::Done { job, original, import, older, certainty } => {
                 self.open.remove(&job.drop);
                 self.at_work.remove(&job.drop);
                 self.forget(&job.name);
                 if let Ok(sku) = job.sku.parse::<Sku>() {
                     self.by_sku.entry(sku).or_default().insert(fold(&job.name));
                 }
-                let result = Delivered { at: at.into(), original, job, import, older };
+                if certainty == Certainty::Uncertain {
+                    self.uncertain.insert(fold(&job.name));
+                }
+                let result = Delivered { at: at.into(), original, job, import, certainty, older };
                 self.results.insert(fold(&result.job.name), result);
             }
             Record::Learned { drop, sku, .. } => {
@@ -478,6 +524,7 @@ impl Journal {
     }
 
     fn forget(&mut self, name: &str) {
+        self.uncertain.remove(&fold(name));
         let Some(result) = self.results.remove(&fold(name)) else { return };
         let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
         if let Some(names) = self.by_sku.get_mut(&sku) {
@@ -499,8 +546,8 @@ impl Journal {
         }
         let mut lines = Vec::new();
         for result in self.results.values() {
-            let Delivered { job, original, import, older, .. } = result.clone();
-            let record = Record::Done { job, original, import, older };
+            let Delivered { job, original, import, older, certainty, .. } = result.clone();
+            let record = Record::Done { job, original, import, older, certainty };
             lines.push(Line { at: result.at.clone(), record });
         }
         let at = clock::now();
@@ -512,9 +559,9 @@ impl Journal {
             push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
         }
         for (drop, at_work) in &self.at_work {
-            let AtWork { stamp, deaths, under_way, .. } = *at_work;
+            let AtWork { stamp, deaths, ref last_death, under_way } = *at_work;
             let drop = drop.clone();
-            push(Record::Died { drop: drop.clone(), stamp, deaths });
+            push(died(drop.clone(), stamp, deaths, last_death.clone()));
             if under_way {
                 push(Record::Began { drop, stamp });
             }
@@ -525,7 +572,7 @@ impl Journal {
                 push(Record::Delivering { job, stamp: open.stamp, import: open.import, hot, tag });
             }
             if open.delivered {
-                push(Record::Delivered { drop: drop.clone() });
+                push(Record::Delivered { drop: drop.clone(), certainty: open.certainty });
             }
             if let Some(to) = &open.to {
                 let (drop, sku, job) = (drop.clone(), open.sku.clone(), open.job.clone());
@@ -568,9 +615,21 @@ fn tag_of_older(folder: &Path) -> String {
     blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
 }
 
-/// The moment without its seconds.
-fn to_the_minute(at: &str) -> String {
-    at.chars().take("2026-03-01T12:34".len()).collect()
+/// Whether the end of the station that is found now is another one than the last that was counted. Where the system does not
+/// tell the time, only the first one is, so that no drop is rejected for it.
+fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
+    match (&at_work.last_death, now) {
+        // Counted by an older version, which knew another clock.
+        (None, Some(_)) => true,
+        (None, None) => at_work.deaths == 0,
+        (Some(last), Some(now)) => now.passed_since(last) >= SHORTEST_LIFE,
+        (Some(_), None) => false,
+    }
+}
+
+fn died(drop: String, stamp: StampRecord, deaths: u32, last: Option<Uptime>) -> Record {
+    let uptime = last.as_ref().map(|last| last.since.as_secs());
+    Record::Died { drop, stamp, deaths, boot: last.map(|last| last.boot).unwrap_or_default(), uptime }
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ mod lock;
 mod job;
 mod watcher;
 mod folders;
+mod parked;
 mod filing;
 mod journal;
 mod drops;

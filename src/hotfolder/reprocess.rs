@@ -1,11 +1,11 @@
 //! Delivered drawings that would be others today, because their SKU has a new part or new settings.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::executor::Executor;
 use super::job::Corrector;
-use super::journal::Import;
+use super::journal::{Delivered, Import};
 use super::settle::Moment;
 use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station, fold};
 
@@ -32,6 +32,8 @@ struct Marked {
     under_way: bool,
     /// It turned out to be more than a moment's work.
     takes_long: bool,
+    /// It is corrected again because nobody knows whether it was delivered.
+    uncertain: bool,
 }
 
 /// An archived pattern that is to be corrected again.
@@ -95,11 +97,14 @@ impl Reprocessing {
             let Ok(basis) = executor.basis(sku, &settings) else { continue };
             let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
             let is_outdated = basis != result.job.basis;
+            let key = fold(&name);
+            if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
+                continue;
+            }
             if !is_outdated && !is_due {
                 self.forget(&name);
                 continue;
             }
-            let key = fold(&name);
             let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
             let asked = station.delivery.outdated == Outdated::Correct;
             let is_new = !self.marked.contains_key(&key);
@@ -112,6 +117,7 @@ impl Reprocessing {
                 due: None,
                 under_way: false,
                 takes_long: false,
+                uncertain: false,
             });
             if asked || is_due {
                 marked.due.get_or_insert(Moment::ZERO);
@@ -179,6 +185,19 @@ impl Reprocessing {
         self.asked.push(sku);
     }
 
+    /// Somebody decided that a drawing which may not have been delivered is delivered again; `archive` is its SKU's.
+    pub(super) fn deliver_again(&mut self, sku: Sku, result: &Delivered, archive: &Path) {
+        let (name, place) = (result.job.name.clone(), result.original.clone());
+        let key = fold(&name);
+        if self.marked.get(&key).is_some_and(|marked| marked.under_way) {
+            return;
+        }
+        let again = Again { sku, name, original: archive.join(&place), place };
+        let marked =
+            Marked { again, due: Some(Moment::ZERO), under_way: false, takes_long: false, uncertain: true };
+        self.marked.insert(key, marked);
+    }
+
     /// Lets what was asked for be corrected again, once it is known what is outdated.
     pub(super) fn answer(&mut self) {
         if !self.unchecked.is_empty() || !self.all_checked {
@@ -208,6 +227,6 @@ impl Reprocessing {
     /// The names of all outdated drawings, each with its SKU.
     pub(super) fn marked(&self) -> Vec<(String, Sku)> {
         let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
-        self.marked.values().map(both).collect()
+        self.marked.values().filter(|marked| !marked.uncertain).map(both).collect()
     }
 }

@@ -20,6 +20,8 @@ pub enum Request {
     Waiting,
     /// Correct outdated drawings again, of one SKU or of all.
     Outdated(Option<Sku>),
+    /// Deliver the drawing of this name again, or all, of those that may not have been delivered.
+    Uncertain(Option<String>),
 }
 
 impl Request {
@@ -35,6 +37,8 @@ impl Request {
             Self::Waiting => "waiting".to_owned(),
             Self::Outdated(None) => "outdated".to_owned(),
             Self::Outdated(Some(sku)) => format!("outdated {sku}"),
+            Self::Uncertain(None) => "uncertain".to_owned(),
+            Self::Uncertain(Some(name)) => format!("uncertain {name}"),
         };
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let name = format!("{:020}-{}{ENDING}", since.as_nanos(), std::process::id());
@@ -45,6 +49,9 @@ impl Request {
         match text.trim().split_once(' ') {
             None if text.trim() == "waiting" => Some(Self::Waiting),
             None if text.trim() == "outdated" => Some(Self::Outdated(None)),
+            None if text.trim() == "uncertain" => Some(Self::Uncertain(None)),
+            // Names may have any number of spaces in them.
+            Some(("uncertain", name)) => Some(Self::Uncertain(Some(name.to_owned()))),
             Some(("outdated", sku)) => sku.trim().parse().ok().map(|sku| Self::Outdated(Some(sku))),
             _ => None,
         }
@@ -77,8 +84,13 @@ mod tests {
     #[test]
     fn requests_come_once_and_in_order() {
         let state = tempfile::tempdir().unwrap();
-        let all =
-            [Request::Waiting, Request::Outdated(None), Request::Outdated(Some("Can 5".parse().unwrap()))];
+        let all = [
+            Request::Waiting,
+            Request::Outdated(None),
+            Request::Outdated(Some("Can 5".parse().unwrap())),
+            Request::Uncertain(None),
+            Request::Uncertain(Some("can@a  b.dxf".into())),
+        ];
         all.iter().for_each(|request| request.leave(state.path()).unwrap());
         std::fs::write(state.path().join(FOLDER).join("x.txt"), "dance").unwrap();
         assert_eq!(take(state.path()), all);

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::clock;
 use super::drops::Drops;
 use super::executor::Work;
+use super::journal::{Delivered, Job};
 use super::settle::Moment;
 use super::worker::Running;
 use crate::config::{Sku, Station};
@@ -63,6 +64,9 @@ pub struct Status {
     pub incomplete: Listed<Waits>,
     /// Delivered drawings that would be others today.
     pub outdated: Listed<OutdatedDrawing>,
+    /// Drawings of which nobody knows whether they were delivered.
+    #[serde(default)]
+    pub uncertain: Listed<UncertainDrawing>,
     /// The last rejections, newest first.
     pub rejections: Vec<Rejection>,
 }
@@ -133,6 +137,27 @@ pub struct OutdatedDrawing {
     pub sku: String,
 }
 
+/// A drawing that the station was interrupted at, and that neither lies in the import folder nor is ready to get there:
+/// an importer took it, or somebody removed its temporary file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UncertainDrawing {
+    /// Its name in the import folder.
+    pub name: String,
+    /// The drop it was made of, relative to the hot folder.
+    pub drop: String,
+    /// Its SKU.
+    pub sku: String,
+    /// When it was filed.
+    pub at: String,
+}
+
+impl From<&Delivered> for UncertainDrawing {
+    fn from(result: &Delivered) -> Self {
+        let Job { name, drop, sku, .. } = result.job.clone();
+        Self { name, drop, sku, at: result.at.clone() }
+    }
+}
+
 /// A drop that was rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rejection {
@@ -191,6 +216,7 @@ pub(super) struct View<'a> {
     pub(super) drops: &'a Drops,
     pub(super) running: &'a BTreeMap<PathBuf, Running>,
     pub(super) outdated: Vec<(String, Sku)>,
+    pub(super) uncertain: Vec<UncertainDrawing>,
     pub(super) troubles: &'a [String],
     pub(super) now: Moment,
     pub(super) alive: bool,
@@ -303,6 +329,7 @@ impl StatusBoard {
                     .map(|(name, sku)| OutdatedDrawing { name: name.clone(), sku: sku.to_string() })
                     .collect(),
             ),
+            uncertain: listed(view.uncertain.clone()),
             rejections: self.rejections.iter().cloned().collect(),
         }
     }
@@ -314,6 +341,12 @@ impl StatusBoard {
         }
         let last = self.minutes.len() - 1;
         &mut self.minutes[last]
+    }
+}
+
+impl<T> Default for Listed<T> {
+    fn default() -> Self {
+        Self { count: 0, first: Vec::new() }
     }
 }
 

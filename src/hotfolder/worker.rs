@@ -20,13 +20,13 @@ use super::drops::Drops;
 use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
 use super::filing;
 use super::job::{Corrector, Mode, Pulse, StationError, Tally};
-use super::journal::{Journal, StampRecord};
+use super::journal::{Delivered, Journal, StampRecord};
 use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
 use super::settle::{Moment, SettleTimes, Stamp};
 use super::shares::Shares;
-use super::status::StatusBoard;
+use super::status::{StatusBoard, UncertainDrawing};
 use super::watcher::{Message, StopSignal, Watcher};
 use crate::config::{FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
 use crate::diff;
@@ -119,10 +119,13 @@ pub fn run(
             companions_came: 0,
             late_companions: BTreeMap::new(),
             late_sidecars: BTreeMap::new(),
+            put_back: BTreeMap::new(),
+            next_look_at_parked: Moment::ZERO,
             reprocessing: Reprocessing::default(),
             tally: Tally::default(),
             stopped: None,
         };
+        executor.parking.restore(&station.folders);
         worker.introduce();
         pulse(Pulse::Ready);
         worker.work_until_done(pulse);
@@ -215,6 +218,9 @@ struct Worker<'a, C> {
     late_companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
     /// The places of settings beside patterns that were done without any: until when they are told to be late.
     late_sidecars: BTreeMap<PathBuf, Moment>,
+    /// Files that the station itself moved into the hot folder: until when that is heard.
+    put_back: BTreeMap<PathBuf, Moment>,
+    next_look_at_parked: Moment,
     reprocessing: Reprocessing,
     status: StatusBoard,
     tally: Tally,
@@ -258,6 +264,7 @@ impl<C: Corrector> Worker<'_, C> {
                 if self.now() >= self.listing_is_due() {
                     self.list();
                 }
+                self.look_at_parked();
                 self.take_requests();
                 self.look_for_outdated();
                 self.hand_out();
@@ -270,6 +277,9 @@ impl<C: Corrector> Worker<'_, C> {
             let now = self.now();
             let mut next = self.listing_is_due().min(now + HEARTBEAT);
             let mut due = Moment::MAX;
+            if !self.executor.parking.is_empty() {
+                next = next.min(self.next_look_at_parked.max(now));
+            }
             if !ends && self.has_room() {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
                 due = self.drops.next_due(self.lanes_made, &self.times()).unwrap_or(due);
@@ -419,8 +429,33 @@ impl<C: Corrector> Worker<'_, C> {
                     tracing::info!("what waits is tried again, as asked");
                 }
                 Request::Outdated(sku) => self.reprocessing.ask_for(sku),
+                Request::Uncertain(name) => self.deliver_again(name.as_deref()),
             }
             self.stale = true;
+        }
+    }
+
+    /// Somebody decided what becomes of the drawing of this name, or of all, that may not have been delivered.
+    fn deliver_again(&mut self, name: Option<&str>) {
+        let archive = self.folders().archive.clone();
+        let is_meant = |result: &Delivered| name.is_none_or(|name| result.is_called(name));
+        let results: Vec<Delivered> =
+            self.executor.journal().uncertain().filter(|result| is_meant(result)).cloned().collect();
+        if results.is_empty() {
+            tracing::warn!("{} is not uncertain, and is not delivered again", name.unwrap_or("no drawing"));
+        }
+        for result in results {
+            match result.job.sku.parse::<Sku>() {
+                Ok(sku) if !result.original.is_empty() => {
+                    tracing::info!("{} is delivered again, as asked", result.job.name);
+                    let archive = archive.join(sku.key());
+                    self.reprocessing.deliver_again(sku, &result, &archive);
+                }
+                _ => tracing::warn!(
+                    "{} cannot be delivered again: its original is not in the archive. Drop it again",
+                    result.job.name
+                ),
+            }
         }
     }
 
@@ -458,6 +493,7 @@ impl<C: Corrector> Worker<'_, C> {
             drops: &self.drops,
             running: &self.running,
             outdated: self.reprocessing.marked(),
+            uncertain: self.executor.journal().uncertain().map(UncertainDrawing::from).collect(),
             troubles: &troubles,
             now,
             alive,

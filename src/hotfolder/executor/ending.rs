@@ -4,15 +4,14 @@ use std::path::{Path, PathBuf};
 
 use super::super::beamserver;
 use super::super::delivery;
-use super::super::filing::{self, Original, with_slashes};
-use super::super::folders;
+use super::super::filing::{self, Beside, Content, Original, with_slashes};
+use super::super::folders::{self, Found, LARGEST_DROP};
 use super::super::intake::Read;
 use super::super::job::{Corrector, JobError};
 use super::super::journal::{Import, Job};
 use super::super::names::delivered_as;
 use super::{Broken, Executor, Kept, Outcome, Ready, Task, Work, folder_trouble, guarded};
 use crate::config::{DeliveryKind, Sku, Station};
-use crate::files::sync_folder;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -99,15 +98,13 @@ impl<C: Corrector> Executor<'_, C> {
         let copied = begun.map(|to| folders.archive.join(sku.key()).join(to));
         if let Some(copy) = copied.filter(|copy| folders::has_content(copy, &read.file.bytes)) {
             // The archive is on another disk, and the original was copied when the station was interrupted.
-            filing::remove_copied(folders, &original, &copy).map_err(folder_trouble)?;
+            filing::remove_copied(folders, &self.parking, &original, &copy).map_err(folder_trouble)?;
             return Ok(copy);
         }
         let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
         let to = filing::in_archive(folders, sku, &place);
         self.journal().filing(&drop, sku.as_str(), read.stamp, &to, job).map_err(folder_trouble)?;
-        filing::put_away(folders, &original, &place).map_err(folder_trouble)?;
-        // Done and back in the hot folder after a power cut, the original would be another drop.
-        sync_folder(place.parent().unwrap_or(&place)).map_err(folder_trouble)?;
+        filing::put_away(folders, &self.parking, &original, &place).map_err(folder_trouble)?;
         Ok(place)
     }
 
@@ -118,7 +115,7 @@ impl<C: Corrector> Executor<'_, C> {
         let Some(open) = journal.begun(drop, task.stamp).cloned() else { return Ok(None) };
         let Some(job) = open.job.clone() else { return Ok(None) };
         if !open.delivered {
-            delivery::settle(&task.station.folders, &mut journal, drop, &open, &job)?;
+            delivery::settle(&task.station, &mut journal, drop, &open, &job)?;
         }
         // Nobody takes drawings away from BeamServer's folder as an importer does: it is to be made anew.
         if open.to.is_none() && is_missing_for_server(&task.station, &job.name) {
@@ -147,9 +144,18 @@ impl<C: Corrector> Executor<'_, C> {
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
-        let sidecars: Vec<PathBuf> =
-            task.place_of_sidecar().into_iter().filter(|path| folders::is_file(path)).collect();
-        let bare = Original { path: &task.path, content: None, companions: &sidecars };
+        let is_worth_reading = task.work != Work::Nothing && task.stamp.size <= LARGEST_DROP;
+        let content = if is_worth_reading && folders::can_be_read(&task.path) {
+            if read.is_none() && folders::look(&task.path).ok() != Some(Some(Found::File(task.stamp))) {
+                return Ok(Outcome::Changed);
+            }
+            Content::Seen(task.stamp)
+        } else {
+            Content::Unknown
+        };
+        let sidecars: Vec<Beside> =
+            task.place_of_sidecar().as_deref().and_then(Beside::at).into_iter().collect();
+        let bare = Original { path: &task.path, content, companions: &sidecars };
         let original = read.map_or(bare, |read| read.original(&task.path));
         let folders = &task.station.folders;
         let part_of = match &task.work {
@@ -167,8 +173,8 @@ impl<C: Corrector> Executor<'_, C> {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
             self.journal().rejected(&drop, &reason.code, &to, part_of)
         };
-        let rejected =
-            filing::reject(folders, &task.relative, &original, &reason, note).map_err(folder_trouble)?;
+        let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note)
+            .map_err(folder_trouble)?;
         tracing::warn!(
             "{} rejected and moved to {}: {}",
             on_one_line(&drop),

@@ -41,6 +41,23 @@ pub(in crate::hotfolder) enum Import {
     Done,
 }
 
+/// Whether a drawing is known to have got its name in the import folder.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(in crate::hotfolder) enum Certainty {
+    /// It did.
+    #[default]
+    Certain,
+    /// The station was interrupted, and the folder holds neither the drawing nor its temporary file.
+    Uncertain,
+}
+
+impl Certainty {
+    fn is_certain(&self) -> bool {
+        *self == Self::Certain
+    }
+}
+
 /// A [`Stamp`] as it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::hotfolder) struct StampRecord {
@@ -83,13 +100,27 @@ pub(super) enum Record {
         tag: String,
     },
     /// It bears its own name.
-    Delivered { drop: String },
+    Delivered {
+        drop: String,
+        #[serde(default, skip_serializing_if = "Certainty::is_certain")]
+        certainty: Certainty,
+    },
     /// A thread is at this drop.
     Began { drop: String, stamp: StampRecord },
     /// It is not any more.
     Ended { drop: String },
-    /// The station ended as often while a thread was at this drop.
-    Died { drop: String, stamp: StampRecord, deaths: u32 },
+    /// The station ended as often, counted once a minute at most, while a thread was at this drop.
+    Died {
+        drop: String,
+        stamp: StampRecord,
+        deaths: u32,
+        /// Which start of the machine it was that `uptime` counts from.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        boot: String,
+        /// How long the machine had been running when this was counted, s.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        uptime: Option<u64>,
+    },
     /// It could not be renamed; the drop waits.
     Cancelled { drop: String },
     /// The original is about to go to the archive.
@@ -113,6 +144,8 @@ pub(super) enum Record {
         import: Import,
         #[serde(default, skip_serializing_if = "String::is_empty")]
         older: String,
+        #[serde(default, skip_serializing_if = "Certainty::is_certain")]
+        certainty: Certainty,
     },
     /// A part is done.
     Learned { drop: String, sku: String, original: String },

@@ -99,7 +99,13 @@ fn ends_without_a_word_are_counted_for_what_was_under_way() {
     let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
     drop(open());
     let at = "2026-01-01T00:00:00Z".to_owned();
-    let died = Record::Died { drop: "a.obj".into(), stamp: STAMP.into(), deaths: 1 };
+    let died = Record::Died {
+        drop: "a.obj".into(),
+        stamp: STAMP.into(),
+        deaths: 1,
+        boot: String::new(),
+        uptime: None,
+    };
     let line = written(&Line { at, record: died }).unwrap();
     let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap() + &line;
     fs::write(folder.path().join(JOURNAL), text).unwrap();

@@ -6,13 +6,14 @@ use std::time::{Duration, SystemTime};
 
 use super::super::delivery;
 use super::super::drops::Drops;
-use super::super::filing;
+use super::super::filing::{self, Content, Original};
 use super::super::folders::{self, Found};
 use super::super::intake::sidecar_of;
 use super::super::job::{Corrector, JobError, Mode, STOP_THE_OTHER};
 use super::super::journal::OpenJob;
 use super::super::lock::HotLock;
 use super::super::names::{Meaning, is_ignored};
+use super::super::parked::{self, Parking};
 use super::super::reprocess::ARCHIVE;
 use super::super::settle::{Moment, Stamp, Writer};
 use super::super::watcher::{Message, Signal};
@@ -22,6 +23,10 @@ use crate::reason::Reason;
 
 /// How often a hot folder that vanished is looked for.
 const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
+/// How often files that are done are looked at as long as their writers may go on.
+const LOOK_AT_PARKED: Duration = Duration::from_millis(500);
+/// How long after a file was put back the system may take to report that.
+const HEARD_BY: Duration = Duration::from_secs(5);
 /// How often a folder on a network is listed, which tells of no other computer's files.
 const NETWORK_LISTING: Duration = Duration::from_secs(1);
 /// The pause after a listing, in the time that it took: a slow folder with many files must not be all there is to do.
@@ -38,6 +43,7 @@ impl<C: Corrector> Worker<'_, C> {
         self.tell_settings_events();
         self.late_companions.retain(|_, (until, _)| now < *until);
         self.late_sidecars.retain(|_, until| now < *until);
+        self.put_back.retain(|_, until| now < *until);
         let (backend, interval) = match watch.backend {
             _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
             Backend::Auto if folders::is_on_network(&hot) => {
@@ -154,13 +160,55 @@ impl<C: Corrector> Worker<'_, C> {
                 ));
                 continue;
             }
-            leftover_sidecar_follows(&station.folders, hot, &drop, &open);
+            leftover_sidecar_follows(&station.folders, &self.executor.parking, hot, &drop, &open);
             if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
                 self.complaints.tell(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
             }
         }
         if !std::mem::replace(&mut self.status.swept, true) {
             delivery::sweep(&station.folders, &journal);
+        }
+    }
+
+    /// Looks at what is done and set aside: what was written since is a new drop.
+    pub(super) fn look_at_parked(&mut self) {
+        let now = self.now();
+        if now < self.next_look_at_parked || self.executor.parking.is_empty() {
+            return;
+        }
+        self.next_look_at_parked = now + LOOK_AT_PARKED;
+        let folders = self.folders().clone();
+        let times = self.times();
+        let silence = times.incomplete.max(times.incomplete_after_close);
+        for parked::Returned { relative, overtaken } in self.executor.parking.look(&folders, silence) {
+            let drop = filing::with_slashes(&relative);
+            let Some(place) = overtaken else {
+                tracing::warn!(
+                    "{drop} was written again after it was done: what is there now is taken as a new drop"
+                );
+                let path = folders.hot.join(&relative);
+                self.put_back.insert(path.clone(), now + HEARD_BY);
+                self.look_again(&path);
+                continue;
+            };
+            let original = Original { path: &place, content: Content::Unknown, companions: &[] };
+            let reason = overtaken_by_a_newer(&drop).in_file(drop.clone());
+            let parking = &self.executor.parking;
+            match filing::reject(&folders, parking, &relative, &original, &reason, |_| Ok(())) {
+                Ok(rejected) => {
+                    parked::remove_around(&place, &relative);
+                    self.tally.rejected += 1;
+                    self.status.rejected(&drop, &reason);
+                    tracing::warn!(
+                        "{drop} rejected and moved to {}: {}",
+                        rejected.display(),
+                        reason.on_one_line()
+                    );
+                }
+                Err(error) => {
+                    tracing::warn!("{} stays there: {error}", place.display());
+                }
+            }
         }
     }
 
@@ -226,6 +274,11 @@ impl<C: Corrector> Worker<'_, C> {
         if relative.components().any(|part| is_ignored(&part.as_os_str().to_string_lossy())) || depth > 2 {
             return;
         }
+        // What this station put back is not whole for that.
+        let writer = match writer {
+            Writer::Renamed if self.put_back.remove(path).is_some() => Writer::Unknown,
+            writer => writer,
+        };
         match folders::look(path) {
             Ok(Some(Found::Folder)) if writer == Writer::Renamed && depth == 1 => {
                 // A whole folder was renamed into place, so its files are whole, too.
@@ -261,9 +314,23 @@ impl<C: Corrector> Worker<'_, C> {
     }
 }
 
+fn overtaken_by_a_newer(drop: &str) -> Reason {
+    let what = format!(
+        "{drop} was written again after it was done, when a newer file of its name lay in the hot folder."
+    );
+    let remedy = "Drop it again if it is to replace the newer one.";
+    Reason::new("overtaken", what, remedy)
+}
+
 /// Settings that an interruption left behind when their pattern went to the archive go there, too: the next pattern of
 /// that name must not take them for its own. Should one lie there already, they are its own by now.
-fn leftover_sidecar_follows(folders: &FolderPaths, hot: &Path, drop: &str, open: &OpenJob) {
+fn leftover_sidecar_follows(
+    folders: &FolderPaths,
+    parking: &Parking,
+    hot: &Path,
+    drop: &str,
+    open: &OpenJob,
+) {
     let (path, Some(to), Some(_)) = (hot.join(drop), &open.to, &open.job) else { return };
     let (Some(sidecar), Ok(sku), Ok(None)) =
         (sidecar_of(&path), open.sku.parse::<Sku>(), folders::look(&path))
@@ -273,7 +340,7 @@ fn leftover_sidecar_follows(folders: &FolderPaths, hot: &Path, drop: &str, open:
     let archived = folders.archive.join(sku.key()).join(to);
     if matches!(folders::look(&sidecar), Ok(Some(Found::File(_)))) && archived.exists() {
         let place = archived.parent().unwrap_or(&archived);
-        if let Err(error) = filing::follow(&sidecar, place) {
+        if let Err(error) = filing::follow(folders, parking, &sidecar, place) {
             tracing::warn!("{} stays in the hot folder: {error}", sidecar.display());
         }
     }

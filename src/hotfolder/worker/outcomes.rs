@@ -57,7 +57,9 @@ impl<C: Corrector> Worker<'_, C> {
                     if running.was_delivered || running.settings_changes != self.settings_changes {
                         self.reprocessing.check(sku.clone());
                     }
-                    if let Some(sidecar) = sidecar_of(path).filter(|path| !went_along.contains(path)) {
+                    // Settings that went along and lie there are others.
+                    let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
+                    if let Some(sidecar) = sidecar_of(path).filter(is_late) {
                         self.late_sidecars.insert(sidecar.clone(), self.now() + LATE_SIDECAR);
                         // It may have come while the job was at its end.
                         if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
@@ -150,7 +152,7 @@ impl<C: Corrector> Worker<'_, C> {
     /// A companion has settled: what it belongs to may go on, or went on without it before.
     pub(super) fn companion(&mut self, path: &Path) {
         if let Some((_, place)) = self.late_companions.remove(path)
-            && filing::follow(path, &place).is_ok()
+            && filing::follow(self.folders(), &self.executor.parking, path, &place).is_ok()
         {
             self.drops.forget(path);
             return;
