@@ -37,6 +37,10 @@ enum Fault {
     HangUp,
     /// It is done, and the answer takes its time.
     Slow(Duration),
+    /// It is done, and this is answered.
+    Says(&'static str),
+    /// The answer never ends: a letter comes each tenth of a second.
+    Drips,
 }
 
 struct Element {
@@ -172,6 +176,10 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
         let answer = match fault {
             Some(Fault::Error(first, second)) => format!("ERROR {first} {second}"),
             _ if project.refuses => "ERROR 11 0".into(),
+            Some(Fault::Says(words)) => {
+                project.answer(&command);
+                words.into()
+            }
             _ => project.answer(&command),
         };
         drop(project);
@@ -181,6 +189,12 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
             _ => {}
         }
         let mut client = client;
+        if fault == Some(Fault::Drips) {
+            while client.write_all(b"O").is_ok() {
+                std::thread::sleep(Duration::from_millis(100));
+            }
+            return;
+        }
         // It speaks Latin-1, as far as it speaks of what operators have named.
         let bytes: Vec<u8> = format!("{answer}\n").chars().map(|letter| letter as u8).collect();
         if client.write_all(&bytes).is_err() {
@@ -396,6 +410,112 @@ fn another_client_is_waited_for() {
     drop(other);
     station.waits_until_filed("trough.dxf");
     assert_eq!(server.holds().len(), 1);
+}
+
+/// An answer takes as long as all of it takes.
+#[test]
+fn a_server_that_drips_holds_no_drawing_for_ever() {
+    let server = BeamServer::start();
+    server.project().faults.push(("CmdListName", Fault::Drips));
+    let mut station = Station::new(server.address);
+    station.start();
+    station.drop("trough.obj", PART);
+    station.drop("trough.dxf", &drawing(9.0));
+    station.waits_for("a complaint", || {
+        station.log().contains("gave no answer to `CmdListName 0`: no whole line came within 0.5 s")
+    });
+    station.waits_until_filed("trough.dxf");
+    assert_eq!(server.holds().len(), 1);
+}
+
+/// The drawing lies in the import folder, and the next start imports it.
+#[cfg(unix)]
+#[test]
+fn a_station_that_is_to_stop_leaves_a_server_that_does_not_answer() {
+    for fault in [Fault::Drips, Fault::Slow(Duration::from_secs(3600))] {
+        let server = BeamServer::start();
+        server.project().faults.push(("CmdImport", fault));
+        let mut station = Station::new(server.address);
+        station.set("answer_s = 0.5", "answer_s = 3600");
+        station.start();
+        station.drop("trough.obj", PART);
+        station.drop("trough.dxf", &drawing(9.0));
+        station.waits_for("the talk", || server.heard("CmdImport") == 1);
+        let program = station.program.as_mut().unwrap();
+        let status = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
+        assert!(status.success());
+        let started = Instant::now();
+        while program.try_wait().unwrap().is_none() {
+            assert!(started.elapsed() < Duration::from_secs(30), "it does not stop");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(station.path("import/trough.dxf").exists() && station.path("hot/trough.dxf").exists());
+        // One that drips comes to its senses when its client has gone; the other never does.
+        if fault == Fault::Drips {
+            station.start();
+            station.waits_until_filed("trough.dxf");
+            assert_eq!(server.holds(), ["\\trough.dxf"]);
+        }
+    }
+}
+
+#[test]
+fn a_server_that_answers_nonsense_leaves_the_drawing_waiting() {
+    let server = BeamServer::start();
+    let mut station = Station::new(server.address);
+    station.start();
+    station.drop("trough.obj", PART);
+    for (number, (verb, words)) in [
+        ("CmdListName", "\u{1}\u{2}\u{3}"),
+        ("CmdListName", "ERROR banana"),
+        ("CmdImport", "banana"),
+        ("CmdListUID", ""),
+        ("CmdListUID", "no number at all"),
+        ("CmdSelEntName", "12"),
+        ("CmdGetSizeX", "NaN"),
+        ("CmdGetSizeX", "-90000"),
+        ("CmdGetSizeY", "inf"),
+        ("CmdGetSizeY", "HTTP/1.1 400 Bad Request"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        server.project().faults.push((verb, Fault::Says(words)));
+        let name = format!("trough@{number}.dxf");
+        station.drop(&name, &drawing(5.0 + number as f64 / 2.0));
+        station.waits_until_filed(&name);
+        assert!(server.project().faults.is_empty());
+        assert_eq!(server.holds().iter().filter(|held| held.ends_with(&name)).count(), 1, "{name}");
+    }
+    assert!(station.log().contains("waits: BeamServer answered"), "{}", station.log());
+    assert_eq!(fs::read_dir(station.path("rejected")).unwrap().count(), 0);
+}
+
+/// Whatever else listens there.
+#[test]
+fn a_server_of_another_kind_is_no_fault_of_the_drawing() {
+    for answers in [|_: &str| "banana\n".to_owned(), |heard: &str| heard.to_owned(), |_: &str| "OK\n".into()]
+    {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let station = Station::new(listener.local_addr().unwrap());
+        std::thread::spawn(move || {
+            for client in listener.incoming().flatten() {
+                let (mut heard, mut writer) = (BufReader::new(&client), &client);
+                let mut line = String::new();
+                while heard.read_line(&mut line).is_ok_and(|read| read > 0) {
+                    if writer.write_all(answers(&line).as_bytes()).is_err() {
+                        break;
+                    }
+                    line.clear();
+                }
+            }
+        });
+        station.drop("trough.obj", PART);
+        station.drop("trough.dxf", &drawing(9.0));
+        let said = station.once();
+        assert!(said.contains("0 rejected, 1 waiting") && said.contains("BeamServer"), "{said}");
+        assert!(station.path("hot/trough.dxf").exists());
+    }
 }
 
 /// What was delivered by folder, or went with an older project, is not in BeamConstruct, whatever lies in `import`.

@@ -17,13 +17,14 @@
 //! name is there. A drawing that replaces one is therefore imported twice: for trial under a name of its own, and only
 //! if its size is right in place of the older one. A drawing of a wrong size is removed, so that it cannot be marked.
 
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::job::JobError;
+use super::watcher::StopSignal;
 use crate::config::DeliverySettings;
 use crate::reason::Reason;
 
@@ -32,13 +33,20 @@ const CONNECT: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How long nobody tries to talk to a server that did not answer.
 const REST: Duration = Duration::from_secs(2);
+/// How often somebody who waits for an answer looks whether the station is to stop.
+const LOOK: Duration = Duration::from_millis(50);
+/// How long a talk may still take when the station is to stop: a server that is well is done by then.
+const LAST_WORDS: Duration = Duration::from_secs(2);
+/// How many answers' time a whole talk may take.
+const MOST_ANSWERS: u32 = 60;
 /// Codes of the reasons that count for all drawings.
 const UNREACHABLE: &str = "beamserver-unreachable";
 const SILENT: &str = "beamserver-silent";
+const GARBAGE: &str = "beamserver-answer";
 /// Elements that a project may hold; more are a server that counts for ever.
 const MOST_ELEMENTS: usize = 100_000;
 /// The longest answer, bytes.
-const LONGEST_ANSWER: u64 = 4096;
+const LONGEST_ANSWER: usize = 4096;
 /// Sizes are told in 1/10000 mm.
 const PER_MILLIMETRE: f64 = 10_000.0;
 /// How far the size may be off, mm: the importer works in whole micrometres, at both ends of the drawing.
@@ -50,12 +58,16 @@ const BAD_INPUT: i64 = 16;
 /// Its first numbers for a file that cannot be opened or read.
 const UNREADABLE_FILE: [i64; 2] = [19, 21];
 
+const CHECK_THE_SERVER: &str = "Check that `delivery.address` is that of BeamServer, and start BeamServer again: it is tried again. \
+                                If it answers like this for ever, report it with the version of BeamConstruct.";
+
 /// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
 /// answer is told so at once, so that its thread can do something else.
-#[derive(Default)]
 pub(super) struct Turns {
     line: Mutex<Line>,
     free: Condvar,
+    /// A station that is to stop does not wait for a server that answers slowly.
+    stop: StopSignal,
 }
 
 #[derive(Default)]
@@ -67,6 +79,10 @@ struct Line {
 }
 
 impl Turns {
+    pub(super) fn new(stop: StopSignal) -> Self {
+        Self { line: Mutex::default(), free: Condvar::new(), stop }
+    }
+
     fn line(&self) -> MutexGuard<'_, Line> {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -75,10 +91,13 @@ impl Turns {
     ///
     /// # Errors
     /// To be tried again when the turn does not come soon; else what `talk` says.
-    pub(super) fn talk<T>(&self, talk: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
+    pub(super) fn talk<T>(
+        &self,
+        talk: impl FnOnce(&StopSignal) -> Result<T, JobError>,
+    ) -> Result<T, JobError> {
         let _turn = self.turn()?;
-        let said = talk();
-        let is_silence = |reason: &&Reason| [UNREACHABLE, SILENT].contains(&reason.code.as_str());
+        let said = talk(&self.stop);
+        let is_silence = |reason: &&Reason| [UNREACHABLE, SILENT, GARBAGE].contains(&reason.code.as_str());
         let silence = match &said {
             Err(JobError::Retry(reason)) => Some(reason).filter(is_silence),
             _ => None,
@@ -155,9 +174,10 @@ pub(super) fn sendable(path: &Path) -> Result<String, JobError> {
 pub(super) fn import(
     delivery: &DeliverySettings,
     drawing: &Drawing<'_>,
+    stop: &StopSignal,
     lay_out: impl FnOnce() -> Result<(), JobError>,
 ) -> Result<String, JobError> {
-    let mut server = Server::connect(delivery)?;
+    let mut server = Server::connect(delivery, stop)?;
     let name = drawing.name;
     let (trial, trial_path) = &drawing.trial;
     let before = server.elements(name)?;
@@ -191,15 +211,20 @@ pub(super) fn import(
     Ok(story)
 }
 
-struct Server {
-    stream: BufReader<TcpStream>,
+struct Server<'a> {
+    stream: TcpStream,
+    /// What came after the last answer.
+    rest: Vec<u8>,
     address: String,
     /// How long an answer may take.
     patience: Duration,
+    /// When the talk ends.
+    end: Instant,
+    stop: &'a StopSignal,
 }
 
-impl Server {
-    fn connect(delivery: &DeliverySettings) -> Result<Self, JobError> {
+impl<'a> Server<'a> {
+    fn connect(delivery: &DeliverySettings, stop: &'a StopSignal) -> Result<Self, JobError> {
         let address = delivery.address.clone();
         let failed = |error: std::io::Error| {
             let what = format!("BeamServer at {address} cannot be reached: {error}.");
@@ -210,20 +235,23 @@ impl Server {
         let mut addresses = address.to_socket_addrs().map_err(failed)?;
         let first = addresses.next().ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
         let stream = TcpStream::connect_timeout(&first, CONNECT).map_err(failed)?;
-        stream.set_read_timeout(Some(delivery.answer)).map_err(failed)?;
-        stream.set_write_timeout(Some(delivery.answer)).map_err(failed)?;
+        stream.set_read_timeout(Some(LOOK)).map_err(failed)?;
+        stream.set_write_timeout(Some(LOOK)).map_err(failed)?;
         stream.set_nodelay(true).map_err(failed)?;
-        Ok(Self { stream: BufReader::new(stream), address, patience: delivery.answer })
+        let patience = delivery.answer;
+        let end = Instant::now() + patience.saturating_mul(MOST_ANSWERS);
+        Ok(Self { stream, rest: Vec::new(), address, patience, end, stop })
     }
 
     /// Sends a command and returns the answer, or the numbers of an `ERROR`.
-    fn ask(&mut self, command: &str) -> Result<Result<String, [i64; 2]>, JobError> {
+    fn ask(&mut self, command: &str) -> Result<Result<Answer, [i64; 2]>, JobError> {
         let answer = self.exchange(command).map_err(|error| {
             let why = match error.kind() {
-                // Systems call a time-out by different names, and some "resource temporarily unavailable".
-                ErrorKind::WouldBlock | ErrorKind::TimedOut => {
-                    format!("nothing came within {} s", self.patience.as_secs_f64())
+                ErrorKind::TimedOut => {
+                    let what = if self.rest.is_empty() { "nothing" } else { "no whole line" };
+                    format!("{what} came within {} s", self.patience.as_secs_f64())
                 }
+                ErrorKind::Interrupted => "the station is to stop".into(),
                 _ => error.to_string(),
             };
             let what = format!("BeamServer at {} gave no answer to `{command}`: {why}.", self.address);
@@ -231,36 +259,87 @@ impl Server {
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
             JobError::Retry(Reason::new(SILENT, what, remedy))
         })?;
+        // No element and no value looks like this; some servers of other kinds repeat what they hear.
+        let is_odd = |letter: char| letter.is_control() && letter != '\t';
+        if answer.contains(is_odd) || answer == command {
+            return Err(garbage(&answer, command));
+        }
         let (first, rest) = answer.split_once(' ').unwrap_or((&answer, ""));
         Ok(match first {
             "ERROR" => {
                 let mut numbers = rest.split([' ', ',']).filter_map(|number| number.parse().ok());
-                Err([numbers.next().unwrap_or(-1), numbers.next().unwrap_or(-1)])
+                let Some(first) = numbers.next() else { return Err(garbage(&answer, command)) };
+                Err([first, numbers.next().unwrap_or(-1)])
             }
-            "OK" => Ok(rest.trim_start().to_owned()),
-            _ => Ok(answer),
+            "OK" => Ok(Answer::Ok(rest.trim_start().to_owned())),
+            _ => Ok(Answer::Value(answer)),
         })
     }
 
+    /// Sends a line and takes one, both before one and the same moment however slowly they come.
     fn exchange(&mut self, command: &str) -> std::io::Result<String> {
-        self.stream.get_mut().write_all(format!("{command}\n").as_bytes())?;
-        let mut answer = Vec::new();
-        (&mut self.stream).take(LONGEST_ANSWER).read_until(b'\n', &mut answer)?;
-        if !answer.ends_with(b"\n") {
-            return Err(ErrorKind::UnexpectedEof.into());
+        let deadline = (Instant::now() + self.patience).min(self.end);
+        let line = format!("{command}\n").into_bytes();
+        let mut sent = 0;
+        while sent < line.len() {
+            sent += self.until(deadline, |stream| stream.write(&line[sent..]))?;
         }
-        // Operators name their own elements as they like; ours are ASCII.
-        Ok(String::from_utf8_lossy(&answer).trim().to_owned())
+        loop {
+            if let Some(end) = self.rest.iter().position(|byte| *byte == b'\n') {
+                let answer: Vec<u8> = self.rest.drain(..=end).collect();
+                // Operators name their own elements as they like; ours are ASCII.
+                return Ok(String::from_utf8_lossy(&answer).trim().to_owned());
+            }
+            if self.rest.len() >= LONGEST_ANSWER {
+                return Err(std::io::Error::new(ErrorKind::InvalidData, "it has no end"));
+            }
+            let mut piece = [0; 1024];
+            let read = self.until(deadline, |stream| stream.read(&mut piece))?;
+            self.rest.extend(&piece[..read]);
+        }
     }
 
-    /// Sends a command that has to succeed.
+    /// Reads or writes something, again and again until the deadline or the end of the station.
+    fn until(
+        &mut self,
+        deadline: Instant,
+        mut step: impl FnMut(&mut TcpStream) -> std::io::Result<usize>,
+    ) -> std::io::Result<usize> {
+        loop {
+            let now = Instant::now();
+            if self.stop.is_raised() {
+                self.end = self.end.min(now + LAST_WORDS);
+            }
+            if now >= deadline.min(self.end) {
+                let stops = self.stop.is_raised();
+                return Err(if stops { ErrorKind::Interrupted } else { ErrorKind::TimedOut }.into());
+            }
+            match step(&mut self.stream) {
+                Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+                // Systems call a time-out by different names, and some are interrupted by signals.
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                    ) => {}
+                done => return done,
+            }
+        }
+    }
+
+    /// Sends a command that has to succeed; returns the value.
     fn command(&mut self, command: &str) -> Result<String, JobError> {
-        self.ask(command)?.map_err(|numbers| refused(command, numbers))
+        self.ask(command)?.map_err(|numbers| refused(command, numbers)).map(Answer::value)
+    }
+
+    /// Sends a command that has to be done.
+    fn order(&mut self, command: &str) -> Result<(), JobError> {
+        done(command, self.ask(command)?.map_err(|numbers| refused(command, numbers))?)
     }
 
     /// Imports a file; returns the id of its element, the only one of this name that was not there before.
     fn import_new(&mut self, name: &str, path: &str, before: &[String]) -> Result<String, JobError> {
-        self.command(&format!("CmdImport {path}"))?;
+        self.order(&format!("CmdImport {path}"))?;
         let mut new = self.elements(name)?;
         new.retain(|id| !before.contains(id));
         match <[String; 1]>::try_from(new) {
@@ -278,7 +357,7 @@ impl Server {
 
     /// Compares the size of the only element of this name with that of the drawing, mm.
     fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), JobError> {
-        self.command(&format!("CmdSelEntName \\{element}"))?;
+        self.order(&format!("CmdSelEntName \\{element}"))?;
         for (axis, expected) in ["X", "Y"].into_iter().zip(size) {
             let found = self.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
             if !((found - expected).abs() <= SIZE_TOLERANCE) {
@@ -292,18 +371,17 @@ impl Server {
     fn delete(&mut self, id: &str) -> Result<(), JobError> {
         let command = format!("CmdDeleteEnt {id}");
         match self.ask(&command)? {
-            Ok(_) | Err([NO_SUCH_ELEMENT, _]) => Ok(()),
+            Ok(answer) => done(&command, answer),
+            Err([NO_SUCH_ELEMENT, _]) => Ok(()),
             Err(numbers) => Err(refused(&command, numbers)),
         }
     }
 
     fn number(&mut self, command: &str) -> Result<f64, JobError> {
         let answer = self.command(command)?;
-        answer.parse().map_err(|_| {
-            let what = format!("BeamServer answered `{answer}` to `{command}`, which is no number.");
-            let remedy = "Report it with the version of BeamConstruct: its commands may have changed.";
-            JobError::Retry(Reason::new("beamserver-answer", what, remedy))
-        })
+        // No drawing is smaller than nothing.
+        let size = answer.parse().ok().filter(|size: &f64| size.is_finite() && *size >= 0.0);
+        size.ok_or_else(|| garbage(&answer, command))
     }
 
     /// The ids of the elements that bear the name, with the separator that BeamConstruct puts before it or without.
@@ -311,17 +389,56 @@ impl Server {
         let mut ids = Vec::new();
         for index in 0..MOST_ELEMENTS {
             let element = match self.ask(&format!("CmdListName {index}"))? {
-                Ok(element) => element,
+                Ok(element) => element.value(),
                 // Which number ends the list is not documented for all versions; an empty project ends at once.
-                Err([NO_SUCH_ELEMENT | BAD_INPUT, _]) => break,
+                Err([NO_SUCH_ELEMENT | BAD_INPUT, _]) => return Ok(ids),
                 Err(numbers) => return Err(refused("CmdListName", numbers)),
             };
             if element.trim_start_matches(['\\', '/']) == name {
-                ids.push(self.command(&format!("CmdListUID {index}"))?);
+                let command = format!("CmdListUID {index}");
+                let id = self.command(&command)?;
+                // It is sent back as it is.
+                if id.is_empty() || id.contains(char::is_whitespace) || ids.contains(&id) {
+                    return Err(garbage(&id, &command));
+                }
+                ids.push(id);
             }
         }
-        Ok(ids)
+        let what = format!("BeamServer at {} lists more than {MOST_ELEMENTS} elements.", self.address);
+        Err(JobError::Retry(Reason::new(GARBAGE, what, CHECK_THE_SERVER)))
     }
+}
+
+/// What BeamServer answers to a command that it did.
+enum Answer {
+    /// `OK`, and what follows it.
+    Ok(String),
+    /// Something else.
+    Value(String),
+}
+
+impl Answer {
+    /// The value that was asked for: some versions say `OK` before it.
+    fn value(self) -> String {
+        match self {
+            Self::Ok(value) | Self::Value(value) => value,
+        }
+    }
+}
+
+/// A command that asks for nothing is answered by `OK`, or was not understood.
+fn done(command: &str, answer: Answer) -> Result<(), JobError> {
+    match answer {
+        Answer::Ok(_) => Ok(()),
+        Answer::Value(answer) => Err(garbage(&answer, command)),
+    }
+}
+
+/// The server is ill, or none: the drawing is not to blame.
+fn garbage(answer: &str, command: &str) -> JobError {
+    let shown: String = answer.chars().take(60).flat_map(char::escape_debug).collect();
+    let what = format!("BeamServer answered `{shown}` to `{command}`, which is no answer to that.");
+    JobError::Retry(Reason::new(GARBAGE, what, CHECK_THE_SERVER))
 }
 
 fn refused(command: &str, numbers: [i64; 2]) -> JobError {

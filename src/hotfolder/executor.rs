@@ -31,6 +31,7 @@ use super::parked::Parking;
 use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
 use super::shares::Shares;
+use super::watcher::StopSignal;
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold};
 use crate::files::read_if_there;
 use crate::formats::mesh::MeshFormat;
@@ -59,13 +60,13 @@ pub(super) struct Executor<'a, C> {
 }
 
 impl<'a, C: Corrector> Executor<'a, C> {
-    pub(super) fn new(corrector: &'a C, journal: Journal, shares: Shares) -> Self {
+    pub(super) fn new(corrector: &'a C, journal: Journal, shares: Shares, stop: StopSignal) -> Self {
         Self {
             corrector,
             journal: Mutex::new(journal),
             overtaken: Mutex::default(),
             unfit_archive: Mutex::default(),
-            beamserver: beamserver::Turns::default(),
+            beamserver: beamserver::Turns::new(stop),
             shares,
             parking: Parking::default(),
             shapes: Mutex::default(),

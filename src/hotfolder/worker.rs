@@ -70,7 +70,7 @@ pub fn run(
     let lock = StationLock::take(&state, &station.name)?;
     let journal =
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
-    let executor = Executor::new(corrector, journal, Shares::open(&state));
+    let executor = Executor::new(corrector, journal, Shares::open(&state), stop.clone());
     let (sender, messages) = sync_channel(MOST_MESSAGES);
     stop.connect(sender.clone());
     let threads = threads(station.watch.jobs);

@@ -62,8 +62,8 @@ impl<C: Corrector> Executor<'_, C> {
             is_known: kept.import == Import::Done,
         };
         let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
-        self.beamserver.talk(|| {
-            let imported = beamserver::import(&station.delivery, &drawing, lay_out);
+        self.beamserver.talk(|stop| {
+            let imported = beamserver::import(&station.delivery, &drawing, stop, lay_out);
             delivery::remove_quietly(&trial);
             imported
         })
