@@ -14,7 +14,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -70,6 +70,8 @@ enum Fate {
     Delivered { sku: usize, variant: usize, drops: usize },
     /// Dropped again with other content: each at most once, the last one for certain.
     Replaced { sku: usize, variants: Vec<usize> },
+    /// Written again by a writer that holds it open: the first version at most once, the second for certain.
+    Rewritten { sku: usize, variants: [usize; 2] },
     /// Taken away by the designer: at most once.
     Deleted { sku: usize, variant: usize },
     /// To the rejected folder.
@@ -83,12 +85,19 @@ struct Slow {
     rest: Vec<u8>,
 }
 
+/// A writer that has its drop open and writes another version into it some time.
+struct Held {
+    file: File,
+    second: Vec<u8>,
+}
+
 struct Harness {
     folder: tempfile::TempDir,
     program: Option<Child>,
     random: Random,
     fates: BTreeMap<String, Fate>,
     slow: Vec<Slow>,
+    held: Vec<Held>,
     /// What the importer took away: name and content, in order.
     taken: Vec<(String, Vec<u8>)>,
     repeat: &'static str,
@@ -104,7 +113,8 @@ impl Harness {
         let repeat = if seed.is_multiple_of(2) { "never" } else { "if-gone" };
         fs::write(folder.path().join("station.toml"), settings(repeat)).unwrap();
         let (random, fates) = (Random(seed), BTreeMap::new());
-        Self { folder, program: None, random, fates, slow: Vec::new(), taken: Vec::new(), repeat, count: 0 }
+        let (slow, held, taken) = (Vec::new(), Vec::new(), Vec::new());
+        Self { folder, program: None, random, fates, slow, held, taken, repeat, count: 0 }
     }
 
     fn path(&self, relative: &str) -> PathBuf {
@@ -148,7 +158,7 @@ impl Harness {
         let (name, bytes) = (self.name(sku), drawing(variant));
         let hot = self.path("hot").join(&name);
         let delivered = Fate::Delivered { sku, variant, drops: 1 };
-        match self.random.below(15) {
+        match self.random.below(16) {
             0..=3 => {
                 self.rename_into(&name, &bytes);
                 self.fates.insert(name, delivered);
@@ -186,6 +196,16 @@ impl Harness {
                 self.fates.insert(name, Fate::Waits);
             }
             10..=13 => self.drop_again(),
+            // Windows lets nobody read what somebody has open to write.
+            14 if cfg!(unix) => {
+                let second = (variant + 1) % VARIANTS;
+                let outside = self.path("outside/held");
+                fs::write(&outside, &bytes).unwrap();
+                let file = File::options().read(true).write(true).open(&outside).unwrap();
+                fs::rename(outside, hot).unwrap();
+                self.held.push(Held { file, second: drawing(second) });
+                self.fates.insert(name, Fate::Rewritten { sku, variants: [variant, second] });
+            }
             _ => {
                 // The same part again changes nothing.
                 self.rename_into(&format!("{}.obj", SKUS[sku]), part(sku).as_bytes());
@@ -236,6 +256,12 @@ impl Harness {
             slow.rest.drain(..piece);
         }
         self.slow.retain(|slow| !slow.rest.is_empty());
+        if !self.held.is_empty() && self.random.below(40) == 0 {
+            let mut held = self.held.remove(0);
+            held.file.set_len(0).unwrap();
+            held.file.seek(SeekFrom::Start(0)).unwrap();
+            held.file.write_all(&held.second).unwrap();
+        }
         if self.random.below(4) == 0 {
             self.take_results();
         }
@@ -281,7 +307,9 @@ impl Harness {
             self.tick();
             let left: Vec<String> = names(&self.path("hot"));
             let waits = |name: &String| matches!(self.fates.get(name), Some(Fate::Waits));
-            if self.slow.is_empty() && left.iter().all(waits) {
+            // What is done stays there as long as its writer may go on.
+            let is_over = self.held.is_empty() && !self.path("state/parked").exists();
+            if self.slow.is_empty() && is_over && left.iter().all(waits) {
                 break;
             }
             assert!(started.elapsed() < Duration::from_secs(120), "there is still {left:?}: {}", self.log());
@@ -293,7 +321,7 @@ impl Harness {
     fn account(&self) -> String {
         let expected = self.expected();
         let archived = files(&self.path("archive"));
-        let mut counts = [0usize; 6];
+        let mut counts = [0usize; 7];
         for (name, fate) in &self.fates {
             let results: Vec<&Vec<u8>> =
                 self.taken.iter().filter(|(taken, _)| taken == name).map(|(_, bytes)| bytes).collect();
@@ -326,6 +354,16 @@ impl Harness {
                     assert_eq!(originals, meant.len(), "{}", context());
                     counts[2] += 1;
                 }
+                Fate::Rewritten { sku, variants: [first, second] } => {
+                    let found: Vec<&Vec<u8>> = results.clone();
+                    let is_second = found.last().is_some_and(|last| **last == expected[*sku][*second]);
+                    let before = &found[..found.len().saturating_sub(1)];
+                    let is_first = before.iter().all(|result| **result == expected[*sku][*first]);
+                    assert!(is_second && is_first && before.len() <= 1, "{}", context());
+                    // The first one may have been written over before it was read, or before a kill filed it.
+                    assert!((1..=2).contains(&originals), "{}", context());
+                    counts[6] += 1;
+                }
                 Fate::Deleted { sku, variant } => {
                     let is_right = results.iter().all(|result| **result == expected[*sku][*variant]);
                     assert!(results.len() <= 1 && is_right && originals <= results.len(), "{}", context());
@@ -349,12 +387,12 @@ impl Harness {
         }
         let left: Vec<String> = names(&self.path("import"));
         assert!(left.is_empty(), "left in the import folder: {left:?}");
-        let [once, twice, replaced, deleted, rejected, waiting] = counts;
+        let [once, twice, replaced, deleted, rejected, waiting, rewritten] = counts;
         let log = fs::read_to_string(self.path("log.txt")).unwrap();
         let resumed = log.matches("before the station was interrupted").count();
         format!(
             "{} drops: {once} delivered once, {twice} dropped again and delivered once, {replaced} in several versions, \
-             {deleted} taken away, {rejected} rejected, {waiting} waiting; {resumed} times between delivery and archive",
+             {rewritten} written again, {deleted} taken away, {rejected} rejected, {waiting} waiting; {resumed} times between delivery and archive",
             self.fates.len()
         )
     }

@@ -132,6 +132,13 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         ));
     }
     leave(&request, state)?;
+    if let (Request::Waiting, Ok((Some(status), _))) = (&request, status_of(&folders))
+        && status.uncertain.count > 0
+    {
+        tell(
+            "isomark: warning: uncertain drawings are not delivered again by this: name them, or add `--uncertain`",
+        );
+    }
     print(&match request {
         Request::Waiting => format!("what waits is tried again{then}\n"),
         Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),

@@ -76,7 +76,9 @@ pub(super) fn deliver<'a>(
     let mut certainty = Certainty::Certain;
     if let Err(error) = noted.and_then(|()| fs::rename(&temporary, import.join(&job.name))) {
         let seen = Evidence::seen(import, &temporary, job, identity);
-        match seen.map_or(Renamed::No, after_a_failed_rename) {
+        // What cannot be looked at now is looked at by the next try.
+        let Ok(seen) = seen else { return Err(folder_trouble(error)) };
+        match after_a_failed_rename(seen) {
             Renamed::Yes => {}
             Renamed::Unknown => certainty = Certainty::Uncertain,
             Renamed::No | Renamed::NotToBeSeen => {

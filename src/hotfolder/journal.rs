@@ -482,7 +482,7 @@ impl Journal {
             }
             Record::Filing { drop, sku, stamp, to, job, hot } => {
                 match self.open.get_mut(&drop) {
-                    Some(open) if open.stamp == stamp => open.to = Some(to),
+                    Some(open) if open.stamp.is_same(stamp) => open.to = Some(to),
                     _ => {
                         // What needs no delivery is filed without one.
                         let delivered = job.is_some();

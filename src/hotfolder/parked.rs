@@ -351,12 +351,13 @@ fn remove_alone(path: &Path, filed: &Filed) -> io::Result<()> {
 
 /// Renames a file into a folder of its own; returns that folder.
 fn set_aside(path: &Path, base: &Path, relative: &Path, filed: &Signature) -> io::Result<PathBuf> {
-    fs::create_dir_all(base)?;
-    let (boot, mut number) = (boot(), 1);
+    let (boot, mut number, mut tries) = (boot(), 1, 0);
     let folder = loop {
         let folder = base.join(filed.name(&boot, number));
-        match fs::create_dir(&folder) {
+        match fs::create_dir_all(base).and_then(|()| fs::create_dir(&folder)) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
+            // It was removed with the last file in it.
+            Err(error) if error.kind() == ErrorKind::NotFound && tries < 3 => tries += 1,
             made => break made.map(|()| folder)?,
         }
     };
@@ -435,6 +436,74 @@ mod tests {
             let seen = Evidence { now, is_over, outlived_its_writer: outlived };
             assert_eq!(verdict(&filed, changed, seen), expected, "{name}");
         }
+    }
+
+    /// A hot folder with one file that is filed and set aside, and what looks at it.
+    #[cfg(not(windows))]
+    fn set_aside_one(folder: &Path) -> (FolderPaths, Parking) {
+        let [hot, import, archive, rejected, cache, reports, skus, state] =
+            ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
+                .map(|name| folder.join(name));
+        let folders = FolderPaths { hot, import, archive, rejected, cache, reports, skus, state };
+        fs::create_dir_all(folders.hot.join("can")).unwrap();
+        let path = folders.hot.join("can/a.dxf");
+        fs::write(&path, "first").unwrap();
+        let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
+        let parking = Parking::default();
+        let filed = Filed { stamp, hash: blake3::hash(b"first") };
+        parking.take_away(&folders, &path, &filed).unwrap();
+        assert!(!path.exists() && !parking.is_empty());
+        (folders, parking)
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn only_what_is_written_again_goes_back() {
+        const LONG: Duration = Duration::from_secs(3600);
+        let folder = tempfile::tempdir().unwrap();
+        let (folders, parking) = set_aside_one(folder.path());
+        let label = entries(&folders.state.join(PARKED)).remove(0);
+        let place = label.join("can/a.dxf");
+        let looks = |parking: &Parking| {
+            let both = [parking.look(&folders, LONG), parking.look(&folders, LONG)];
+            both.into_iter().flatten().map(|returned| returned.relative).collect::<Vec<_>>()
+        };
+        assert!(looks(&parking).is_empty());
+        // The same again, and given another time.
+        fs::write(&place, "first").unwrap();
+        fs::File::options().write(true).open(&place).unwrap().set_modified(UNIX_EPOCH).unwrap();
+        assert!(looks(&parking).is_empty() && place.exists());
+        // Another start takes it up, and sees what was written between.
+        fs::write(&place, "second").unwrap();
+        let next = Parking::default();
+        next.restore(&folders);
+        next.restore(&folders);
+        assert_eq!(looks(&next), [Path::new("can/a.dxf")]);
+        assert_eq!(fs::read_to_string(folders.hot.join("can/a.dxf")).unwrap(), "second");
+        assert!(next.is_empty() && !folders.state.join(PARKED).exists());
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn what_was_written_within_one_tick_of_the_clock_goes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let (folders, parking) = set_aside_one(folder.path());
+        let place = entries(&folders.state.join(PARKED)).remove(0).join("can/a.dxf");
+        let modified = fs::metadata(&place).unwrap().modified().unwrap();
+        fs::write(&place, "FIRST").unwrap();
+        fs::File::options().write(true).open(&place).unwrap().set_modified(modified).unwrap();
+        assert_eq!(parking.look(&folders, Duration::ZERO).len(), 1);
+        assert_eq!(fs::read_to_string(folders.hot.join("can/a.dxf")).unwrap(), "FIRST");
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn what_nobody_writes_is_removed_in_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (folders, parking) = set_aside_one(folder.path());
+        assert!(parking.look(&folders, Duration::ZERO).is_empty());
+        assert!(parking.is_empty() && !folders.state.join(PARKED).exists());
+        assert_eq!(files_in(&folders.hot), Vec::<PathBuf>::new());
     }
 
     #[test]

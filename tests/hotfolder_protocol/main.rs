@@ -18,7 +18,10 @@ use isomark::hotfolder::{
 };
 use isomark::reason::Reason;
 
+#[cfg(unix)]
+mod held_open;
 mod side_by_side;
+mod uncertain;
 
 /// Parts and patterns are lines of text that end in `EOF`; the words before it say what shall happen.
 #[derive(Default)]

@@ -37,6 +37,38 @@ fn append(station: &Station, text: &str) {
     station.desk.write("station.toml", settings + text);
 }
 
+/// The station ended when the journal had said that the drawing is about to be delivered.
+#[test]
+fn a_drawing_that_may_not_have_been_delivered_is_shown_and_delivered_when_asked() {
+    for by_name in [true, false] {
+        let station = delivered();
+        let journal = station.desk.text("state/journal.log");
+        let said = journal.rfind("\"did\":\"delivering\"").unwrap();
+        let end = said + journal[said..].find('\n').unwrap() + 1;
+        station.desk.write("state/journal.log", &journal[..end]);
+        fs::rename(station.path("archive/trough/trough.dxf"), station.path("hot/trough.dxf")).unwrap();
+        fs::remove_file(station.path("import/trough.dxf")).unwrap();
+        let said = station.once();
+        assert!(
+            said.err.contains("WARN") && said.err.contains("may not have been delivered"),
+            "{}",
+            said.err
+        );
+        assert!(said.err.contains("isomark retry station.toml trough.dxf"), "{}", said.err);
+        assert!(station.import().is_empty());
+        let said = station.desk.isomark(&["status", "station.toml"]);
+        assert!(said.out.contains("uncertain whether delivered: 1\n  trough.dxf, "), "{}", said.out);
+        assert_eq!(status(&station)["uncertain"]["first"][0]["drop"], "trough.dxf");
+        let said = station.desk.isomark(&["retry", "station.toml"]);
+        assert!(said.code == 0 && said.err.contains("--uncertain"), "{said:?}");
+        let asked = if by_name { "trough.dxf" } else { "--uncertain" };
+        assert_eq!(station.desk.isomark(&["retry", "station.toml", asked]).code, 0);
+        station.once();
+        assert_eq!(station.import(), ["trough.dxf"]);
+        assert_eq!(status(&station)["uncertain"]["count"], 0);
+    }
+}
+
 #[test]
 fn a_station_is_set_up_checked_and_works() {
     let desk = Desk::new();

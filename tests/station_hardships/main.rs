@@ -10,6 +10,8 @@ use fs_err as fs;
 
 #[cfg(target_os = "linux")]
 mod disks;
+#[cfg(target_os = "linux")]
+mod flushes;
 mod together;
 
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
@@ -50,14 +52,19 @@ impl Station {
         self.waits_for("the archive folder", |station| station.path("archive").is_dir());
     }
 
-    /// Files that were dropped long before it is started.
-    fn once(&self) -> String {
+    /// What lies in the hot folder was dropped long ago.
+    fn make_old(&self) {
         for entry in fs::read_dir(self.path("hot")).unwrap() {
             let path = entry.unwrap().path();
             if let Ok(file) = fs::OpenOptions::new().write(true).open(path) {
                 file.file().set_modified(SystemTime::now() - Duration::from_secs(3600)).unwrap();
             }
         }
+    }
+
+    /// Files that were dropped long before it is started.
+    fn once(&self) -> String {
+        self.make_old();
         let output = self.command(&["watch", "station.toml", "--once"]).stdout(Stdio::piped()).output();
         let output = output.unwrap();
         let words = String::from_utf8(output.stdout.clone()).unwrap();

@@ -71,7 +71,11 @@ impl StampRecord {
     /// Whether it is the stamp of this file. Some shares number their files anew with each mount: size and time of the
     /// last write, to the nanosecond, decide where the system tells the time.
     pub(in crate::hotfolder) fn is_of(&self, stamp: Stamp) -> bool {
-        let now = Self::from(stamp);
+        self.is_same(Self::from(stamp))
+    }
+
+    /// Whether both are stamps of one file, by the same rule.
+    pub(super) fn is_same(&self, now: Self) -> bool {
         *self == now || (self.modified.is_some() && (self.size, self.modified) == (now.size, now.modified))
     }
 }

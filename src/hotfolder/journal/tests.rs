@@ -33,7 +33,7 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     for step in 0..6 {
         match step {
             0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
-            1 => journal.delivered("a.dxf"),
+            1 => journal.perhaps_delivered("a.dxf"),
             2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf", None),
             3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done),
             4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
@@ -45,6 +45,7 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     assert!(journal.begun("b.dxf", STAMP).is_some());
     assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
     assert_eq!(journal.results_of(&sku).len(), 1);
+    assert_eq!(journal.uncertain().count(), 1);
     drop(journal);
     let whole = fs::read(folder.path().join(JOURNAL)).unwrap();
     for cut in 0..=whole.len() {
@@ -90,6 +91,48 @@ fn a_copy_of_a_state_folder_is_another_stations() {
     assert_ne!(copy.tag(), tag);
     assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
     assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
+}
+
+/// Machines without a battery begin in 1970, and the net sets their clocks.
+#[test]
+fn a_clock_that_jumps_counts_no_end_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(JOURNAL);
+    for round in 0..6 {
+        let mut journal = Journal::open(folder.path()).unwrap();
+        let deaths = journal.suspects().get("a.obj").map_or(0, |(_, deaths)| *deaths);
+        assert_eq!(deaths, round.min(1));
+        journal.began("a.obj", STAMP).unwrap();
+        drop(journal);
+        // Whatever was noted by the clock was noted in another hour.
+        let lines = fs::read_to_string(&path).unwrap();
+        let other = lines.lines().map(|line| {
+            let (_, json) = line.split_once(' ').unwrap();
+            let at = json.find("\"at\":\"").unwrap() + 6;
+            let json = format!("{}19{:02}-01-01T00:00:00Z{}", &json[..at], 70 + round, &json[at + 20..]);
+            format!("{} {json}\n", checksum(&json))
+        });
+        fs::write(&path, other.collect::<String>()).unwrap();
+    }
+}
+
+#[test]
+fn ends_are_counted_by_the_time_that_passed() {
+    let at = |boot: &str, seconds| Some(Uptime { boot: boot.into(), since: Duration::from_secs(seconds) });
+    for (name, deaths, last, now, expected) in [
+        ("the first one", 0, None, at("a", 5), true),
+        ("soon after", 1, at("a", 5), at("a", 64), false),
+        ("a minute after", 1, at("a", 5), at("a", 65), true),
+        ("soon after another start of the machine", 1, at("a", 5), at("b", 30), false),
+        ("long after another start of the machine", 1, at("a", 5000), at("b", 60), true),
+        ("an older version counted", 3, None, at("a", 5), true),
+        ("the first one, and no system tells", 0, None, None, true),
+        ("the second one, and no system tells", 1, None, None, false),
+        ("the system told before", 1, at("a", 5), None, false),
+    ] {
+        let at_work = AtWork { stamp: STAMP.into(), deaths, last_death: last, under_way: true };
+        assert_eq!(counts(&at_work, now.as_ref()), expected, "{name}");
+    }
 }
 
 #[test]

@@ -1,0 +1,99 @@
+//! A station that ended between the journal's word of a delivery and the delivery, and an import folder that holds neither
+//! the drawing nor its temporary file: an importer took the one, or somebody removed the other.
+
+use fs_err as fs;
+use isomark::hotfolder::Request;
+use serde_json::Value;
+
+use super::Line;
+
+/// A station that delivered a drawing.
+fn delivered() -> Line {
+    let mut line = Line::new();
+    line.drop("can.glb", "part");
+    line.drop("can.dxf", "pattern");
+    assert_eq!(line.once().delivered, 1);
+    line
+}
+
+/// All is again as it was when the journal said that the drawing is about to be delivered; the importer took it since.
+fn ends_before_the_rename(line: &Line) {
+    let journal = line.text("state/journal.log").unwrap();
+    let said = journal.rfind("\"did\":\"delivering\"").unwrap();
+    let end = said + journal[said..].find('\n').unwrap() + 1;
+    fs::write(line.path("state/journal.log"), &journal[..end]).unwrap();
+    fs::rename(line.path("archive/can/can.dxf"), line.path("hot/can.dxf")).unwrap();
+    let _ = fs::remove_file(line.path("import/can.dxf"));
+}
+
+fn uncertain(line: &Line) -> Vec<String> {
+    let status: Value = serde_json::from_str(&line.text("state/status.json").unwrap()).unwrap();
+    let drawings = status["uncertain"]["first"].as_array().unwrap().iter();
+    drawings.map(|drawing| drawing["name"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn a_drawing_of_which_nobody_can_know_is_listed_and_delivered_again_when_asked() {
+    let mut line = delivered();
+    assert!(uncertain(&line).is_empty());
+    ends_before_the_rename(&line);
+    line.once();
+    assert!(line.import().is_empty(), "it is not delivered twice");
+    assert!(line.path("archive/can/can.dxf").exists() && !line.path("hot/can.dxf").exists());
+    assert_eq!(uncertain(&line), ["can.dxf"]);
+    // It stays so until somebody decides; what waits is another matter.
+    Request::Waiting.leave(&line.path("state")).unwrap();
+    Request::Uncertain(Some("can@other.dxf".into())).leave(&line.path("state")).unwrap();
+    line.once();
+    assert_eq!((line.import().len(), uncertain(&line)), (0, vec!["can.dxf".to_owned()]));
+    Request::Uncertain(Some("can.dxf".into())).leave(&line.path("state")).unwrap();
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
+    assert!(uncertain(&line).is_empty());
+}
+
+#[test]
+fn all_of_them_are_delivered_again_when_asked() {
+    let mut line = delivered();
+    ends_before_the_rename(&line);
+    line.once();
+    Request::Uncertain(None).leave(&line.path("state")).unwrap();
+    line.once();
+    assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0));
+}
+
+/// Whoever drops it again wants it, also where a drawing is never delivered a second time.
+#[test]
+fn a_drawing_of_which_nobody_can_know_is_delivered_when_it_is_dropped_again() {
+    let mut line = delivered();
+    let settings = line.text("station.toml").unwrap() + "[delivery]\nrepeat = \"never\"\n";
+    fs::write(line.path("station.toml"), settings).unwrap();
+    ends_before_the_rename(&line);
+    line.once();
+    line.drop("can.dxf", "pattern");
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0));
+}
+
+#[test]
+fn a_drop_that_is_gone_too_is_listed() {
+    let mut line = delivered();
+    ends_before_the_rename(&line);
+    fs::remove_file(line.path("hot/can.dxf")).unwrap();
+    line.once();
+    assert_eq!(uncertain(&line), ["can.dxf"]);
+    // There is nothing to make it of.
+    Request::Uncertain(None).leave(&line.path("state")).unwrap();
+    line.once();
+    assert_eq!((line.import().len(), uncertain(&line)), (0, vec!["can.dxf".to_owned()]));
+}
+
+#[test]
+fn a_drawing_that_lies_in_the_import_folder_is_known_to() {
+    let mut line = delivered();
+    let drawing = fs::read(line.path("import/can.dxf")).unwrap();
+    ends_before_the_rename(&line);
+    fs::write(line.path("import/can.dxf"), &drawing).unwrap();
+    line.once();
+    assert!(uncertain(&line).is_empty() && line.path("archive/can/can.dxf").exists());
+}

@@ -1,0 +1,82 @@
+//! What a power cut leaves, as far as the program can see to it: each file that counts is flushed, content and name, before
+//! the journal says that it counts. Only Linux shows a program's calls, and only where the tracer may look.
+
+use std::io::Write;
+use std::process::Stdio;
+
+use fs_err as fs;
+
+use super::{PART, Station, drawing, line};
+
+/// The calls of a station that does what lies in its hot folder, in their order; `None`, and a word about it, where they
+/// cannot be seen.
+fn calls_of(station: &Station) -> Option<Vec<String>> {
+    let trace = station.path("trace.txt");
+    let calls = "trace=fsync,fdatasync,rename,renameat,renameat2,link,linkat,write";
+    let program = env!("CARGO_BIN_EXE_isomark");
+    let mut command = std::process::Command::new("strace");
+    command.args(["-f", "-y", "-s", "4096", "-e", calls, "-o"]).arg(&trace);
+    command.arg(program).args(["watch", "station.toml", "--once"]).current_dir(station.path(""));
+    let ran = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if !ran.is_ok_and(|status| status.code().is_some_and(|code| code < 2)) {
+        let words = b"SKIPPED: the calls of a program cannot be traced here, nothing was said of flushes\n";
+        std::io::stderr().write_all(words).unwrap();
+        return None;
+    }
+    let text = String::from_utf8_lossy(&fs::read(trace).unwrap()).into_owned();
+    // A call that was interrupted by one of another thread stands in two lines: what was called, and that it is done.
+    Some(text.lines().map(str::to_owned).collect())
+}
+
+/// The first call after `from` with all of these words.
+fn after(calls: &[String], from: usize, words: &[&str]) -> Option<usize> {
+    let found = |call: &String| words.iter().all(|word| call.contains(word));
+    calls.iter().skip(from).position(found).map(|index| index + from)
+}
+
+/// Where the file got its name, flushed before, and its folder flushed afterwards.
+fn is_flushed(calls: &[String], path: &str) -> usize {
+    let folder = path.rsplit_once('/').unwrap().0;
+    let named = |call: &&String| {
+        let is_naming = call.contains("rename") || call.contains("link");
+        is_naming && call.contains(&format!("{path}\""))
+    };
+    let naming = calls.iter().find(named).unwrap_or_else(|| panic!("{path} got no name: {calls:#?}"));
+    let index = calls.iter().position(|call| call == naming).unwrap();
+    let temporary = naming.split('"').find(|word| word.contains(".isomark-") && word.ends_with(".part"));
+    let temporary = temporary.unwrap_or_else(|| panic!("{path} was not written but renamed: {naming}"));
+    let flushed = after(&calls[..index], 0, &["sync(", temporary.rsplit('/').next().unwrap()]);
+    assert!(flushed.is_some(), "{path} got its name before it was flushed");
+    let folder = format!("/{folder}>");
+    after(calls, index, &["sync(", &folder]).unwrap_or_else(|| panic!("{folder} was not flushed"))
+}
+
+#[test]
+fn what_is_filed_is_flushed_before_it_counts() {
+    let station = Station::new();
+    fs::write(station.path("hot/trough.obj"), PART).unwrap();
+    let square = drawing(&line([-5.0, 0.0], [5.0, 0.0]));
+    fs::write(station.path("hot/trough.dxf"), &square).unwrap();
+    fs::write(station.path("hot/trough.toml"), "[placement]\nrotate_deg = 5\n").unwrap();
+    fs::write(station.path("hot/trough@bad.dxf"), "0\nSECTION\n2\nENTITIES\n0\nENDSEC\n0\nEOF\n").unwrap();
+    station.make_old();
+    let Some(calls) = calls_of(&station) else { return };
+    let said = |words: &[&str]| {
+        let did = [&["write(", "journal.log"], words].concat();
+        after(&calls, 0, &did).unwrap_or_else(|| panic!("the journal says nothing of {words:?}"))
+    };
+    let learned = said(&["did\\\":\\\"learned", "trough.obj"]);
+    assert!(is_flushed(&calls, "archive/trough/trough.obj") < learned);
+    let done = said(&["did\\\":\\\"done", "trough.dxf"]);
+    assert!(is_flushed(&calls, "archive/trough/trough.dxf") < done);
+    assert!(is_flushed(&calls, "archive/trough/trough.toml") < done);
+    // What is not in the hot folder any more is not there after a power cut either.
+    let gone = after(&calls, 0, &["rename", "hot/trough.dxf\"", "parked"]).unwrap();
+    assert!(after(&calls, gone, &["sync(", "/hot>"]).unwrap() < done);
+    is_flushed(&calls, "rejected/trough@bad.dxf");
+    is_flushed(&calls, "rejected/trough@bad.dxf.reason.txt");
+    // A report is whole, or not there.
+    let report = after(&calls, 0, &["rename", "trough.dxf.report.json\""]).unwrap();
+    let temporary = calls[report].split('"').find(|word| word.ends_with(".part")).unwrap();
+    assert!(after(&calls[..report], 0, &["sync(", temporary.rsplit('/').next().unwrap()]).is_some());
+}
