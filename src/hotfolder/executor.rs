@@ -235,14 +235,23 @@ impl<'a, C: Corrector> Executor<'a, C> {
         }
         if let Some(last) = same_again
             && was_begun.is_none()
-            && last.certainty == Certainty::Certain
             && task.station.delivery.repeat == Repeat::Never
             && !matches!(task.work, Work::CorrectAgain { .. })
             && (task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done)
         {
-            tracing::info!("{name} was already delivered at {} and is not delivered again", last.at);
+            match last.certainty {
+                Certainty::Certain => {
+                    tracing::info!("{name} was already delivered at {} and is not delivered again", last.at);
+                }
+                Certainty::Uncertain => tracing::warn!(
+                    "{name} may have been delivered before {} and is not delivered again: \
+                     `isomark retry {} {name}` does that",
+                    last.at,
+                    task.station.file.display()
+                ),
+            }
             job.result.clone_from(&last.job.result);
-            self.file_original(&ready, &job, last.import)?;
+            self.file_original(&ready, &job, last.import, last.certainty)?;
             return Ok(Outcome::Repeated);
         }
         // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.

@@ -355,22 +355,23 @@ impl Journal {
         self.append(Record::Cancelled { drop: drop.into() }, true)
     }
 
-    /// The original is about to go to `to`, relative to the SKU's archive folder; `job` is the drawing that is done,
-    /// `None` for a part.
+    /// The original is about to go to `to`, relative to the SKU's archive folder; `job` is the drawing that is done and, if it
+    /// was not delivered now, whether it is known to have been; `None` for a part.
     pub(super) fn filing(
         &mut self,
         drop: &str,
         sku: &str,
         stamp: Stamp,
         to: &str,
-        job: Option<&Job>,
+        job: Option<(&Job, Certainty)>,
     ) -> io::Result<()> {
         let record = Record::Filing {
             drop: drop.into(),
             sku: sku.into(),
             stamp: stamp.into(),
             to: to.into(),
-            job: job.cloned(),
+            job: job.map(|(job, _)| job.clone()),
+            certainty: job.map(|(_, certainty)| certainty).unwrap_or_default(),
             hot: self.hot,
         };
         self.append(record, true)
@@ -480,14 +481,13 @@ impl Journal {
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
             }
-            Record::Filing { drop, sku, stamp, to, job, hot } => {
+            Record::Filing { drop, sku, stamp, to, job, certainty, hot } => {
                 match self.open.get_mut(&drop) {
                     Some(open) if open.stamp.is_same(stamp) => open.to = Some(to),
                     _ => {
                         // What needs no delivery is filed without one.
                         let delivered = job.is_some();
                         let (import, to, tag) = (None, Some(to), String::new());
-                        let certainty = Certainty::Certain;
                         let open = OpenJob { stamp, sku, job, import, hot, tag, delivered, certainty, to };
                         self.open.insert(drop, open);
                     }
@@ -576,7 +576,16 @@ impl Journal {
             }
             if let Some(to) = &open.to {
                 let (drop, sku, job) = (drop.clone(), open.sku.clone(), open.job.clone());
-                push(Record::Filing { drop, sku, stamp: open.stamp, to: to.clone(), job, hot: open.hot });
+                let certainty = open.certainty;
+                push(Record::Filing {
+                    drop,
+                    sku,
+                    stamp: open.stamp,
+                    to: to.clone(),
+                    job,
+                    certainty,
+                    hot: open.hot,
+                });
             }
         }
         let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;

@@ -62,17 +62,26 @@ fn all_of_them_are_delivered_again_when_asked() {
     assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0));
 }
 
-/// Whoever drops it again wants it, also where a drawing is never delivered a second time.
+/// As one that was delivered for certain: the settings say whether a drawing that is gone from import is delivered again.
 #[test]
-fn a_drawing_of_which_nobody_can_know_is_delivered_when_it_is_dropped_again() {
-    let mut line = delivered();
-    let settings = line.text("station.toml").unwrap() + "[delivery]\nrepeat = \"never\"\n";
-    fs::write(line.path("station.toml"), settings).unwrap();
-    ends_before_the_rename(&line);
-    line.once();
-    line.drop("can.dxf", "pattern");
-    assert_eq!(line.once().delivered, 1);
-    assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0));
+fn a_drawing_of_which_nobody_can_know_is_dropped_again() {
+    for (repeat, delivered_again) in [("if-gone", true), ("never", false)] {
+        let mut line = delivered();
+        let settings = line.text("station.toml").unwrap() + &format!("[delivery]\nrepeat = \"{repeat}\"\n");
+        fs::write(line.path("station.toml"), settings).unwrap();
+        ends_before_the_rename(&line);
+        line.once();
+        line.drop("can.dxf", "pattern");
+        let tally = line.once();
+        assert_eq!((tally.delivered, tally.repeated), if delivered_again { (1, 0) } else { (0, 1) });
+        assert_eq!(
+            (line.import().len(), uncertain(&line).is_empty()),
+            (tally.delivered as usize, delivered_again)
+        );
+        Request::Uncertain(None).leave(&line.path("state")).unwrap();
+        line.once();
+        assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0), "{repeat}");
+    }
 }
 
 #[test]

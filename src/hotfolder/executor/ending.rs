@@ -8,7 +8,7 @@ use super::super::filing::{self, Beside, Content, Original, with_slashes};
 use super::super::folders::{self, Found, LARGEST_DROP};
 use super::super::intake::Read;
 use super::super::job::{Corrector, JobError};
-use super::super::journal::{Import, Job};
+use super::super::journal::{Certainty, Import, Job};
 use super::super::names::delivered_as;
 use super::{Broken, Executor, Kept, Outcome, Ready, Task, Work, folder_trouble, guarded};
 use crate::config::{DeliveryKind, Sku, Station};
@@ -45,7 +45,7 @@ impl<C: Corrector> Executor<'_, C> {
         if let Some(preview) = &kept.preview {
             filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
         }
-        self.file_original(ready, &kept.job, kept.import)
+        self.file_original(ready, &kept.job, kept.import, Certainty::Certain)
     }
 
     /// Sees to it that BeamConstruct holds the drawing.
@@ -69,13 +69,20 @@ impl<C: Corrector> Executor<'_, C> {
         })
     }
 
-    /// Moves the original to the archive and notes that all is done.
-    pub(super) fn file_original(&self, ready: &Ready, job: &Job, import: Import) -> Result<(), JobError> {
+    /// Moves the original to the archive and notes that all is done; `certainty` is that of a delivery before this job.
+    pub(super) fn file_original(
+        &self,
+        ready: &Ready,
+        job: &Job,
+        import: Import,
+        certainty: Certainty,
+    ) -> Result<(), JobError> {
         let folders = &ready.task.station.folders;
         let original = match ready.task.work {
             Work::CorrectAgain { .. } => filing::in_archive(folders, ready.sku, &ready.task.path),
             _ => {
-                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read, Some(job))?;
+                let job = Some((job, certainty));
+                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read, job)?;
                 filing::in_archive(folders, ready.sku, &archived)
             }
         };
@@ -83,14 +90,15 @@ impl<C: Corrector> Executor<'_, C> {
         Ok(())
     }
 
-    /// Moves an original to the archive; `job` is the drawing that was made of it.
+    /// Moves an original to the archive; `job` is the drawing that was made of it, and whether it is known to have been
+    /// delivered if that was before this job.
     pub(super) fn archive(
         &self,
         task: &Task,
         sku: &Sku,
         name: &str,
         read: &Read,
-        job: Option<&Job>,
+        job: Option<(&Job, Certainty)>,
     ) -> Result<PathBuf, JobError> {
         let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
         let original = read.original(&task.path);

@@ -136,6 +136,9 @@ pub(super) enum Record {
         /// The drawing, if it had not to be delivered.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         job: Option<Job>,
+        /// Whether that drawing is known to have been delivered before.
+        #[serde(default, skip_serializing_if = "Certainty::is_certain")]
+        certainty: Certainty,
         #[serde(default)]
         hot: Option<Identity>,
     },
