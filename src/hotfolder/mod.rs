@@ -11,7 +11,8 @@
 //! goes on where it was and nothing is delivered twice.
 //!
 //! What a file name means is said in [`names`], when a file is whole in [`settle`], what a job needs from the rest of
-//! the program in [`Corrector`], what lies where afterwards in `filing`, who does what when in `worker` and `executor`.
+//! the program in [`Corrector`], what lies where afterwards in `filing`, what a writer may still change in `parked`, who
+//! does what when in `worker` and `executor`.
 
 pub mod names;
 pub mod settle;
