@@ -587,7 +587,9 @@ fn a_silent_server_holds_up_one_drawing_and_no_part() {
     station.waits_for("both drawings in the import folder", both);
     station.drop("tub.obj", PART);
     station.waits_for("a part", || station.path("archive/tub/tub.obj").exists());
-    assert!(station.log().contains("BeamServer is at another drawing"));
+    station.waits_for("the other drawing to wait", || {
+        station.log().contains("BeamServer is at another drawing")
+    });
     assert_eq!(server.heard("CmdListName"), 1);
 }
 
