@@ -213,7 +213,10 @@ impl Line {
             if condition(self) {
                 return;
             }
-            assert!(started.elapsed() < Duration::from_secs(120), "{what}; there is {:#?}", self.tree());
+            let told =
+                || ["state/journal.log", "state/status.json"].map(|file| self.text(file).unwrap_or_default());
+            let limit = Duration::from_secs(120);
+            assert!(started.elapsed() < limit, "{what}; there is {:#?}\n{}", self.tree(), told().join("\n"));
             // Looking takes time from the station where opening files is slow.
             std::thread::sleep(Duration::from_millis(2).max(4 * looked.elapsed()));
         }
@@ -807,7 +810,7 @@ fn a_part_takes_no_other_drop_along() {
     line.drop("mug.dxf", "pattern");
     line.drop("can.gltf", "needs mug.dxf");
     line.waits_for("the part", |line| line.path("archive/can/can.gltf").exists());
-    assert_eq!(files(&line.path("hot")), ["mug.dxf"]);
+    line.waits_for("the drawing alone", |line| files(&line.path("hot")) == ["mug.dxf"]);
     line.drop("mug.glb", "part");
     line.waits_for_text("import/mug.dxf", "pattern on part at 0");
 }
