@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::smooth_mesh::{NONE, Neighbours, SmoothMesh, facet_normal};
+use super::smooth_mesh::{NONE, Neighbours, SmoothMesh, facet_normal, sliver_side};
 
 /// Facets belong to one plane when their corners are within this of it, mm, and their sides within [`COPLANAR`] of its
 /// normal (a cosine): a file's rounding.
@@ -32,6 +32,8 @@ struct Planes {
     areas: Vec<f64>,
     /// Whether there is more than one triangle in it.
     are_cut: Vec<bool>,
+    /// Whether it is nothing but slivers.
+    are_slivers: Vec<bool>,
 }
 
 /// Corrects the normals that are `estimated` at vertices where facets of very different width continue each other, and
@@ -48,9 +50,7 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, est
     let Some(chosen) = round_bent_ones(mesh) else { return nowhere };
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
-    // A single wide triangle may be a long chord of a curved surface; a face that was cut into several can be flat.
-    let is_beside_face = |span: &Span| span.is_uneven() && planes.are_cut[span.widest as usize];
-    let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| is_beside_face(&spans[vertex])).collect();
+    let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
     if uneven.is_empty() {
         return nowhere;
     }
@@ -73,6 +73,11 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, est
         let widest = span.widest as usize;
         let flat = planes.normals[widest];
         let leaning = led.filter(|led| led.angle(&flat) >= LEANS * span.turn);
+        // A face that was cut into several triangles can be flat; a single one may be a long chord of a curved surface, unless
+        // the narrow side says otherwise.
+        if !planes.are_cut[widest] && (led.is_none() || leaning.is_some()) {
+            continue;
+        }
         is_flat[widest] |= leaning.is_none();
         let normal = leaning.unwrap_or(flat);
         if estimated[vertex] {
@@ -120,9 +125,10 @@ impl Span {
         let none = || Self { narrowest: f64::INFINITY, width: 0.0, widest: NONE, turn: 0.0 };
         let mut spans: Vec<Self> = mesh.positions.iter().map(|_| none()).collect();
         let corners = || {
-            let planes = mesh.triangles.iter().zip(&planes.of_triangle);
-            let known = planes.filter(|(_, plane)| **plane != NONE);
-            known.flat_map(|(corners, &plane)| corners.iter().map(move |&vertex| (vertex as usize, plane)))
+            let triangles = mesh.triangles.iter().zip(&planes.of_triangle);
+            let wide =
+                triangles.filter(|(_, plane)| **plane != NONE && !planes.are_slivers[**plane as usize]);
+            wide.flat_map(|(corners, &plane)| corners.iter().map(move |&vertex| (vertex as usize, plane)))
         };
         for (vertex, plane) in corners() {
             let (span, width) = (&mut spans[vertex], planes.widths[plane as usize]);
@@ -188,7 +194,8 @@ impl Planes {
         seeds.sort_unstable_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
         let mut of_triangle = vec![NONE; mesh.triangles.len()];
         let (mut widths, mut normals) = (Vec::new(), Vec::new());
-        let (mut areas, mut are_cut, mut front) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut areas, mut are_cut, mut are_slivers, mut front) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (_, seed) in seeds {
             if of_triangle[seed] != NONE {
                 continue;
@@ -219,7 +226,7 @@ impl Planes {
                     let points = corners(other);
                     if of_triangle[other] == NONE
                         && points.iter().all(lies_in)
-                        && facet_normal(points).dot(&normal) > COPLANAR
+                        && (facet_normal(points).dot(&normal) > COPLANAR || sliver_side(points).is_some())
                     {
                         of_triangle[other] = plane;
                         front.push(other);
@@ -232,8 +239,10 @@ impl Planes {
             normals.push(normal);
             areas.push(total);
             are_cut.push(count > 1);
+            // The largest of its triangles comes first.
+            are_slivers.push(sliver_side(corners(seed)).is_some());
         }
-        Self { of_triangle, widths, normals, areas, are_cut }
+        Self { of_triangle, widths, normals, areas, are_cut, are_slivers }
     }
 }
 

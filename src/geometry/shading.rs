@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::flats;
 use super::mesh::TriMesh;
-use super::smooth_mesh::SmoothMesh;
+use super::smooth_mesh::{SmoothMesh, sliver_side};
 use super::space::View;
 
 /// Vertices looked at, at most; larger meshes are sampled evenly.
@@ -191,6 +191,9 @@ impl Places {
         let mut facets: Vec<Vec<Facet>> = sampled.iter().map(|_| Vec::new()).collect();
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
+            if sliver_side(points).is_some() {
+                continue;
+            }
             for corner in 0..3 {
                 let Some(place) = of_vertex[corners[corner] as usize] else { continue };
                 let [here, one, two] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);

@@ -25,6 +25,9 @@ pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 /// holds a 200 mm part to 0.00002 mm.
 const WELD_DISTANCE: f64 = 1e-4;
 
+/// A triangle of a smaller height than this, mm, has no direction to speak of.
+const SLIVER: f64 = 0.005;
+
 /// No side.
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -66,8 +69,15 @@ impl SmoothMesh {
         let welded = weld(&positions);
         let places: Vec<[u32; 3]> =
             corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
-        let mut opposite = opposite_sides(&places);
-        let facet = |triangle: usize| facet_normal(corners[triangle].map(|index| positions[index as usize]));
+        let opposite_of_all = opposite_sides(&places);
+        let mut opposite = opposite_of_all.clone();
+        let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
+        let facet = |triangle: usize| {
+            let Some(side) = sliver_side(points(triangle)) else { return facet_normal(points(triangle)) };
+            // A sliver has no direction of its own; it belongs to the facet along its longest side.
+            let neighbour = opposite_of_all[triangle * 3 + side];
+            facet_normal(points(if neighbour == NONE { triangle } else { neighbour as usize / 3 }))
+        };
         let given_normal = |corner: usize| {
             given.get(corners[corner / 3][corner % 3] as usize).copied().unwrap_or_else(Vector3::zeros)
         };
@@ -237,6 +247,16 @@ impl Neighbours {
 
 pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+}
+
+/// The longest side of a triangle that is too narrow to have a direction: exporters make such ones where the vertices of two
+/// faces do not meet.
+pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
+    let [a, b, c] = points;
+    let sides = [b - a, c - b, a - c].map(|side| side.norm_squared());
+    let longest = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
+    let doubled_area = (b - a).cross(&(c - a)).norm_squared();
+    (doubled_area < SLIVER * SLIVER * sides[longest]).then_some(longest)
 }
 
 /// For each position the number of its place, from 0 in the order of first appearance; positions within a weld cell

@@ -19,6 +19,7 @@ fn calls_of(station: &Station) -> Option<Vec<String>> {
     command.arg(program).args(["watch", "station.toml", "--once"]).current_dir(station.path(""));
     let ran = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
     if !ran.is_ok_and(|status| status.code().is_some_and(|code| code < 2)) {
+        assert!(std::env::var_os("CI").is_none(), "strace is missing, or may not trace here");
         let words = b"SKIPPED: the calls of a program cannot be traced here, nothing was said of flushes\n";
         std::io::stderr().write_all(words).unwrap();
         return None;

@@ -198,6 +198,36 @@ fn averaged_normals_bend_no_flat_side_and_no_cylinder() {
 }
 
 #[test]
+fn slivers_bend_no_cylinder_and_cast_no_doubt_on_its_normals() {
+    const SIDES: u32 = 24;
+    let on = |side: u32, radius: f64, y: f64| {
+        let angle = TAU * f64::from(side % SIDES) / f64::from(SIDES);
+        Point3::new(radius * angle.cos(), y, radius * angle.sin())
+    };
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for side in 0..SIDES {
+        // One strip ends in the middle of its neighbour's side, where rounding puts its vertex beside that side.
+        let first = u32::try_from(points.len()).unwrap();
+        points.extend([on(side, 30.0, -40.0), on(side + 1, 30.0, -40.0), on(side + 1, 30.0, 40.0)]);
+        points.extend([on(side, 30.0, 40.0), on(side, 30.0 + 4e-5, f64::from(side) - 12.3)]);
+        let strip = [[0, 4, 1], [4, 2, 1], [4, 3, 2], [0, 3, 4]];
+        triangles.extend(strip.map(|corners| corners.map(|corner| first + corner)));
+    }
+    let exact = points.iter().map(|point| Vector3::new(point.x, 0.0, point.z)).collect();
+    for normals in [exact, Vec::new()] {
+        let limit = if normals.is_empty() { 0.01 } else { 0.001 };
+        let mesh = TriMesh::new(points.clone(), normals, triangles.clone()).unwrap();
+        assert!(!shading::only_shade(&mesh));
+        let part = FacingPart::new(&mesh, &View::top());
+        let side = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+        let patch = Extents { min: Vector2::new(-18.0, -35.0), max: Vector2::new(18.0, 35.0) };
+        let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+        assert!((fit.cylinder.radius - 30.0).abs() < limit && fit.residual < limit, "{fit:?}");
+        assert!(side.doubts().iter().all(|doubt| *doubt == 0.0));
+    }
+}
+
+#[test]
 fn normals_of_cad_are_not_taken_for_shading() {
     for form in ALL {
         for sag in [0.02, 0.1, 0.5] {
