@@ -5,7 +5,7 @@ use std::str::FromStr;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::text::{listed, nearest};
+use super::suggest::{listed, nearest};
 use crate::geometry::space::Facing;
 use crate::geometry::surface::scan;
 

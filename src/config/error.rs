@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::text::{listed, nearest};
+use super::suggest::{listed, nearest};
 use crate::reason::{Place, Quantity, Reason};
 
 /// The code of the reason for which a job waits until its settings are whole.

@@ -17,6 +17,7 @@ mod keys;
 mod live;
 mod text;
 mod error;
+mod suggest;
 
 pub use choices::{
     Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated, PartShape,

@@ -111,41 +111,6 @@ impl SettingsText {
     }
 }
 
-/// The names in backticks, as a list for people.
-pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
-    let quoted: Vec<String> = names.iter().map(|name| format!("`{}`", name.as_ref())).collect();
-    quoted.join(", ")
-}
-
-/// The name that differs least from `given`, if it differs in less than half of its letters.
-pub(super) fn nearest<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Option<&'a str> {
-    let given = given.to_lowercase();
-    let distances = names.iter().map(|name| (edits(&given, &name.as_ref().to_lowercase()), name.as_ref()));
-    let (distance, name) = distances.min_by_key(|(distance, _)| *distance)?;
-    (distance * 2 <= name.chars().count()).then_some(name)
-}
-
-/// The number of letters to insert, remove, replace or swap with their neighbour (optimal string alignment).
-fn edits(from: &str, to: &str) -> usize {
-    let (from, to): (Vec<char>, Vec<char>) = (from.chars().collect(), to.chars().collect());
-    let mut table = vec![vec![0; to.len() + 1]; from.len() + 1];
-    for i in 0..=from.len() {
-        for j in 0..=to.len() {
-            table[i][j] = if i == 0 || j == 0 {
-                i + j
-            } else {
-                let replaced = table[i - 1][j - 1] + usize::from(from[i - 1] != to[j - 1]);
-                let mut best = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
-                if i > 1 && j > 1 && from[i - 1] == to[j - 2] && from[i - 2] == to[j - 1] {
-                    best = best.min(table[i - 2][j - 2] + 1);
-                }
-                best
-            };
-        }
-    }
-    table[from.len()][to.len()]
-}
-
 /// What the parser says, without the names of a programmer's types.
 fn in_plain_words(message: String) -> String {
     let words = [
@@ -159,23 +124,4 @@ fn in_plain_words(message: String) -> String {
         ("floating point `", "number `"),
     ];
     words.into_iter().fold(message, |message, (theirs, ours)| message.replace(theirs, ours))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nearest_name_is_near() {
-        let names = ["hot", "import", "archive", "rejected"];
-        let cases = [
-            ("imprt", Some("import")),
-            ("improt", Some("import")),
-            ("Import", Some("import")),
-            ("ipmort_folder", None),
-        ];
-        for (given, expected) in cases {
-            assert_eq!(nearest(given, &names), expected, "{given}");
-        }
-    }
 }
