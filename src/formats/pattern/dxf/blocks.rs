@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
 use super::curves::{Curve, Placement, vanishing};
-use super::entities::{Insert, Item, Reader, Remarks};
+use super::items::{Insert, Item, Reader, Remarks};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::NotTaken;

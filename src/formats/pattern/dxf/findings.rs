@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, NotTaken, PatternFacts, Repair, RepairPlace};
-use super::super::size_notice;
+use super::super::reading::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
 use super::code_page::CodePage;
-use super::entities::Remarks;
+use super::items::Remarks;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
 use crate::geometry::contour::{Finding, Mending};

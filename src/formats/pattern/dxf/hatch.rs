@@ -7,9 +7,9 @@ use super::curves::{
     BulgeVertex, Curve, Placement, SpaceSegment, bridge, bulged, closing_sweep_between, is_full_turn,
     sweep_between,
 };
-use super::entities::Item;
 use super::groups::Groups;
 use super::hatch_lines::{Family, Style, filled_part, lines};
+use super::items::Item;
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
 
 /// What a hatch draws, from its numbers with their group codes: a filled region, or the lines of its pattern inside it.

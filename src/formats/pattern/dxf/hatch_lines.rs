@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, STEPS_OF_POINT, flattened, through};
-use super::entities::Item;
+use super::items::Item;
 use crate::geometry::space::{Extents, FlatPoint};
 
 /// Patterns denser than so many pieces are not drawn: what a laser would melt.

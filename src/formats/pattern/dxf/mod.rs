@@ -15,6 +15,7 @@ mod colour;
 mod curves;
 mod splines;
 mod groups;
+mod items;
 mod entities;
 mod polylines;
 mod bands;
@@ -53,9 +54,9 @@ fn read_within(
     let hints = UnitHints { code: header.unit_code, measurement: header.measurement };
     let (unit, unit_why, unit_notice) = decide(hints, options.unit, options.unit_if_unitless);
 
-    let mut remarks = entities::Remarks { strict: options.strict, ..entities::Remarks::default() };
+    let mut remarks = items::Remarks { strict: options.strict, ..items::Remarks::default() };
     let tolerance = SPLINE_TOLERANCE / unit.in_mm();
-    let reader = entities::Reader { scan: &scan, structure: &structure, tolerance };
+    let reader = items::Reader { scan: &scan, structure: &structure, tolerance };
     let unfolded = blocks::unfold(&reader, &mut remarks, budget, unit.in_mm())?;
     if unfolded.paths.is_empty() {
         return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));

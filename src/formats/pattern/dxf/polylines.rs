@@ -4,8 +4,8 @@ use super::super::error::PatternReadError;
 use super::bands::{WideVertex, band};
 use super::budget::Budget;
 use super::curves::{BulgeVertex, Placement, bulged, through};
-use super::entities::{Item, Reader, Remarks};
 use super::groups::Groups;
+use super::items::{Item, Reader, Remarks};
 use super::scan::Pair;
 use super::structure::{Record, Structure};
 

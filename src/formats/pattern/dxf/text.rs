@@ -12,22 +12,16 @@ use std::rc::Rc;
 use nalgebra::{Matrix3, Vector3};
 
 use self::codes::{Letter, Ruled, letters};
-pub(super) use self::font::Typeface;
 use self::font::stand_in;
+pub(super) use self::font::{FontUses, Typeface};
 use super::super::error::PatternReadError;
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};
-use super::entities::{Item, Reader};
 use super::groups::{Groups, own};
+use super::items::{Item, Reader};
 use super::scan::Scan;
 use super::structure::{Record, Structure, TextStyle};
 use crate::printable::is_invisible;
-
-/// A font that a drawing asks for, and the one that was used.
-pub(super) type FontUse = (Rc<str>, Typeface);
-
-/// Fonts used by a text that are not the ones that it asks for.
-pub(super) type FontUses = BTreeSet<FontUse>;
 
 /// Lines under, over and through letters, for capitals 1 high: heights above the baseline and thickness.
 const UNDER: f64 = -0.2;

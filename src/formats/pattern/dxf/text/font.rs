@@ -3,7 +3,8 @@
 //! DejaVu Sans gives outlines, as TrueType fonts do; Hershey's Simplex Roman gives single strokes, as AutoCAD's SHX fonts
 //! do. `fonts/` at the root of the project holds both with their licences and the script that made them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 use std::sync::LazyLock;
 
 use nalgebra::Vector3;
@@ -13,8 +14,15 @@ use super::super::curves::{Curve, SpaceSegment, through};
 
 const OUTLINES: &[u8] = include_bytes!("../../../../../fonts/DejaVuSans-subset.ttf");
 const STROKES: &str = include_str!("../../../../../fonts/hershey-simplex.txt");
+
 /// Height of a capital of the stroke font, in its units.
 const STROKE_CAPITAL: f64 = 21.0;
+
+/// A font that a drawing asks for, and the one that was used.
+pub(in super::super) type FontUse = (Rc<str>, Typeface);
+
+/// Fonts used by a text that are not the ones that it asks for.
+pub(in super::super) type FontUses = BTreeSet<FontUse>;
 
 /// A font that is shipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
