@@ -6,7 +6,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::smooth_mesh::{NONE, Neighbours, SmoothMesh, facet_normal, sliver_side};
+use super::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
+use super::smooth_mesh::SmoothMesh;
 
 /// Facets belong to one plane when their corners are within this of it, mm, and their sides within [`COPLANAR`] of its
 /// normal (a cosine): a file's rounding.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
 
-use super::smooth_mesh::Neighbours;
+use super::adjacency::Neighbours;
 
 /// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
 const COEFFICIENTS: usize = 9;

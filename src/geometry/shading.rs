@@ -6,9 +6,10 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::adjacency::sliver_side;
 use super::flats;
 use super::mesh::TriMesh;
-use super::smooth_mesh::{SmoothMesh, sliver_side};
+use super::smooth_mesh::SmoothMesh;
 use super::space::View;
 
 /// Vertices looked at, at most; larger meshes are sampled evenly.

@@ -1,0 +1,128 @@
+//! Which triangles, vertices and sides of a mesh are neighbours.
+
+use nalgebra::{Point3, Vector3};
+
+/// Positions closer together than this, mm, are one vertex: exporters repeat vertices at face borders, and a float
+/// holds a 200 mm part to 0.00002 mm.
+const WELD_DISTANCE: f64 = 1e-4;
+
+/// A triangle of a smaller height than this, mm, has no direction to speak of.
+const SLIVER: f64 = 0.005;
+
+/// No side.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// For each position the number of its place, from 0 in the order of first appearance; positions within a weld cell
+/// share one.
+pub(super) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
+    let cell = |position: &Point3<f64>| position.coords.map(|value| (value / WELD_DISTANCE).round() as i64);
+    // Open addressing with at most half the slots taken; each slot names the first position of its place.
+    let slots = (positions.len() * 2).next_power_of_two();
+    let mut first = vec![NONE; slots];
+    let mut places = vec![0; positions.len()];
+    let mut count = 0;
+    for (index, position) in positions.iter().enumerate() {
+        let here = cell(position);
+        let mixed = here.iter().fold(0u64, |sum, &value| {
+            (sum.rotate_left(23) ^ value as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        });
+        let mut slot = (mixed >> 20) as usize & (slots - 1);
+        while first[slot] != NONE && cell(&positions[first[slot] as usize]) != here {
+            slot = (slot + 1) & (slots - 1);
+        }
+        if first[slot] == NONE {
+            first[slot] = index as u32;
+            places[index] = count;
+            count += 1;
+        } else {
+            places[index] = places[first[slot] as usize];
+        }
+    }
+    places
+}
+
+/// For each side of each triangle (side 3·t + k runs from corner k to the next) the one other side over the same two
+/// vertices; [`NONE`] at a border and where more than two triangles meet.
+pub(super) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let count = triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+    let ends = |side: usize| {
+        let (from, to) = (triangles[side / 3][side % 3], triangles[side / 3][(side + 1) % 3]);
+        // (side + 1) % 3 is the next corner only because 3·t drops out of it.
+        (from.min(to), from.max(to))
+    };
+    let sides = triangles.len() * 3;
+    let mut starts = vec![0u32; count + 1];
+    (0..sides).for_each(|side| starts[ends(side).0 as usize + 1] += 1);
+    (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+    let mut next = starts.clone();
+    let mut sorted = vec![(0u32, 0u32); sides];
+    for side in 0..sides {
+        let (lower, upper) = ends(side);
+        sorted[next[lower as usize] as usize] = (upper, side as u32);
+        next[lower as usize] += 1;
+    }
+    let mut opposite = vec![NONE; sides];
+    for vertex in 0..count {
+        let around = &mut sorted[starts[vertex] as usize..starts[vertex + 1] as usize];
+        around.sort_unstable();
+        for run in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(upper, one), (_, two)] = *run
+                && upper != vertex as u32
+            {
+                (opposite[one as usize], opposite[two as usize]) = (two, one);
+            }
+        }
+    }
+    opposite
+}
+
+/// For each vertex those that share a side with it.
+pub(super) struct Neighbours {
+    starts: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+impl Neighbours {
+    pub(super) fn of(triangles: &[[u32; 3]], count: usize) -> Self {
+        let sides =
+            || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
+        let mut starts = vec![0u32; count + 1];
+        sides().for_each(|(from, _)| starts[from as usize + 1] += 1);
+        (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+        let mut next = starts.clone();
+        let mut all = vec![0u32; triangles.len() * 6];
+        for (from, to) in sides() {
+            all[next[from as usize] as usize] = to;
+            next[from as usize] += 1;
+        }
+        // Inner sides were met from both of their triangles.
+        let mut vertices = Vec::with_capacity(all.len() / 2 + count);
+        let mut unique_starts = vec![0u32; count + 1];
+        for vertex in 0..count {
+            let around = &mut all[starts[vertex] as usize..starts[vertex + 1] as usize];
+            around.sort_unstable();
+            vertices.extend(around.chunk_by(|a, b| a == b).map(|run| run[0]));
+            unique_starts[vertex + 1] = vertices.len() as u32;
+        }
+        Self { starts: unique_starts, vertices }
+    }
+
+    /// Those round a vertex, ascending.
+    pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
+        &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+}
+
+pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
+    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+}
+
+/// The longest side of a triangle that is too narrow to have a direction: exporters make such ones where the vertices of two
+/// faces do not meet.
+pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
+    let [a, b, c] = points;
+    let sides = [b - a, c - b, a - c].map(|side| side.norm_squared());
+    let longest = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
+    let doubled_area = (b - a).cross(&(c - a)).norm_squared();
+    (doubled_area < SLIVER * SLIVER * sides[longest]).then_some(longest)
+}

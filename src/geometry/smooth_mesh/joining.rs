@@ -1,0 +1,317 @@
+//! From triangles to a smooth mesh: which facets continue each other, and the normals of the vertices that they share.
+
+use nalgebra::{Point3, Vector3};
+
+use super::{CREASE_ANGLE, NORMAL_TOLERANCE, SmoothMesh};
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
+use crate::geometry::curved_triangle::CurvedTriangle;
+use crate::geometry::flats;
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::osculating_jet::refined_normal;
+use crate::geometry::space::View;
+
+/// The same where the file's normals were averaged to look smooth: that the facets of an octagonal prism were meant to be
+/// round is more likely then.
+const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
+
+impl SmoothMesh {
+    /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
+    /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
+    /// less than [`CREASE_ANGLE`].
+    ///
+    /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
+    /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
+    /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
+    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; and
+    /// where a wide facet continues in narrow ones, as a flat side in its fillet, those that the narrow ones lead to
+    /// (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
+        let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
+        let corners = mesh.triangles();
+        let welded = weld(&positions);
+        let places: Vec<[u32; 3]> =
+            corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
+        let mut opposite = opposite_sides(&places);
+        let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
+        let facet = |triangle: usize| {
+            let Some(side) = sliver_side(points(triangle)) else { return facet_normal(points(triangle)) };
+            // A sliver has no direction of its own; it belongs to the facet along its longest side.
+            let neighbour = opposite[triangle * 3 + side];
+            facet_normal(points(if neighbour == NONE { triangle } else { neighbour as usize / 3 }))
+        };
+        let given_normal = |corner: usize| {
+            given.get(corners[corner / 3][corner % 3] as usize).copied().unwrap_or_else(Vector3::zeros)
+        };
+        let only_shades = mesh.normals_only_shade();
+        let same_normal = NORMAL_TOLERANCE.cos();
+
+        let mut vertex_sets = DisjointSets::new(places.len() * 3);
+        let mut region_sets = DisjointSets::new(places.len());
+        let (mut rounded, mut edges) = (Vec::new(), Vec::new());
+        for side in 0..opposite.len() {
+            let other = opposite[side] as usize;
+            // Each pair once; NONE is larger than any side.
+            if opposite[side] == NONE || other < side {
+                continue;
+            }
+            let (here, there) = (side / 3, other / 3);
+            let ends = [side, here * 3 + (side + 1 - here * 3) % 3];
+            let facing = [other, there * 3 + (other + 1 - there * 3) % 3];
+            let place = |corner: usize| places[corner / 3][corner % 3];
+            // Neighbours that are wound alike run along their common side in opposite directions.
+            let facing = if place(ends[0]) == place(facing[0]) { facing } else { [facing[1], facing[0]] };
+            let pairs = [(ends[0], facing[0]), (ends[1], facing[1])];
+            let normal = &given_normal;
+            let is_given =
+                |&(a, b): &(usize, usize)| normal(a) != Vector3::zeros() && normal(b) != Vector3::zeros();
+            let have_normals = pairs.iter().all(is_given);
+            let agree = || pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal);
+            let meets_within = |angle: f64| {
+                let wound_alike = place(ends[0]) != place(other);
+                let cosine = facet(here).dot(&facet(there));
+                (if wound_alike { cosine } else { -cosine }) >= angle.cos()
+            };
+            let is_smooth = match have_normals {
+                true if only_shades => agree() && meets_within(SHADED_CREASE_ANGLE),
+                true => agree(),
+                false => meets_within(CREASE_ANGLE),
+            };
+            if is_smooth {
+                if have_normals && !meets_within(SHADED_CREASE_ANGLE) {
+                    rounded.extend([ends[0], ends[1]]);
+                }
+                pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
+                region_sets.join(here, there);
+            } else {
+                edges.push(side);
+            }
+        }
+
+        for side in edges {
+            let other = std::mem::replace(&mut opposite[side], NONE);
+            opposite[other as usize] = NONE;
+        }
+
+        let (vertices, count) = vertex_sets.numbered();
+        let (regions, _) = region_sets.numbered();
+        let mut shared = vec![Point3::origin(); count];
+        let mut normals = vec![Vector3::zeros(); count];
+        for (corner, &vertex) in vertices.iter().enumerate() {
+            shared[vertex as usize] = positions[corners[corner / 3][corner % 3] as usize];
+            if !only_shades {
+                normals[vertex as usize] += given_normal(corner);
+            }
+        }
+        let mut smooth = Self {
+            positions: shared,
+            normals,
+            triangles: vertices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
+            regions,
+            continued: opposite,
+            doubts: Vec::new(),
+        };
+        smooth.complete_normals();
+        smooth.doubt_rounded(rounded.iter().map(|&corner| vertices[corner]));
+        smooth
+    }
+
+    /// Makes the summed normals unit vectors; where there is none it is estimated.
+    fn complete_normals(&mut self) {
+        let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
+        if is_missing.contains(&true) {
+            for triangle in &self.triangles {
+                for corner in 0..3 {
+                    let vertex = triangle[corner] as usize;
+                    let [here, one, two] =
+                        [0, 1, 2].map(|turn| self.positions[triangle[(corner + turn) % 3] as usize]);
+                    let (first, second) = (one - here, two - here);
+                    let lengths = first.norm_squared() * second.norm_squared();
+                    if is_missing[vertex] && lengths > 0.0 {
+                        self.normals[vertex] += first.cross(&second) / lengths;
+                    }
+                }
+            }
+        }
+        for normal in &mut self.normals {
+            *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        }
+        let mut around = None;
+        if is_missing.contains(&true) {
+            let around = around.insert(Neighbours::of(&self.triangles, self.positions.len()));
+            let estimated = |vertex: usize| {
+                if !is_missing[vertex] {
+                    return self.normals[vertex];
+                }
+                refined_normal(&self.positions, &self.normals, around, vertex)
+            };
+            self.normals = (0..self.normals.len()).map(estimated).collect();
+        }
+        self.doubts = flats::lead_across(self, around, &is_missing);
+    }
+
+    /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
+    /// doubt be larger than the bulge: the facets themselves are part of the part.
+    fn doubt_rounded(&mut self, vertices: impl Iterator<Item = u32>) {
+        let mut is_rounded = vec![false; self.positions.len()];
+        vertices.for_each(|vertex| is_rounded[vertex as usize] = true);
+        for triangle in 0..self.triangles.len() {
+            let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize]);
+            if is_rounded || self.doubts[triangle] > 0.0 {
+                let (corners, normals) = self.corners(triangle);
+                let bulge = CurvedTriangle::new(corners, normals).largest_bulge();
+                self.doubts[triangle] = if is_rounded { bulge } else { self.doubts[triangle].min(bulge) };
+            }
+        }
+    }
+}
+
+/// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
+struct DisjointSets {
+    parents: Vec<u32>,
+}
+
+impl DisjointSets {
+    /// `count` sets of one element each.
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count as u32).collect() }
+    }
+
+    fn root(&mut self, element: usize) -> usize {
+        let mut at = element;
+        while self.parents[at] as usize != at {
+            let parent = self.parents[at] as usize;
+            self.parents[at] = self.parents[parent];
+            at = parent;
+        }
+        at
+    }
+
+    /// Joins the sets of two elements; the smaller root stays, so that numbers do not depend on the order.
+    fn join(&mut self, one: usize, two: usize) {
+        let (one, two) = (self.root(one), self.root(two));
+        self.parents[one.max(two)] = one.min(two) as u32;
+    }
+
+    /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
+    fn numbered(mut self) -> (Vec<u32>, usize) {
+        let mut numbers = vec![0; self.parents.len()];
+        let mut count = 0;
+        for element in 0..self.parents.len() {
+            let root = self.root(element);
+            if root == element {
+                numbers[element] = count;
+                count += 1;
+            } else {
+                // The root is the smallest element of its set, so it has its number already.
+                numbers[element] = numbers[root];
+            }
+        }
+        (numbers, count as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn smooth(
+        positions: Vec<Point3<f64>>,
+        normals: Vec<Vector3<f64>>,
+        triangles: Vec<[u32; 3]>,
+    ) -> SmoothMesh {
+        SmoothMesh::new(&TriMesh::new(positions, normals, triangles).unwrap(), &View::top())
+    }
+
+    /// The sides of an n-sided prism of radius 1 and height 1; every facet has vertices of its own.
+    fn prism(sides: usize) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let rim = |side: usize, z: f64| {
+            let angle = side as f64 / sides as f64 * std::f64::consts::TAU;
+            Point3::new(angle.cos(), angle.sin(), z)
+        };
+        for side in 0..sides {
+            let first = positions.len() as u32;
+            positions.extend([rim(side, 0.0), rim(side + 1, 0.0), rim(side + 1, 1.0), rim(side, 1.0)]);
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        (positions, triangles)
+    }
+
+    #[test]
+    fn a_fine_prism_is_a_cylinder_and_a_coarse_one_has_edges() {
+        let (positions, triangles) = prism(16);
+        let round = smooth(positions, Vec::new(), triangles);
+        assert_eq!((round.positions.len(), round.regions.iter().max()), (32, Some(&0)));
+        for (position, normal) in round.positions.iter().zip(&round.normals) {
+            // Both quadrangles at a vertex look alike, but for their diagonals.
+            let radial = position.coords.xy().normalize();
+            assert!((normal.xy() - radial).norm() < 1e-3 && normal.z.abs() < 1e-3, "{normal:?}");
+        }
+        let (positions, triangles) = prism(6);
+        let edged = smooth(positions, Vec::new(), triangles);
+        assert_eq!((edged.positions.len(), edged.regions.iter().max()), (24, Some(&5)));
+        for triangle in 0..edged.triangles.len() {
+            let (corners, normals) = edged.corners(triangle);
+            assert!(normals.iter().all(|normal| (normal - facet_normal(corners)).norm() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn normals_of_the_file_tell_edges_however_flat() {
+        let (positions, triangles) = prism(16);
+        let facets = |positions: &[Point3<f64>], corners: &[u32; 3]| {
+            facet_normal(corners.map(|index| positions[index as usize]))
+        };
+        // Four vertices to a facet, of two triangles.
+        let normals: Vec<_> =
+            (0..positions.len()).map(|vertex| facets(&positions, &triangles[vertex / 4 * 2])).collect();
+        let edged = smooth(positions.clone(), normals, triangles.clone());
+        assert_eq!(edged.regions.iter().max(), Some(&15));
+        let radial = positions.iter().map(|at| Vector3::new(at.x, at.y, 0.0)).collect();
+        let round = smooth(positions, radial, triangles);
+        assert_eq!((round.positions.len(), round.regions.iter().max()), (32, Some(&0)));
+    }
+
+    #[test]
+    fn the_normal_of_an_uneven_fan_on_a_sphere_is_that_of_the_sphere() {
+        let mut positions = vec![Point3::new(0.0, 0.0, 5.0)];
+        for (azimuth, polar) in [(0.0, 0.2), (1.1, 0.12), (2.9, 0.25), (3.6, 0.1), (5.0, 0.18)] {
+            let (sin, cos) = f64::sin_cos(polar);
+            positions.push(Point3::new(sin * f64::cos(azimuth), sin * f64::sin(azimuth), cos) * 5.0);
+        }
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1]];
+        let fan = smooth(positions, Vec::new(), triangles);
+        assert!((fan.normals[0] - Vector3::z()).norm() < 1e-3, "{:?}", fan.normals[0]);
+    }
+
+    #[test]
+    fn normals_of_a_quadric_are_found_where_its_vertices_lie_at_random() {
+        let height = |x: f64, y: f64| 0.02 * x * x - 0.01 * y * y + 0.015 * x * y;
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        for row in 0..9 {
+            for column in 0..9 {
+                let (x, y) =
+                    (f64::from(column) * 2.0 - 8.0 + random(), f64::from(row) * 2.0 - 8.0 + random());
+                positions.push(Point3::new(x, y, height(x, y)));
+                if row > 0 && column > 0 {
+                    let upper = (row * 9 + column) as u32;
+                    triangles.extend([[upper - 10, upper - 9, upper], [upper - 10, upper, upper - 1]]);
+                }
+            }
+        }
+        let quadric = smooth(positions, Vec::new(), triangles);
+        for (at, normal) in quadric.positions.iter().zip(&quadric.normals) {
+            let slope = [0.04 * at.x + 0.015 * at.y, -0.02 * at.y + 0.015 * at.x];
+            let exact = Vector3::new(-slope[0], -slope[1], 1.0).normalize();
+            // At the rim the vertices lie on one side only.
+            let limit = if at.x.abs().max(at.y.abs()) < 6.0 { 0.002 } else { 0.06 };
+            assert!((normal - exact).norm() < limit, "{at:?}: {normal:?} for {exact:?}");
+        }
+    }
+}
