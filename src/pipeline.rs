@@ -297,7 +297,7 @@ impl Pipeline {
 
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
-            .map_err(|error| checks::map_reason(&error, &placing, part, &ink).in_file(input.name))?;
+            .map_err(|error| checks::map_reason(&error, placing.place, part, &ink).in_file(input.name))?;
         clock.lap("map");
 
         let projection =

@@ -21,6 +21,7 @@
 //! );
 //! ```
 
+mod path;
 mod outline;
 mod matching;
 mod words;
@@ -31,6 +32,8 @@ use crate::geometry::pattern::{Color, Pattern, Shape};
 use crate::geometry::space::FlatPoint;
 use matching::{Found, Pair};
 use outline::{Outline, deviation};
+
+pub use path::{DiffKind, DiffPath, PathNote};
 
 /// Smaller differences, in mm, are not looked at by default: drawings are written with a few more digits than that.
 pub const TOLERANCE: f64 = 0.001;
@@ -49,31 +52,6 @@ pub fn text_changes(old: &str, new: &str) -> Vec<String> {
         similar::ChangeTag::Insert => Some(format!("+ {}", change.value().trim_end())),
     });
     changed.collect()
-}
-
-/// One path of a drawing, as far as a comparison needs it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DiffPath {
-    /// The layer's name.
-    pub layer: String,
-    /// The colour that is seen: an index of the AutoCAD colour table such as `7`, or `#rrggbb`.
-    pub color: String,
-    /// Dot, open path or contour.
-    pub kind: DiffKind,
-    /// Its points, mm; a contour does not repeat the first.
-    pub points: Vec<[f64; 2]>,
-}
-
-/// What a path is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DiffKind {
-    /// A single spot.
-    Dot,
-    /// A curve with two ends.
-    Open,
-    /// A contour.
-    Closed,
 }
 
 /// The differences between an old and a new drawing. Printed, it is a few lines, alike changes taken together.
@@ -164,21 +142,6 @@ pub enum Change {
         /// Its place in the new order, counted from 1.
         to: usize,
     },
-}
-
-/// Enough of a path to find it again.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PathNote {
-    /// The layer's name.
-    pub layer: String,
-    /// Dot, open path or contour.
-    pub kind: DiffKind,
-    /// Number of its points.
-    pub vertices: usize,
-    /// The centre of its extents, mm.
-    pub center: [f64; 2],
-    /// Its width and height, mm.
-    pub size: [f64; 2],
 }
 
 /// The direction of a move as people say it; a diagonal is a move with a sizeable part both ways.

@@ -2,7 +2,7 @@
 
 use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap,
-    Method, PartSettings, Pattern, PatternFacts, Placing, Sku, Weighting,
+    Method, PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
 use crate::config::Losses;
 use crate::geometry::correction::AboveLens;
@@ -158,7 +158,7 @@ pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mu
     }
 }
 
-pub(super) fn map_reason(error: &MapError, placing: &Placing, part: &CachedSurface, ink: &Ink) -> Reason {
+pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurface, ink: &Ink) -> Reason {
     let surface = &part.surface;
     // Beside the part there is nothing to bend to; that is the plainer reason then.
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
@@ -166,7 +166,7 @@ pub(super) fn map_reason(error: &MapError, placing: &Placing, part: &CachedSurfa
     let samples: Vec<ViewPoint> =
         ends.chain(ink.squares.iter().chain(&ink.dots).copied()).map(seen).collect();
     let beside = samples.iter().filter(|at| !surface.field.is_surface(**at)).count();
-    let middle = seen(placing.place);
+    let middle = seen(place);
     let first = samples.iter().find(|at| !surface.field.is_surface(**at));
     if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
         let percent = 100.0 * beside as f64 / samples.len() as f64;

@@ -159,7 +159,7 @@ fn row(
         note: None,
     };
     let measured =
-        map.map_err(|error| checks::map_reason(&error, placing, &learned.kept, ink)).and_then(|map| {
+        map.map_err(|error| checks::map_reason(&error, placing.place, &learned.kept, ink)).and_then(|map| {
             quality::measure(ink, |at| map.point(at), |at| surface.sampled_height(at))
                 .map(|distortion| (map, distortion))
                 .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))

@@ -5,16 +5,10 @@ use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
 use super::relief::{Backdrop, RESIDUAL, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
-use super::window::{Window, inset_window, panel_window, rectangle};
+use super::window::{INSET, MARGIN, PANEL_TOP, Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
 use crate::printable::on_one_line;
 
-/// Blank border of the page and gap between its blocks, mm.
-pub(super) const MARGIN: f64 = 8.0;
-/// Upper edge of the panels, mm.
-pub(super) const PANEL_TOP: f64 = 26.0;
-/// Largest width and height of the inset, mm.
-pub(super) const INSET: [f64; 2] = [34.0, 40.0];
 /// Width of the colour scale, mm.
 const LEGEND_WIDTH: f64 = 52.0;
 /// Ink of the working area's border.

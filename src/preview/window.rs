@@ -1,9 +1,14 @@
 //! What a panel shows of the view, and at which scale.
 
-use super::layout::{INSET, MARGIN, PANEL_TOP};
 use super::page::number;
 use crate::geometry::space::Extents;
 
+/// Blank border of the page and gap between its blocks, mm.
+pub(super) const MARGIN: f64 = 8.0;
+/// Upper edge of the panels, mm.
+pub(super) const PANEL_TOP: f64 = 26.0;
+/// Largest width and height of the inset, mm.
+pub(super) const INSET: [f64; 2] = [34.0, 40.0];
 /// Panels are at least this wide, mm, so that the foot has room for its text.
 const PANEL_WIDTH: f64 = 78.0;
 /// A panel is at least this share of its width high.

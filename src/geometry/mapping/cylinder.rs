@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
-use super::isometric::tangent_frame;
 use super::patch::{SampledPatch, TooFewPoints, cross_directions};
+use super::tangent::tangent_frame;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
 /// A circular cylinder in the frame of the view.

@@ -7,10 +7,12 @@
 
 mod fold;
 mod geodesics;
+mod options;
 mod strain;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
+pub use self::options::IsometricOptions;
 use self::strain::{Sample, Strain, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
@@ -19,66 +21,6 @@ use crate::geometry::normal_equations::{
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
 use crate::geometry::surface::nurbs::NurbsSurface;
-
-/// What the strain is weighted by. Each weight belongs to a mean square, so only their ratios count.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IsometricOptions {
-    /// Weight of the strain along the drawing's own lines.
-    pub line_weight: f64,
-    /// Weight of the area strain over the inked area.
-    pub area_weight: f64,
-    /// Weight of the strain in all directions alike where the ink is: along the lines and over the inked area. With
-    /// little of it lines and areas become truer still, but what is drawn shears.
-    pub shape_weight: f64,
-    /// Weight of the strain in all directions alike over the whole box, inked or not. With little of it the parts of
-    /// the drawing drift against each other.
-    pub box_weight: f64,
-    /// Largest angle error of the ink, as a multiple of what the box alone would give it; infinite for any.
-    pub angle_cap: f64,
-    /// Side of a cell of the map, mm.
-    pub cell: f64,
-    /// Number of cells that the box is divided into at least and at most, whatever its size.
-    pub cells: [usize; 2],
-}
-
-impl IsometricOptions {
-    /// All of the drawing's box counts evenly.
-    pub const UNIFORM: Self = Self {
-        line_weight: 0.0,
-        area_weight: 0.0,
-        shape_weight: 0.0,
-        box_weight: 1.0,
-        angle_cap: f64::INFINITY,
-        cell: 1.5,
-        cells: [200, 900],
-    };
-    /// What is inked counts most.
-    ///
-    /// With much more weight on the lines, the inside of large filled shapes turns against their outline; with much
-    /// less on areas, `e_a` of a filled disc gets worse than that of [`Self::UNIFORM`].
-    pub const INK: Self = Self {
-        line_weight: 1.0,
-        area_weight: 2.0,
-        shape_weight: 0.5,
-        box_weight: 0.1,
-        angle_cap: 1.0,
-        ..Self::UNIFORM
-    };
-
-    /// The same with lines that count `lengths` times and shapes that count `angles` times as much.
-    pub fn emphasised(self, lengths: f64, angles: f64) -> Self {
-        Self {
-            line_weight: self.line_weight * lengths,
-            shape_weight: self.shape_weight * angles,
-            box_weight: self.box_weight * angles,
-            ..self
-        }
-    }
-
-    fn is_even(&self) -> bool {
-        self.line_weight == 0.0 && self.area_weight == 0.0 && self.shape_weight == 0.0
-    }
-}
 
 /// A bicubic B-spline map from the drawing to the view.
 #[derive(Debug, Clone, PartialEq)]
@@ -358,17 +300,6 @@ fn halved(line: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
         fine.push((pair[0] + pair[1]) / 2.0);
     }
     fine
-}
-
-/// The linear map from the drawing to the view that is isometric onto a tangent plane of this slope and keeps the x
-/// direction.
-pub(super) fn tangent_frame(gradient: &Vector2<f64>) -> Matrix2<f64> {
-    let right = 1.0 / (1.0 + gradient.x * gradient.x).sqrt();
-    let lift = (1.0 + gradient.norm_squared()).sqrt();
-    // The unit vector of the tangent plane at right angles to (right, 0), by the metric of the plane.
-    let up = 1.0 / (right * lift);
-    let across = -gradient.x * gradient.y / (1.0 + gradient.x * gradient.x) * up;
-    Matrix2::new(right, across, 0.0, up)
 }
 
 /// Knots over the drawing's box with cells of about twice the side that the options ask for.

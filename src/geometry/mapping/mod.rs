@@ -3,6 +3,7 @@
 //! All lengths can be kept only where the Gaussian curvature is zero (Gauss, Disquisitiones generales circa superficies
 //! curvas, 1827); elsewhere [`quality`] says how far lengths, areas and angles move.
 
+mod tangent;
 pub mod isometric;
 pub mod patch;
 pub mod cylinder;

@@ -10,13 +10,16 @@
 use nalgebra::{Point3, Vector2};
 
 use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
-use crate::geometry::normal_equations::SolveError;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
 
+pub use error::ScanError;
 use penalised::Smoothed;
+pub use smoothing::Smoothing;
 use visible::{Cells, Region};
 
+mod error;
+mod smoothing;
 mod visible;
 mod penalised;
 
@@ -27,21 +30,6 @@ const MOST_STEPS: f64 = 512.0;
 const REACH: f64 = 3.5;
 /// A node as near to a point as this needs no others, distances between points.
 const AT_POINT: f64 = 0.5;
-
-/// How noise is taken out of a scan.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub enum Smoothing {
-    /// As much as generalised cross validation finds in the points themselves.
-    #[default]
-    Auto,
-    /// Waves of this length are halved, shorter ones are taken out.
-    LowPass {
-        /// The wavelength, mm.
-        wavelength: f64,
-    },
-    /// Not at all: the surface follows the points. Outliers are dropped nevertheless.
-    None,
-}
 
 /// A smoothed scan.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,45 +76,6 @@ pub struct ScanRegion {
     pub departure: f64,
     /// Where that is.
     pub departure_at: ViewPoint,
-}
-
-/// Why a scan gives no surface.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum ScanError {
-    /// There are too few points.
-    #[error("the scan has {points} points that face the laser; a surface needs {needed}")]
-    TooFewPoints {
-        /// Number of points.
-        points: usize,
-        /// Fewest points of a surface.
-        needed: usize,
-    },
-    /// The points lie in one place or in one line as the laser sees them.
-    #[error("the points lie in a strip of {width} x {length} mm as the laser sees them")]
-    NoArea {
-        /// Width of the strip, mm.
-        width: f64,
-        /// Its length, mm.
-        length: f64,
-    },
-    /// No points hang together.
-    #[error("the {points} points of the scan form no surface: neighbours jump in height everywhere")]
-    NoSurface {
-        /// Number of points.
-        points: usize,
-    },
-    /// The equations could not be solved.
-    #[error(transparent)]
-    Solve(#[from] SolveError),
-}
-
-impl Smoothing {
-    /// The wavelength of the thesis' filter, mm: a quarter of the Nyquist frequency of points 2 mm apart.
-    pub const THESIS_WAVELENGTH: f64 = 16.0;
-
-    fn follows_the_points(self) -> bool {
-        !matches!(self, Self::LowPass { .. })
-    }
 }
 
 impl SmoothedScan {

@@ -7,17 +7,20 @@ use nalgebra::Vector2;
 
 use super::error::PatternReadError;
 use super::facts::{LayerFacts, PatternFacts, PictureFacts};
+use super::reading::{PatternOptions, PatternReading, size_notice};
 use super::units::DrawingUnit;
-use super::{PatternOptions, PatternReading, size_notice};
 use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
 use crate::geometry::space::FlatPoint;
 use crate::reason::Notice;
 
+mod options;
 mod decode;
 mod trace;
 mod polygon;
 
 pub(super) use decode::PictureFormat;
+pub use options::PictureOptions;
+
 use decode::{Decoded, Picture};
 use polygon::{Fineness, Outline};
 
@@ -47,25 +50,6 @@ const GREY_AT_EDGES: usize = 2;
 const STRETCH: f64 = 0.01;
 /// Resolutions that programs write without being asked.
 const DEFAULT_DPI: [f64; 3] = [72.0, 90.0, 96.0];
-
-/// How pictures are read; drawings in other formats have a size and ink of their own.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PictureOptions {
-    /// Width of the whole picture, mm. Without it, what the height or else the file's resolution gives.
-    pub width: Option<f64>,
-    /// Height of the whole picture, mm. Without it, what the width or else the file's resolution gives.
-    pub height: Option<f64>,
-    /// Pixels darker than this are marked: 0 is black, 1 is white.
-    pub threshold: f64,
-    /// Marks the pixels that are lighter instead.
-    pub inverted: bool,
-}
-
-impl Default for PictureOptions {
-    fn default() -> Self {
-        Self { width: None, height: None, threshold: 0.5, inverted: false }
-    }
-}
 
 /// Width and height of a picture, mm, and what decided them.
 struct Size {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::tangent_frame;
+use super::super::tangent::tangent_frame;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;

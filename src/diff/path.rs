@@ -1,0 +1,43 @@
+//! The paths of a drawing as a comparison sees them.
+
+use serde::{Deserialize, Serialize};
+
+/// One path of a drawing, as far as a comparison needs it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiffPath {
+    /// The layer's name.
+    pub layer: String,
+    /// The colour that is seen: an index of the AutoCAD colour table such as `7`, or `#rrggbb`.
+    pub color: String,
+    /// Dot, open path or contour.
+    pub kind: DiffKind,
+    /// Its points, mm; a contour does not repeat the first.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// What a path is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DiffKind {
+    /// A single spot.
+    Dot,
+    /// A curve with two ends.
+    Open,
+    /// A contour.
+    Closed,
+}
+
+/// Enough of a path to find it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathNote {
+    /// The layer's name.
+    pub layer: String,
+    /// Dot, open path or contour.
+    pub kind: DiffKind,
+    /// Number of its points.
+    pub vertices: usize,
+    /// The centre of its extents, mm.
+    pub center: [f64; 2],
+    /// Its width and height, mm.
+    pub size: [f64; 2],
+}
