@@ -39,7 +39,7 @@ struct Planes {
 
 /// Corrects the normals that are `estimated` at vertices where facets of very different width continue each other, and
 /// returns for each triangle how far the part may be from the curved patch that the normals make of it, mm: where those of the
-/// file are not what the narrow facets lead to.
+/// file are not what the narrow facets lead to; nothing where they are everywhere.
 ///
 /// A normal is led to as the direction that meets the chords to the vertices round it as obliquely as their normals do from
 /// the other end, in the least-squares sense, short chords first. A vertex without a neighbour between facets that are
@@ -47,13 +47,12 @@ struct Planes {
 ///
 /// `around` are the neighbours of each vertex, if somebody has found them already.
 pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, estimated: &[bool]) -> Vec<f64> {
-    let nowhere = vec![0.0; mesh.triangles.len()];
-    let Some(chosen) = round_bent_ones(mesh) else { return nowhere };
+    let Some(chosen) = round_bent_ones(mesh) else { return Vec::new() };
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
     let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
     if uneven.is_empty() {
-        return nowhere;
+        return Vec::new();
     }
     let around = around.unwrap_or_else(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
     // A normal at a border, or within a single plane, is known from one side only.
@@ -92,6 +91,9 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, est
         if estimated[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
             mesh.normals[vertex] = planes.normals[span.widest as usize];
         }
+    }
+    if astray.iter().all(|angle| *angle == 0.0) {
+        return Vec::new();
     }
     let doubt = |triangle: usize| {
         let plane = planes.of_triangle[triangle];

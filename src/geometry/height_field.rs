@@ -118,7 +118,8 @@ impl FacingPart {
     /// The part as `view` shows it. Normals of the file are used; a mesh without any gets estimated ones
     /// ([`SmoothMesh::new`]).
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
-        let mesh = SmoothMesh::new(mesh, view);
+        // What continues what is not asked for any more, and large.
+        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::new(mesh, view) };
         let corners = mesh.triangles.iter().flatten();
         let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
         Self { mesh, extents }
@@ -176,7 +177,7 @@ impl FacingPart {
     }
 
     fn doubts(&self, hits: &[Option<(u32, Hit)>]) -> Vec<f64> {
-        if self.mesh.doubts.iter().all(|doubt| *doubt == 0.0) {
+        if self.mesh.doubts.is_empty() {
             return Vec::new();
         }
         hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()

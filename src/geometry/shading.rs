@@ -16,6 +16,8 @@ use super::space::View;
 const SAMPLE: usize = 5_000;
 /// Places of the table that tells most other vertices from these: many times as many.
 const LIKELY: usize = 1 << 19;
+/// A wrong normal matters where its facets bulge by more than this, mm.
+const MATTERS: f64 = 0.002;
 /// A normal equals an average when it is within this of it, rad: files round normals to three or four digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
 /// Facets that turn by less than this at a vertex, rad, do not tell an average from the surface's own normal.
@@ -43,6 +45,8 @@ struct Facet {
     area: f64,
     /// Of all facets in its plane, mm².
     plane_area: f64,
+    /// The longer of the sides that meet at the corner, mm.
+    reach: f64,
 }
 
 /// Whether the normals of the file are averages of its facets where the surface has other ones.
@@ -116,7 +120,12 @@ impl Averages {
             let shared: Vec<&Facet> =
                 facets.iter().filter(|other| is_within(normal(other), file, SAME)).collect();
             let polygons = Polygon::of(&shared);
-            if polygons.len() < 2 {
+            let bends = polygons
+                .iter()
+                .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
+            let bend = bends.fold(0.0, f64::max);
+            let reach = shared.iter().map(|facet| facet.reach).fold(0.0, f64::max);
+            if bend * reach / 8.0 < MATTERS {
                 continue;
             }
             let sum = |weight: &dyn Fn(&Facet) -> f64| {
@@ -130,10 +139,6 @@ impl Averages {
                 direction(polygons.iter().map(|polygon| polygon.normal * polygon.area).sum()),
                 direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
             ];
-            let bends = polygons
-                .iter()
-                .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
-            let bend = bends.fold(0.0, f64::max);
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
             found.push(Self { corner: facet.corner, file, bend, averages, faces });
         }
@@ -208,6 +213,7 @@ impl Places {
                     angle: first.angle(&second),
                     area,
                     plane_area: plane_areas.map_or(area, |areas| areas[triangle]),
+                    reach: first.norm().max(second.norm()),
                 });
             }
         }

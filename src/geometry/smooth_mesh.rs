@@ -29,7 +29,7 @@ pub struct SmoothMesh {
     /// [`NONE`](super::adjacency::NONE) at a border and at an edge of the part.
     pub(super) continued: Vec<u32>,
     /// For each triangle how far the part may be from the surface that the normals make of it, mm: where they round an edge of
-    /// the facets, or contradict one another (`flats`).
+    /// the facets, or contradict one another (`flats`); empty where there is no doubt.
     pub doubts: Vec<f64>,
 }
 

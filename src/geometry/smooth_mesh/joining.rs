@@ -78,7 +78,8 @@ impl SmoothMesh {
                 false => meets_within(CREASE_ANGLE),
             };
             if is_smooth {
-                if have_normals && !meets_within(SHADED_CREASE_ANGLE) {
+                let meets_flatly = || meet_within(points(here), points(there), SHADED_CREASE_ANGLE);
+                if have_normals && !meets_flatly() && !meets_within(SHADED_CREASE_ANGLE) {
                     rounded.extend([ends[0], ends[1]]);
                 }
                 pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
@@ -112,7 +113,7 @@ impl SmoothMesh {
             doubts: Vec::new(),
         };
         smooth.complete_normals();
-        smooth.doubt_rounded(rounded.iter().map(|&corner| vertices[corner]));
+        smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
         smooth
     }
 
@@ -152,9 +153,13 @@ impl SmoothMesh {
 
     /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
     /// doubt be larger than the bulge: the facets themselves are part of the part.
-    fn doubt_rounded(&mut self, vertices: impl Iterator<Item = u32>) {
+    fn doubt_rounded(&mut self, vertices: &[u32]) {
+        if vertices.is_empty() && self.doubts.is_empty() {
+            return;
+        }
+        self.doubts.resize(self.triangles.len(), 0.0);
         let mut is_rounded = vec![false; self.positions.len()];
-        vertices.for_each(|vertex| is_rounded[vertex as usize] = true);
+        vertices.iter().for_each(|&vertex| is_rounded[vertex as usize] = true);
         for triangle in 0..self.triangles.len() {
             let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize]);
             if is_rounded || self.doubts[triangle] > 0.0 {
@@ -164,6 +169,14 @@ impl SmoothMesh {
             }
         }
     }
+}
+
+/// Whether two facets that are wound alike meet at less than an angle below 90°, rad, without a root for each.
+fn meet_within(one: [Point3<f64>; 3], other: [Point3<f64>; 3], angle: f64) -> bool {
+    let across = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a));
+    let (one, other) = (across(one), across(other));
+    let cosine = one.dot(&other);
+    cosine > 0.0 && cosine * cosine >= angle.cos().powi(2) * one.norm_squared() * other.norm_squared()
 }
 
 /// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
