@@ -491,6 +491,41 @@ fn a_server_that_answers_nonsense_leaves_the_drawing_waiting() {
     assert_eq!(fs::read_dir(station.path("rejected")).unwrap().count(), 0);
 }
 
+/// Without its size, an element must not be marked.
+#[test]
+fn a_drawing_that_was_not_verified_leaves_no_element() {
+    for fault in [Fault::Says("NaN"), Fault::Error(11, 0), Fault::Slow(Duration::from_secs(1))] {
+        let server = BeamServer::start();
+        let mut station = Station::new(server.address);
+        server.project().faults.push(("CmdGetSizeX", fault));
+        station.start();
+        station.drop("trough.obj", PART);
+        station.drop("trough.dxf", &drawing(9.0));
+        station.waits_until_filed("trough.dxf");
+        // It was removed, and imported again later: nothing was there to be replaced.
+        assert_eq!((server.holds(), server.heard("CmdImport")), (vec!["\\trough.dxf".to_owned()], 2));
+        assert_eq!(server.heard("CmdDeleteEnt"), 1, "{}", station.log());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_station_that_is_to_stop_leaves_no_element_that_was_not_verified() {
+    let server = BeamServer::start();
+    server.project().faults.push(("CmdGetSizeX", Fault::Slow(Duration::from_secs(3))));
+    let mut station = Station::new(server.address);
+    station.set("answer_s = 0.5", "answer_s = 3600");
+    station.start();
+    station.drop("trough.obj", PART);
+    station.drop("trough.dxf", &drawing(9.0));
+    station.waits_for("the talk", || server.heard("CmdGetSizeX") == 1);
+    let program = station.program.as_mut().unwrap();
+    let status = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
+    assert!(status.success() && program.wait().is_ok());
+    station.waits_for("the removal", || server.holds().is_empty());
+    assert!(station.path("hot/trough.dxf").exists());
+}
+
 /// Whatever else listens there.
 #[test]
 fn a_server_of_another_kind_is_no_fault_of_the_drawing() {

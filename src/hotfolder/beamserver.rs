@@ -189,9 +189,8 @@ pub(super) fn import(
     if let Some(size) = drawing.size.filter(|_| !before.is_empty()) {
         lay_out()?;
         let tried = server.import_new(trial, trial_path, &[])?;
-        let verified = server.verify(trial, name, size);
+        server.verify(trial, name, size).map_err(|error| server.take_back(&tried, error))?;
         server.delete(&tried)?;
-        verified?;
     }
     let new = server.import_new(name, &drawing.path, &before)?;
     before.iter().try_for_each(|old| server.delete(old))?;
@@ -200,12 +199,7 @@ pub(super) fn import(
         story += ", in place of the older one";
     }
     if let Some(size) = drawing.size {
-        if let Err(error) = server.verify(name, name, size) {
-            if matches!(error, JobError::Rejected(_)) {
-                server.delete(&new)?;
-            }
-            return Err(error);
-        }
+        server.verify(name, name, size).map_err(|error| server.take_back(&new, error))?;
         story += &format!(", {:.3} x {:.3} mm as it should be", size[0], size[1]);
     }
     Ok(story)
@@ -374,6 +368,17 @@ impl<'a> Server<'a> {
             Ok(answer) => done(&command, answer),
             Err([NO_SUCH_ELEMENT, _]) => Ok(()),
             Err(numbers) => Err(refused(&command, numbers)),
+        }
+    }
+
+    /// Removes an element that was not verified, as nobody is to mark it; returns why it was not.
+    fn take_back(&mut self, id: &str, error: JobError) -> JobError {
+        // The talk may be at its end, and the station to stop.
+        self.end = Instant::now() + LAST_WORDS;
+        match (error, self.delete(id)) {
+            // The drop is rejected when the element is gone, as the reason states.
+            (JobError::Rejected(_), Err(trouble)) => trouble,
+            (error, _) => error,
         }
     }
 
