@@ -11,7 +11,7 @@ use super::super::filing::with_slashes;
 use super::super::folders::{self, Found};
 use super::super::job::Corrector;
 use super::super::journal::StampRecord;
-use super::super::names::Meaning;
+use super::super::names::{Meaning, delivered_as};
 use super::super::settle::{Stamp, Verdict};
 use super::outcomes::part_under_way;
 use super::{Running, Worker};
@@ -155,7 +155,14 @@ impl<C: Corrector> Worker<'_, C> {
             Work::Learn(sku) | Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } => {
                 match self.job_settings(sku) {
                     Ok(settings) => settings,
-                    Err(reason) => return self.retry_later(path, reason),
+                    Err(reason) => {
+                        return match &work {
+                            Work::CorrectAgain { sku, name } => {
+                                self.correct_again_later(sku, &delivered_as(name), reason);
+                            }
+                            _ => self.retry_later(path, reason),
+                        };
+                    }
                 }
             }
             Work::Nothing => JobSettings::default(),

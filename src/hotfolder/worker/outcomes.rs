@@ -119,9 +119,9 @@ impl<C: Corrector> Worker<'_, C> {
     }
 
     pub(super) fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
-        let told = self.not_again.remove(name);
         match outcome {
             Outcome::Delivered | Outcome::Repeated => {
+                self.not_again.remove(name);
                 self.tally.delivered += 1;
                 self.status.delivered();
                 self.reprocessing.forget(name);
@@ -129,12 +129,7 @@ impl<C: Corrector> Worker<'_, C> {
             // It stays marked: other settings may do.
             Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
             Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
-                let (now, once) = (self.now(), self.mode == Mode::Once);
-                self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
-                if told.as_ref() != Some(&reason.what) {
-                    tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
-                }
-                self.not_again.insert(name.to_owned(), reason.what);
+                self.correct_again_later(sku, name, reason);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
             // The part may come to nothing, and then it is as outdated as before.
@@ -147,6 +142,16 @@ impl<C: Corrector> Worker<'_, C> {
                 self.reprocessing.forget(name);
             }
         }
+    }
+
+    /// An archived original cannot be corrected again now.
+    pub(super) fn correct_again_later(&mut self, sku: &Sku, name: &str, reason: Reason) {
+        let (now, once) = (self.now(), self.mode == Mode::Once);
+        self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
+        if self.not_again.get(name) != Some(&reason.what) {
+            tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
+        }
+        self.not_again.insert(name.to_owned(), reason.what);
     }
 
     /// A companion has settled: what it belongs to may go on, or went on without it before.
