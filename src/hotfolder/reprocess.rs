@@ -180,6 +180,11 @@ impl Reprocessing {
         self.marked.remove(&fold(name));
     }
 
+    /// Whether it is corrected again because nobody knows whether it was delivered.
+    pub(super) fn is_uncertain(&self, name: &str) -> bool {
+        self.marked.get(&fold(name)).is_some_and(|marked| marked.uncertain)
+    }
+
     /// Somebody wants what is outdated to be corrected again, of one SKU or of all.
     pub(super) fn ask_for(&mut self, sku: Option<Sku>) {
         self.asked.push(sku);

@@ -126,12 +126,25 @@ impl<C: Corrector> Worker<'_, C> {
                 self.status.delivered();
                 self.reprocessing.forget(name);
             }
+            // It was asked for once; from now on it is outdated or not, as any other.
+            Outcome::Rejected(_) if self.reprocessing.is_uncertain(name) => {
+                self.reprocessing.forget(name);
+                self.reprocessing.check(sku.clone());
+            }
             // It stays marked: other settings may do.
             Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
             Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
                 self.correct_again_later(sku, name, reason);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
+            // Somebody asked for it, and nothing else would deliver it.
+            Outcome::PartCame | Outcome::Changed | Outcome::Incomplete { .. } | Outcome::Learned { .. }
+                if self.reprocessing.is_uncertain(name) =>
+            {
+                let what = "A part came, or the original in the archive changed, while it was corrected.";
+                let remedy = "Nothing: it is tried again. With `--once`, ask for it again.";
+                self.correct_again_later(sku, name, Reason::new("correction-overtaken", what, remedy));
+            }
             // The part may come to nothing, and then it is as outdated as before.
             Outcome::PartCame => {
                 self.reprocessing.forget(name);
