@@ -209,7 +209,9 @@ impl Reprocessing {
             return;
         }
         for sku in std::mem::take(&mut self.asked) {
-            let is_meant = |marked: &&mut Marked| sku.as_ref().is_none_or(|sku| marked.again.sku == *sku);
+            let is_meant = |marked: &&mut Marked| {
+                !marked.uncertain && sku.as_ref().is_none_or(|sku| marked.again.sku == *sku)
+            };
             let meant = self.marked.values_mut().filter(is_meant);
             let count = meant.map(|marked| marked.due = Some(Moment::ZERO)).count();
             let plural = if count == 1 { "drawing is" } else { "drawings are" };
