@@ -110,12 +110,20 @@ pub(super) fn deliver<'a>(
 struct Evidence {
     /// Its temporary file is there.
     temporary: bool,
-    /// The drawing lies there under its name.
-    result: bool,
+    result: Seen,
     /// It is the folder that it was.
     same_folder: bool,
     /// The folder is on another computer, which may have done what it reported as failed.
     on_network: bool,
+}
+
+/// What is seen under the drawing's name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Seen {
+    Nothing,
+    Ours,
+    /// Another drawing, which was to be replaced.
+    Another,
 }
 
 /// Whether the drawing got its name.
@@ -139,7 +147,11 @@ impl Evidence {
         let result = import.join(&job.name);
         Ok(Self {
             temporary: folders::look(temporary)?.is_some(),
-            result: read_if_there(&result)?.is_some_and(|bytes| hash_of(&bytes) == job.result),
+            result: match read_if_there(&result)? {
+                None => Seen::Nothing,
+                Some(bytes) if hash_of(&bytes) == job.result => Seen::Ours,
+                Some(_) => Seen::Another,
+            },
             same_folder: then == folders::identity(import),
             on_network: folders::is_on_network(import),
         })
@@ -151,8 +163,10 @@ fn after_a_crash(seen: Evidence) -> Renamed {
     match seen {
         Evidence { temporary: true, .. } => Renamed::No,
         Evidence { same_folder: false, .. } => Renamed::NotToBeSeen,
-        Evidence { result: true, .. } => Renamed::Yes,
-        Evidence { .. } => Renamed::Unknown,
+        Evidence { result: Seen::Ours, .. } => Renamed::Yes,
+        // Renamed, the drawing would have replaced it.
+        Evidence { result: Seen::Another, .. } => Renamed::No,
+        Evidence { result: Seen::Nothing, .. } => Renamed::Unknown,
     }
 }
 
@@ -388,15 +402,19 @@ mod tests {
     #[test]
     fn the_import_folder_decides_what_became_of_an_interrupted_delivery() {
         use Renamed::{No, NotToBeSeen, Unknown, Yes};
-        for (name, [temporary, result, same_folder, on_network], crash, failed) in [
-            ("not renamed yet", [true, false, true, false], No, No),
-            ("not renamed yet over the same", [true, true, true, false], No, No),
-            ("there, wherever that is", [true, false, false, false], No, No),
-            ("renamed", [false, true, true, false], Yes, Yes),
-            ("taken away, or never renamed", [false, false, true, false], Unknown, No),
-            ("the same on a share", [false, false, true, true], Unknown, Unknown),
-            ("another folder", [false, false, false, false], NotToBeSeen, NotToBeSeen),
-            ("another folder with such a drawing", [false, true, false, true], NotToBeSeen, NotToBeSeen),
+        use Seen::{Another, Nothing, Ours};
+        for (name, result, [temporary, same_folder, on_network], crash, failed) in [
+            ("not renamed yet", Nothing, [true, true, false], No, No),
+            ("not renamed yet over the same", Ours, [true, true, false], No, No),
+            ("there, wherever that is", Nothing, [true, false, false], No, No),
+            ("renamed", Ours, [false, true, false], Yes, Yes),
+            ("taken away, or never renamed", Nothing, [false, true, false], Unknown, No),
+            ("the same on a share", Nothing, [false, true, true], Unknown, Unknown),
+            ("the older one was not replaced", Another, [false, true, false], No, No),
+            ("the same on a share", Another, [false, true, true], No, No),
+            ("another folder", Nothing, [false, false, false], NotToBeSeen, NotToBeSeen),
+            ("another folder with such a drawing", Ours, [false, false, true], NotToBeSeen, NotToBeSeen),
+            ("another folder with another", Another, [false, false, false], NotToBeSeen, NotToBeSeen),
         ] {
             let seen = Evidence { temporary, result, same_folder, on_network };
             assert_eq!((after_a_crash(seen), after_a_failed_rename(seen)), (crash, failed), "{name}");
