@@ -211,12 +211,17 @@ fn perhaps_delivered(station: &Station, journal: &mut Journal, job: &Job) -> std
     tracing::warn!(
         "{} may not have been delivered: the station was interrupted while it delivered the drawing, and the import \
          folder holds neither it nor its temporary file. See whether the importer took it; if not, \
-         `isomark retry {} {}` delivers it again",
+         `{}` delivers it again",
         job.name,
-        station.file.display(),
-        job.name
+        retry_command(station, &job.name)
     );
     Ok(())
+}
+
+/// What delivers an uncertain drawing again, as it is typed.
+pub(super) fn retry_command(station: &Station, name: &str) -> String {
+    let [file, name] = [&*station.file.to_string_lossy(), name].map(crate::reason::quoted);
+    format!("isomark retry {file} {name}")
 }
 
 /// Closes a job whose drop is gone from the hot folder: its last step was done, or somebody took the drop away. An

@@ -245,9 +245,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 }
                 Certainty::Uncertain => tracing::warn!(
                     "{name} may have been delivered before {} and is not delivered again: \
-                     `isomark retry {} {name}` does that",
+                     `{}` does that",
                     last.at,
-                    task.station.file.display()
+                    delivery::retry_command(&task.station, name)
                 ),
             }
             job.result.clone_from(&last.job.result);
