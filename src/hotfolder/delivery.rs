@@ -43,6 +43,8 @@ pub(super) enum How {
     BeforeTheCrash,
     /// The station may have put it there before it was interrupted.
     PerhapsBeforeTheCrash,
+    /// The share reported that it could not be renamed, and holds neither it nor its temporary file.
+    Perhaps,
 }
 
 /// Puts the drawing into the import folder; `previous` is what lies there under its name.
@@ -97,12 +99,14 @@ pub(super) fn deliver<'a>(
     // Should this line get lost, the folder says the same as long as nobody takes the drawing away.
     let noted = match certainty {
         Certainty::Certain => journal().delivered(&job.drop),
-        Certainty::Uncertain => perhaps_delivered(station, &mut journal(), job),
+        Certainty::Uncertain => {
+            perhaps_delivered(station, &mut journal(), job, "the share reported that it could not be renamed")
+        }
     };
     if let Err(error) = noted {
         tracing::warn!("the journal lacks a line: {error}");
     }
-    Ok(how)
+    Ok(if certainty == Certainty::Certain { how } else { How::Perhaps })
 }
 
 /// What is seen in the import folder of a drawing that was about to get its name there.
@@ -201,16 +205,21 @@ pub(super) fn settle(
         }
         (Renamed::Yes, _) => journal.delivered(drop).map_err(folder_trouble),
         (Renamed::Unknown, DeliveryKind::Folder) => {
-            perhaps_delivered(station, journal, job).map_err(folder_trouble)
+            let why = "the station was interrupted while it delivered the drawing";
+            perhaps_delivered(station, journal, job, why).map_err(folder_trouble)
         }
     }
 }
 
-fn perhaps_delivered(station: &Station, journal: &mut Journal, job: &Job) -> std::io::Result<()> {
+fn perhaps_delivered(
+    station: &Station,
+    journal: &mut Journal,
+    job: &Job,
+    why: &str,
+) -> std::io::Result<()> {
     journal.perhaps_delivered(&job.drop)?;
     tracing::warn!(
-        "{} may not have been delivered: the station was interrupted while it delivered the drawing, and the import \
-         folder holds neither it nor its temporary file. See whether the importer took it; if not, \
+        "{} may not have been delivered: {why}, and the import folder holds neither it nor its temporary file. See whether the importer took it; if not, \
          `{}` delivers it again",
         job.name,
         retry_command(station, &job.name)

@@ -423,6 +423,7 @@ fn words(how: How, last: Option<(&str, bool)>) -> String {
         (How::PerhapsBeforeTheCrash, _) => {
             "may have been delivered before the station was interrupted, and is filed".into()
         }
+        (How::Perhaps, _) => "may have been delivered to import, and is filed".into(),
     }
 }
 
