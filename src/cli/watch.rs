@@ -18,7 +18,7 @@ pub(super) struct WatchArguments {
     /// The station's settings.
     station: PathBuf,
     /// Handles what lies in the hot folder, says what became of it, and stops; exit code 1 when something was rejected, 3
-    /// when something waits because a folder, a disk or a server fails.
+    /// when something waits because a folder, a disk or a server fails, or nobody knows whether a drawing was delivered.
     #[arg(long)]
     once: bool,
 }
@@ -42,6 +42,12 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     }
     print(&words(&tally));
     match tally.rejected {
+        0 if tally.uncertain > 0 => {
+            let what = format!("{} drawings may not have been delivered.", tally.uncertain);
+            let remedy = "See with `isomark status` which, and whether the importer took them; if not, \
+                          `isomark retry` delivers them again.";
+            Err(Failure { exit: Exit::Environment, reason: Reason::new("drawings-uncertain", what, remedy) })
+        }
         0 => match tally.waiting.iter().find(|left| left.hindered) {
             Some(left) => Err(Failure { exit: Exit::Environment, reason: left.reason.clone() }),
             None => Ok(()),
@@ -72,6 +78,9 @@ fn words(tally: &Tally) -> String {
         tally.waiting.len(),
         tally.incomplete.len()
     );
+    if tally.uncertain > 0 {
+        text += &format!("{} uncertain whether delivered\n", tally.uncertain);
+    }
     if tally.repeated > 0 {
         text += &format!("{} delivered before and not again\n", tally.repeated);
     }

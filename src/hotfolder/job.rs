@@ -206,6 +206,8 @@ pub struct Tally {
     pub repeated: u64,
     /// Number of drops moved to the rejected folder.
     pub rejected: u64,
+    /// Number of drawings that were filed, and of which nobody knows whether they were delivered.
+    pub uncertain: u64,
     /// Drops that wait for something else: their part, a folder, a setting.
     pub waiting: Vec<Waiting>,
     /// Drops that end too early or are still being written.

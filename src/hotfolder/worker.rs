@@ -10,7 +10,7 @@ mod hand_out;
 mod listing;
 mod outcomes;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
@@ -70,6 +70,7 @@ pub fn run(
     let lock = StationLock::take(&state, &station.name)?;
     let journal =
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
+    let known = uncertain_in(&journal);
     let executor = Executor::new(corrector, journal, Shares::open(&state), stop.clone());
     let (sender, messages) = sync_channel(MOST_MESSAGES);
     stop.connect(sender.clone());
@@ -134,11 +135,18 @@ pub fn run(
         // The threads end when nothing can come any more.
         let Worker { drops, tally, stopped, .. } = worker;
         let (waiting, incomplete) = drops.left();
+        // Also what was filed without a job of its own.
+        let uncertain = uncertain_in(&executor.journal()).difference(&known).count() as u64;
         match stopped {
             Some(reason) => Err(StationError::Stopped(reason)),
-            None => Ok(Tally { waiting, incomplete, ..tally }),
+            None => Ok(Tally { waiting, incomplete, uncertain, ..tally }),
         }
     })
+}
+
+/// The drawings that may not have been delivered, each with the time when it was filed.
+fn uncertain_in(journal: &Journal) -> BTreeSet<(String, String)> {
+    journal.uncertain().map(|result| (result.job.name.clone(), result.at.clone())).collect()
 }
 
 /// As many as the machine has, or as the settings say; at least two, so that a large job blocks no small one.

@@ -37,7 +37,8 @@ fn a_drawing_of_which_nobody_can_know_is_listed_and_delivered_again_when_asked()
     let mut line = delivered();
     assert!(uncertain(&line).is_empty());
     ends_before_the_rename(&line);
-    line.once();
+    let tally = line.once();
+    assert_eq!((tally.delivered, tally.uncertain), (0, 1));
     assert!(line.import().is_empty(), "it is not delivered twice");
     assert!(line.path("archive/can/can.dxf").exists() && !line.path("hot/can.dxf").exists());
     assert_eq!(uncertain(&line), ["can.dxf"]);
@@ -95,6 +96,33 @@ fn a_drop_that_is_gone_too_is_listed() {
     Request::Uncertain(None).leave(&line.path("state")).unwrap();
     line.once();
     assert_eq!((line.import().len(), uncertain(&line)), (0, vec!["can.dxf".to_owned()]));
+}
+
+/// Renamed, the drawing would have replaced the older one.
+#[test]
+fn an_older_drawing_in_the_import_folder_is_replaced_after_all() {
+    let mut line = delivered();
+    ends_before_the_rename(&line);
+    fs::write(line.path("import/can.dxf"), "older").unwrap();
+    let tally = line.once();
+    assert_eq!((tally.delivered, tally.uncertain), (1, 0));
+    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
+}
+
+/// What is asked for is not forgotten while the settings of its SKU are wrong, and a station that ends at once does end.
+#[test]
+fn a_drawing_of_which_nobody_can_know_waits_for_settings() {
+    let mut line = delivered();
+    ends_before_the_rename(&line);
+    line.once();
+    fs::create_dir_all(line.path("skus")).unwrap();
+    fs::write(line.path("skus/can.toml"), "wrong").unwrap();
+    Request::Uncertain(None).leave(&line.path("state")).unwrap();
+    assert_eq!(line.once().delivered, 0);
+    assert_eq!(uncertain(&line), ["can.dxf"]);
+    fs::remove_file(line.path("skus/can.toml")).unwrap();
+    Request::Uncertain(None).leave(&line.path("state")).unwrap();
+    assert_eq!(line.once().delivered, 1);
 }
 
 #[test]

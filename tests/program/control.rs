@@ -49,6 +49,8 @@ fn a_drawing_that_may_not_have_been_delivered_is_shown_and_delivered_when_asked(
         fs::rename(station.path("archive/trough/trough.dxf"), station.path("hot/trough.dxf")).unwrap();
         fs::remove_file(station.path("import/trough.dxf")).unwrap();
         let said = station.once();
+        assert_eq!(said.code, 3, "{said:?}");
+        assert!(said.out.starts_with("0 delivered") && said.out.contains("1 uncertain"), "{said:?}");
         assert!(
             said.err.contains("WARN") && said.err.contains("may not have been delivered"),
             "{}",

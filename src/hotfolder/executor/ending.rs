@@ -18,8 +18,13 @@ use crate::reason::Reason;
 impl<C: Corrector> Executor<'_, C> {
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
     pub(super) fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
+        // It is asked before the journal closes the job.
+        let certainty = self.journal().certainty(&kept.job.drop);
         match self.finish_steps(ready, &mut kept) {
-            Ok(()) => Ok(Outcome::Delivered),
+            Ok(()) => Ok(match certainty {
+                Certainty::Certain => Outcome::Delivered,
+                Certainty::Uncertain => Outcome::Uncertain,
+            }),
             Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(kept)))),
             Err(error) => Err(error.into()),
         }

@@ -91,6 +91,8 @@ pub(in crate::hotfolder) enum Outcome {
     Learned { absent: Vec<PathBuf>, place: PathBuf },
     /// A drawing was delivered, or lies in the import folder already.
     Delivered,
+    /// The same, and nobody knows whether it was.
+    Uncertain,
     /// A drawing was not delivered again.
     Repeated,
     /// The drop lies in the rejected folder.

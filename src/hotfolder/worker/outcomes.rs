@@ -35,7 +35,7 @@ impl<C: Corrector> Worker<'_, C> {
             return self.finished_again(sku, &delivered_as(name), outcome);
         }
         // Whatever else happened may let other drops go on.
-        self.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Repeated);
+        self.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
         match outcome {
             Outcome::Learned { absent, place } => {
                 let until = self.now() + self.times().incomplete;
@@ -48,9 +48,11 @@ impl<C: Corrector> Worker<'_, C> {
                     self.reprocessing.check(sku.clone());
                 }
             }
-            Outcome::Delivered => {
-                self.tally.delivered += 1;
-                self.status.delivered();
+            Outcome::Delivered | Outcome::Uncertain => {
+                if matches!(outcome, Outcome::Delivered) {
+                    self.tally.delivered += 1;
+                    self.status.delivered();
+                }
                 if let Work::Correct { sku, name } = &running.work {
                     self.reprocessing.forget(&delivered_as(name));
                     // Nobody found it outdated as long as it was under way.
@@ -126,6 +128,8 @@ impl<C: Corrector> Worker<'_, C> {
                 self.status.delivered();
                 self.reprocessing.forget(name);
             }
+            // The journal lists it, as it did or does from now on.
+            Outcome::Uncertain => self.reprocessing.forget(name),
             // It was asked for once; from now on it is outdated or not, as any other.
             Outcome::Rejected(_) if self.reprocessing.is_uncertain(name) => {
                 self.reprocessing.forget(name);
