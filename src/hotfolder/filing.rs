@@ -218,7 +218,15 @@ pub(super) fn reject(
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
-    put_away(folders, parking, original, &place.join(file_name))?;
+    if let Err(error) = put_away(folders, parking, original, &place.join(file_name)) {
+        // It is another file by now, and the reason none of its own.
+        if error.kind() == io::ErrorKind::Interrupted {
+            for ending in ["json", "txt"] {
+                fs::remove_file(place.join(format!("{stem}.reason.{ending}")))?;
+            }
+        }
+        return Err(error);
+    }
     Ok(place.join(file_name))
 }
 
@@ -283,8 +291,13 @@ pub(super) fn put_away(
         Content::Seen(stamp) if holds_copy(target, original) => {
             Some(Filed { stamp, hash: content_hash(target)? })
         }
-        Content::Seen(_) if there.is_some() => {
+        Content::Seen(seen) if there.is_some() => {
             let (stamp, hash) = copy_new(original.path, target)?;
+            if stamp != seen {
+                fs::remove_file(target)?;
+                let words = format!("{} was written again", original.path.display());
+                return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+            }
             Some(Filed { stamp, hash })
         }
         Content::Unknown if there.is_some() => {
@@ -488,6 +501,24 @@ mod tests {
         let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
         remove_copied(&folders, &parking, &original, &archive.join("copy")).unwrap();
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_was_written_since_it_was_seen_is_not_rejected_for_what_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let path = folders.hot.join("can.dxf");
+        fs::write(&path, "first").unwrap();
+        let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
+        fs::write(&path, "another").unwrap();
+        let original = Original { path: &path, content: Content::Seen(stamp), companions: &[] };
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let parking = Parking::default();
+        let rejected = reject(&folders, &parking, Path::new("can.dxf"), &original, &reason, |_| Ok(()));
+        assert_eq!(rejected.unwrap_err().kind(), io::ErrorKind::Interrupted);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "another");
+        assert_eq!(fs::read_dir(&folders.rejected).unwrap().count(), 0);
     }
 
     /// What an interruption left behind is used: a drop is rejected once.

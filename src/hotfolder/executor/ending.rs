@@ -186,8 +186,12 @@ impl<C: Corrector> Executor<'_, C> {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
             self.journal().rejected(&drop, &reason.code, &to, part_of)
         };
-        let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note)
-            .map_err(folder_trouble)?;
+        let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note);
+        let rejected = match rejected {
+            // It was written again.
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => return Ok(Outcome::Changed),
+            rejected => rejected.map_err(folder_trouble)?,
+        };
         tracing::warn!(
             "{} rejected and moved to {}: {}",
             on_one_line(&drop),
