@@ -383,7 +383,7 @@ impl<C: Corrector> Worker<'_, C> {
                 SettingsEvent::StationChanged { old, new } => {
                     self.settings_changes += 1;
                     tracing::info!(
-                        "the station's settings changed and are in force:\n{}",
+                        "the station's settings changed and are in force: {}",
                         changes(&old, &new)
                     );
                     if let Err((purpose, _, error)) = filing::prepare(self.folders()) {
@@ -410,7 +410,7 @@ impl<C: Corrector> Worker<'_, C> {
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;
                     tracing::info!(
-                        "the settings of {sku} changed and are in force:\n{}",
+                        "the settings of {sku} changed and are in force: {}",
                         changes(&old, &new)
                     );
                     self.drops.release(&sku);
@@ -533,7 +533,18 @@ impl Complaints {
     }
 }
 
-/// The lines of a settings file that changed.
+/// The lines of a settings file that changed, on one line of the log.
 fn changes(old: &str, new: &str) -> String {
-    diff::text_changes(old, new).join("\n")
+    diff::text_changes(old, new).join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_of_settings_stand_on_one_line() {
+        let (old, new) = ("[beam]\na = 1\nb = 2\n", "[beam]\na = 1\nb = 3\nc = 4\n");
+        assert_eq!(changes(old, new), "- b = 2; + b = 3; + c = 4");
+    }
 }
