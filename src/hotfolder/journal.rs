@@ -631,6 +631,10 @@ fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
         // Counted by an older version, which knew another clock.
         (None, Some(_)) => true,
         (None, None) => at_work.deaths == 0,
+        // The machine was started anew, which no clock that jumps can feign.
+        (Some(last), Some(now)) if ![&last.boot, &now.boot].contains(&&String::new()) && last.boot != now.boot => {
+            true
+        }
         (Some(last), Some(now)) => now.passed_since(last) >= SHORTEST_LIFE,
         (Some(_), None) => false,
     }
