@@ -283,9 +283,13 @@ impl<C: Corrector> Worker<'_, C> {
             }
             self.write_status(true);
             let now = self.now();
-            let mut next = self.listing_is_due().min(now + HEARTBEAT);
+            let mut next = now + HEARTBEAT;
             let mut due = Moment::MAX;
-            if !self.executor.parking.is_empty() {
+            // A station that ends does neither.
+            if !ends {
+                next = next.min(self.listing_is_due());
+            }
+            if !ends && !self.executor.parking.is_empty() {
                 next = next.min(self.next_look_at_parked.max(now));
             }
             if !ends && self.has_room() {
