@@ -15,6 +15,9 @@ use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
 
+/// The code of the reason of large drops that could be done at once.
+pub(super) const WAITS_FOR_TURN: &str = "waits-for-turn";
+
 /// One drop.
 pub(super) struct Drop {
     /// Its path in the hot folder.
@@ -96,7 +99,9 @@ impl Drops {
         };
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
-            drop.takes_long &= !changed;
+            if changed && drop.takes_long {
+                (drop.takes_long, drop.reason) = (false, None);
+            }
             drop.settle.see(stamp, writer, now);
             // Another file may do where the last one failed.
             if changed && drop.block != Block::UnknownSku {
@@ -276,7 +281,8 @@ impl Drops {
         let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
         for drop in self.all.values() {
             let reason = drop.reason.clone().unwrap_or_else(still_settling);
-            let kind = if drop.block == Block::Free { &mut incomplete } else { &mut waiting };
+            let waits = drop.block != Block::Free || reason.code == WAITS_FOR_TURN;
+            let kind = if waits { &mut waiting } else { &mut incomplete };
             // A part that was rejected is told as such.
             let hindered = matches!(drop.block, Block::Until { .. }) && reason.code != PART_REFUSED;
             kind.push(Waiting { drop: with_slashes(&drop.relative), reason, hindered });
@@ -326,6 +332,12 @@ fn not_a_file() -> Reason {
     Reason::new("not-a-file", "This is a link or a device, not a file.", "Drop the file itself.")
 }
 
+/// A drop that was read and is more than a moment's work.
+pub(super) fn waits_for_turn() -> Reason {
+    let what = "The file is whole and waits for its turn: large job.";
+    Reason::new(WAITS_FOR_TURN, what, "Nothing: it is done after the large ones before it.")
+}
+
 fn still_settling() -> Reason {
     let what = "The file may still be written, or its turn has not come.";
     Reason::new("still-settling", what, "Nothing: it is looked at again.")
@@ -354,5 +366,29 @@ mod tests {
         assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
         let all = ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"];
         assert_eq!(ready(5), all.map(|name| hot.join(name)));
+    }
+
+    #[test]
+    fn a_large_drop_that_waits_for_its_turn_is_not_incomplete() {
+        let at = Duration::from_secs;
+        let mut drops = Drops::default();
+        let see = |drops: &mut Drops, size| {
+            let stamp = Stamp { size, modified: None, identity: 1 };
+            drops.see(
+                Path::new("hot"),
+                Path::new("can.dxf"),
+                Found::File(stamp),
+                Writer::Closed,
+                at(0),
+                at(0),
+            );
+            let (waiting, incomplete) = drops.left();
+            (waiting.len(), incomplete.len())
+        };
+        assert_eq!(see(&mut drops, 1), (0, 1));
+        let drop = drops.get_mut(Path::new("hot/can.dxf")).unwrap();
+        (drop.takes_long, drop.reason) = (true, Some(waits_for_turn()));
+        assert_eq!(see(&mut drops, 1), (1, 0));
+        assert_eq!(see(&mut drops, 2), (0, 1), "another file");
     }
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::clock;
-use super::drops::Drops;
+use super::drops::{Drops, WAITS_FOR_TURN};
 use super::executor::Work;
 use super::journal::{Delivered, Job};
 use super::settle::Moment;
@@ -295,12 +295,13 @@ impl StatusBoard {
         done.delivered_last_hour = self.minutes.iter().map(|(_, delivered, _)| delivered).sum();
         done.rejected_last_hour = self.minutes.iter().map(|(.., rejected)| rejected).sum();
         let running = |drop: &str| view.running.values().any(|running| running.drop == drop);
-        let (waiting, incomplete) = view.drops.left();
+        let (mut waiting, incomplete) = view.drops.left();
         let waits = |list: Vec<super::job::Waiting>| {
             let waits = |waiting: super::job::Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
             listed(list.into_iter().map(waits).collect())
         };
         // What waits goes on waiting while it is tried again; what is read for the first time lacks nothing yet.
+        waiting.retain(|drop| drop.reason.code != WAITS_FOR_TURN || !running(&drop.drop));
         let incomplete = incomplete.into_iter().filter(|drop| !running(&drop.drop)).collect();
         let outdated = view.outdated.iter();
         Status {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::super::delivery::IMPORT_MISSING;
-use super::super::drops::{Block, Drop};
+use super::super::drops::{Block, Drop, WAITS_FOR_TURN};
 use super::super::executor::{Task, Work};
 use super::super::filing::with_slashes;
 use super::super::folders::{self, Found};
@@ -116,7 +116,8 @@ impl<C: Corrector> Worker<'_, C> {
             Verdict::Read => (false, None),
             Verdict::GiveUp(super::super::settle::Gap::Companion) => (true, None),
             Verdict::GiveUp(super::super::settle::Gap::Content) => {
-                (true, Some(drop.reason.clone().unwrap_or_else(cut_short)))
+                let lacks = drop.reason.clone().filter(|reason| reason.code != WAITS_FOR_TURN);
+                (true, Some(lacks.unwrap_or_else(cut_short)))
             }
         };
         let (work, doomed) = match drop.meaning.clone() {

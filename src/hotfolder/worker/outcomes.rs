@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::super::drops::Block;
+use super::super::drops::{Block, waits_for_turn};
 use super::super::executor::{Outcome, Work};
 use super::super::filing::{self, with_slashes};
 use super::super::folders;
@@ -113,7 +113,7 @@ impl<C: Corrector> Worker<'_, C> {
             }
             Outcome::TakesLong => {
                 if let Some(drop) = self.drops.get_mut(path).filter(|_| same) {
-                    drop.takes_long = true;
+                    (drop.takes_long, drop.reason) = (true, Some(waits_for_turn()));
                 }
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
