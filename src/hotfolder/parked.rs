@@ -24,7 +24,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use fs_err as fs;
 
 use super::clock;
-use super::folders::{Found, content_hash, look, move_new, open};
+use super::folders::{Found, content_hash, is_on_network, look, move_new, open};
 use super::settle::Stamp;
 use crate::config::FolderPaths;
 use crate::files::sync_folder;
@@ -62,6 +62,8 @@ struct Parked {
     outlived_its_writer: bool,
     /// As it was seen last, if it is not what was filed.
     changed: Option<(u64, Option<u128>)>,
+    /// It cannot go back where it came from.
+    is_stuck: bool,
     /// How long it had been set aside when `since` began.
     age: Duration,
     since: Instant,
@@ -129,7 +131,7 @@ impl Parking {
 
     /// Takes up what an earlier start set aside.
     pub(super) fn restore(&self, folders: &FolderPaths) {
-        let boot = boot();
+        let (boot, on_network) = (boot(), is_on_network(&folders.hot));
         for base in places(folders) {
             for folder in entries(&base) {
                 let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -146,10 +148,16 @@ impl Parking {
                 }
                 all.extend(files.into_iter().map(|relative| Parked {
                     folder: folder.clone(),
+                    // What changed while no station ran is taken as seen once.
+                    changed: size_and_time(&folder.join(&relative))
+                        .ok()
+                        .flatten()
+                        .filter(|now| *now != (filed.size, filed.modified)),
+                    is_stuck: false,
                     relative,
                     filed: filed.clone(),
-                    outlived_its_writer: its_boot != boot,
-                    changed: None,
+                    // The writer of a file on a share is another machine.
+                    outlived_its_writer: its_boot != boot && !on_network,
                     age: age.unwrap_or_default(),
                     since: Instant::now(),
                 }));
@@ -186,13 +194,18 @@ impl Parking {
             // It may have been written since it was looked at, within one tick of the file system's clock.
             let is_another = filed.stamp.size <= READ_AT_THE_END
                 && content_hash(&place).is_ok_and(|hash| hash != filed.hash);
+            // No file is without a time where this one has one.
+            let signature = Signature { modified: signature.modified.filter(|_| !is_another), ..signature };
+            // The next start knows it by that, too.
+            let folder = if is_another { renamed(folder, &base, &signature) } else { folder };
+            let place = folder.join(&relative);
             self.all().push(Parked {
                 folder,
                 relative,
-                // No file is without a time where this one has one.
-                filed: Signature { modified: signature.modified.filter(|_| !is_another), ..signature },
+                filed: signature,
                 outlived_its_writer: false,
                 changed: size_and_time(&place).ok().flatten().filter(|_| is_another),
+                is_stuck: false,
                 age: Duration::ZERO,
                 since: Instant::now(),
             });
@@ -200,6 +213,16 @@ impl Parking {
             return sync_folder(path.parent().unwrap_or(path));
         }
         Err(crate::files::named(trouble, "cannot take away", path))
+    }
+
+    /// Whether a file was written again that is about to go back.
+    pub(super) fn any_changes(&self) -> bool {
+        self.all().iter().any(|parked| parked.changed.is_some() && !parked.is_stuck)
+    }
+
+    /// How many files are set aside.
+    pub(super) fn count(&self) -> usize {
+        self.all().len()
     }
 
     /// Whether nothing is set aside.
@@ -252,13 +275,17 @@ impl Parked {
                 }
                 self.changed = None;
             }
-            Verdict::IsAnother => return !self.goes_back(folders, returned),
+            Verdict::IsAnother => {
+                self.is_stuck = !self.goes_back(folders, returned);
+                return self.is_stuck;
+            }
             Verdict::IsOver
                 if !self.outlived_its_writer
                     && self.filed.size <= READ_AT_THE_END
                     && content_hash(&place).is_ok_and(|hash| *hash.to_hex() != *self.filed.hash) =>
             {
-                return !self.goes_back(folders, returned);
+                self.is_stuck = !self.goes_back(folders, returned);
+                return self.is_stuck;
             }
             Verdict::IsOver => match fs::remove_file(&place) {
                 // It is looked at again.
@@ -295,12 +322,13 @@ impl Parked {
                 return false;
             }
         };
-        // What was overtaken is moved from here by whoever is told.
-        if overtaken.is_none() {
+        // What was overtaken is moved from here by whoever is told, and stays until that is done.
+        let is_gone = overtaken.is_none();
+        if is_gone {
             remove_empty(&self.folder);
         }
         returned.push(Returned { relative: self.relative.clone(), overtaken });
-        true
+        is_gone
     }
 }
 
@@ -366,6 +394,13 @@ fn set_aside(path: &Path, base: &Path, relative: &Path, filed: &Signature) -> io
     // No file can have that name yet, so nothing is overwritten.
     made.and_then(|()| fs::rename(path, &place)).inspect_err(|_| remove_empty(&folder))?;
     Ok(folder)
+}
+
+/// Gives a folder around a file its name for another signature; where that cannot be, it keeps its own.
+fn renamed(folder: PathBuf, base: &Path, filed: &Signature) -> PathBuf {
+    let boot = boot();
+    let free = (1..100).map(|number| base.join(filed.name(&boot, number))).find(|other| !other.exists());
+    free.filter(|other| fs::rename(&folder, other).is_ok()).unwrap_or(folder)
 }
 
 /// The files in a folder around a parked file and in the SKU folders in it, relative to it.
@@ -494,6 +529,43 @@ mod tests {
         fs::File::options().write(true).open(&place).unwrap().set_modified(modified).unwrap();
         assert_eq!(parking.look(&folders, Duration::ZERO).len(), 1);
         assert_eq!(fs::read_to_string(folders.hot.join("can/a.dxf")).unwrap(), "FIRST");
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn what_cannot_go_back_yet_is_not_forgotten() {
+        const LONG: Duration = Duration::from_secs(3600);
+        let folder = tempfile::tempdir().unwrap();
+        let (folders, parking) = set_aside_one(folder.path());
+        let place = entries(&folders.state.join(PARKED)).remove(0).join("can/a.dxf");
+        assert!(!parking.any_changes());
+        fs::write(&place, "second").unwrap();
+        assert!(parking.look(&folders, LONG).is_empty() && parking.any_changes());
+        fs::write(folders.hot.join("can/a.dxf"), "newer").unwrap();
+        for _ in 0..2 {
+            let returned = parking.look(&folders, LONG);
+            assert_eq!(returned.iter().map(|one| one.overtaken.as_ref()).collect::<Vec<_>>(), [Some(&place)]);
+            assert!(!parking.any_changes(), "nothing that could end waits for it");
+        }
+        fs::remove_file(&place).unwrap();
+        assert!(parking.look(&folders, LONG).is_empty() && parking.is_empty());
+    }
+
+    #[cfg(not(windows))]
+    #[test]
+    fn what_was_another_when_it_was_set_aside_is_so_after_a_restart() {
+        let folder = tempfile::tempdir().unwrap();
+        let (folders, parking) = set_aside_one(folder.path());
+        let path = folders.hot.join("can/b.dxf");
+        fs::write(&path, "second").unwrap();
+        let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
+        parking.take_away(&folders, &path, &Filed { stamp, hash: blake3::hash(b"another") }).unwrap();
+        let next = Parking::default();
+        next.restore(&folders);
+        // It is taken as seen once.
+        let returned = next.look(&folders, Duration::from_secs(3600));
+        assert_eq!(returned.iter().map(|one| &one.relative).collect::<Vec<_>>(), [Path::new("can/b.dxf")]);
+        assert!(path.exists());
     }
 
     #[cfg(not(windows))]

@@ -132,6 +132,12 @@ pub fn run(
         worker.work_until_done(pulse);
         pulse(Pulse::Stopping);
         worker.write_status(false);
+        let parked = executor.parking.count();
+        if mode == Mode::Once && parked > 0 {
+            tracing::info!(
+                "{parked} files that are done are kept in case their writers go on: the next start looks at them"
+            );
+        }
         // The threads end when nothing can come any more.
         let Worker { drops, tally, stopped, .. } = worker;
         let (waiting, incomplete) = drops.left();
@@ -342,6 +348,7 @@ impl<C: Corrector> Worker<'_, C> {
         self.lanes.is_empty()
             && self.suspects.is_empty()
             && self.reprocessing.is_idle(now)
+            && !self.executor.parking.any_changes()
             // As of the moment when the lanes were made: what settled since is not in them yet.
             && !self.drops.any_settles(self.lanes_made, &self.times())
     }

@@ -206,7 +206,7 @@ impl<C: Corrector> Worker<'_, C> {
                     );
                 }
                 Err(error) => {
-                    tracing::warn!("{} stays there: {error}", place.display());
+                    self.tell_once(format!("{} stays there: {error}", place.display()));
                 }
             }
         }
