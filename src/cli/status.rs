@@ -7,9 +7,9 @@ use std::time::SystemTime;
 use clap::Args;
 
 use super::{Exit, Failure, Outcome, parse_sku, print, print_json, shown, tell};
-use crate::config::{FolderPaths, Sku, Station};
-use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UnderWay, Waits};
-use crate::hotfolder::{AS_ITS_USER, Holder, Request, StationLock, count_rejected, return_rejected};
+use crate::config::{FolderPaths, Sku, Station, fold};
+use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits};
+use crate::hotfolder::{AS_ITS_USER, Holder, Request, StationLock, count_rejected, is_rejected, return_rejected};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -88,20 +88,28 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
-    let is_uncertain = |name: &&String| {
-        let known = status_of(&folders).ok().and_then(|(status, _)| status);
-        let drawings = known.map(|status| status.uncertain.first).unwrap_or_default();
-        drawings.iter().any(|drawing| drawing.name == **name || drawing.drop == **name)
+    let known = match arguments.drops.is_empty() {
+        true => Listed::default(),
+        false => status_of(&folders).ok().and_then(|(status, _)| status).map(|status| status.uncertain).unwrap_or_default(),
     };
-    let (uncertain, drops): (Vec<&String>, Vec<&String>) = arguments.drops.iter().partition(is_uncertain);
-    for name in &uncertain {
-        leave(&Request::Uncertain(Some((*name).clone())), state)?;
-        print(&format!("{name} is delivered again{then}\n"));
+    let (mut drops, mut some_are_uncertain) = (Vec::new(), false);
+    for asked in &arguments.drops {
+        let name = match uncertain_name(&known, asked) {
+            Some(name) => name,
+            // The station may know more of them than it tells.
+            None if known.count > known.first.len() && !is_rejected(&folders.rejected, asked) => asked,
+            None => {
+                drops.push(asked.clone());
+                continue;
+            }
+        };
+        leave(&Request::Uncertain(Some(name.to_owned())), state)?;
+        print(&format!("{} is delivered again{then}\n", on_one_line(name)));
+        some_are_uncertain = true;
     }
-    if drops.is_empty() && !uncertain.is_empty() {
+    if drops.is_empty() && some_are_uncertain {
         return Ok(());
     }
-    let drops: Vec<String> = drops.into_iter().cloned().collect();
     if arguments.rejected || !drops.is_empty() {
         let wanted = (!arguments.rejected).then_some(drops.as_slice());
         let (returned, mut trouble) =
@@ -155,6 +163,14 @@ fn leave(request: &Request, state: &Path) -> Outcome {
         }
         _ => Failure::environment(&error),
     })
+}
+
+/// The station's own name of the uncertain drawing that somebody means who typed `asked`: its name or that of its drop,
+/// however it is spelled, or as a terminal shows it.
+fn uncertain_name<'a>(known: &'a Listed<UncertainDrawing>, asked: &str) -> Option<&'a str> {
+    let is_meant = |name: &String| fold(name) == fold(asked) || fold(&on_one_line(name)) == fold(asked);
+    let drawing = known.first.iter().find(|drawing| is_meant(&drawing.name) || is_meant(&drawing.drop));
+    drawing.map(|drawing| &*drawing.name)
 }
 
 /// Whether the station told of an outdated drawing of the SKU, or of any; its list may be longer than what it told.
@@ -234,4 +250,29 @@ fn list<T>(title: &str, listed: &Listed<T>, words: impl Fn(&T) -> String) -> Str
         text += &format!("  and {more} more\n");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uncertain_drawings_are_called_by_their_names_however_they_are_spelled() {
+        let drawing = |name: &str, drop: &str| UncertainDrawing {
+            name: name.into(),
+            drop: drop.into(),
+            sku: "can".into(),
+            at: String::new(),
+        };
+        let first = vec![drawing("Can@M\u{fc}g.dxf", "can/M\u{fc}g.png"), drawing("a\u{202e}b.dxf", "c.dxf")];
+        let known = Listed { count: 2, first };
+        for (asked, name) in [
+            ("can@mu\u{308}g.DXF", Some("Can@M\u{fc}g.dxf")),
+            ("CAN/m\u{fc}g.png", Some("Can@M\u{fc}g.dxf")),
+            ("a\\u{202e}b.dxf", Some("a\u{202e}b.dxf")),
+            ("other.dxf", None),
+        ] {
+            assert_eq!(uncertain_name(&known, asked), name, "{asked}");
+        }
+    }
 }

@@ -88,7 +88,7 @@ pub(super) struct Delivered {
 impl Delivered {
     /// Whether people mean it by this name: that of the drawing, or that of the drop.
     pub(super) fn is_called(&self, name: &str) -> bool {
-        fold(&self.job.name) == fold(name) || self.job.drop == name
+        [&self.job.name, &self.job.drop].iter().any(|known| fold(known) == fold(name))
     }
 
     /// Hash of the result that the marking software has.

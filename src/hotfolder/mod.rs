@@ -45,7 +45,7 @@ pub use job::{
     StationError, Tally, Waiting,
 };
 pub use lock::{Holder, StationLock};
-pub use rejected::{AS_ITS_USER, count_rejected, return_rejected};
+pub use rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use requests::Request;
 pub use watcher::StopSignal;
 pub use worker::run;

@@ -110,6 +110,14 @@ pub fn count_rejected(folder: &Path) -> std::io::Result<usize> {
     Ok(reasons.len())
 }
 
+/// Whether a rejected drop lies in the folder that is meant by this name; what cannot be read is none.
+pub fn is_rejected(folder: &Path, name: &str) -> bool {
+    let mut reasons = Vec::new();
+    let drop = |reason: &PathBuf| serde_json::from_slice::<RejectedDrop>(&fs::read(reason).ok()?).ok();
+    collect(folder, 0, &mut reasons).is_ok()
+        && reasons.iter().filter_map(drop).any(|rejected| names(name, &rejected.drop))
+}
+
 /// Reasons lie up to two folders deep: a SKU's, and a numbered one in it.
 fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let entries = match fs::read_dir(folder) {
