@@ -136,7 +136,7 @@ pub(super) struct Journal {
 struct AtWork {
     stamp: StampRecord,
     /// How often the station ended meanwhile, without a word. What ends it comes from outside if that happens again and
-    /// again within [`SHORTEST_LIFE`]; that counts as once.
+    /// again within [`SHORTEST_LIFE`] of one start of the machine; that counts as once.
     deaths: u32,
     /// When it was counted last, where the system tells.
     last_death: Option<Uptime>,

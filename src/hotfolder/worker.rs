@@ -204,7 +204,7 @@ struct Worker<'a, C> {
     lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
     /// What was under way when the station ended without a word: done alone, after all others.
     suspects: VecDeque<PathBuf>,
-    /// These drops, and in how many minutes that happened.
+    /// These drops, and how often that happened, as the journal counts.
     suspected: BTreeMap<String, (StampRecord, u32)>,
     /// What was due by this moment is in the lanes.
     lanes_made: Moment,

@@ -113,7 +113,8 @@ pub(super) enum Record {
     Began { drop: String, stamp: StampRecord },
     /// It is not any more.
     Ended { drop: String },
-    /// The station ended as often, counted once a minute at most, while a thread was at this drop.
+    /// The station ended as often while a thread was at this drop; ends within less than a minute of one start of the machine
+    /// are one.
     Died {
         drop: String,
         stamp: StampRecord,

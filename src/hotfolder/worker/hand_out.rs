@@ -24,8 +24,8 @@ use crate::reason::Reason;
 const LARGE: u64 = 4 << 20;
 /// A job that takes this long is a large one, whatever it looked like.
 const LONG: Duration = Duration::from_secs(2);
-/// A drop is rejected after the station ended in as many minutes while it was at it; but for the first time it was at
-/// nothing else.
+/// A drop is rejected after the station ended as often while it was at it, as the journal counts; but for the first time
+/// it was at nothing else.
 const MOST_DEATHS: u32 = 5;
 
 impl<C: Corrector> Worker<'_, C> {
