@@ -9,7 +9,9 @@ use clap::Args;
 use super::{Exit, Failure, Outcome, parse_sku, print, print_json, shown, tell};
 use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits};
-use crate::hotfolder::{AS_ITS_USER, Holder, Request, StationLock, count_rejected, is_rejected, return_rejected};
+use crate::hotfolder::{
+    AS_ITS_USER, Holder, Request, StationLock, count_rejected, is_rejected, return_rejected,
+};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -90,7 +92,11 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     let then = if runs { "" } else { " when the station is started" };
     let known = match arguments.drops.is_empty() {
         true => Listed::default(),
-        false => status_of(&folders).ok().and_then(|(status, _)| status).map(|status| status.uncertain).unwrap_or_default(),
+        false => status_of(&folders)
+            .ok()
+            .and_then(|(status, _)| status)
+            .map(|status| status.uncertain)
+            .unwrap_or_default(),
     };
     let (mut drops, mut some_are_uncertain) = (Vec::new(), false);
     for asked in &arguments.drops {

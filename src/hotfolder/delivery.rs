@@ -211,12 +211,7 @@ pub(super) fn settle(
     }
 }
 
-fn perhaps_delivered(
-    station: &Station,
-    journal: &mut Journal,
-    job: &Job,
-    why: &str,
-) -> std::io::Result<()> {
+fn perhaps_delivered(station: &Station, journal: &mut Journal, job: &Job, why: &str) -> std::io::Result<()> {
     journal.perhaps_delivered(&job.drop)?;
     tracing::warn!(
         "{} may not have been delivered: {why}, and the import folder holds neither it nor its temporary file. See whether the importer took it; if not, \

@@ -632,7 +632,9 @@ fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
         (None, Some(_)) => true,
         (None, None) => at_work.deaths == 0,
         // The machine was started anew, which no clock that jumps can feign.
-        (Some(last), Some(now)) if ![&last.boot, &now.boot].contains(&&String::new()) && last.boot != now.boot => {
+        (Some(last), Some(now))
+            if ![&last.boot, &now.boot].contains(&&String::new()) && last.boot != now.boot =>
+        {
             true
         }
         (Some(last), Some(now)) => now.passed_since(last) >= SHORTEST_LIFE,

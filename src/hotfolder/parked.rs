@@ -146,20 +146,22 @@ impl Parking {
                 if files.is_empty() {
                     remove_empty(&folder);
                 }
-                all.extend(files.into_iter().map(|relative| Parked {
-                    folder: folder.clone(),
-                    // What changed while no station ran is taken as seen once.
-                    changed: size_and_time(&folder.join(&relative))
-                        .ok()
-                        .flatten()
-                        .filter(|now| *now != (filed.size, filed.modified)),
-                    is_stuck: false,
-                    relative,
-                    filed: filed.clone(),
-                    // The writer of a file on a share is another machine.
-                    outlived_its_writer: its_boot != boot && !on_network,
-                    age: age.unwrap_or_default(),
-                    since: Instant::now(),
+                all.extend(files.into_iter().map(|relative| {
+                    Parked {
+                        folder: folder.clone(),
+                        // What changed while no station ran is taken as seen once.
+                        changed: size_and_time(&folder.join(&relative))
+                            .ok()
+                            .flatten()
+                            .filter(|now| *now != (filed.size, filed.modified)),
+                        is_stuck: false,
+                        relative,
+                        filed: filed.clone(),
+                        // The writer of a file on a share is another machine.
+                        outlived_its_writer: its_boot != boot && !on_network,
+                        age: age.unwrap_or_default(),
+                        since: Instant::now(),
+                    }
                 }));
             }
         }

@@ -420,10 +420,7 @@ impl<C: Corrector> Worker<'_, C> {
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;
-                    tracing::info!(
-                        "the settings of {sku} changed and are in force: {}",
-                        changes(&old, &new)
-                    );
+                    tracing::info!("the settings of {sku} changed and are in force: {}", changes(&old, &new));
                     self.drops.release(&sku);
                     self.reprocessing.check(sku);
                 }
