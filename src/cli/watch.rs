@@ -43,7 +43,8 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     print(&words(&tally));
     match tally.rejected {
         0 if tally.uncertain > 0 => {
-            let what = format!("{} drawings may not have been delivered.", tally.uncertain);
+            let drawings = if tally.uncertain == 1 { "drawing" } else { "drawings" };
+            let what = format!("{} {drawings} may not have been delivered.", tally.uncertain);
             let remedy = "See with `isomark status` which, and whether the importer took them; if not, \
                           `isomark retry` delivers them again.";
             Err(Failure { exit: Exit::Environment, reason: Reason::new("drawings-uncertain", what, remedy) })

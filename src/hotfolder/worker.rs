@@ -135,7 +135,7 @@ pub fn run(
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
             tracing::info!(
-                "{parked} files that are done are kept in case their writers go on: the next start looks at them"
+                "files that are done and kept in case their writers go on: {parked}; the next start looks at them"
             );
         }
         // The threads end when nothing can come any more.
