@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
+use super::adjacency::{NONE, facet_normal, sliver_side};
 use super::smooth_mesh::SmoothMesh;
 
 /// Facets belong to one plane when their corners are within this of it, mm, and their sides within [`COPLANAR`] of its
@@ -44,9 +44,7 @@ struct Planes {
 /// A normal is led to as the direction that meets the chords to the vertices round it as obliquely as their normals do from
 /// the other end, in the least-squares sense, short chords first. A vertex without a neighbour between facets that are
 /// alike takes the normal of its widest plane, if that is more than one triangle.
-///
-/// `around` are the neighbours of each vertex, if somebody has found them already.
-pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, estimated: &[bool]) -> Vec<f64> {
+pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<f64> {
     let Some(chosen) = round_bent_ones(mesh) else { return Vec::new() };
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
@@ -54,16 +52,17 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, around: Option<Neighbours>, est
     if uneven.is_empty() {
         return Vec::new();
     }
-    let around = around.unwrap_or_else(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
     // A normal at a border, or within a single plane, is known from one side only.
     let mut is_known: Vec<bool> = spans.iter().map(|span| span.turn > 0.0 && !span.is_uneven()).collect();
     for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
         let corners = mesh.triangles[side / 3];
         (is_known[corners[side % 3] as usize], is_known[corners[(side + 1) % 3] as usize]) = (false, false);
     }
+    let sides = sides_of(mesh, &uneven);
     let known = |&vertex: &usize| {
-        let known = around.of_vertex(vertex).iter().map(|&other| other as usize);
-        led_by(mesh, vertex, known.filter(|&other| is_known[other]))
+        let first = sides.partition_point(|side| (side[0] as usize) < vertex);
+        let around = sides[first..].iter().take_while(|side| side[0] as usize == vertex);
+        led_by(mesh, vertex, around.map(|side| side[1] as usize).filter(|&other| is_known[other]))
     };
     let led: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
     let mut astray = vec![0.0f64; spans.len()];
@@ -153,6 +152,20 @@ impl Span {
     fn is_uneven(&self) -> bool {
         self.width > UNEVEN * self.narrowest
     }
+}
+
+/// Each of the `vertices` (rising) with each vertex that shares a side with it, in order.
+fn sides_of(mesh: &SmoothMesh, vertices: &[usize]) -> Vec<[u32; 2]> {
+    let mut is_meant = vec![false; mesh.positions.len()];
+    vertices.iter().for_each(|&vertex| is_meant[vertex] = true);
+    let mut sides = Vec::new();
+    for &[a, b, c] in &mesh.triangles {
+        let around = [[a, b], [a, c], [b, c], [b, a], [c, a], [c, b]];
+        sides.extend(around.into_iter().filter(|side| is_meant[side[0] as usize]));
+    }
+    sides.sort_unstable();
+    sides.dedup();
+    sides
 }
 
 /// The normal that the `known` vertices lead to.

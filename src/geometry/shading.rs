@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::sliver_side;
+use super::adjacency::{NONE, sliver_side, weld};
 use super::flats;
 use super::mesh::TriMesh;
 use super::smooth_mesh::SmoothMesh;
@@ -16,6 +16,8 @@ use super::space::View;
 const SAMPLE: usize = 5_000;
 /// Places of the table that tells most other vertices from these: many times as many.
 const LIKELY: usize = 1 << 19;
+/// Vertices of larger meshes that are asked, at most.
+const MOST_VOTES: usize = 500;
 /// A wrong normal matters where its facets bulge by more than this, mm.
 const MATTERS: f64 = 0.002;
 /// A normal equals an average when it is within this of it, rad: files round normals to three or four digits.
@@ -57,24 +59,41 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     if mesh.normals().is_empty() {
         return false;
     }
-    let is_small = mesh.triangles().len() <= SMALL;
-    let estimated = || SmoothMesh::new(&mesh.clone().with_shading_normals(), &View::top());
-    let smooth = is_small.then(estimated);
-    let areas = smooth.as_ref().map(flats::plane_areas);
+    let estimate = |part: TriMesh| SmoothMesh::new(&part.with_shading_normals(), &View::top());
+    let whole = (mesh.triangles().len() <= SMALL).then(|| estimate(mesh.clone()));
+    let areas = whole.as_ref().map(flats::plane_areas);
     let places = Places::sampled(mesh, areas.as_deref());
-    let averages: Vec<Averages> =
+    let mut averages: Vec<Averages> =
         places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
-    let matches = |weighting: usize| {
+    let matches = |averages: &[Averages], weighting: usize| {
         averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
     };
-    let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(weighting)) else { return false };
-    if averages.is_empty() || (matches(weighting) as f64) < MOSTLY * averages.len() as f64 {
+    let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
+        return false;
+    };
+    if averages.is_empty() || (matches(&averages, weighting) as f64) < MOSTLY * averages.len() as f64 {
         return false;
     }
-    let smooth = smooth.unwrap_or_else(estimated);
+    let (smooth, part) = match whole {
+        Some(smooth) => (smooth, None),
+        None => {
+            let every = averages.len().div_ceil(MOST_VOTES).max(1);
+            averages = averages.into_iter().step_by(every).collect();
+            let Some((part, triangles)) = neighbourhood(mesh, averages.iter().map(|there| there.corner / 3))
+            else {
+                return false;
+            };
+            (estimate(part), Some(triangles))
+        }
+    };
     let (mut shading, mut surface) = (0usize, 0usize);
     for there in &averages {
-        let estimated = smooth.corners(there.corner / 3).1[there.corner % 3];
+        let triangle = there.corner / 3;
+        let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())
+        else {
+            continue;
+        };
+        let estimated = smooth.corners(triangle).1[there.corner % 3];
         let average = there.averages[weighting];
         let apart = angle(average, estimated);
         let least = if there.is_own(estimated) { SURE } else { SAME.max(there.bend * NOTABLE) };
@@ -92,6 +111,32 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 
 /// Ways in which modelling programs weight the facets round a vertex.
 const WEIGHTINGS: usize = 6;
+
+/// The triangles within three vertices of the given ones, as a mesh, and their numbers, rising: what an estimate at one of
+/// those depends on.
+fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Option<(TriMesh, Vec<usize>)> {
+    let places = weld(mesh.positions());
+    let mut chosen = vec![false; mesh.triangles().len()];
+    triangles.for_each(|triangle| chosen[triangle] = true);
+    for _ in 0..3 {
+        let mut is_near = vec![false; places.len()];
+        for (corners, _) in mesh.triangles().iter().zip(&chosen).filter(|(_, chosen)| **chosen) {
+            corners.iter().for_each(|&vertex| is_near[places[vertex as usize] as usize] = true);
+        }
+        for (corners, chosen) in mesh.triangles().iter().zip(&mut chosen) {
+            *chosen |= corners.iter().any(|&vertex| is_near[places[vertex as usize] as usize]);
+        }
+    }
+    let numbers: Vec<usize> = (0..chosen.len()).filter(|&triangle| chosen[triangle]).collect();
+    let mut used: Vec<u32> = numbers.iter().flat_map(|&triangle| mesh.triangles()[triangle]).collect();
+    used.sort_unstable();
+    used.dedup();
+    let renamed = |vertex: u32| used.binary_search(&vertex).map_or(0, |index| index as u32);
+    let positions = used.iter().map(|&vertex| mesh.positions()[vertex as usize]).collect();
+    let normals = used.iter().map(|&vertex| mesh.normals()[vertex as usize]).collect();
+    let triangles = numbers.iter().map(|&triangle| mesh.triangles()[triangle].map(renamed)).collect();
+    Some((TriMesh::new(positions, normals, triangles).ok()?, numbers))
+}
 
 /// What a normal of the file could be an average of.
 struct Averages {
@@ -193,7 +238,8 @@ impl Places {
             let key = key(position);
             is_likely[mixed(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
         };
-        let of_vertex: Vec<Option<usize>> = positions.iter().map(place_of).collect();
+        let of_vertex: Vec<u32> =
+            positions.iter().map(|at| place_of(at).map_or(NONE, |place| place as u32)).collect();
         let mut facets: Vec<Vec<Facet>> = sampled.iter().map(|_| Vec::new()).collect();
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
@@ -201,13 +247,16 @@ impl Places {
                 continue;
             }
             for corner in 0..3 {
-                let Some(place) = of_vertex[corners[corner] as usize] else { continue };
+                let place = of_vertex[corners[corner] as usize];
+                if place == NONE {
+                    continue;
+                }
                 let [here, one, two] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
                 let (first, second) = (one - here, two - here);
                 let across = first.cross(&second);
                 let Some(normal) = across.try_normalize(0.0) else { continue };
                 let area = across.norm() / 2.0;
-                facets[place].push(Facet {
+                facets[place as usize].push(Facet {
                     corner: triangle * 3 + corner,
                     normal,
                     angle: first.angle(&second),

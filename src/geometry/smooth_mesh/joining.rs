@@ -137,18 +137,17 @@ impl SmoothMesh {
         for normal in &mut self.normals {
             *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         }
-        let mut around = None;
         if is_missing.contains(&true) {
-            let around = around.insert(Neighbours::of(&self.triangles, self.positions.len()));
+            let around = Neighbours::of(&self.triangles, self.positions.len());
             let estimated = |vertex: usize| {
                 if !is_missing[vertex] {
                     return self.normals[vertex];
                 }
-                refined_normal(&self.positions, &self.normals, around, vertex)
+                refined_normal(&self.positions, &self.normals, &around, vertex)
             };
             self.normals = (0..self.normals.len()).map(estimated).collect();
         }
-        self.doubts = flats::lead_across(self, around, &is_missing);
+        self.doubts = flats::lead_across(self, &is_missing);
     }
 
     /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
