@@ -279,7 +279,7 @@ fn write_out(text: &str) {
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// Writes a line to people on standard error, with what does not print spelled out as in [`print`]; a closed one is no
+/// Writes a line to people on standard error, with what does not print spelled out as in [`print()`]; a closed one is no
 /// error.
 fn tell(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));

@@ -1,4 +1,5 @@
-//! Drawings to be marked: DXF or picture bytes to a [`Pattern`] in mm and corrected drawings back to bytes.
+//! Drawings to be marked: DXF or picture bytes to a [`Pattern`](crate::geometry::pattern::Pattern) in mm and corrected
+//! drawings back to bytes.
 //!
 //! Read widely, write narrowly, drop nothing silently: what cannot be taken over is named in [`PatternFacts`].
 
