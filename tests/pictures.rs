@@ -345,12 +345,15 @@ fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
 #[test]
 fn pictures_without_an_outline_are_refused_with_what_to_do() {
     let inverted = PictureOptions { inverted: true, ..PictureOptions::default() };
-    for (name, words) in
-        [("all-white.png", "lighter than the threshold of 50 %"), ("all-black.png", "no outline")]
-    {
+    // What is lighter than the threshold is marked below a higher one.
+    for (name, words, change) in [
+        ("all-white.png", "lighter than the threshold of 50 %", "raise `--threshold`"),
+        ("all-black.png", "no outline", "lower `--threshold`"),
+    ] {
         let error = try_read(&picture(name), PictureOptions::default()).unwrap_err();
         let reason = error.reason();
         assert!(reason.code == "pattern-nothing-to-mark" && reason.what.contains(words), "{name}: {reason}");
+        assert!(reason.remedy.contains(change), "{name}: {reason}");
     }
     let white = picture("white-on-transparent.png");
     let reason = try_read(&white, PictureOptions::default()).unwrap_err().reason();

@@ -458,7 +458,10 @@ impl<C: Corrector> Worker<'_, C> {
         let results: Vec<Delivered> =
             self.executor.journal().uncertain().filter(|result| is_meant(result)).cloned().collect();
         if results.is_empty() {
-            tracing::warn!("{} is not uncertain, and is not delivered again", name.unwrap_or("no drawing"));
+            match name {
+                Some(name) => tracing::warn!("{name} is not uncertain, and is not delivered again"),
+                None => tracing::info!("no drawing is uncertain: none is delivered again"),
+            }
         }
         for result in results {
             match result.job.sku.parse::<Sku>() {

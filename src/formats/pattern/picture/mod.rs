@@ -180,7 +180,7 @@ fn size(decoded: &Decoded, settings: &PictureOptions) -> Result<Size, PatternRea
 fn nothing_to_mark(decoded: &Decoded, settings: &PictureOptions, is_all_ink: bool) -> PatternReadError {
     let percent = settings.threshold * 100.0;
     let (side, other) =
-        if settings.inverted == is_all_ink { ("lighter", "lower") } else { ("darker", "raise") };
+        if settings.inverted == is_all_ink { ("lighter", "raise") } else { ("darker", "lower") };
     let found = format!(
         "all of its pixels are {side} than the threshold of {percent} %{}",
         if is_all_ink { ", so there is no outline" } else { "" }
@@ -192,9 +192,7 @@ fn nothing_to_mark(decoded: &Decoded, settings: &PictureOptions, is_all_ink: boo
              `--invert` (`invert` in the settings), otherwise change `--threshold`."
         )
     } else {
-        format!(
-            "Check that it is the right picture; if it is, {other} or change `--threshold` (`threshold_percent`)."
-        )
+        format!("Check that it is the right picture; if it is, {other} `--threshold` (`threshold_percent`).")
     };
     PatternReadError::NothingToMark { found, remedy }
 }
