@@ -8,7 +8,8 @@
 //!     └── <key>.toml          the same for people: where it comes from, what it leaves
 //! ```
 //!
-//! The key is the BLAKE3 hash of the part's bytes, of the settings that shape the surface and of the version of the fit;
+//! The key is the BLAKE3 hash of the part's bytes, of the settings that shape the surface, as
+//! [`canonical::surface`](crate::config::canonical::surface) writes them out, and of the version of the fit;
 //! a `.fit` file is written once, whole, and never changed, so several stations may share a cache folder. A file that is
 //! damaged in any way, by a power cut for instance, is a miss: it is named, and the surface is fitted again.
 
@@ -138,7 +139,8 @@ struct Sidecar {
 }
 
 impl CacheKey {
-    /// The key of a part (its hash, see [`PartOrigin`]) under settings that are written out in `settings`.
+    /// The key of a part (its hash, see [`PartOrigin`]) under settings as
+    /// [`canonical::surface`](crate::config::canonical::surface) writes them out.
     pub fn new(part_blake3: &str, settings: &str) -> Self {
         let text = format!("isomark fit {VERSION}\n{part_blake3}\n{settings}");
         Self(blake3::hash(text.as_bytes()).to_hex()[..32].to_owned())
@@ -389,6 +391,8 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::canonical::tests::everything;
+    use crate::config::{PartSettings, canonical};
     use crate::formats::mesh::{MeshFormat, MeshOptions};
     use crate::geometry::height_field::FacingPart;
     use crate::geometry::space::View;
@@ -416,6 +420,17 @@ mod tests {
         let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
         let origin = PartOrigin { file: "saddle.obj".into(), blake3: "00".into() };
         CachedSurface { origin, facts: reading.facts, surface }
+    }
+
+    /// A change here fits every part anew.
+    #[test]
+    fn the_key_of_a_surface_is_pinned() {
+        let key = |settings: &PartSettings| {
+            CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
+        };
+        // BLAKE3 by another program: of "isomark fit 3", "ab12" and the pinned text of the settings, a line each.
+        assert_eq!(key(&PartSettings::default()), "1fedd8d3ffbcecf5c7bf681b3e3d35cd");
+        assert_eq!(key(&everything().part), "f93fd45f4865cc860a28310a65816834");
     }
 
     #[test]

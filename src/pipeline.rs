@@ -14,6 +14,7 @@ use std::time::Instant;
 use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
 use crate::config::{
     self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting,
+    canonical,
 };
 use crate::diff;
 use crate::formats::Pace;
@@ -240,16 +241,28 @@ impl Pipeline {
         Ok(kept.map(|kept| LearnedPart { kept, key, from_cache, notices: Vec::new(), timings }))
     }
 
+    /// The part that the SKU has now, from a file or given by its sizes; `None` for an unknown SKU.
+    ///
+    /// # Errors
+    /// When the cache's folder fails.
+    pub fn current_part(
+        &self,
+        sku: &Sku,
+        settings: &PartSettings,
+    ) -> Result<Option<PartOrigin>, PipelineError> {
+        match (&settings.figure, &self.cache) {
+            (Some(figure), _) => Ok(Some(figure_origin(figure))),
+            (None, Some(cache)) => Ok(cache.current(sku)?),
+            (None, None) => Ok(None),
+        }
+    }
+
     /// The name that the surface of the SKU's current part has under these settings; `None` for an unknown SKU.
     ///
     /// # Errors
     /// When the cache's folder fails.
     pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
-        if let Some(figure) = &settings.figure {
-            return Ok(Some(self.key(&figure_origin(figure), settings)));
-        }
-        let Some(cache) = &self.cache else { return Ok(None) };
-        Ok(cache.current(sku)?.map(|origin| self.key(&origin, settings)))
+        Ok(self.current_part(sku, settings)?.map(|origin| self.key(&origin, settings)))
     }
 
     fn look_up(
@@ -273,7 +286,7 @@ impl Pipeline {
     }
 
     fn key(&self, origin: &PartOrigin, settings: &PartSettings) -> CacheKey {
-        CacheKey::new(&origin.blake3, &format!("{settings:?} {:?}", self.fit))
+        CacheKey::new(&origin.blake3, &canonical::surface(settings, &self.fit))
     }
 
     /// Corrects a pattern for a surface.
@@ -478,8 +491,7 @@ fn origin_of(
 
 /// What stands for the file of a part that the settings give by its sizes.
 fn figure_origin(figure: &Figure) -> PartOrigin {
-    let [x, y, z] = (*figure.axis()).into();
-    PartOrigin { file: figure.to_string(), blake3: hash(format!("{figure} along {x},{y},{z}").as_bytes()) }
+    PartOrigin { file: figure.to_string(), blake3: hash(canonical::figure(figure).as_bytes()) }
 }
 
 fn figure_facts(figure: &Figure) -> PartFacts {

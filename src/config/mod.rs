@@ -9,6 +9,7 @@
 //! mistake is a [`ConfigError`] that names file, line and column and says what is allowed. [`LiveSettings`] follows
 //! the files while a station runs.
 
+pub mod canonical;
 mod choices;
 mod sku;
 mod settings;

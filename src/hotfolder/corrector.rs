@@ -101,9 +101,8 @@ impl Corrector for PipelineCorrector {
         !matches!(self.surface(sku, &settings.part), Ok(None))
     }
 
-    fn surface_name(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
-        let key = self.pipeline().current_key(sku, &settings.part)?;
-        Ok(key.map(|key| key.as_str().to_owned()))
+    fn part_identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
+        Ok(self.pipeline().current_part(sku, &settings.part)?.map(|origin| origin.blake3))
     }
 
     fn follow(&self, station: &Station) {

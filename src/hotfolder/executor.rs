@@ -141,6 +141,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
     fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, Broken> {
         let started = Instant::now();
         let read = &*slot.insert(self.read(task, None)?);
+        self.take_as_up_to_date(&task.station.folders, sku, &task.settings);
         let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings, task.pace))?;
         let PartLearned { summary, report } = learned;
         // It may have been learned with one version of them, and is filed with another.
@@ -336,7 +337,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     /// All that the result depends on.
     fn job(&self, ready: &Ready, drop: String, settings: &JobSettings) -> Result<Job, JobError> {
-        let basis = self.basis(ready.sku, settings)?;
+        let basis = self.basis(ready.sku, settings)?.unwrap_or_default();
         let pattern = blake3::hash(&ready.read.file.bytes).to_hex().to_string();
         let all =
             format!("{}\n{}\n{pattern}\n{basis}\n{}", env!("CARGO_PKG_VERSION"), ready.name, ready.sku.key());

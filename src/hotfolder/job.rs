@@ -21,12 +21,12 @@ pub trait Corrector: Sync {
     /// Whether a surface for the SKU is at hand that fits the settings.
     fn knows(&self, sku: &Sku, settings: &JobSettings) -> bool;
 
-    /// A name for the SKU's surface that changes with the part and with the settings that shape it; `None` for an
-    /// unknown SKU. The surface itself may be gone.
+    /// What the SKU's part is known by: it changes with the part's content, and stays the same in every version of
+    /// isomark. `None` for an unknown SKU. The surface itself may be gone.
     ///
     /// # Errors
     /// See [`JobError`].
-    fn surface_name(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError>;
+    fn part_identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError>;
 
     /// The station's settings changed: other folders may count now.
     fn follow(&self, station: &Station);

@@ -30,6 +30,7 @@ use std::time::Duration;
 
 use fs_err as fs;
 
+use super::basis::is_comparable;
 use super::clock::{self, Uptime};
 use super::folders::{Identity, lies_at};
 use super::settle::Stamp;
@@ -89,6 +90,12 @@ impl Delivered {
     /// Whether people mean it by this name: that of the drawing, or that of the drop.
     pub(super) fn is_called(&self, name: &str) -> bool {
         [&self.job.name, &self.job.drop].iter().any(|known| fold(known) == fold(name))
+    }
+
+    /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
+    /// outdated.
+    pub(super) fn is_of_older_form(&self) -> bool {
+        !self.original.is_empty() && !is_comparable(&self.job.basis)
     }
 
     /// Hash of the result that the marking software has.
@@ -310,10 +317,16 @@ impl Journal {
         self.results.get(&fold(name))
     }
 
-    /// The newest results of a SKU.
-    pub(super) fn results_of(&self, sku: &Sku) -> Vec<Delivered> {
+    /// The newest results of a SKU that are as asked.
+    pub(super) fn results_of(&self, sku: &Sku, asked: impl Fn(&Delivered) -> bool) -> Vec<Delivered> {
         let names = self.by_sku.get(sku).into_iter().flatten();
-        names.filter_map(|name| self.results.get(name)).cloned().collect()
+        let results = names.filter_map(|name| self.results.get(name));
+        results.filter(|result| asked(result)).cloned().collect()
+    }
+
+    /// Number of results whose basis an older version wrote.
+    pub(super) fn of_older_form(&self) -> usize {
+        self.results.values().filter(|result| result.is_of_older_form()).count()
     }
 
     /// The SKUs of all results.
@@ -386,6 +399,24 @@ impl Journal {
         self.append(Record::Done { job, original, import, older, certainty }, false)
     }
 
+    /// Replaces the basis that an older version wrote in the results of these names, unless their drop is being done.
+    pub(super) fn rebase(&mut self, bases: Vec<(&str, String)>) -> io::Result<()> {
+        for (name, basis) in bases {
+            let result = self.result(name).filter(|result| result.is_of_older_form());
+            let Some(result) = result.cloned() else { continue };
+            let Delivered { job, at, original, import, certainty, older } = result;
+            if self.open.contains_key(&job.drop) || self.at_work.contains_key(&job.drop) {
+                continue;
+            }
+            let job = Job { basis, ..job };
+            self.append_line(
+                Line { at, record: Record::Done { job, original, import, older, certainty } },
+                false,
+            )?;
+        }
+        Ok(())
+    }
+
     /// A part is done and filed away.
     pub(super) fn learned(&mut self, drop: &str, sku: &str, original: &str) -> io::Result<()> {
         let record = Record::Learned { drop: drop.into(), sku: sku.into(), original: original.into() };
@@ -409,8 +440,10 @@ impl Journal {
 
     /// Appends a line; with `flush` it survives a power cut. What fails leaves the journal as it was.
     fn append(&mut self, record: Record, flush: bool) -> io::Result<()> {
-        let at = clock::now();
-        let line = Line { at, record };
+        self.append_line(Line { at: clock::now(), record }, flush)
+    }
+
+    fn append_line(&mut self, line: Line, flush: bool) -> io::Result<()> {
         let text = written(&line)?;
         if let Err(error) = self.write(text.as_bytes(), flush) {
             // A line cut by a full disk would spoil the next one.

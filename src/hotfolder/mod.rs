@@ -24,6 +24,7 @@ mod folders;
 mod parked;
 mod filing;
 mod journal;
+mod basis;
 mod drops;
 mod intake;
 mod delivery;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use super::basis::is_comparable;
 use super::executor::Executor;
 use super::job::Corrector;
 use super::journal::{Delivered, Import};
@@ -88,16 +89,21 @@ impl Reprocessing {
         settings: &JobSettings,
     ) {
         let archive = station.folders.archive.join(sku.key());
-        let results = executor.journal().results_of(sku);
+        executor.take_as_up_to_date(&station.folders, sku, settings);
+        let results = executor.journal().results_of(sku, |result| !result.original.is_empty());
         let mut news = 0;
-        for result in results.into_iter().filter(|result| !result.original.is_empty()) {
+        for result in results {
             let name = result.job.name;
             let original = archive.join(&result.original);
             let settings = executor.settings_of_original(&original, settings);
             let Ok(basis) = executor.basis(sku, &settings) else { continue };
             let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
-            let is_outdated = basis != result.job.basis;
             let key = fold(&name);
+            let is_outdated = match basis {
+                Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
+                // As long as its part is not known, it is what it was last found to be.
+                None => self.marked.contains_key(&key),
+            };
             if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
                 continue;
             }

@@ -128,6 +128,7 @@ pub fn run(
         };
         executor.parking.restore(&station.folders);
         worker.introduce();
+        executor.tell_of_older_form();
         pulse(Pulse::Ready);
         worker.work_until_done(pulse);
         pulse(Pulse::Stopping);

@@ -81,7 +81,7 @@ impl Corrector for Pretender {
         self.surfaces.lock().unwrap().contains_key(sku)
     }
 
-    fn surface_name(&self, sku: &Sku, _: &JobSettings) -> Result<Option<String>, JobError> {
+    fn part_identity(&self, sku: &Sku, _: &JobSettings) -> Result<Option<String>, JobError> {
         Ok(self.surfaces.lock().unwrap().get(sku).cloned())
     }
 

@@ -270,6 +270,88 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     assert_eq!(files(&station.path("archive/trough")).iter().filter(|name| name.ends_with("dxf")).count(), 1);
 }
 
+/// Writes the journal as version 0.1 did before part and settings were written out: what a drawing was made of is a bare
+/// hash.
+fn make_journal_older(station: &Station) {
+    let older = |line: &str| {
+        let (_, json) = line.split_once(' ').unwrap();
+        let mut record: Value = serde_json::from_str(json).unwrap();
+        if let Some(basis) = record.get_mut("basis") {
+            *basis = "00112233445566778899aabbccddeeff".into();
+        }
+        let json = record.to_string();
+        format!("{} {json}\n", &blake3::hash(json.as_bytes()).to_hex()[..8])
+    };
+    let journal: String = station.desk.text("state/journal.log").lines().map(older).collect();
+    station.desk.write("state/journal.log", journal);
+}
+
+const TAKEN: &str = "taking 1 delivered drawing as up to date";
+
+#[test]
+fn drawings_of_an_older_version_are_outdated_by_what_changes_from_now_on() {
+    let mut station = delivered();
+    let first = station.desk.read("import/trough.dxf");
+    append(&station, "[delivery]\noutdated = \"correct\"\n");
+    make_journal_older(&station);
+    station.start();
+    station.waits_for("a word", |station| station.log().contains(TAKEN));
+    // The journal has the present form of it then.
+    station.waits_for("a look", |station| station.desk.text("state/journal.log").contains("\"basis\":\"v2:"));
+    assert_eq!(status(&station)["outdated"]["count"], 0);
+    station.kill();
+    station.start();
+    station.waits_for("a start", |station| station.log().matches("takes drops from").count() == 2);
+    station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
+    station.waits_for("another result", |station| station.desk.read("import/trough.dxf") != first);
+    station.waits_for("no mark", |station| status(station)["outdated"]["count"] == 0);
+    let log = station.log();
+    assert_eq!(log.matches("as up to date").count(), 1, "{log}");
+    assert_eq!(log.matches("trough.dxf replaces in import").count(), 1, "{log}");
+}
+
+/// The part lay there while the station was updated.
+#[test]
+fn a_new_part_outdates_drawings_of_an_older_version() {
+    let station = delivered();
+    let first = station.desk.read("import/trough.dxf");
+    append(&station, "[delivery]\noutdated = \"correct\"\n");
+    make_journal_older(&station);
+    let said = station.once();
+    assert!(said.out.starts_with("0 delivered") && said.err.contains(TAKEN), "{said:?}");
+    make_journal_older(&station);
+    station.desk.write("hot/trough.obj", PART.replace("20 1", "20 2"));
+    let said = station.once();
+    assert!(said.out.starts_with("1 delivered, 1 part learned"), "{said:?}");
+    assert_ne!(station.desk.read("import/trough.dxf"), first);
+    let said = station.once();
+    assert!(said.out.starts_with("0 delivered") && !said.err.contains("as up to date"), "{said:?}");
+}
+
+/// Kept surfaces may be cleared away at any time; the parts are in the archive.
+#[test]
+fn a_lost_cache_outdates_nothing() {
+    let station = delivered();
+    let first = station.desk.read("import/trough.dxf");
+    append(&station, "[delivery]\noutdated = \"correct\"\n");
+    fs::remove_dir_all(station.path("cache")).unwrap();
+    fs::remove_file(station.path("import/trough.dxf")).unwrap();
+    let said = station.once();
+    assert!(said.out.starts_with("0 delivered"), "{said:?}");
+    assert!(!said.err.contains("outdated"), "{said:?}");
+    // The next drawing has the surface fitted again, and the first one is up to date still.
+    station.copy_into(&drawing("square"), "trough@2.dxf");
+    let said = station.once();
+    assert!(
+        said.out.starts_with("1 delivered") && said.err.contains("restored from the archive"),
+        "{said:?}"
+    );
+    assert_eq!(station.import(), ["trough@2.dxf"]);
+    station.copy_into(&drawing("square"), "trough.dxf");
+    assert!(station.once().out.starts_with("1 delivered"));
+    assert_eq!(station.desk.read("import/trough.dxf"), first);
+}
+
 #[test]
 fn a_drawing_dropped_again_is_delivered_again_as_the_settings_say() {
     for (repeat, after_it_is_gone, while_it_lies_there) in [

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::{MutexGuard, PoisonError};
 
+use super::super::basis;
 use super::super::filing;
 use super::super::folders;
 use super::super::job::{Corrector, DroppedFile, JobError};
-use super::{Executor, PART_REFUSED, folder_trouble, guarded};
+use super::super::journal::Delivered;
+use super::{Executor, PART_REFUSED, folder_trouble, guarded, tell_trouble};
 use crate::config::{FolderPaths, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::reason::Reason;
@@ -20,7 +22,7 @@ impl<C: Corrector> Executor<'_, C> {
     pub(super) fn note_shape(&self, sku: &Sku, settings: &JobSettings, new: bool) {
         let is_noted = self.shapes().get(sku).is_some_and(|(noted, _)| noted == settings);
         if (new || !is_noted)
-            && let Ok(Some(name)) = guarded(|| self.corrector.surface_name(sku, settings))
+            && let Ok(Some(name)) = guarded(|| self.corrector.part_identity(sku, settings))
         {
             self.shapes().insert(sku.clone(), (settings.clone(), name));
         }
@@ -31,7 +33,7 @@ impl<C: Corrector> Executor<'_, C> {
     pub(in crate::hotfolder) fn learned_elsewhere(&self, is_busy: impl Fn(&Sku) -> bool) -> Vec<Sku> {
         let mut changed = Vec::new();
         for (sku, (settings, last)) in self.shapes().iter_mut().filter(|(sku, _)| !is_busy(sku)) {
-            if let Ok(Some(now)) = guarded(|| self.corrector.surface_name(sku, settings))
+            if let Ok(Some(now)) = guarded(|| self.corrector.part_identity(sku, settings))
                 && now != *last
             {
                 *last = now;
@@ -41,11 +43,46 @@ impl<C: Corrector> Executor<'_, C> {
         changed
     }
 
-    /// Name of the SKU's surface and settings together: what may change under a delivered drawing.
-    pub(in crate::hotfolder) fn basis(&self, sku: &Sku, settings: &JobSettings) -> Result<String, JobError> {
-        let surface = guarded(|| self.corrector.surface_name(sku, settings))?.unwrap_or_default();
-        let all = format!("{surface}\n{settings:?}");
-        Ok(blake3::hash(all.as_bytes()).to_hex()[..32].to_owned())
+    /// The basis of a drawing of the SKU that is made now; `None` as long as its part is not known.
+    pub(in crate::hotfolder) fn basis(
+        &self,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) -> Result<Option<String>, JobError> {
+        let part = guarded(|| self.corrector.part_identity(sku, settings))?;
+        Ok(part.map(|part| basis::basis(&part, settings)))
+    }
+
+    /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now:
+    /// what changes from now on outdates them.
+    pub(in crate::hotfolder) fn take_as_up_to_date(
+        &self,
+        folders: &FolderPaths,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) {
+        let archive = folders.archive.join(sku.key());
+        let older = self.journal().results_of(sku, Delivered::is_of_older_form);
+        let present = |result: &Delivered| {
+            let settings = self.settings_of_original(&archive.join(&result.original), settings);
+            self.basis(sku, &settings).ok().flatten()
+        };
+        let bases = older.iter().filter_map(|result| Some((&*result.job.name, present(result)?)));
+        let bases: Vec<_> = bases.collect();
+        tell_trouble(self.journal().rebase(bases));
+    }
+
+    /// Says how many delivered drawings have a basis that an older version wrote.
+    pub(in crate::hotfolder) fn tell_of_older_form(&self) {
+        let drawings = match self.journal().of_older_form() {
+            0 => return,
+            1 => "1 delivered drawing".to_owned(),
+            more => format!("{more} delivered drawings"),
+        };
+        tracing::warn!(
+            "taking {drawings} as up to date: an older version of isomark noted part and settings in a form that \
+             cannot be compared. Drop a drawing again if its part or settings changed while isomark was updated"
+        );
     }
 
     /// Why the older shape of the SKU is not used: its newest part was rejected and still lies in the rejected folder.

@@ -34,7 +34,7 @@ impl Order {
                 }
                 Record::Done { job, original, .. } if !job.drop.starts_with(ARCHIVE) => {
                     let last = order.delivered.entry(fold(&job.name)).or_default();
-                    // A line that repeats the one before it says only that BeamServer was told.
+                    // A line that repeats the one before it only notes an import by BeamServer, or a basis.
                     if (&last.1, &last.2) != (&job.key, &original) {
                         *last = (number, job.key, original);
                     }

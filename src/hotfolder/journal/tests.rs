@@ -44,7 +44,7 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     }
     assert!(journal.begun("b.dxf", STAMP).is_some());
     assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
-    assert_eq!(journal.results_of(&sku).len(), 1);
+    assert_eq!(journal.results_of(&sku, |_| true).len(), 1);
     assert_eq!(journal.uncertain().count(), 1);
     drop(journal);
     let whole = fs::read(folder.path().join(JOURNAL)).unwrap();

@@ -1,0 +1,254 @@
+//! Settings as text that stays the same from version to version: the keys of kept surfaces and the marks by which a
+//! delivered drawing is known to be outdated are hashes of it.
+//!
+//! ```text
+//! placement.place_mm 4014000000000000 c000000000000000
+//! pattern.ink_layers 2 3:cut 7:engrave
+//! ```
+//!
+//! One line for each setting, in the order of this file: key with its unit, a space, the value. A setting is written only
+//! where its value differs from the one written here beside it, so a new setting that changes nothing by default leaves
+//! every text as it was. Those values are fixed here on purpose: if a default of the program changes, so do the drawings,
+//! and the text with them. Numbers are the 16 hexadecimal digits of their IEEE 754 double, lengths in mm, angles in rad;
+//! names that people choose stand behind their length in bytes.
+//!
+//! Any other change to a text that somebody's settings give makes stations deliver their archives again. If it has to be,
+//! [`VERSION`] is raised with it: drawings that were delivered under an older form are then taken as up to date.
+
+use std::fmt::Write;
+
+use super::choices::{DxfVersion, FloaterWeights, Method, Vertices, Weighting};
+use super::settings::{
+    Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
+};
+use crate::formats::pattern::PictureOptions;
+use crate::geometry::figure::Figure;
+use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
+use crate::geometry::optics::{Fixture, Lens};
+use crate::geometry::space::Facing;
+use crate::geometry::surface::fit::FitOptions;
+use crate::geometry::surface::scan::Smoothing;
+
+/// The version of these texts. The first one was not written out.
+pub const VERSION: u32 = 2;
+
+/// What shapes the surface that is fitted to a part, besides the part itself.
+pub fn surface(settings: &PartSettings, fit: &FitOptions) -> String {
+    let mut text = Text::default();
+    text.part(settings);
+    text.fit(fit);
+    text.0
+}
+
+/// What shapes a cylinder or cone that is given by its sizes.
+pub fn figure(figure: &Figure) -> String {
+    let mut text = Text::default();
+    text.figure(figure);
+    text.0
+}
+
+/// What shapes a corrected drawing, besides part and pattern. Left out is what only decides whether there is one and what
+/// only shows in its report: the drawing that was delivered would be the same. So is the fit, as the program's version is.
+pub fn drawing(settings: &JobSettings) -> String {
+    let JobSettings {
+        part,
+        pattern,
+        placement,
+        correction,
+        fixture,
+        optics,
+        // Its size is a limit; where its middle is goes into the lens' axis.
+        field: _,
+        output,
+    } = settings;
+    let mut text = Text::default();
+    text.part(part);
+    text.pattern(pattern);
+    text.placement(placement);
+    text.correction(correction);
+    text.fixture(fixture, &optics.lens);
+    text.optics(optics, settings);
+    text.output(output);
+    text.0
+}
+
+#[derive(Default)]
+struct Text(String);
+
+impl Text {
+    fn part(&mut self, settings: &PartSettings) {
+        let PartSettings { facing, roll, unit, up, smoothing, figure } = settings;
+        if *facing != Facing::TOP {
+            self.numbers("part.facing", facing.direction().into());
+        }
+        self.number("part.roll_rad", *roll, 0.0);
+        self.word("part.unit", unit.map(|unit| unit.to_string()));
+        self.word("part.up", up.map(|up| up.to_string()));
+        match smoothing {
+            Smoothing::Auto => {}
+            Smoothing::LowPass { wavelength } => self.numbers("part.low_pass_mm", [*wavelength]),
+            Smoothing::None => self.word("part.smoothing", Some("none")),
+        }
+        if let Some(figure) = figure {
+            self.figure(figure);
+        }
+    }
+
+    fn figure(&mut self, figure: &Figure) {
+        self.numbers("part.diameters_and_length_mm", figure.sizes());
+        self.numbers("part.axis", (*figure.axis()).into());
+    }
+
+    fn fit(&mut self, options: &FitOptions) {
+        let FitOptions { tolerance, first_spans, most_spans } = options;
+        self.number("fit.tolerance_mm", *tolerance, 0.002);
+        self.count("fit.first_spans", *first_spans, 72);
+        self.count("fit.most_spans", *most_spans, 256);
+    }
+
+    fn pattern(&mut self, settings: &PatternSettings) {
+        let PatternSettings {
+            unit_if_unitless,
+            ink_layers,
+            picture,
+            joining_tolerance,
+            strict,
+            // It decides whether there is a drawing.
+            losses: _,
+        } = settings;
+        self.word("pattern.unit_if_unitless", unit_if_unitless.map(|unit| unit.to_string()));
+        if let Some(names) = ink_layers {
+            // Layers are compared without regard to case, and in any order.
+            let mut names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+            names.sort();
+            names.dedup();
+            let counted: String = names.iter().map(|name| format!(" {}:{name}", name.len())).collect();
+            self.word("pattern.ink_layers", Some(format!("{}{counted}", names.len())));
+        }
+        let PictureOptions { width, height, threshold, inverted } = picture;
+        self.optional("pattern.picture_width_mm", *width);
+        self.optional("pattern.picture_height_mm", *height);
+        self.number("pattern.picture_threshold", *threshold, 0.5);
+        self.flag("pattern.picture_inverted", *inverted, false);
+        self.number("pattern.joining_mm", *joining_tolerance, 0.002);
+        self.flag("pattern.strict", *strict, false);
+    }
+
+    fn placement(&mut self, settings: &Placement) {
+        let Placement { place, anchor, rotate } = settings;
+        if let Some(place) = place {
+            self.numbers("placement.place_mm", place.coords().into());
+        }
+        match anchor {
+            Anchor::Center => {}
+            Anchor::Origin => self.word("placement.anchor", Some("origin")),
+            Anchor::At(point) => self.numbers("placement.anchor_mm", point.coords().into()),
+        }
+        self.number("placement.rotate_rad", *rotate, 0.0);
+    }
+
+    fn correction(&mut self, settings: &CorrectionSettings) {
+        let CorrectionSettings {
+            method,
+            weighting,
+            floater_weights,
+            mapping_domain,
+            length_weight,
+            angle_weight,
+            tolerance,
+            vertices,
+            // It decides whether there is a drawing.
+            max_residual: _,
+        } = settings;
+        self.word("correction.method", (*method != Method::Auto).then_some(method));
+        self.word("correction.weighting", (*weighting != Weighting::Ink).then_some(weighting));
+        let is_given = *floater_weights != FloaterWeights::Uniform;
+        self.word("correction.floater_weights", is_given.then_some(floater_weights));
+        self.mapping_domain(mapping_domain);
+        self.number("correction.length_weight", *length_weight, 1.0);
+        self.number("correction.angle_weight", *angle_weight, 1.0);
+        self.number("correction.tolerance_mm", *tolerance, 0.01);
+        self.word("correction.vertices", (*vertices != Vertices::Adaptive).then_some(vertices));
+    }
+
+    fn mapping_domain(&mut self, options: &MappingDomainOptions) {
+        let MappingDomainOptions { grid, intervals, sample_step, as_printed } = options;
+        self.count("correction.mapping_domain_grid", *grid, 30);
+        self.count("correction.mapping_domain_intervals", *intervals, 50);
+        self.number("correction.mapping_domain_sample_step_mm", *sample_step, 2.0);
+        let AsPrinted { simpson_weights, diagonal_sums, knot_vectors } = as_printed;
+        self.flag("correction.mapping_domain_simpson_weights_as_printed", *simpson_weights, false);
+        self.flag("correction.mapping_domain_diagonal_sums_as_printed", *diagonal_sums, false);
+        self.flag("correction.mapping_domain_knot_vectors_as_printed", *knot_vectors, false);
+    }
+
+    fn fixture(&mut self, fixture: &Fixture, lens: &Lens) {
+        let Fixture { x, y, z, rotation } = fixture;
+        self.number("fixture.x_mm", *x, 0.0);
+        self.number("fixture.y_mm", *y, 0.0);
+        // Under a telecentric lens height shifts nothing.
+        if *lens != Lens::Telecentric {
+            self.number("fixture.z_mm", *z, 0.0);
+        }
+        self.number("fixture.rotation_rad", *rotation, 0.0);
+    }
+
+    fn optics(&mut self, optics: &Optics, settings: &JobSettings) {
+        let Optics {
+            lens,
+            // As the scan head has it, in the middle of the field perhaps.
+            axis: _,
+            // It makes the report warn.
+            focus_depth: _,
+            // They make the report note or warn, or decide whether there is a drawing.
+            incidence: _,
+        } = optics;
+        match lens {
+            Lens::Telecentric => {}
+            Lens::Perspective { x, y } => {
+                self.numbers("optics.lens_distances_mm", [*x, *y]);
+                self.numbers("optics.axis_mm", settings.scan_head().axis.coords().into());
+            }
+        }
+    }
+
+    fn output(&mut self, output: &Output) {
+        let Output { dxf, comments } = output;
+        self.word("output.dxf", (*dxf != DxfVersion::R2000).then_some(dxf));
+        self.flag("output.comments", *comments, true);
+    }
+
+    /// A line, where there is a value.
+    fn word(&mut self, key: &str, value: Option<impl std::fmt::Display>) {
+        if let Some(value) = value {
+            let _ = writeln!(self.0, "{key} {value}");
+        }
+    }
+
+    fn flag(&mut self, key: &str, value: bool, usual: bool) {
+        self.word(key, (value != usual).then_some(value));
+    }
+
+    fn count(&mut self, key: &str, value: usize, usual: usize) {
+        self.word(key, (value != usual).then_some(value));
+    }
+
+    fn number(&mut self, key: &str, value: f64, usual: f64) {
+        self.optional(key, (value != usual).then_some(value));
+    }
+
+    fn optional(&mut self, key: &str, value: Option<f64>) {
+        if let Some(value) = value {
+            self.numbers(key, [value]);
+        }
+    }
+
+    fn numbers<const COUNT: usize>(&mut self, key: &str, values: [f64; COUNT]) {
+        // The sum makes zero of minus zero, which is the same place.
+        let digits = values.map(|value| format!("{:016x}", (value + 0.0).to_bits()));
+        self.word(key, Some(digits.join(" ")));
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;
