@@ -7,8 +7,9 @@ use std::hint::black_box;
 
 use divan::{AllocProfiler, Bencher};
 use isomark::config::{JobSettings, Sku};
+use isomark::formats::mesh::PartFile;
 use isomark::formats::pattern::{self, PatternOptions};
-use isomark::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline};
+use isomark::pipeline::{LearnedPart, PatternInput, Pipeline};
 
 #[global_allocator]
 static ALLOCATOR: AllocProfiler = AllocProfiler::system();
@@ -71,12 +72,8 @@ fn scanned_and_printed(drawing: &str) -> String {
 }
 
 fn learned(pipeline: &Pipeline, sku: &Sku, settings: &JobSettings) -> LearnedPart {
-    let part = PartInput {
-        name: "mouse.glb",
-        bytes: include_bytes!("../examples/parts/mouse.glb"),
-        sibling: &mut |_| Err(std::io::ErrorKind::NotFound.into()),
-    };
-    pipeline.learn(sku, part, &settings.part).expect("the mouse can be learned")
+    let part = PartFile::alone("mouse.glb", *include_bytes!("../examples/parts/mouse.glb"));
+    pipeline.learn(sku, &part, &settings.part).expect("the mouse can be learned")
 }
 
 #[divan::bench(args = KINDS, sample_count = 5, sample_size = 1)]

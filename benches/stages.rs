@@ -5,6 +5,7 @@ use std::hint::black_box;
 use divan::Bencher;
 use isomark::cache::Cache;
 use isomark::config::{JobSettings, Sku};
+use isomark::formats::mesh::PartFile;
 use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
 use isomark::geometry::correction::{Projection, Subdivision};
 use isomark::geometry::height_field::{FacingPart, Grid};
@@ -17,7 +18,7 @@ use isomark::geometry::pattern::{Affine, Pattern};
 use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
-use isomark::pipeline::{PartInput, PatternInput, Pipeline};
+use isomark::pipeline::{PatternInput, Pipeline};
 
 const LETTERS: &[u8] = include_bytes!("../examples/patterns/letters.dxf");
 const ANCHOR: FlatPoint = FlatPoint::new(0.0, 8.0);
@@ -118,12 +119,8 @@ fn correct_with_cached_surface(bencher: Bencher) {
     let sku: Sku = "mouse".parse().expect("a SKU");
     let mut settings = JobSettings::default();
     settings.placement.place = Some(ViewPoint::new(ANCHOR.x, ANCHOR.y));
-    let part = PartInput {
-        name: "mouse.glb",
-        bytes: include_bytes!("../examples/parts/mouse.glb"),
-        sibling: &mut |_| Err(std::io::ErrorKind::NotFound.into()),
-    };
-    pipeline.learn(&sku, part, &settings.part).expect("the mouse can be learned");
+    let part = PartFile::alone("mouse.glb", *include_bytes!("../examples/parts/mouse.glb"));
+    pipeline.learn(&sku, &part, &settings.part).expect("the mouse can be learned");
     bencher.bench(|| {
         let learned = pipeline
             .recall(&sku, &settings.part, &mut Vec::new())

@@ -5,15 +5,15 @@
 use std::fs;
 
 use isomark::config::JobSettings;
-use isomark::pipeline::{PartInput, PatternInput, Pipeline};
+use isomark::formats::mesh::PartFile;
+use isomark::pipeline::{PatternInput, Pipeline};
 use isomark::preview::svg;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (part, drawing) = (fs::read("examples/parts/mouse.glb")?, fs::read("examples/patterns/letters.dxf")?);
     let (sku, settings) = ("mouse".parse()?, JobSettings::default());
     let pipeline = Pipeline::new(None);
-    let input = PartInput { name: "mouse.glb", bytes: &part, sibling: &mut |file| fs::read(file) };
-    let learned = pipeline.learn(&sku, input, &settings.part)?;
+    let learned = pipeline.learn(&sku, &PartFile::alone("mouse.glb", part), &settings.part)?;
     let input = PatternInput { name: "letters.dxf", bytes: &drawing, previous: None };
     let corrected = pipeline.correct(&sku, &learned, input, &settings, true)?;
     fs::write("target/letters-on-mouse.dxf", &corrected.dxf)?;

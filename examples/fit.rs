@@ -3,6 +3,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows what it finds")]
 
+use std::collections::BTreeMap;
 use std::fs;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
@@ -14,7 +15,7 @@ use nalgebra::Point3;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let bytes = fs::read("examples/parts/mouse.glb")?;
-    let part = mesh::read(&bytes, MeshFormat::Glb, &MeshOptions::default(), &mut |file| fs::read(file))?;
+    let part = mesh::read(&bytes, MeshFormat::Glb, &MeshOptions::default(), &BTreeMap::new())?;
     let view = View::top();
     let mesh = part.shape.mesh().ok_or("a scan, no mesh")?;
     let fitted = FittedSurface::of_part(&FacingPart::new(mesh, &view), &FitOptions::default())?;

@@ -390,6 +390,8 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::config::canonical::tests::everything;
     use crate::config::{PartSettings, canonical};
@@ -411,11 +413,13 @@ mod tests {
                 obj += &format!("f {lower} {} {} {}\n", lower + 1, lower + 13, lower + 12);
             }
         }
-        let reading =
-            crate::formats::mesh::read(obj.as_bytes(), MeshFormat::Obj, &MeshOptions::default(), &mut |_| {
-                Err(io::ErrorKind::NotFound.into())
-            })
-            .unwrap();
+        let reading = crate::formats::mesh::read(
+            obj.as_bytes(),
+            MeshFormat::Obj,
+            &MeshOptions::default(),
+            &BTreeMap::new(),
+        )
+        .unwrap();
         let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
         let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
         let origin = PartOrigin { file: "saddle.obj".into(), blake3: "00".into() };

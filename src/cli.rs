@@ -9,7 +9,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::cache::Cache;
 use crate::config::{ConfigError, JOINING, LOW_PASS, Losses, PatternSettings, Sku, Smoothing, Station};
-use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::mesh::{self, Buffer, LengthUnit, MeshFormat, MeshReadError, PartFile, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::surface::scan;
 use crate::printable::{on_lines, on_one_line};
@@ -383,9 +383,18 @@ fn name_of(path: &Path) -> Result<String, Failure> {
     }
 }
 
-/// Reads a file that lies beside `part`; only plain names are followed.
-fn sibling_of(part: &Path) -> impl FnMut(&str) -> std::io::Result<Vec<u8>> {
-    |name| crate::files::read_beside(part, name)
+/// A part with the files beside it that it needs.
+fn read_part(path: &Path) -> Result<PartFile, Failure> {
+    let mut part = PartFile::alone(name_of(path)?, read_file(path)?);
+    let Some(format) = MeshFormat::from_name(&part.name) else { return Ok(part) };
+    let refused = |error: MeshReadError| Failure::rejected(error.reason().in_file(&part.name));
+    let buffers = mesh::named_files(&part.bytes, format).map_err(refused)?.buffers;
+    let read = |buffer: Buffer| match crate::files::read_beside(path, &buffer.name) {
+        Ok(bytes) => Ok((buffer.name, bytes)),
+        Err(error) => Err(refused(MeshReadError::BufferMissing { name: buffer.name, kind: error.kind() })),
+    };
+    part.siblings = buffers.into_iter().map(read).collect::<Result<_, _>>()?;
+    Ok(part)
 }
 
 /// The station's settings, if one is named.

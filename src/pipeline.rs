@@ -19,7 +19,8 @@ use crate::config::{
 use crate::diff;
 use crate::formats::Pace;
 use crate::formats::mesh::{
-    self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, UpAxis,
+    self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
+    UpAxis,
 };
 use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
@@ -56,16 +57,6 @@ const WORK_OF_PIECE: usize = 6;
 const WORK_OF_A_MOMENT: usize = 200_000;
 /// An older drawing of so many bytes is compared with the new one in a moment.
 const BYTES_OF_A_MOMENT: usize = 2 << 20;
-
-/// A part file in memory, with a way to the files beside it.
-pub struct PartInput<'a> {
-    /// The file's name.
-    pub name: &'a str,
-    /// Its content.
-    pub bytes: &'a [u8],
-    /// Gives the content of a file beside it, such as a buffer of a `.gltf`.
-    pub sibling: &'a mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
-}
 
 /// A pattern file in memory.
 #[derive(Debug, Clone, Copy)]
@@ -157,15 +148,46 @@ impl Pipeline {
     pub fn learn(
         &self,
         sku: &Sku,
-        part: PartInput<'_>,
+        part: &PartFile,
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
-        if let Some(figure) = &settings.figure {
-            return Err(checks::part_not_needed(figure).in_file(part.name).into());
+        let (origin, clock) = identified(part);
+        self.learn_from(sku, part, origin, settings, clock)
+    }
+
+    /// Learns a part again that was the SKU's before: stations that share a cache share the shape of each SKU, so it is
+    /// refused when another one was learned since.
+    ///
+    /// # Errors
+    /// As [`learn`](Self::learn), and when another part was learned since.
+    pub fn restore(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        settings: &PartSettings,
+    ) -> Result<LearnedPart, PipelineError> {
+        let (origin, clock) = identified(part);
+        if let Some(current) = self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten()
+            && current.blake3 != origin.blake3
+        {
+            return Err(checks::superseded(sku, &current.file).into());
         }
-        let mut clock = Clock::start();
-        let origin = origin_of(part.name, part.bytes, part.sibling)?;
-        clock.lap("hash part");
+        self.learn_from(sku, part, origin, settings, clock)
+    }
+
+    fn learn_from(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        origin: PartOrigin,
+        settings: &PartSettings,
+        mut clock: Clock,
+    ) -> Result<LearnedPart, PipelineError> {
+        let refused = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
+        if let Some(figure) = &settings.figure {
+            return Err(refused(checks::part_not_needed(figure)));
+        }
+        let format = MeshFormat::from_name(&part.name).ok_or_else(|| unknown_part_format(&part.name))?;
         let key = self.key(&origin, settings);
         let mut notices = Vec::new();
         if let Some(kept) = self.look_up(sku, &key, &mut notices)? {
@@ -176,16 +198,14 @@ impl Pipeline {
             let kept = CachedSurface { origin, ..kept };
             return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
         }
-        let format = MeshFormat::from_name(part.name).ok_or_else(|| unknown_part_format(part.name))?;
         let options = MeshOptions { unit: settings.unit, up: settings.up, pace: self.pace };
         let mut reading =
-            mesh::read(part.bytes, format, &options, part.sibling).map_err(|error| match error {
+            mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
                 MeshReadError::TakesLong => PipelineError::TakesLong,
-                error => error.reason().in_file(part.name).into(),
+                error => refused(error.reason()),
             })?;
         clock.lap("read part");
-        let surface = surface_of(&reading.shape, &mut reading.facts, settings, &self.fit)
-            .map_err(|reason| reason.in_file(part.name))?;
+        let surface = surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(refused)?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
         if let Some(cache) = &self.cache {
@@ -193,18 +213,6 @@ impl Pipeline {
             clock.lap("keep surface");
         }
         Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
-    }
-
-    /// The name of the part that was learned last for the SKU, if that is another one than `part`: stations that share a
-    /// cache share the shape of each SKU.
-    ///
-    /// # Errors
-    /// When the part cannot be read at all, or the cache's folder fails.
-    pub fn superseded_by(&self, sku: &Sku, part: PartInput<'_>) -> Result<Option<String>, PipelineError> {
-        let Some(cache) = &self.cache else { return Ok(None) };
-        let Some(current) = cache.current(sku)? else { return Ok(None) };
-        let origin = origin_of(part.name, part.bytes, part.sibling)?;
-        Ok((current.blake3 != origin.blake3).then_some(current.file))
     }
 
     /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again). Damage to a
@@ -472,21 +480,19 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-fn origin_of(
-    name: &str,
-    bytes: &[u8],
-    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
-) -> Result<PartOrigin, Reason> {
-    let format = MeshFormat::from_name(name).ok_or_else(|| unknown_part_format(name))?;
+/// Where a part comes from, and how long that took. The hash stays the same in every version: a drawing of a part with
+/// another one is outdated.
+fn identified(part: &PartFile) -> (PartOrigin, Clock) {
+    let mut clock = Clock::start();
+    let PartFile { name, bytes, siblings } = part;
     let mut hasher = blake3::Hasher::new();
     hasher.update(bytes);
-    for buffer in mesh::siblings(bytes, format).map_err(|error| error.reason().in_file(name))? {
-        // A buffer that is missing is named by the reader, with its remedy.
-        if let Ok(bytes) = sibling(&buffer.name) {
-            hasher.update(&bytes);
-        }
+    for sibling in siblings.values() {
+        hasher.update(sibling);
     }
-    Ok(PartOrigin { file: name.into(), blake3: hasher.finalize().to_hex().to_string() })
+    let blake3 = hasher.finalize().to_hex().to_string();
+    clock.lap("hash part");
+    (PartOrigin { file: name.clone(), blake3 }, clock)
 }
 
 /// What stands for the file of a part that the settings give by its sizes.
@@ -621,3 +627,6 @@ impl Clock {
         self.last = now;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,14 +8,14 @@ use isomark::config::{
     Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, Vertices, Weighting,
     canonical,
 };
-use isomark::formats::mesh::{LengthUnit, UpAxis};
+use isomark::formats::mesh::{LengthUnit, PartFile, UpAxis};
 use isomark::formats::pattern::DrawingUnit;
 use isomark::geometry::figure::Figure;
 use isomark::geometry::mapping::mapping_domain::AsPrinted;
 use isomark::geometry::optics::Lens;
 use isomark::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
 use isomark::geometry::surface::scan::Smoothing;
-use isomark::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline};
+use isomark::pipeline::{LearnedPart, PatternInput, Pipeline};
 use nalgebra::Vector3;
 
 /// What is set before and what is changed then.
@@ -102,10 +102,11 @@ impl Bench {
                 let known = Pipeline::new(None).recall(&sku, &settings.part, &mut Vec::new());
                 return known.unwrap().unwrap();
             }
-            let (name, bytes) = if is_scan { ("bowl.xyz", scan()) } else { ("bowl.obj", part()) };
-            let mut none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
-            let part = PartInput { name, bytes: bytes.as_bytes(), sibling: &mut none };
-            self.pipeline.learn(&sku, part, &settings.part).unwrap()
+            let part = match is_scan {
+                true => PartFile::alone("bowl.xyz", scan()),
+                false => PartFile::alone("bowl.obj", part()),
+            };
+            self.pipeline.learn(&sku, &part, &settings.part).unwrap()
         });
         let (name, bytes) = match pattern {
             Pattern::Dxf => ("logo.dxf", dxf().into_bytes()),

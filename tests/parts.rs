@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,14 @@ fn read_with(name: &str, options: &MeshOptions) -> Result<PartReading, MeshReadE
     let path = path_of(name);
     let bytes = std::fs::read(&path).unwrap();
     let format = MeshFormat::from_name(name).unwrap();
-    mesh::read(&bytes, format, options, &mut |sibling| std::fs::read(path.with_file_name(sibling)))
+    mesh::read(&bytes, format, options, &siblings_of(&path, &bytes, format))
+}
+
+/// The files beside the part that it needs.
+fn siblings_of(path: &Path, bytes: &[u8], format: MeshFormat) -> BTreeMap<String, Vec<u8>> {
+    let named = mesh::named_files(bytes, format).map(|named| named.buffers).unwrap_or_default();
+    let beside = |name: &String| std::fs::read(path.with_file_name(name)).unwrap();
+    named.into_iter().map(|buffer| (buffer.name.clone(), beside(&buffer.name))).collect()
 }
 
 fn read(name: &str) -> PartReading {
@@ -280,16 +288,12 @@ fn a_gltf_names_the_files_it_waits_for() {
     {
         let bytes = std::fs::read(path_of(&format!("{name}.gltf"))).unwrap();
         let size = std::fs::metadata(path_of(&format!("{name}.gltf")).with_file_name(sibling)).unwrap().len();
-        let named = mesh::Sibling { name: sibling.into(), bytes: size };
-        assert_eq!(mesh::siblings(&bytes, MeshFormat::Gltf), Ok(vec![named]));
-        let alone = mesh::read(&bytes, MeshFormat::Gltf, &MeshOptions::default(), &mut no_sibling);
+        let named = mesh::Buffer { name: sibling.into(), bytes: size };
+        assert_eq!(mesh::named_files(&bytes, MeshFormat::Gltf).unwrap().buffers, [named]);
+        let alone = mesh::read(&bytes, MeshFormat::Gltf, &MeshOptions::default(), &BTreeMap::new());
         let missing = MeshReadError::BufferMissing { name: sibling.into(), kind: io::ErrorKind::NotFound };
         assert_eq!(alone, Err(missing));
     }
-}
-
-fn no_sibling(_: &str) -> io::Result<Vec<u8>> {
-    Err(io::ErrorKind::NotFound.into())
 }
 
 /// Triangles and enclosed volume of an OBJ text, its faces cut into fans: right for the volume of any flat polygon.
@@ -347,10 +351,7 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
         let path = path_of(name);
         let original = std::fs::read(&path).unwrap();
         let format = MeshFormat::from_name(name).unwrap();
-        let mut sibling_bytes = Vec::new();
-        for sibling in mesh::siblings(&original, format).unwrap() {
-            sibling_bytes = std::fs::read(path.with_file_name(sibling.name)).unwrap();
-        }
+        let siblings = siblings_of(&path, &original, format);
         // Most of a GLB is numbers; damage in its JSON is what leads astray.
         let json_end = original.windows(4).position(|four| four == b"BIN\0").unwrap_or(original.len());
         for _ in 0..1500 {
@@ -373,9 +374,11 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
                     _ => bytes.insert(at, b'9'),
                 }
             }
-            let given = sibling_bytes.clone();
-            let outcome = mesh::read(&bytes, format, &MeshOptions::default(), &mut |_| Ok(given.clone()));
-            let _ = mesh::siblings(&bytes, format);
+            // Under whatever name it asks for now.
+            let named = mesh::named_files(&bytes, format).map(|named| named.buffers).unwrap_or_default();
+            let content = siblings.values().next().cloned().unwrap_or_default();
+            let given = named.into_iter().map(|buffer| (buffer.name, content.clone())).collect();
+            let outcome = mesh::read(&bytes, format, &MeshOptions::default(), &given);
             match outcome {
                 Ok(part) => read_at_all += usize::from(part.facts.triangles > 0),
                 Err(error) => assert!(!error.reason().remedy.is_empty()),

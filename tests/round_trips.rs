@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use isomark::config::{JobSettings, Method, Sku};
-use isomark::pipeline::{PartInput, PatternInput, Pipeline};
+use isomark::formats::mesh::PartFile;
+use isomark::pipeline::{PatternInput, Pipeline};
 use serde::Deserialize;
 
 mod ezdxf;
@@ -76,9 +77,7 @@ fn corrected(files: &[PathBuf], folder: &Path) -> Vec<PathBuf> {
     settings.correction.tolerance = TOLERANCE;
     let sku: Sku = "plane".parse().unwrap();
     let pipeline = Pipeline::new(None);
-    let mut no_sibling = |_: &str| Err(std::io::Error::from(std::io::ErrorKind::NotFound));
-    let part = PartInput { name: "plane.obj", bytes: PLANE.as_bytes(), sibling: &mut no_sibling };
-    let learned = pipeline.learn(&sku, part, &settings.part).unwrap();
+    let learned = pipeline.learn(&sku, &PartFile::alone("plane.obj", PLANE), &settings.part).unwrap();
     let correct = |file: &PathBuf| {
         let bytes = std::fs::read(file).unwrap();
         let name = file.file_name().unwrap().to_str().unwrap();

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::{
     Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, print_json, read_file,
-    sibling_of, write_file,
+    read_part, write_file,
 };
 use crate::config::{Losses, PartSettings, PatternSettings, parse_facing};
 use crate::formats;
@@ -58,7 +58,6 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         apart(&[&arguments.file], &[("--surface", surface)])?;
     }
     let name = name_of(&arguments.file)?;
-    let bytes = read_file(&arguments.file)?;
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
             let options = MeshOptions {
@@ -66,7 +65,8 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 up: arguments.meaning.part_up,
                 ..MeshOptions::default()
             };
-            let mut reading = mesh::read(&bytes, format, &options, &mut sibling_of(&arguments.file))
+            let part = read_part(&arguments.file)?;
+            let mut reading = mesh::read(&part.bytes, format, &options, &part.siblings)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let is_asked = arguments.surface.is_some() || arguments.facing.is_some();
             let fitted = if is_asked || matches!(reading.shape, Shape::Scan(_)) {
@@ -93,6 +93,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let mut settings = PatternSettings::default();
             arguments.meaning.apply(&mut settings);
+            let bytes = read_file(&arguments.file)?;
             let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
                 // A drawing is one by its bytes, whatever its name.
                 PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {

@@ -6,15 +6,13 @@ use std::str::FromStr;
 use clap::Args;
 use nalgebra::Vector3;
 
-use super::{
-    Failure, MeaningArguments, Outcome, ScanArguments, cache_of, name_of, parse_sku, read_file, sibling_of,
-};
+use super::{Failure, MeaningArguments, Outcome, ScanArguments, cache_of, parse_sku, read_file, read_part};
 use crate::config::{Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, parse_axis, parse_facing};
 use crate::formats::mesh::MeshFormat;
 use crate::geometry::figure::Figure;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
-use crate::pipeline::{LearnedPart, PartInput, Pipeline};
+use crate::pipeline::{LearnedPart, Pipeline};
 use crate::reason::Reason;
 
 const INPUT: &str = "Part and drawing";
@@ -117,12 +115,7 @@ impl JobArguments {
         let pipeline = Pipeline::new(Some(cache));
         let drawing = read_file(pattern)?;
         let learned = match part {
-            Some(part) => {
-                let bytes = read_file(part)?;
-                let input =
-                    PartInput { name: &name_of(part)?, bytes: &bytes, sibling: &mut sibling_of(part) };
-                pipeline.learn(&sku, input, &settings.part)?
-            }
+            Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
             None => recall(&pipeline, &sku, &settings)?,
         };
         Ok(Job { sku, settings, pipeline, learned, pattern, drawing })

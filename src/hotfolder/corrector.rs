@@ -1,14 +1,15 @@
 //! The pipeline behind the hot folder's [`Corrector`].
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::Pace;
-use crate::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, Sibling};
+use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
 use crate::formats::pattern::{self, PatternOptions};
-use crate::pipeline::{LearnedPart, PartInput, PatternInput, Pipeline, PipelineError};
+use crate::pipeline::{LearnedPart, PatternInput, Pipeline, PipelineError};
 use crate::preview::{Backdrop, Preview, svg, svg_on};
 use crate::reason::Reason;
 
@@ -76,6 +77,31 @@ impl PipelineCorrector {
         Ok(recalled.map(|learned| self.remember(sku, settings, learned)))
     }
 
+    /// Remembers what was learned, and sums it up.
+    fn learned(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        settings: &JobSettings,
+        learned: LearnedPart,
+    ) -> PartLearned {
+        let [x, y, z] = learned.kept.facts.size;
+        let residual = &learned.kept.surface.residual;
+        let surface = match &learned.kept.facts.scan {
+            Some(scan) => scan.summary(),
+            None => {
+                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.most, residual.largest)
+            }
+        };
+        let summary = format!(
+            "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",
+            part.name,
+            if learned.from_cache { ", already known" } else { "" }
+        );
+        self.remember(sku, &settings.part, learned);
+        PartLearned { summary, report: None }
+    }
+
     fn remember(&self, sku: &Sku, settings: &PartSettings, learned: LearnedPart) -> Arc<Known> {
         let known = Arc::new(Known { learned, backdrop: OnceLock::new() });
         let mut recent = self.recent();
@@ -117,15 +143,8 @@ impl Corrector for PipelineCorrector {
         settings: &JobSettings,
         pace: Pace,
     ) -> Result<PartLearned, JobError> {
-        let input =
-            PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
-        if let Some(newer) = self.pipeline().superseded_by(sku, input)? {
-            let what =
-                format!("Another station learned {newer} for {sku} since, with other settings of the part.");
-            let remedy = format!("Drop {newer} here, too.");
-            return Err(JobError::Rejected(Reason::new("newer-elsewhere", what, remedy)));
-        }
-        self.learn_part(sku, part, settings, pace)
+        let learned = self.pipeline().at(pace).restore(sku, part, &settings.part)?;
+        Ok(self.learned(sku, part, settings, learned))
     }
 
     fn learn_part(
@@ -135,24 +154,8 @@ impl Corrector for PipelineCorrector {
         settings: &JobSettings,
         pace: Pace,
     ) -> Result<PartLearned, JobError> {
-        let input =
-            PartInput { name: &part.name, bytes: &part.bytes, sibling: &mut |name| part.sibling(name) };
-        let learned = self.pipeline().at(pace).learn(sku, input, &settings.part)?;
-        let [x, y, z] = learned.kept.facts.size;
-        let residual = &learned.kept.surface.residual;
-        let surface = match &learned.kept.facts.scan {
-            Some(scan) => scan.summary(),
-            None => {
-                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.most, residual.largest)
-            }
-        };
-        let summary = format!(
-            "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",
-            part.name,
-            if learned.from_cache { ", already known" } else { "" }
-        );
-        self.remember(sku, &settings.part, learned);
-        Ok(PartLearned { summary, report: None })
+        let learned = self.pipeline().at(pace).learn(sku, part, &settings.part)?;
+        Ok(self.learned(sku, part, settings, learned))
     }
 
     fn correct(
@@ -222,7 +225,7 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
         MeshFormat::Obj if ends_with_a_line => {}
         MeshFormat::Obj => {
             let options = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
-            let reading = mesh::read(bytes, format, &options, &mut |_| Ok(Vec::new()));
+            let reading = mesh::read(bytes, format, &options, &BTreeMap::new());
             if let Some(error) = reading.err().filter(cut) {
                 return Completeness::CutShort(error.reason().in_file(name));
             }
@@ -239,14 +242,13 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
                 return Completeness::CutShort(error.reason().in_file(name));
             }
         }
-        MeshFormat::Gltf | MeshFormat::Glb => match mesh::siblings(bytes, format) {
-            Ok(buffers) => {
-                let buffer = |Sibling { name, bytes }| Companion { name, needed: true, bytes };
+        MeshFormat::Gltf | MeshFormat::Glb => match mesh::named_files(bytes, format) {
+            Ok(NamedFiles { buffers, textures }) => {
+                let buffer = |Buffer { name, bytes }| Companion { name, needed: true, bytes };
                 let texture = |name| Companion { name, needed: false, bytes: 0 };
-                let textures = mesh::textures(bytes, format).into_iter().map(texture);
-                return Completeness::Whole {
-                    companions: buffers.into_iter().map(buffer).chain(textures).collect(),
-                };
+                let (buffers, textures) =
+                    (buffers.into_iter().map(buffer), textures.into_iter().map(texture));
+                return Completeness::Whole { companions: buffers.chain(textures).collect() };
             }
             Err(error) if cut(&error) => return Completeness::CutShort(error.reason().in_file(name)),
             Err(_) => {}

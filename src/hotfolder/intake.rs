@@ -1,6 +1,6 @@
 //! Reading a drop: whole, with the files that travel along.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::executor::{Broken, Outcome, folder_trouble};
@@ -77,7 +77,7 @@ pub(super) fn read(
     };
     match completeness(intake.own_name, &bytes)? {
         Completeness::Whole { companions } => {
-            let file = DroppedFile { name: intake.name.into(), path: intake.path.into(), bytes };
+            let file = DroppedFile::alone(intake.name, bytes);
             with_companions(intake, file, stamp, &companions)
         }
         Completeness::CutShort(reason) => {
@@ -90,14 +90,14 @@ pub(super) fn read(
 /// The file with those that travel along, once those it needs are there and whole.
 fn with_companions(
     intake: &Intake,
-    file: DroppedFile,
+    mut file: DroppedFile,
     stamp: Stamp,
     named: &[Companion],
 ) -> Result<Read, Broken> {
     let (mut companions, mut absent) = (Vec::new(), Vec::new());
     let mut missing: Option<(Reason, bool)> = None;
     for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
-        let path = file.path.with_file_name(&companion.name);
+        let path = intake.path.with_file_name(&companion.name);
         let stamp = match folders::look(&path).map_err(folder_trouble)? {
             Some(Found::File(stamp)) => Some(stamp),
             _ => None,
@@ -133,6 +133,10 @@ fn with_companions(
     };
     match missing {
         None => {
+            file.siblings = read_needed(intake.path, named)?;
+            if needed(named).any(|companion| !file.siblings.contains_key(&companion.name)) {
+                return Err(JobError::Retry(unsteady()).into());
+            }
             let text = sidecar.as_ref().map(|(beside, text)| (beside.path.clone(), text.clone()));
             companions.extend(sidecar.map(|(beside, _)| beside));
             Ok(Read { file, stamp, companions, absent, sidecar: text })
@@ -143,6 +147,25 @@ fn with_companions(
             Err(Broken::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
         }
     }
+}
+
+fn needed(named: &[Companion]) -> impl Iterator<Item = &Companion> {
+    named.iter().filter(|companion| companion.needed && is_plain(&companion.name))
+}
+
+/// The contents of the files that a part at this path cannot be read without, by their names; those that are not there
+/// are left out.
+pub(super) fn read_needed(part: &Path, named: &[Companion]) -> Result<BTreeMap<String, Vec<u8>>, JobError> {
+    let mut siblings = BTreeMap::new();
+    for Companion { name, .. } in needed(named) {
+        let path = part.with_file_name(name);
+        match folders::read_whole(&path).map_err(|error| unreadable(&error))? {
+            Some((bytes, _)) => drop(siblings.insert(name.clone(), bytes)),
+            None if path.exists() => return Err(JobError::Retry(unsteady())),
+            None => {}
+        }
+    }
+    Ok(siblings)
 }
 
 fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {

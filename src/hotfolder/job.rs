@@ -1,13 +1,11 @@
 //! What a job needs from the rest of the program, and what becomes of it.
 
-use std::io::ErrorKind;
 use std::path::PathBuf;
 
-use super::folders::read_whole;
 use super::lock::Holder;
 use crate::config::{JobSettings, Sku, Station};
-use crate::files::is_plain;
 use crate::formats::Pace;
+use crate::formats::mesh::PartFile;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
@@ -71,34 +69,9 @@ pub trait Corrector: Sync {
     ) -> Result<Delivery, JobError>;
 }
 
-/// A part or pattern as it was read.
-#[derive(Debug, Clone)]
-pub struct DroppedFile {
-    /// Its name, with extension; a pattern is named after its SKU even if it lay in a folder.
-    pub name: String,
-    /// Where it lies.
-    pub path: PathBuf,
-    /// Its content.
-    pub bytes: Vec<u8>,
-}
-
-impl DroppedFile {
-    /// The content of a file in the same folder, such as a buffer of a `.gltf`.
-    ///
-    /// # Errors
-    /// When `name` is not a plain file name, or the file cannot be read or changes meanwhile.
-    pub fn sibling(&self, name: &str) -> std::io::Result<Vec<u8>> {
-        if !is_plain(name) {
-            return Err(ErrorKind::InvalidInput.into());
-        }
-        let path = self.path.with_file_name(name);
-        match read_whole(&path)? {
-            Some((bytes, _)) => Ok(bytes),
-            None if path.exists() => Err(ErrorKind::Interrupted.into()),
-            None => Err(ErrorKind::NotFound.into()),
-        }
-    }
-}
+/// A part or pattern as it was read, with the files that it needs; a pattern needs none, and is named after its SKU even
+/// if it lay in a folder.
+pub type DroppedFile = PartFile;
 
 /// Whether a file's bytes are whole.
 #[derive(Debug, Clone, PartialEq)]

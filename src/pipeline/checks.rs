@@ -37,6 +37,15 @@ pub(super) fn part_not_needed(figure: &Figure) -> Reason {
     )
 }
 
+/// Another part was learned since the one that is to be learned again.
+pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
+    Reason::new(
+        "newer-elsewhere",
+        format!("Another station learned {newer} for {sku} since, with other settings of the part."),
+        format!("Drop {newer} here, too."),
+    )
+}
+
 pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     let facing = settings.facing.direction();
     let side = format!("the side that faces the laser ({}, {}, {})", facing.x, facing.y, facing.z);

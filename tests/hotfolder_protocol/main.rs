@@ -39,6 +39,8 @@ struct Seen {
     holding: AtomicUsize,
     /// The patterns that were corrected, in their order.
     corrected: Mutex<Vec<String>>,
+    /// The files beside the parts that were learned, in their order.
+    siblings: Mutex<Vec<BTreeMap<String, Vec<u8>>>>,
     /// How often the station woke up.
     pulses: AtomicUsize,
 }
@@ -104,6 +106,7 @@ impl Corrector for Pretender {
         _: &JobSettings,
         pace: Pace,
     ) -> Result<PartLearned, JobError> {
+        self.seen.siblings.lock().unwrap().push(part.siblings.clone());
         let surface = self.obey(&part.bytes, pace)?;
         self.surfaces.lock().unwrap().insert(sku.clone(), surface);
         Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
@@ -802,6 +805,34 @@ fn a_part_that_comes_while_a_drawing_is_corrected_is_waited_for() {
     line.waits_for_empty_hot();
     assert_eq!(line.text("import/can.dxf").unwrap(), "held on new at 0");
     assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
+}
+
+/// What is hashed and fitted is what was read with the part: nobody looks beside it a second time.
+#[test]
+fn a_part_comes_with_the_files_that_it_needs() {
+    let mut line = Line::running();
+    line.drop("can.gltf", "needs can.bin\nneeds b.bin\nlikes can.png\nneeds ../outside.bin");
+    line.drop("outside.bin", "of somebody else");
+    line.drop("can.bin", "buffer");
+    line.drop("b.bin", "another");
+    line.drop("can.png", "picture");
+    line.waits_for("the part", |line| files(&line.path("hot")) == ["outside.bin"]);
+    line.stop();
+    let both = || {
+        let content = |text: &str| format!("{text}\nEOF\n").into_bytes();
+        BTreeMap::from([("can.bin".into(), content("buffer")), ("b.bin".into(), content("another"))])
+    };
+    assert_eq!(*line.seen.siblings.lock().unwrap(), [both()]);
+    // A surface that got lost is that of the archived files.
+    line.drop("can.dxf", "pattern");
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(*line.seen.siblings.lock().unwrap(), [both(), both()]);
+    // One that is missing there is left to the reader to name.
+    fs::remove_file(line.path("archive/can/b.bin")).unwrap();
+    line.drop("can.dxf", "another pattern");
+    line.once();
+    let last = line.seen.siblings.lock().unwrap().pop().unwrap();
+    assert_eq!(last.keys().collect::<Vec<_>>(), ["can.bin"]);
 }
 
 #[test]

@@ -50,8 +50,15 @@ fn damaged_parts() {
         .refused(1, &["no triangle", "fc020-gui-arch-part.obj", "remedy: FreeCAD", "select the bodies"]);
 
     std::fs::copy(part("assembly/fc020-gui.gltf"), desk.path("alone.gltf")).unwrap();
-    correct(&desk, "alone.gltf", &drawing("abc"), "")
-        .refused(1, &["alone.gltf", "fc020-gui.bin", "remedy: "]);
+    let missing =
+        ["alone.gltf", "buffer \"fc020-gui.bin\" cannot be read", "remedy: Drop \"fc020-gui.bin\" beside"];
+    correct(&desk, "alone.gltf", &drawing("abc"), "").refused(1, &missing);
+    desk.isomark(&["inspect", "alone.gltf"]).refused(1, &missing);
+    let outside = desk.text("alone.gltf").replace("fc020-gui.bin", "../fc020-gui.bin");
+    desk.write("outside.gltf", outside);
+    let refused = ["outside.gltf", "../fc020-gui.bin", "remedy: Put the .bin into the part's own folder"];
+    correct(&desk, "outside.gltf", &drawing("abc"), "").refused(1, &refused);
+    desk.isomark(&["inspect", "outside.gltf"]).refused(1, &refused);
 }
 
 #[test]

@@ -229,6 +229,33 @@ fn a_folder_for_each_sku_and_a_part_of_two_files() {
 }
 
 #[test]
+fn a_part_of_two_files_is_fitted_again_from_both() {
+    let station = Station::new();
+    station.desk.write("skus/plate.toml", "[placement]\nplace_mm = [0, 0]\n");
+    let [text, buffer] = ["gltf", "bin"].map(|kind| part(&format!("assembly/fc020-gui.{kind}")));
+    station.copy_into(&text, "plate.gltf");
+    station.copy_into(&buffer, "fc020-gui.bin");
+    station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
+    assert!(station.once().out.starts_with("1 delivered, 1 part learned"));
+    let first = station.desk.read("import/plate.dxf");
+    let report = station.desk.text("reports/plate/plate.dxf.report.json");
+    let both = [text, buffer].map(|path| fs::read(path).unwrap()).concat();
+    assert!(report.contains(blake3::hash(&both).to_hex().as_str()), "{report}");
+    fs::remove_dir_all(station.path("cache")).unwrap();
+    fs::remove_file(station.path("import/plate.dxf")).unwrap();
+    station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
+    let said = station.once();
+    assert!(said.err.contains("the surface of plate is restored from the archive"), "{said:?}");
+    assert_eq!(station.desk.read("import/plate.dxf"), first);
+    // Without its buffer there is no part, and no other hash of half of it.
+    fs::remove_dir_all(station.path("cache")).unwrap();
+    fs::remove_file(station.path("archive/plate/fc020-gui.bin")).unwrap();
+    station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
+    let said = station.once();
+    assert!(said.err.contains("cannot be restored from the archive") && said.err.contains("fc020-gui.bin"));
+}
+
+#[test]
 fn slow_writers_are_waited_for() {
     let mut station = Station::new();
     station.desk.write("station.toml", SETTINGS.replace("incomplete_s = 2", "incomplete_s = 60"));

@@ -1,5 +1,6 @@
 //! When a part is a cylinder: real exports of one are, a part that only looks like one is not.
 
+use std::collections::BTreeMap;
 use std::path::Path as FilePath;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
@@ -51,9 +52,8 @@ fn every_export_of_a_can_is_a_cylinder() {
         "occ8-fine-merged.glb",
     ] {
         let bytes = std::fs::read(folder.join(name)).unwrap();
-        let no_sibling = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
         let format = MeshFormat::from_name(name).unwrap();
-        let reading = mesh::read(&bytes, format, &MeshOptions::default(), no_sibling).unwrap();
+        let reading = mesh::read(&bytes, format, &MeshOptions::default(), &BTreeMap::new()).unwrap();
         let view = View::new(Facing::towards(Vector3::x()).unwrap(), 0.0);
         let facing = FacingPart::new(reading.shape.mesh().unwrap(), &view);
         let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();

@@ -1,6 +1,7 @@
 //! Surfaces with a formula, tessellated as CAD programs do: a net of isocurves whose chords leave the surface by a given
 //! sag, vertices and normals exactly on the surface.
 
+use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
@@ -160,9 +161,8 @@ impl Form {
                     text += &format!("vn {:.9} {:.9} {:.9}\n", normal.x, normal.y, normal.z);
                     text += &format!("f {i}//{n} {j}//{n} {k}//{n}\n");
                 }
-                let no_sibling = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
-                let reading =
-                    mesh::read(text.as_bytes(), MeshFormat::Obj, &MeshOptions::default(), no_sibling);
+                let (options, none) = (MeshOptions::default(), BTreeMap::new());
+                let reading = mesh::read(text.as_bytes(), MeshFormat::Obj, &options, &none);
                 reading.unwrap().shape.mesh().unwrap().clone()
             }
         }

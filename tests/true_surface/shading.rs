@@ -1,6 +1,7 @@
 //! Flat stays flat and round stays round, however a modelling program shaded the part: its normals are averages of facets
 //! there, and no normals of a surface.
 
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt::Write as _;
 
@@ -22,8 +23,7 @@ use super::forms::{ALL, Normals};
 const FLAT: f64 = 0.01;
 
 fn read(name: &str, bytes: &[u8], options: &MeshOptions) -> PartReading {
-    let none = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
-    mesh::read(bytes, MeshFormat::from_name(name).unwrap(), options, none).unwrap()
+    mesh::read(bytes, MeshFormat::from_name(name).unwrap(), options, &BTreeMap::new()).unwrap()
 }
 
 fn sample(name: &str) -> PartReading {

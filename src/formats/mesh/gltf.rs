@@ -5,16 +5,17 @@
 //! used is checked just before the crate follows it, and nothing else.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io;
 
 use ::gltf::binary::Error as GlbError;
-use ::gltf::json::{Root, buffer::Buffer, deserialize};
+use ::gltf::json::{Root, buffer, deserialize};
 use ::gltf::{Document, Error as GltfError, Glb};
 
 use crate::formats::Pace;
 use crate::reason::Notice;
 
-use super::{MeshFormat, MeshReadError, RawPart, Sibling};
+use super::{Buffer, MeshFormat, MeshReadError, NamedFiles, RawPart};
 
 mod accessor;
 mod scene;
@@ -27,16 +28,16 @@ const GLB_HEADER: usize = 12;
 /// Length of the header of each chunk in it, bytes.
 const CHUNK_HEADER: usize = 8;
 
-/// Reads a part from a glTF or GLB file; `sibling` gives the bytes of a file beside it.
+/// Reads a part from a glTF or GLB file; `siblings` are the contents of files beside it, by their names.
 pub(super) fn read(
     bytes: &[u8],
     format: MeshFormat,
     pace: Pace,
-    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+    siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<RawPart, MeshReadError> {
     let container = Container::split(bytes, format)?;
     let document = parse(&container.json)?;
-    let buffers = load_buffers(&document.as_json().buffers, container.binary, sibling)?;
+    let buffers = load_buffers(&document.as_json().buffers, container.binary, siblings)?;
     let mut part = scene::read(&document, &buffers, format, pace)?;
     if container.trailing > 0 {
         let message = format!("{} bytes after the end of the GLB file were left aside", container.trailing);
@@ -45,27 +46,22 @@ pub(super) fn read(
     Ok(part)
 }
 
-/// Names of the files beside the part that hold its buffers, in the order of the file, each once.
-pub(super) fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<Sibling>, MeshReadError> {
+/// The files beside the part that hold its buffers, and those that it takes its pictures from.
+pub(super) fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     let document = parse(&Container::split(bytes, format)?.json)?;
-    let mut siblings: Vec<Sibling> = Vec::new();
-    for buffer in &document.as_json().buffers {
+    let root = document.as_json();
+    let mut buffers: Vec<Buffer> = Vec::new();
+    for buffer in &root.buffers {
         let Some(uri) = buffer.uri.as_deref().filter(|uri| !uri.starts_with("data:")) else { continue };
         let (name, bytes) = (sibling_name(uri)?, buffer.byte_length.0);
-        match siblings.iter_mut().find(|sibling| sibling.name == name) {
-            Some(sibling) => sibling.bytes = sibling.bytes.max(bytes),
-            None => siblings.push(Sibling { name, bytes }),
+        match buffers.iter_mut().find(|known| known.name == name) {
+            Some(known) => known.bytes = known.bytes.max(bytes),
+            None => buffers.push(Buffer { name, bytes }),
         }
     }
-    Ok(siblings)
-}
-
-/// Names of the plain files beside it that a file takes its pictures from.
-pub(super) fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
-    let document = Container::split(bytes, format).and_then(|container| parse(&container.json));
-    let Ok(document) = document else { return Vec::new() };
-    let named = document.as_json().images.iter().filter_map(|image| image.uri.as_deref());
-    named.filter(|uri| !uri.starts_with("data:")).filter_map(|uri| sibling_name(uri).ok()).collect()
+    let pictures = root.images.iter().filter_map(|image| image.uri.as_deref());
+    let pictures = pictures.filter(|uri| !uri.starts_with("data:"));
+    Ok(NamedFiles { buffers, textures: pictures.filter_map(|uri| sibling_name(uri).ok()).collect() })
 }
 
 /// The two chunks of a GLB file, or the JSON alone.
@@ -156,11 +152,11 @@ fn parse(json: &[u8]) -> Result<Document, MeshReadError> {
 }
 
 fn load_buffers<'a>(
-    buffers: &[Buffer],
+    buffers: &[buffer::Buffer],
     binary: Option<Cow<'a, [u8]>>,
-    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+    siblings: &'a BTreeMap<String, Vec<u8>>,
 ) -> Result<Vec<Cow<'a, [u8]>>, MeshReadError> {
-    let load = |(number, buffer): (usize, &Buffer)| {
+    let load = |(number, buffer): (usize, &buffer::Buffer)| {
         let (name, data) = match buffer.uri.as_deref() {
             None => {
                 let name = format!("{number} inside the GLB file");
@@ -178,11 +174,10 @@ fn load_buffers<'a>(
             }
             Some(uri) => {
                 let name = sibling_name(uri)?;
-                let data = sibling(&name).map_err(|error| MeshReadError::BufferMissing {
-                    name: name.clone(),
-                    kind: error.kind(),
-                })?;
-                (format!("\"{name}\""), Cow::Owned(data))
+                let Some(data) = siblings.get(&name) else {
+                    return Err(MeshReadError::BufferMissing { name, kind: io::ErrorKind::NotFound });
+                };
+                (format!("\"{name}\""), Cow::Borrowed(&**data))
             }
         };
         let (declared, actual) = (buffer.byte_length.0, data.len() as u64);

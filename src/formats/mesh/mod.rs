@@ -7,8 +7,8 @@
 //!
 //! STEP is not read here.
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::io;
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,24 @@ pub enum MeshFormat {
     Ply,
     /// Points as text, a line each: a scan.
     Xyz,
+}
+
+/// A part in memory: its file, and the files beside it that are needed to read it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PartFile {
+    /// The file's name.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+    /// The contents of the files that [`named_files`] calls its buffers, by their names.
+    pub siblings: BTreeMap<String, Vec<u8>>,
+}
+
+impl PartFile {
+    /// A part that needs no other file.
+    pub fn alone(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { name: name.into(), bytes: bytes.into(), siblings: BTreeMap::new() }
+    }
 }
 
 /// What the settings say of a part file; `None` leaves it to the file.
@@ -153,7 +171,7 @@ pub enum NormalsFound {
     Smooth,
 }
 
-/// Reads a part; `sibling` gives the bytes of a file beside it, which only a `.gltf` asks for.
+/// Reads a part; `siblings` are the contents of files beside it, by their names, which only a `.gltf` needs.
 ///
 /// The bytes decide between text and binary glTF, whatever `format` says of the two.
 ///
@@ -163,11 +181,11 @@ pub fn read(
     bytes: &[u8],
     format: MeshFormat,
     options: &MeshOptions,
-    sibling: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+    siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<PartReading, MeshReadError> {
     let format = format.of_content(bytes);
     let part = match format {
-        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, options.pace, sibling)?,
+        MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, options.pace, siblings)?,
         MeshFormat::Obj => obj::read(bytes, options.pace)?,
         MeshFormat::Stl => stl::read(bytes)?,
         MeshFormat::Ply => ply::read(bytes, options.pace)?,
@@ -181,23 +199,32 @@ pub fn read(
     part.into_reading(options)
 }
 
+/// The files beside a part that it names.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NamedFiles {
+    /// Those that are needed to read it, the `.bin` files of a `.gltf`, in the order of the file and each once.
+    pub buffers: Vec<Buffer>,
+    /// The pictures that are its textures, as far as their names are plain; they are not needed.
+    pub textures: Vec<String>,
+}
+
 /// A file beside a part that is needed to read it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Sibling {
+pub struct Buffer {
     /// Its plain name.
     pub name: String,
     /// The size that the part says it has at least, bytes.
     pub bytes: u64,
 }
 
-/// The files beside a part that are needed to read it: the `.bin` files of a `.gltf`.
+/// The files beside a part that it names.
 ///
 /// # Errors
 /// See [`MeshReadError`]; buffers that lie outside the part's folder are an error.
-pub fn siblings(bytes: &[u8], format: MeshFormat) -> Result<Vec<Sibling>, MeshReadError> {
+pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     match format.of_content(bytes) {
-        format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::siblings(bytes, format),
-        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Ok(Vec::new()),
+        format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::named_files(bytes, format),
+        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Ok(NamedFiles::default()),
     }
 }
 
@@ -212,14 +239,6 @@ pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
         MeshFormat::Ply => ply::is_whole(bytes),
         MeshFormat::Xyz => points::is_whole(bytes),
         MeshFormat::Gltf | MeshFormat::Glb | MeshFormat::Obj => Ok(()),
-    }
-}
-
-/// Names of the pictures beside a part that are its textures, as far as it can be read; they are not needed.
-pub fn textures(bytes: &[u8], format: MeshFormat) -> Vec<String> {
-    match format.of_content(bytes) {
-        format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::textures(bytes, format),
-        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Vec::new(),
     }
 }
 

@@ -6,7 +6,8 @@ use std::sync::{MutexGuard, PoisonError};
 use super::super::basis;
 use super::super::filing;
 use super::super::folders;
-use super::super::job::{Corrector, DroppedFile, JobError};
+use super::super::intake;
+use super::super::job::{Completeness, Corrector, DroppedFile, JobError};
 use super::super::journal::Delivered;
 use super::{Executor, PART_REFUSED, folder_trouble, guarded, tell_trouble};
 use crate::config::{FolderPaths, JobSettings, Sku};
@@ -122,7 +123,11 @@ impl<C: Corrector> Executor<'_, C> {
         let path = attempt.0.clone();
         let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let file = DroppedFile { name, path, bytes };
+        let siblings = match guarded(|| Ok(self.corrector.completeness(&name, &bytes)))? {
+            Completeness::Whole { companions } => intake::read_needed(&path, &companions)?,
+            Completeness::CutShort(_) => BTreeMap::new(),
+        };
+        let file = DroppedFile { name, bytes, siblings };
         match guarded(|| self.corrector.restore_part(sku, &file, settings, pace)) {
             Ok(learned) => {
                 tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);

@@ -214,3 +214,32 @@ fn a_long_journal_is_written_anew_with_what_counts() {
     assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
     assert!(journal.begun("b.dxf", STAMP).unwrap().delivered);
 }
+
+/// What an older version wrote as the basis of a drawing tells nothing.
+#[test]
+fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    for name in ["a.dxf", "busy.dxf", "lost.dxf"] {
+        let original = if name == "lost.dxf" { "" } else { name };
+        journal.filing(name, "Can", STAMP, original, Some((&job(name, "1"), Certainty::Uncertain))).unwrap();
+        journal.done(&job(name, "1"), original, Import::Due).unwrap();
+    }
+    // A drop that is being done again must not be taken for done.
+    journal.delivering(&job("busy.dxf", "2"), STAMP, Some(7)).unwrap();
+    assert_eq!(journal.of_older_form(), 2);
+    let before = journal.result("a.dxf").cloned().unwrap();
+    let text = |basis: &str| basis.to_owned();
+    let bases = || ["a.dxf", "busy.dxf", "lost.dxf", "none.dxf"].map(|name| (name, text("v2:77"))).to_vec();
+    journal.rebase(bases()).unwrap();
+    let after = Delivered { job: Job { basis: text("v2:77"), ..before.job.clone() }, ..before };
+    for mut journal in [journal, Journal::open(folder.path()).unwrap()] {
+        assert_eq!(journal.result("a.dxf"), Some(&after));
+        assert_eq!(journal.result("busy.dxf").unwrap().job.basis, "b");
+        assert!(journal.begun("busy.dxf", STAMP).is_some());
+        assert_eq!(journal.result("lost.dxf").unwrap().job.basis, "b");
+        // It is not replaced a second time.
+        journal.rebase(vec![("a.dxf", text("v2:88"))]).unwrap();
+        assert_eq!(journal.result("a.dxf"), Some(&after));
+    }
+}

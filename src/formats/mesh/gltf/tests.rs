@@ -49,12 +49,8 @@ fn container(document: &Value, binary: &[u8]) -> Vec<u8> {
     file
 }
 
-fn no_sibling(_: &str) -> io::Result<Vec<u8>> {
-    Err(io::ErrorKind::NotFound.into())
-}
-
 fn read_glb(bytes: &[u8]) -> Result<PartReading, MeshReadError> {
-    mesh::read(bytes, MeshFormat::Glb, &MeshOptions::default(), &mut no_sibling)
+    mesh::read(bytes, MeshFormat::Glb, &MeshOptions::default(), &BTreeMap::new())
 }
 
 fn read_with(change: impl FnOnce(&mut Value)) -> Result<PartReading, MeshReadError> {
@@ -362,15 +358,17 @@ fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
         let glb = glb_with(|document| document["buffers"][0]["uri"] = json!(uri));
         Container::split(&glb, MeshFormat::Glb).unwrap().json.to_vec()
     };
-    let mut asked = Vec::new();
-    let mut read_text = |uri: &str, data: Option<&[u8]>| {
-        let mut sibling = |name: &str| {
-            asked.push(name.to_string());
-            data.map(<[u8]>::to_vec).ok_or(io::ErrorKind::NotFound.into())
-        };
-        mesh::read(&text_with(uri), MeshFormat::Gltf, &MeshOptions::default(), &mut sibling)
+    let read_beside = |uri: &str, name: &str, data: &[u8]| {
+        let siblings = BTreeMap::from([(name.to_string(), data.to_vec())]);
+        mesh::read(&text_with(uri), MeshFormat::Gltf, &MeshOptions::default(), &siblings)
     };
-    assert_eq!(read_text("my%20part.bin", Some(&binary)).unwrap().facts.triangles, 1);
+    // Whatever else lies there, only the file that is named is taken.
+    let read_text = |uri: &str, data: Option<&[u8]>| match data {
+        Some(data) => read_beside(uri, "part.bin", data),
+        None => read_beside(uri, "other.bin", &binary),
+    };
+    assert_eq!(read_beside("my%20part.bin", "my part.bin", &binary).unwrap().facts.triangles, 1);
+    assert_eq!(read_text("./part.bin", Some(&binary)).unwrap().facts.triangles, 1);
     let name = || "part.bin".to_string();
     let missing = MeshReadError::BufferMissing { name: name(), kind: io::ErrorKind::NotFound };
     assert_eq!(read_text("part.bin", None), Err(missing));
@@ -381,17 +379,15 @@ fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
     {
         let refused = read_text(uri, Some(&binary));
         assert!(matches!(refused, Err(MeshReadError::BufferName { .. })), "{uri}: {refused:?}");
-        assert!(siblings(&text_with(uri), MeshFormat::Gltf).is_err(), "{uri}");
+        assert!(named_files(&text_with(uri), MeshFormat::Gltf).is_err(), "{uri}");
     }
     let encoded = format!("data:application/octet-stream;base64,{}", base64(&binary));
     assert_eq!(read_text(&encoded, None).unwrap().facts.triangles, 1);
     assert_eq!(read_text("data:;base64,@@", None), Err(MeshReadError::BadDataUri { buffer: 0 }));
-    assert_eq!(asked, ["my part.bin", "part.bin", "part.bin"]);
-    assert_eq!(
-        siblings(&text_with("my%20part.bin"), MeshFormat::Gltf),
-        Ok(vec![Sibling { name: "my part.bin".into(), bytes: 80 }])
-    );
-    assert_eq!(siblings(&whole, MeshFormat::Glb), Ok(Vec::new()));
+    let named =
+        NamedFiles { buffers: vec![Buffer { name: "my part.bin".into(), bytes: 80 }], textures: Vec::new() };
+    assert_eq!(named_files(&text_with("my%20part.bin"), MeshFormat::Gltf), Ok(named));
+    assert_eq!(named_files(&whole, MeshFormat::Glb), Ok(NamedFiles::default()));
 }
 
 fn base64(bytes: &[u8]) -> String {
@@ -413,8 +409,9 @@ fn textures_beside_the_part_are_named() {
     let images =
         r#"[{"uri": "wood%20grain.png"}, {"uri": "data:image/png;base64,AA=="}, {"uri": "../x.png"}]"#;
     let bytes = format!(r#"{{"asset": {{"version": "2.0"}}, "images": {images}}}"#);
-    assert_eq!(super::textures(bytes.as_bytes(), MeshFormat::Gltf), ["wood grain.png"]);
-    assert!(super::textures(b"no glTF", MeshFormat::Gltf).is_empty());
+    let named = named_files(bytes.as_bytes(), MeshFormat::Gltf).unwrap();
+    assert_eq!((named.buffers.len(), named.textures), (0, vec!["wood grain.png".to_string()]));
+    assert!(named_files(b"no glTF", MeshFormat::Gltf).is_err());
 }
 
 /// Nodes share a mesh, meshes share numbers: a few bytes may ask for any number of triangles.
@@ -441,7 +438,7 @@ fn copies_of_few_bytes_are_bounded_and_known_to_take_long() {
         container(&document, &binary)
     };
     let quick = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
-    let read_quickly = |bytes: &[u8]| mesh::read(bytes, MeshFormat::Glb, &quick, &mut no_sibling);
+    let read_quickly = |bytes: &[u8]| mesh::read(bytes, MeshFormat::Glb, &quick, &BTreeMap::new());
     for by_nodes in [true, false] {
         let few = copies(3, by_nodes);
         assert_eq!(read_quickly(&few).unwrap().facts.triangles, read_glb(&few).unwrap().facts.triangles);

@@ -1,10 +1,11 @@
+use std::collections::BTreeMap;
+
 use super::check::MOST_CORNERS;
 use super::*;
 use crate::formats::mesh::{self, MeshOptions, PartReading, VertexPlace};
 
 fn read_obj(text: impl AsRef<[u8]>) -> Result<PartReading, MeshReadError> {
-    let mut none = |_: &str| -> std::io::Result<Vec<u8>> { panic!("an OBJ file needs no other") };
-    mesh::read(text.as_ref(), MeshFormat::Obj, &MeshOptions::default(), &mut none)
+    mesh::read(text.as_ref(), MeshFormat::Obj, &MeshOptions::default(), &BTreeMap::new())
 }
 
 /// A plate of 10 x 10 mm, its four vertices.

@@ -1,0 +1,50 @@
+use super::*;
+
+/// Two plates of 100 x 100 mm, the second one bent.
+const PLATES: [&str; 2] = [
+    "v -50 -50 5\nv 50 -50 5\nv 50 50 5\nv -50 50 5\nf 1 2 3 4\n",
+    "v -50 -50 0\nv 0 -50 5\nv 50 -50 0\nv -50 50 0\nv 0 50 5\nv 50 50 0\nf 1 2 5 4\nf 2 3 6 5\n",
+];
+
+fn settings() -> PartSettings {
+    PartSettings { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..PartSettings::default() }
+}
+
+#[test]
+fn a_part_is_plain_data() {
+    fn is_plain<Data: Send + Sync + Clone + 'static>() {}
+    is_plain::<PartFile>();
+}
+
+/// A change here outdates every drawing of such parts that stations delivered.
+#[test]
+fn the_hash_of_a_part_is_that_of_its_files() {
+    let hash = |siblings: &[(&str, &str)]| {
+        let siblings = siblings.iter().map(|(name, content)| (name.to_string(), content.as_bytes().to_vec()));
+        let part = PartFile { siblings: siblings.collect(), ..PartFile::alone("can.gltf", *b"{}") };
+        identified(&part).0.blake3
+    };
+    let of = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
+    assert_eq!(hash(&[]), of(b"{}"));
+    assert_eq!(hash(&[("a.bin", "xyz")]), of(b"{}xyz"));
+    assert_eq!(hash(&[("b.bin", "z"), ("a.bin", "xy")]), of(b"{}xyz"));
+    assert_ne!(hash(&[("a.bin", "xyZ")]), hash(&[("a.bin", "xyz")]));
+}
+
+#[test]
+fn a_part_is_learned_again_unless_another_one_came_since() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pipeline, sku) = (Pipeline::new(Some(Cache::new(folder.path()))), "plate".parse().unwrap());
+    let [flat, bent] = PLATES.map(|text| PartFile::alone("plate.obj", text));
+    // Nobody knows the SKU in a new cache.
+    let first = pipeline.restore(&sku, &flat, &settings()).unwrap();
+    assert!(!first.from_cache && pipeline.restore(&sku, &flat, &settings()).unwrap().from_cache);
+    let second = pipeline.learn(&sku, &bent, &settings()).unwrap();
+    assert_ne!(first.key, second.key);
+    let Err(PipelineError::Rejected(reason)) = pipeline.restore(&sku, &flat, &settings()) else {
+        panic!("the older part is taken")
+    };
+    assert_eq!(reason.code, "newer-elsewhere");
+    assert_eq!(pipeline.current_part(&sku, &settings()).unwrap(), Some(identified(&bent).0));
+    assert!(pipeline.learn(&sku, &flat, &settings()).unwrap().from_cache);
+}
