@@ -17,6 +17,8 @@ const AT_ONCE: usize = 20;
 #[derive(Default)]
 pub(super) struct Reprocessing {
     unchecked: BTreeSet<Sku>,
+    /// Nothing was known of their parts when they were looked at.
+    unknown: BTreeSet<Sku>,
     /// At the start and after a change of the station's settings every SKU counts.
     all_checked: bool,
     /// By the names of the results, folded.
@@ -65,6 +67,13 @@ impl Reprocessing {
         self.unchecked.insert(sku);
     }
 
+    /// A job of the SKU is over, and may have found its part in the archive.
+    pub(super) fn check_if_unknown(&mut self, sku: &Sku) {
+        if let Some(sku) = self.unknown.take(sku) {
+            self.check(sku);
+        }
+    }
+
     /// The settings of all may be others now.
     pub(super) fn check_all(&mut self) {
         self.all_checked = false;
@@ -102,7 +111,10 @@ impl Reprocessing {
             let is_outdated = match basis {
                 Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
                 // As long as its part is not known, it is what it was last found to be.
-                None => self.marked.contains_key(&key),
+                None => {
+                    self.unknown.insert(sku.clone());
+                    self.marked.contains_key(&key)
+                }
             };
             if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
                 continue;

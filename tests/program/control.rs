@@ -350,6 +350,15 @@ fn a_lost_cache_outdates_nothing() {
     station.copy_into(&drawing("square"), "trough.dxf");
     assert!(station.once().out.starts_with("1 delivered"));
     assert_eq!(station.desk.read("import/trough.dxf"), first);
+    // What changed meanwhile is found as soon as the part is known again.
+    fs::remove_dir_all(station.path("cache")).unwrap();
+    station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
+    let said = station.once();
+    assert!(said.out.starts_with("0 delivered"), "{said:?}");
+    station.copy_into(&drawing("square"), "trough@3.dxf");
+    let said = station.once();
+    assert!(said.out.starts_with("3 delivered"), "{said:?}");
+    assert_ne!(station.desk.read("import/trough.dxf"), first);
 }
 
 #[test]

@@ -31,6 +31,9 @@ impl<C: Corrector> Worker<'_, C> {
         self.suspected.remove(&running.drop);
         went_along.iter().for_each(|companion| self.look_again(companion));
         let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
+        if let Some(sku) = running.sku() {
+            self.reprocessing.check_if_unknown(sku);
+        }
         if let Work::CorrectAgain { sku, name } = &running.work {
             return self.finished_again(sku, &delivered_as(name), outcome);
         }
