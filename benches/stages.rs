@@ -12,11 +12,12 @@ use isomark::geometry::height_field::{FacingPart, Grid};
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
+use isomark::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::optics::{Fixture, ScanHead};
-use isomark::geometry::pattern::{Affine, Pattern};
+use isomark::geometry::pattern::{Affine, Color, Layer, Pattern};
 use isomark::geometry::shapes;
-use isomark::geometry::space::{FlatPoint, View, ViewPoint};
+use isomark::geometry::space::{FieldPoint, FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use isomark::pipeline::{PatternInput, Pipeline};
 
@@ -129,4 +130,24 @@ fn correct_with_cached_surface(bencher: Bencher) {
         let input = PatternInput { name: "letters.dxf", bytes: LETTERS, previous: None };
         pipeline.correct(&sku, &learned, input, &settings, false)
     });
+}
+
+/// A drawing of paths of so many vertices each, read back by the second reader.
+#[divan::bench(args = [(100usize, 1_000usize), (100, 10_000), (100, 100_000), (1, 10_000), (2, 10_000)], consts = [0, 1, 2])]
+fn read_back<const PROFILE: usize>(bencher: Bencher, (each, vertices): (usize, usize)) {
+    let profile = [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines][PROFILE];
+    let path = |number: usize| MarkingPath {
+        layer: 0,
+        color: Color::ByLayer,
+        shape: MarkingShape::Open(
+            (0..each).map(|at| FieldPoint::new(0.123_457 * at as f64, -0.1 * number as f64 / 3.0)).collect(),
+        ),
+    };
+    let drawing = MarkingDrawing {
+        layers: vec![Layer { name: "MARK".into(), color: Color::Aci(7) }],
+        paths: (0..vertices / each).map(path).collect(),
+        comments: Vec::new(),
+    };
+    let file = pattern::write(&drawing, profile);
+    bencher.bench(|| pattern::read_back(black_box(&file), &drawing, profile));
 }

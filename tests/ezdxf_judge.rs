@@ -3,8 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-use dxf::entities::EntityType;
-use isomark::formats::pattern::{DxfProfile, write};
+use isomark::formats::pattern::{DxfProfile, read_back, write};
 use isomark::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use isomark::geometry::pattern::{Color, Layer};
 use isomark::geometry::space::FieldPoint;
@@ -97,48 +96,11 @@ fn r12_lines_are_clean_and_go_all_the_way_round() {
     assert_eq!(pieces, expected);
 }
 
-/// Kind, layer, colour index, points and closure of an entity, as the dxf crate reads them.
-type Seen = (&'static str, String, Option<u8>, Vec<[f64; 2]>, bool);
-
-fn seen_by_dxf(file: &[u8]) -> Vec<Seen> {
-    let drawing = dxf::Drawing::load(&mut std::io::Cursor::new(file)).unwrap();
-    let seen = drawing.entities().map(|entity| {
-        let (kind, points, closed) = match &entity.specific {
-            EntityType::LwPolyline(line) => {
-                ("LWPOLYLINE", line.vertices.iter().map(|v| [v.x, v.y]).collect(), line.flags & 1 == 1)
-            }
-            EntityType::Polyline(line) => (
-                "POLYLINE",
-                line.vertices().map(|v| [v.location.x, v.location.y]).collect(),
-                line.flags & 1 == 1,
-            ),
-            EntityType::Line(line) => ("LINE", vec![[line.p1.x, line.p1.y], [line.p2.x, line.p2.y]], false),
-            EntityType::ModelPoint(point) => ("POINT", vec![[point.location.x, point.location.y]], false),
-            _ => ("something else", Vec::new(), false),
-        };
-        (kind, entity.common.layer.clone(), entity.common.color.index(), points, closed)
-    });
-    seen.collect()
-}
-
 #[test]
 fn the_dxf_crate_reads_the_same() {
-    let contour = vec![[0.0, 0.0], [30.0, 0.0], [30.0, -12.5]];
-    let line = vec![[1.0, 1.0], [2.0, 1.25]];
-    let dot = ("POINT", "0".to_owned(), Some(3), vec![[-4.0, 2.333333]], false);
-    let drawn = |kind, layer: &str| {
-        let of = |layer: &str, color, points: &Vec<[f64; 2]>, closed| {
-            (kind, layer.to_owned(), color, points.clone(), closed)
-        };
-        vec![of("MARK", None, &contour, true), of(layer, Some(5), &line, false), dot.clone()]
-    };
-    let r2000 = seen_by_dxf(&write(&sample(), DxfProfile::R2000));
-    assert_eq!(r2000, drawn("LWPOLYLINE", "Größe 日本_x"));
-    let r12 = seen_by_dxf(&write(&sample(), DxfProfile::R12));
-    assert_eq!(r12, drawn("POLYLINE", "Gr__e____x"));
-    let lines = seen_by_dxf(&write(&sample(), DxfProfile::R12Lines));
-    assert_eq!(lines.len(), 5);
-    assert_eq!(lines[2].3, [[30.0, -12.5], [0.0, 0.0]]);
+    for profile in [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines] {
+        assert_eq!(read_back(&write(&sample(), profile), &sample(), profile), Ok(()), "{profile:?}");
+    }
 }
 
 #[test]

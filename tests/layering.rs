@@ -47,6 +47,7 @@ const MODULES: &[(&str, &[&str])] = &[
 /// `geometry`.
 const HOMES: &[(&str, &[&str])] = &[
     ("gltf", &["formats"]),
+    ("dxf", &["formats"]),
     ("gltf_json", &["formats"]),
     ("tobj", &["formats"]),
     ("image", &["formats"]),

@@ -10,6 +10,7 @@ mod picture;
 mod reading;
 mod units;
 
+pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
 pub use facts::{LayerFacts, LostInk, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};

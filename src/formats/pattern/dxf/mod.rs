@@ -25,6 +25,7 @@ mod text;
 mod blocks;
 mod findings;
 pub(super) mod write;
+pub(super) mod readback;
 
 use super::error::PatternReadError;
 use super::facts::PatternFacts;

@@ -59,12 +59,12 @@ pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
 /// of the table.
 pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
     let mut losses = Vec::new();
-    let names = layer_names(&drawing.layers, profile);
+    let names = plain_layer_names(&drawing.layers, profile);
     let renamed: Vec<String> = drawing
         .layers
         .iter()
         .zip(names)
-        .filter(|(layer, name)| escaped(&layer.name) != *name)
+        .filter(|(layer, name)| layer.name != *name)
         .map(|(layer, name)| format!("{} is {name}", layer.name))
         .collect();
     if !renamed.is_empty() {
@@ -402,17 +402,16 @@ fn number(value: f64) -> String {
 /// Text in ASCII, other letters as `\U+XXXX`; letters that need more than four digits and control characters are
 /// replaced by `_`.
 fn escaped(text: &str) -> String {
-    let mut out = String::new();
-    for letter in text.chars() {
-        match letter {
-            ' '..='~' => out.push(letter),
-            '\u{a0}'..='\u{ffff}' => {
-                let _ = write!(out, "\\U+{:04X}", u32::from(letter));
-            }
-            _ => out.push('_'),
-        }
+    text.chars().map(|letter| escape_of(letter).unwrap_or_else(|| "_".into())).collect()
+}
+
+/// How a file holds a letter, if it can.
+fn escape_of(letter: char) -> Option<String> {
+    match letter {
+        ' '..='~' => Some(letter.into()),
+        '\u{a0}'..='\u{ffff}' => Some(format!("\\U+{:04X}", u32::from(letter))),
+        _ => None,
     }
-    out
 }
 
 /// A comment cut into lines that every reader takes (AutoCAD's limit is 255 characters).
@@ -431,8 +430,13 @@ fn comment_lines(comment: &str) -> Vec<String> {
     lines
 }
 
-/// The layers' names as the profile can hold them, all different.
+/// The layers' names as they stand in the file.
 fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
+    plain_layer_names(layers, profile).iter().map(|name| escaped(name)).collect()
+}
+
+/// The layers' names as the profile can hold them, all different; what a reader of the file sees.
+pub(super) fn plain_layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let mut unique = |name: String, limit: usize| {
         let mut candidate = name.clone();
@@ -451,15 +455,14 @@ fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
             DxfProfile::R12 | DxfProfile::R12Lines => {
                 letter.is_ascii_alphanumeric() || matches!(letter, '$' | '-' | '_')
             }
-            DxfProfile::R2000 => !letter.is_control() && !"<>/\\\":;?*|=,`'^".contains(letter),
+            DxfProfile::R2000 => escape_of(letter).is_some() && !"<>/\\\":;?*|=,`'^".contains(letter),
         };
         let limit = if profile.is_r12() { 31 } else { 255 };
         let name: String = layer.name.trim().chars().map(|l| if clean(l) { l } else { '_' }).collect();
         let name: String = name.chars().take(limit).collect();
         unique(if name.is_empty() { "_".into() } else { name }, limit)
     });
-    let names: Vec<String> = names.collect();
-    names.iter().map(|name| escaped(name)).collect()
+    names.collect()
 }
 
 #[cfg(test)]
