@@ -309,11 +309,25 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
 
 /// Writes a file that the user named, whole or not at all.
 fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
+    write_with(path, |folder, name| crate::files::write_whole(folder, name, bytes))
+}
+
+/// The same, if `check` accepts what is read from the disk before the file gets its name.
+fn write_file_if(path: &Path, bytes: &[u8], check: impl FnOnce(&[u8]) -> Result<(), Reason>) -> Outcome {
+    let mut checked = Ok(());
+    write_with(path, |folder, name| {
+        checked = crate::files::write_whole_if(folder, name, bytes, check)?;
+        Ok(())
+    })?;
+    checked.map_err(|reason| Failure::rejected(reason.in_file(path.display().to_string())))
+}
+
+fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()>) -> Outcome {
     let (folder, name) = (folder_of(path), name_of(path)?);
     if path.is_dir() {
         return Err(file_trouble("write", path, &ErrorKind::IsADirectory.into()));
     }
-    crate::files::write_whole(folder, &name, bytes).map_err(|error| file_trouble("write", path, &error))
+    write(folder, &name).map_err(|error| file_trouble("write", path, &error))
 }
 
 /// Refuses to write over what is read, or two results into one file: the designer's file would be gone without a word.

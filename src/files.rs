@@ -35,6 +35,42 @@ pub fn write_whole_or_not(folder: &Path, name: &str, bytes: &[u8]) -> io::Result
     write_over(folder, name, bytes, Flush::Content)
 }
 
+/// Writes a file as [`write_whole`] does, if `check` accepts what is read from the disk before the file gets its name. The
+/// inner error is that of `check`; the older file is then untouched.
+///
+/// # Errors
+/// As [`write_whole`], and when the file cannot be read again.
+pub fn write_whole_if<E>(
+    folder: &Path,
+    name: &str,
+    bytes: &[u8],
+    check: impl FnOnce(&[u8]) -> Result<(), E>,
+) -> io::Result<Result<(), E>> {
+    let file = written(folder, bytes, Flush::All)?;
+    let read = fs::read(file.path())?;
+    match check(&read) {
+        Ok(()) => keep(file, folder, name, Flush::All).map(Ok),
+        Err(refused) => Ok(Err(refused)),
+    }
+}
+
+/// A temporary file with this content, flushed if that is asked for.
+fn written(folder: &Path, bytes: &[u8], flush: Flush) -> io::Result<tempfile::NamedTempFile> {
+    let mut file = temporary(folder)?;
+    write_all(&mut file, bytes, folder)?;
+    if flush != Flush::Nothing {
+        file.as_file().sync_all()?;
+    }
+    Ok(file)
+}
+
+/// Gives a temporary file its name, over an older file.
+fn keep(file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
+    file.persist(in_full(&folder.join(name)))
+        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+    if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+}
+
 /// Writes a file so that nobody ever sees a part of it, over an older one of the same name. A power cut may take it
 /// away again: for what can be made anew.
 ///
@@ -45,14 +81,7 @@ pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Resu
 }
 
 fn write_over(folder: &Path, name: &str, bytes: &[u8], flush: Flush) -> io::Result<()> {
-    let mut file = temporary(folder)?;
-    write_all(&mut file, bytes, folder)?;
-    if flush != Flush::Nothing {
-        file.as_file().sync_all()?;
-    }
-    file.persist(in_full(&folder.join(name)))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
-    if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+    keep(written(folder, bytes, flush)?, folder, name, flush)
 }
 
 /// Writes a new file and never over an older one, with the time of the last write that it is given where the file system
@@ -234,6 +263,19 @@ mod tests {
             let mode = fs::metadata(folder.path().join("x.dxf")).unwrap().permissions().mode();
             assert_eq!(mode & 0o444, 0o444);
         }
+    }
+
+    #[test]
+    fn a_file_that_is_refused_leaves_the_older_one_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |content: &str, word: &str| {
+            let check = |read: &[u8]| if read == word.as_bytes() { Ok(()) } else { Err(read.to_vec()) };
+            write_whole_if(folder.path(), "x.dxf", content.as_bytes(), check).unwrap()
+        };
+        assert_eq!(write("first", "first"), Ok(()));
+        assert_eq!(write("second", "other"), Err(b"second".to_vec()));
+        assert_eq!(fs::read(folder.path().join("x.dxf")).unwrap(), b"first");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[cfg(unix)]

@@ -13,8 +13,8 @@ use std::time::Instant;
 
 use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
 use crate::config::{
-    self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Vertices, Weighting,
-    canonical,
+    self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices,
+    Weighting, canonical,
 };
 use crate::diff;
 use crate::formats::Pace;
@@ -89,11 +89,32 @@ pub struct LearnedPart {
 pub struct Corrected {
     /// The DXF file.
     pub dxf: Vec<u8>,
+    /// What it is to hold.
+    pub drawing: MarkingDrawing,
+    /// The dialect that it is written in.
+    pub profile: DxfProfile,
     /// The report.
     pub report: Report,
     /// What the picture shows, if it was asked for; [`svg`](crate::preview::svg) draws it, which takes longer than all
     /// the rest.
     pub preview: Option<Preview>,
+}
+
+impl Corrected {
+    /// Whether the settings have a drawing of this size read back.
+    pub fn is_to_be_read_back(&self, verify: Verify) -> bool {
+        verify.applies_to(pattern::readback_work(&self.drawing, self.profile))
+    }
+
+    /// Holds the written file, read again from where it is, against what was meant, with a second reader; the report tells it.
+    ///
+    /// # Errors
+    /// The first difference ([`pattern::read_back`]).
+    pub fn read_back(&mut self, file: &[u8]) -> Result<(), Reason> {
+        pattern::read_back(file, &self.drawing, self.profile).map_err(|error| error.reason())?;
+        self.report.output.read_back = true;
+        Ok(())
+    }
 }
 
 /// Why a job was not done.
@@ -350,8 +371,9 @@ impl Pipeline {
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
-        let dxf = pattern::write(&drawing, profile(settings));
-        notices.extend(pattern::losses(&drawing, profile(settings)));
+        let profile = profile(settings);
+        let dxf = pattern::write(&drawing, profile);
+        notices.extend(pattern::losses(&drawing, profile));
         clock.lap("write");
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
@@ -398,7 +420,7 @@ impl Pipeline {
             notices,
             timings,
         };
-        Ok(Corrected { dxf, report, preview })
+        Ok(Corrected { dxf, drawing, profile, report, preview })
     }
 }
 
@@ -594,6 +616,7 @@ fn output_story(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) ->
         paths: drawing.paths.len(),
         vertices: drawing.paths.iter().map(|path| path.shape.points().len()).sum(),
         extents_mm: report::corners(&drawing.extents()),
+        read_back: false,
     }
 }
 

@@ -267,6 +267,9 @@ pub struct OutputStory {
     pub vertices: usize,
     /// The rectangle round it in the field: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
+    /// Whether a second reader found in the written file what was meant.
+    #[serde(default)]
+    pub read_back: bool,
 }
 
 /// What differs between the drawing and the one it replaces.

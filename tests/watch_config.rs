@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use isomark::config::{JobSettings, Sku, Station, Watch};
+use isomark::config::{DeliverySettings, JobSettings, Sku, Station, Watch};
 
 fn samples(folder: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
@@ -35,5 +35,6 @@ fn the_annotated_station_shows_the_defaults() {
     let expected = JobSettings { field: station.settings.field, ..JobSettings::default() };
     assert_eq!(station.settings, expected);
     assert_eq!(station.watch, Watch::default());
+    assert_eq!(station.delivery, DeliverySettings::default());
     assert_eq!(station.folders.skus, file.with_file_name("skus"));
 }

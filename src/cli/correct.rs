@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::job::{Job, JobArguments, set};
-use super::{Failure, Outcome, apart, file_trouble, name_of, print_json, tell, write_file};
-use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
+use super::{Failure, Outcome, apart, file_trouble, name_of, print_json, tell, write_file, write_file_if};
+use crate::config::{CorrectionSettings, JobSettings, Method, Verify, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
 use crate::preview;
@@ -67,9 +67,14 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let previous =
         read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
-    let corrected = pipeline.correct(sku, learned, input, settings, arguments.preview.is_some())?;
+    let mut corrected = pipeline.correct(sku, learned, input, settings, arguments.preview.is_some())?;
 
-    write_file(&arguments.out, &corrected.dxf)?;
+    let dxf = std::mem::take(&mut corrected.dxf);
+    if corrected.is_to_be_read_back(Verify::default()) {
+        write_file_if(&arguments.out, &dxf, |file| corrected.read_back(file))?;
+    } else {
+        write_file(&arguments.out, &dxf)?;
+    }
     let json = corrected.report.to_json().map_err(|error| Failure::environment(&error.into()))?;
     if let Some(path) = &arguments.report {
         write_file(path, json.as_bytes())?;

@@ -125,6 +125,40 @@ pub struct DeliverySettings {
     pub server_folder: Option<String>,
     /// How long BeamServer may take for an answer.
     pub answer: Duration,
+    /// Which drawings a second reader reads back before they are delivered.
+    pub verify: Verify,
+}
+
+/// Which written drawings a second reader reads back from the disk and holds against what was meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verify {
+    /// Every one.
+    Always,
+    /// None.
+    Never,
+    /// Those that take no longer than so many vertices of one polyline.
+    UpTo(usize),
+}
+
+impl Verify {
+    /// So many vertices are read back within 20 ms: 17 ms where they were measured.
+    pub const VERTICES: usize = 35_000;
+
+    /// Whether a drawing is read back that takes as long as so many vertices
+    /// ([`readback_work`](crate::formats::pattern::readback_work)).
+    pub fn applies_to(self, vertices: usize) -> bool {
+        match self {
+            Self::Always => true,
+            Self::Never => false,
+            Self::UpTo(limit) => vertices <= limit,
+        }
+    }
+}
+
+impl Default for Verify {
+    fn default() -> Self {
+        Self::UpTo(Self::VERTICES)
+    }
 }
 
 impl Default for DeliverySettings {
@@ -136,6 +170,7 @@ impl Default for DeliverySettings {
             address: "127.0.0.1:11350".into(),
             server_folder: None,
             answer: Duration::from_secs(30),
+            verify: Verify::default(),
         }
     }
 }
@@ -447,6 +482,7 @@ struct DeliveryKeys {
     address: Option<Spanned<String>>,
     server_folder: Option<String>,
     answer_s: Option<Spanned<f64>>,
+    verify: Option<Spanned<toml::Value>>,
 }
 
 impl DeliveryKeys {
@@ -472,6 +508,29 @@ impl DeliveryKeys {
         if let Some(answer) = &self.answer_s {
             let seconds = text.number("delivery.answer_s", answer, 0.1..=3600.0, "s")?;
             delivery.answer = Duration::from_secs_f64(seconds);
+        }
+        if let Some(verify) = &self.verify {
+            delivery.verify = match verify.get_ref() {
+                toml::Value::Boolean(true) => Verify::Always,
+                toml::Value::Boolean(false) => Verify::Never,
+                toml::Value::Integer(vertices) => Verify::UpTo(text.in_range(
+                    "delivery.verify",
+                    *vertices as f64,
+                    &verify.span(),
+                    1.0..=1e9,
+                    "vertices",
+                )? as usize),
+                _ => {
+                    return Err(ConfigError::Contradiction {
+                        spot: text.spot(&verify.span()),
+                        what: "`delivery.verify` is neither true nor false nor a number of vertices.".into(),
+                        remedy: format!(
+                            "Give true, false, or the most vertices to read back, such as {}.",
+                            Verify::VERTICES
+                        ),
+                    });
+                }
+            };
         }
         Ok(delivery)
     }

@@ -112,6 +112,9 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[output]\ndxf = \"R2004\"", "Did you mean `R2000`?", 11, 7),
     ("[watch]\nrescan_s = 0", "cannot be 0 s", 11, 12),
     ("[output]\ncomments = \"\\i\"", "forward slashes", 11, 14),
+    ("[delivery]\nverify = 0", "`delivery.verify` cannot be 0 vertices. Give a number from 1", 11, 10),
+    ("[delivery]\nverify = \"yes\"", "Give true, false, or the most vertices", 11, 10),
+    ("[delivery]\nverify = 1.5", "neither true nor false nor a number of vertices", 11, 10),
     ("[part]\ndiameter_mm = 73", "has its sizes from there", 11, 15),
     ("[part]\nshape = \"cylinder\"\nlength_mm = 9", "`diameter_mm` is missing", 11, 9),
     ("[part]\nshape = \"cone\"\ndiameter_mm = 9\nend_diameter_mm = 9\nlength_mm = 9", "that differ", 11, 9),
@@ -126,6 +129,18 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[correction]\nmapping_domain_grid = 1", "cannot be 1", 11, 23),
     ("[correction]\nmapping_domain_as_printed = [\"simpson\"]", "none of the choices", 11, 30),
 ];
+
+#[test]
+fn drawings_are_read_back_as_the_settings_say() {
+    let applies = |text: &str| {
+        let verify = with(&format!("[delivery]\n{text}")).unwrap().delivery.verify;
+        [1, 35_000, 35_001, 10_000_000].map(|vertices| verify.applies_to(vertices))
+    };
+    assert_eq!(applies(""), [true, true, false, false]);
+    assert_eq!(applies("verify = true"), [true; 4]);
+    assert_eq!(applies("verify = false"), [false; 4]);
+    assert_eq!(applies("verify = 1"), [true, false, false, false]);
+}
 
 #[test]
 fn a_sku_changes_one_size_of_a_figure_or_goes_back_to_a_mesh() {

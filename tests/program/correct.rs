@@ -141,6 +141,7 @@ fn every_sample_part_by_several_exporters() {
 
         let dxf = desk.read("out.dxf");
         assert_eq!(report["output"]["blake3"], blake3::hash(&dxf).to_hex().to_string());
+        assert_eq!(report["output"]["read_back"], true, "{said}");
         let (before, after) = (pattern(&std::fs::read(drawing(pattern_name)).unwrap()), pattern(&dxf));
         let kinds = |pattern: &Pattern| -> Vec<(String, bool)> {
             outline(pattern).into_iter().map(|(layer, closed, _)| (layer.to_owned(), closed)).collect()
