@@ -1,4 +1,4 @@
-//! Who may know whom, held against the sources: modules, crates, the standard library, and words that end a program.
+//! Who may know whom, held against the sources: modules, files, crates, the standard library, and words that end a program.
 //!
 //! The tables below are the rule. A module may know only modules above it, in the order of `src/lib.rs`, so no arrow
 //! leads back. Tests inside the sources may know everything.
@@ -6,6 +6,10 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail loudly, its helpers too")]
 
 use std::path::Path;
+
+use sources::{Modules, Named, is_word, paths, walk, without_comments_and_texts, without_tests};
+
+mod sources;
 
 /// Every module of the crate, in reading order, with the modules it may know.
 const MODULES: &[(&str, &[&str])] = &[
@@ -76,6 +80,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("ctrlc", &["cli"]),
     ("unicode_normalization", &["config"]),
     ("clap", &["cli"]),
+    ("strsim", &["config"]),
 ];
 
 /// All that mathematics needs.
@@ -108,6 +113,51 @@ const FORBIDDEN: &[&str] = &[
     "eprintln!",
     "process::exit",
     "process::abort",
+];
+
+/// Circles of files that still import each other, to be taken apart; a new one is refused.
+const CIRCLES: &[&[&str]] = &[
+    // A head that starts its parts and holds what they share.
+    &[
+        "src/cli.rs",
+        "src/cli/cache.rs",
+        "src/cli/check.rs",
+        "src/cli/correct.rs",
+        "src/cli/demo.rs",
+        "src/cli/diff.rs",
+        "src/cli/evaluate.rs",
+        "src/cli/inspect.rs",
+        "src/cli/job.rs",
+        "src/cli/status.rs",
+        "src/cli/watch.rs",
+    ],
+    // A head that starts its parts and holds what they share.
+    &[
+        "src/formats/mesh/clues.rs",
+        "src/formats/mesh/error.rs",
+        "src/formats/mesh/gltf.rs",
+        "src/formats/mesh/gltf/accessor.rs",
+        "src/formats/mesh/gltf/scene.rs",
+        "src/formats/mesh/mod.rs",
+        "src/formats/mesh/obj.rs",
+        "src/formats/mesh/obj/check.rs",
+        "src/formats/mesh/ply.rs",
+        "src/formats/mesh/points.rs",
+        "src/formats/mesh/polygon.rs",
+        "src/formats/mesh/stl.rs",
+        "src/formats/mesh/text.rs",
+    ],
+    &[
+        "src/hotfolder/delivery.rs",
+        "src/hotfolder/executor.rs",
+        "src/hotfolder/executor/ending.rs",
+        "src/hotfolder/executor/task.rs",
+        "src/hotfolder/intake.rs",
+        "src/hotfolder/reprocess.rs",
+    ],
+    &["src/hotfolder/filing.rs", "src/hotfolder/folders.rs", "src/hotfolder/names.rs"],
+    &["src/hotfolder/job.rs", "src/hotfolder/lock.rs"],
+    &["src/hotfolder/status.rs", "src/hotfolder/worker.rs"],
 ];
 
 #[test]
@@ -143,6 +193,66 @@ fn the_table_has_the_order_of_the_crate_and_no_arrow_back() {
 }
 
 #[test]
+fn no_files_import_each_other_in_a_circle() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut modules = Modules::default();
+    for entry in walk(&root.join("src")) {
+        let file = entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+        if !file.ends_with("tests.rs") && file != "src/main.rs" {
+            modules.add(&file, &std::fs::read_to_string(&entry).unwrap());
+        }
+    }
+    let circles = modules.circles();
+    let unknown = circles.iter().filter(|circle| !CIRCLES.iter().any(|known| circle.files == *known));
+    let arrows = unknown.flat_map(|circle| &circle.arrows);
+    let arrows: Vec<String> = arrows.map(|(from, to, names)| format!("{from} -> {to}: {names}")).collect();
+    assert!(arrows.is_empty(), "these files import each other:\n{}\n", arrows.join("\n"));
+    for known in CIRCLES {
+        assert!(circles.iter().any(|circle| circle.files == *known), "{known:?} is no circle: strike it out");
+    }
+}
+
+#[test]
+fn a_circle_is_found_through_whatever_hands_its_names_on() {
+    let circles = |sources: &[(&str, &str)]| {
+        let mut modules = Modules::default();
+        sources.iter().for_each(|(file, source)| modules.add(file, source));
+        let circles = modules.circles().into_iter();
+        circles
+            .map(|circle| {
+                circle.arrows.iter().map(|(from, to, names)| format!("{from} {to} {names}")).collect()
+            })
+            .collect::<Vec<Vec<String>>>()
+    };
+    let (root, none) = (("src/lib.rs", "pub mod a; pub mod b;"), Vec::<Vec<String>>::new());
+    let b = ("src/b/mod.rs", "mod c; mod d; pub use c::C; pub(crate) use self::d::D as E; pub struct B;");
+    let found = |a, c, d| circles(&[root, ("src/a.rs", a), b, ("src/b/c.rs", c), ("src/b/d.rs", d)]);
+    // Straight, and past the file that hands C on.
+    let straight = ["src/a.rs src/b/c.rs C", "src/b/c.rs src/a.rs A"];
+    assert_eq!(found("use crate::b::C;", "use crate::a::A;", ""), [straight]);
+    // By a new name, in a group, in a path without `use`, and round three corners.
+    let round = ["src/a.rs src/b/d.rs E", "src/b/c.rs src/a.rs x", "src/b/d.rs src/b/c.rs K"];
+    assert_eq!(
+        found(
+            "use super::b::{B, E as F};",
+            "fn f() { crate::a::x() }",
+            "use super::c as k; fn g() -> k::K {}"
+        ),
+        [round]
+    );
+    // A head that uses its part, which uses its head.
+    let head = [("src/a.rs", "mod p; use p::P;"), ("src/a/p.rs", "use super::A;")];
+    assert_eq!(circles(&head), [["src/a.rs src/a/p.rs P", "src/a/p.rs src/a.rs A"]]);
+    // One way, handing on, tests, comments, and names of other crates are no circles.
+    assert_eq!(
+        found("use crate::b::{B, C};", "use super::B;", "use toml::toml; use super::super::b::B;"),
+        none
+    );
+    let a = "// crate::b::C\n#[cfg(test)]\nmod tests { use crate::b::C; }";
+    assert_eq!(found(a, "use crate::a::A;", "const C: &str = \"crate::a::A\";"), none);
+}
+
+#[test]
 fn a_trespass_is_named_with_its_line_and_its_rule() {
     for (file, source, words) in [
         ("src/geometry/x.rs", "\nuse std::{f64, fs};", "src/geometry/x.rs:2: geometry names std::fs"),
@@ -169,13 +279,6 @@ fn a_trespass_is_named_with_its_line_and_its_rule() {
     ] {
         assert_eq!(judge(file, source, &crates()), [""; 0], "{source}");
     }
-}
-
-fn walk(folder: &Path) -> Vec<std::path::PathBuf> {
-    let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    entries.sort();
-    let nested = entries.into_iter().flat_map(|path| if path.is_dir() { walk(&path) } else { vec![path] });
-    nested.filter(|path| path.extension().is_some_and(|ending| ending == "rs")).collect()
 }
 
 /// The names that the dependencies of `Cargo.toml` have in the sources.
@@ -208,7 +311,7 @@ fn judge(file: &str, source: &str, crates: &[String]) -> Vec<String> {
             }
         }
     }
-    for (at, path) in paths(&code) {
+    for Named { at, steps: path, .. } in paths(&code) {
         let supers = path.iter().take_while(|step| *step == "super").count();
         let inner = match path[0].as_str() {
             "crate" | "isomark" => path.get(1),
@@ -237,142 +340,4 @@ fn judge(file: &str, source: &str, crates: &[String]) -> Vec<String> {
         }
     }
     complaints
-}
-
-fn is_word(c: char) -> bool {
-    c.is_alphanumeric() || c == '_'
-}
-
-/// The source with blanks for comments, texts and characters; lines stay where they are.
-fn without_comments_and_texts(source: &str) -> Vec<char> {
-    let source: Vec<char> = source.chars().collect();
-    let at = |index: usize| source.get(index).copied().unwrap_or('\0');
-    let mut code = Vec::with_capacity(source.len());
-    let mut index = 0;
-    while index < source.len() {
-        let after_word = index > 0 && is_word(at(index - 1));
-        let hashes = (index + 1..).take_while(|&next| at(next) == '#').count();
-        let end = match at(index) {
-            '/' if at(index + 1) == '/' => (index..).find(|&next| matches!(at(next), '\n' | '\0')).unwrap(),
-            '/' if at(index + 1) == '*' => {
-                let mut open = 0;
-                let mut next = index;
-                loop {
-                    match (at(next), at(next + 1)) {
-                        ('/', '*') => (open, next) = (open + 1, next + 2),
-                        ('*', '/') => (open, next) = (open - 1, next + 2),
-                        ('\0', _) => break next,
-                        _ => next += 1,
-                    }
-                    if open == 0 {
-                        break next;
-                    }
-                }
-            }
-            'r' if (!after_word || at(index - 1) == 'b') && at(index + 1 + hashes) == '"' => {
-                let closes = |next: usize| at(next) == '"' && (1..=hashes).all(|hash| at(next + hash) == '#');
-                let first = index + hashes + 2;
-                (first..).find(|&next| closes(next) || next >= source.len()).unwrap() + hashes + 1
-            }
-            '"' => {
-                let mut next = index + 1;
-                while !matches!(at(next), '"' | '\0') {
-                    next += if at(next) == '\\' { 2 } else { 1 };
-                }
-                next + 1
-            }
-            '\'' if at(index + 1) == '\\' => {
-                (index + 3..).find(|&next| matches!(at(next), '\'' | '\0')).unwrap() + 1
-            }
-            '\'' if at(index + 2) == '\'' => index + 3,
-            _ => {
-                code.push(at(index));
-                index += 1;
-                continue;
-            }
-        };
-        let end = end.min(source.len());
-        code.extend(source[index..end].iter().map(|&c| if c == '\n' { '\n' } else { ' ' }));
-        index = end;
-    }
-    code
-}
-
-/// The code with blanks for every item that is compiled for tests only.
-fn without_tests(code: &[char]) -> Vec<char> {
-    let mut code = code.to_vec();
-    let attribute: Vec<char> = "#[cfg(test)]".chars().collect();
-    let mut index = 0;
-    while index + attribute.len() <= code.len() {
-        if code[index..index + attribute.len()] != attribute[..] {
-            index += 1;
-            continue;
-        }
-        let mut end = index + attribute.len();
-        let mut open = 0;
-        while end < code.len() {
-            match code[end] {
-                '{' => open += 1,
-                '}' => open -= 1,
-                _ => {}
-            }
-            end += 1;
-            if open == 0 && matches!(code[end - 1], '}' | ';') {
-                break;
-            }
-        }
-        code[index..end].iter_mut().filter(|c| **c != '\n').for_each(|c| *c = ' ');
-        index = end;
-    }
-    code
-}
-
-/// Every path with more than one step, and every name behind a `use`, with the groups of a `use` spelled out.
-fn paths(code: &[char]) -> Vec<(usize, Vec<String>)> {
-    let mut paths = Vec::new();
-    let mut index = 0;
-    let mut behind_use = false;
-    while index < code.len() {
-        if !is_word(code[index]) {
-            index += 1;
-            continue;
-        }
-        let is_inner = code[..index].iter().rev().find(|c| !c.is_whitespace()).is_some_and(|c| *c == '.');
-        let mut found = Vec::new();
-        index = read_path(code, index, &[], &mut found);
-        let word = found.first().map_or("", |(_, path): &(usize, Vec<String>)| path[0].as_str()).to_owned();
-        if !is_inner {
-            paths.extend(found.into_iter().filter(|(_, path)| path.len() > 1 || behind_use));
-        }
-        behind_use = word == "use";
-    }
-    paths
-}
-
-/// Reads one path from a word on, adds it (or, for a group, each of its members) and returns where it ends.
-fn read_path(code: &[char], start: usize, before: &[String], found: &mut Vec<(usize, Vec<String>)>) -> usize {
-    let skip = |from: usize| (from..code.len()).find(|&at| !code[at].is_whitespace()).unwrap_or(code.len());
-    let end = (start..code.len()).find(|&at| !is_word(code[at])).unwrap_or(code.len());
-    let mut path = before.to_vec();
-    path.push(code[start..end].iter().collect());
-    let colons = skip(end);
-    if code.get(colons..colons + 2) != Some(&[':', ':']) {
-        found.push((start, path));
-        return end;
-    }
-    let next = skip(colons + 2);
-    match code.get(next) {
-        Some('{') => {
-            let mut at = next + 1;
-            while at < code.len() && code[at] != '}' {
-                at = if is_word(code[at]) { read_path(code, at, &path, found) } else { at + 1 };
-            }
-            at + 1
-        }
-        Some(&c) if is_word(c) => read_path(code, next, &path, found),
-        _ => {
-            found.push((start, path));
-            next
-        }
-    }
 }
