@@ -162,14 +162,8 @@ const CIRCLES: &[&[&str]] = &[
 
 #[test]
 fn every_module_knows_only_what_it_may() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut complaints = Vec::new();
-    for entry in walk(&root.join("src")) {
-        let file = entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
-        if !file.ends_with("tests.rs") {
-            complaints.extend(judge(&file, &std::fs::read_to_string(&entry).unwrap(), &crates()));
-        }
-    }
+    let judged = |(file, source): &(String, String)| judge(file, source, &crates());
+    let complaints: Vec<String> = sources().iter().flat_map(judged).collect();
     assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
 }
 
@@ -194,13 +188,9 @@ fn the_table_has_the_order_of_the_crate_and_no_arrow_back() {
 
 #[test]
 fn no_files_import_each_other_in_a_circle() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut modules = Modules::default();
-    for entry in walk(&root.join("src")) {
-        let file = entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
-        if !file.ends_with("tests.rs") && file != "src/main.rs" {
-            modules.add(&file, &std::fs::read_to_string(&entry).unwrap());
-        }
+    for (file, source) in sources().iter().filter(|(file, _)| file != "src/main.rs") {
+        modules.add(file, source);
     }
     let circles = modules.circles();
     let unknown = circles.iter().filter(|circle| !CIRCLES.iter().any(|known| circle.files == *known));
@@ -279,6 +269,16 @@ fn a_trespass_is_named_with_its_line_and_its_rule() {
     ] {
         assert_eq!(judge(file, source, &crates()), [""; 0], "{source}");
     }
+}
+
+/// Path and text of every file of the crate but its tests.
+fn sources() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let files = walk(&root.join("src")).into_iter().map(|entry| {
+        let file = entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+        (file, std::fs::read_to_string(&entry).unwrap())
+    });
+    files.filter(|(file, _)| !file.ends_with("tests.rs")).collect()
 }
 
 /// The names that the dependencies of `Cargo.toml` have in the sources.

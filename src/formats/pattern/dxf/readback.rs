@@ -185,7 +185,7 @@ impl ReadbackError {
     }
 }
 
-/// Reads `file`, which [`write`] wrote for `drawing`, with a second reader, and holds it against the drawing: every path's
+/// Reads `file`, which [`write()`] wrote for `drawing`, with a second reader, and holds it against the drawing: every path's
 /// kind, layer, colour and closure, every vertex (within half of its sixth decimal), their order, the layers and the unit.
 /// What no reader looks at must be as it was written, too.
 ///
