@@ -2,7 +2,7 @@
 
 use super::super::Pace;
 use super::facts::PatternFacts;
-use super::picture::PictureOptions;
+use super::picture::options::PictureOptions;
 use super::units::DrawingUnit;
 use crate::geometry::pattern::Pattern;
 use crate::reason::Notice;

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::curves::{Curve, Placement};
 use super::scan::Scan;
 use super::structure::{RecordColor, Structure};
-use super::text::FontUses;
+use super::text::font::FontUses;
 
 /// What an entity draws.
 #[derive(Debug, Clone, PartialEq)]

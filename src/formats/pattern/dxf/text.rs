@@ -3,7 +3,7 @@
 //! Heights are those of capitals, as in AutoCAD; letters stand at the distances of the font that is used.
 
 mod codes;
-mod font;
+pub(super) mod font;
 pub(super) mod paragraphs;
 
 use std::collections::BTreeSet;
@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use self::codes::{Letter, Ruled, letters};
 use self::font::stand_in;
-pub(super) use self::font::{FontUses, Typeface};
+use self::font::{FontUses, Typeface};
 use super::super::error::PatternReadError;
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};

@@ -13,7 +13,7 @@ use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Sour
 use crate::geometry::space::FlatPoint;
 use crate::reason::Notice;
 
-mod options;
+pub(super) mod options;
 mod decode;
 mod trace;
 mod polygon;
