@@ -117,36 +117,6 @@ const FORBIDDEN: &[&str] = &[
 
 /// Circles of files that still import each other, to be taken apart; a new one is refused.
 const CIRCLES: &[&[&str]] = &[
-    // A head that starts its parts and holds what they share.
-    &[
-        "src/cli.rs",
-        "src/cli/cache.rs",
-        "src/cli/check.rs",
-        "src/cli/correct.rs",
-        "src/cli/demo.rs",
-        "src/cli/diff.rs",
-        "src/cli/evaluate.rs",
-        "src/cli/inspect.rs",
-        "src/cli/job.rs",
-        "src/cli/status.rs",
-        "src/cli/watch.rs",
-    ],
-    // A head that starts its parts and holds what they share.
-    &[
-        "src/formats/mesh/clues.rs",
-        "src/formats/mesh/error.rs",
-        "src/formats/mesh/gltf.rs",
-        "src/formats/mesh/gltf/accessor.rs",
-        "src/formats/mesh/gltf/scene.rs",
-        "src/formats/mesh/mod.rs",
-        "src/formats/mesh/obj.rs",
-        "src/formats/mesh/obj/check.rs",
-        "src/formats/mesh/ply.rs",
-        "src/formats/mesh/points.rs",
-        "src/formats/mesh/polygon.rs",
-        "src/formats/mesh/stl.rs",
-        "src/formats/mesh/text.rs",
-    ],
     &[
         "src/hotfolder/delivery.rs",
         "src/hotfolder/executor.rs",

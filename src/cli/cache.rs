@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{Failure, Outcome, cache_of, parse_sku, print, shown, station, tell};
+use super::named_files::{cache_of, station};
+use super::options::parse_sku;
+use super::outcome::{Failure, Outcome, print, shown, tell};
 use crate::cache::{Cache, CacheEntry, EntryState};
 use crate::printable::on_one_line;
 use crate::reason::Reason;

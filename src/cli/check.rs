@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Exit, Failure, Outcome, print, shell, shown, tell};
+use super::outcome::{Exit, Failure, Outcome, print, shown, tell};
+use super::shell;
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
 use crate::printable::on_one_line;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::job::{Job, JobArguments, set};
-use super::{Failure, Outcome, apart, file_trouble, name_of, print_json, tell, write_file, write_file_if};
+use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
+use super::outcome::{Failure, Outcome, print_json, tell};
 use crate::config::{CorrectionSettings, JobSettings, Method, Verify, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::{Failure, Outcome, print, shell, shown};
+use super::outcome::{Failure, Outcome, print, shown};
+use super::shell;
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::files::write_whole;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, Outcome, name_of, print, print_json, read_file};
+use super::named_files::{name_of, read_file};
+use super::outcome::{Failure, Outcome, print, print_json};
 use crate::diff::{DiffPath, DrawingDiff, TOLERANCE, compare, paths_of};
 use crate::formats::pattern::{PatternOptions, read};
 

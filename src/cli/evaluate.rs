@@ -5,7 +5,8 @@ use std::fmt::Write;
 use clap::Args;
 
 use super::job::{Job, JobArguments};
-use super::{Failure, Outcome, name_of, print, print_json};
+use super::named_files::name_of;
+use super::outcome::{Failure, Outcome, print, print_json};
 use crate::config::Method;
 use crate::pipeline::{Evaluation, EvaluationRow, PatternInput};
 use crate::printable::on_one_line;

@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::{
-    Failure, MeaningArguments, Outcome, ScanArguments, apart, name_of, print, print_json, read_file,
-    read_part, write_file,
-};
+use super::named_files::{apart, name_of, read_file, read_part, write_file};
+use super::options::{MeaningArguments, ScanArguments};
+use super::outcome::{Failure, Outcome, print, print_json};
 use crate::config::{Losses, PartSettings, PatternSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};

@@ -6,7 +6,9 @@ use std::str::FromStr;
 use clap::Args;
 use nalgebra::Vector3;
 
-use super::{Failure, MeaningArguments, Outcome, ScanArguments, cache_of, parse_sku, read_file, read_part};
+use super::named_files::{cache_of, read_file, read_part};
+use super::options::{MeaningArguments, ScanArguments, parse_sku};
+use super::outcome::{Failure, Outcome};
 use crate::config::{Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, parse_axis, parse_facing};
 use crate::formats::mesh::MeshFormat;
 use crate::geometry::figure::Figure;

@@ -6,7 +6,8 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::{Exit, Failure, Outcome, parse_sku, print, print_json, shown, tell};
+use super::options::parse_sku;
+use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits};
 use crate::hotfolder::{

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::log;
+use super::outcome::{Exit, Failure, Outcome, print, tell};
 use super::service::ServiceManager;
-use super::{Exit, Failure, Outcome, log, print, tell};
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally};

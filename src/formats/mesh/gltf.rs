@@ -15,6 +15,7 @@ use ::gltf::{Document, Error as GltfError, Glb};
 use crate::formats::Pace;
 use crate::reason::Notice;
 
+use super::text::first_bytes;
 use super::{Buffer, MeshFormat, MeshReadError, NamedFiles, RawPart};
 
 mod accessor;
@@ -77,7 +78,7 @@ impl<'a> Container<'a> {
             let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
             return match json.trim_ascii_start().first() {
                 Some(b'{') => Ok(Self { json: json.into(), binary: None, trailing: 0 }),
-                _ => Err(MeshReadError::NotThisFormat { format, found: beginning(bytes) }),
+                _ => Err(MeshReadError::NotThisFormat { format, found: first_bytes(bytes) }),
             };
         }
         let cut = |declared: usize, actual: usize| MeshReadError::Truncated {
@@ -112,14 +113,6 @@ impl<'a> Container<'a> {
         })?;
         Ok(Self { json: glb.json, binary: glb.bin, trailing: bytes.len() - length })
     }
-}
-
-/// The first bytes of a file as a person can read them.
-pub(super) fn beginning(bytes: &[u8]) -> String {
-    if bytes.is_empty() {
-        return "nothing: it is empty".into();
-    }
-    format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii())
 }
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {

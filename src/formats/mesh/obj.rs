@@ -9,7 +9,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::clues::Clues;
 use super::error::EmptyCause;
-use super::{MeshFormat, MeshReadError, NormalsFound, RawPart, gltf, normals, polygon};
+use super::text::first_bytes;
+use super::{MeshFormat, MeshReadError, NormalsFound, RawPart, normals, polygon};
 use crate::formats::Pace;
 use crate::reason::Notice;
 
@@ -40,7 +41,7 @@ pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
 }
 
 fn not_obj(bytes: &[u8]) -> MeshReadError {
-    MeshReadError::NotThisFormat { format: MeshFormat::Obj, found: gltf::beginning(bytes) }
+    MeshReadError::NotThisFormat { format: MeshFormat::Obj, found: first_bytes(bytes) }
 }
 
 fn part_of(mut checked: Checked, pace: Pace) -> Result<RawPart, MeshReadError> {

@@ -8,8 +8,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit};
 use super::error::{EmptyCause, VertexPlace};
-use super::text::{number, without_mark, words};
-use super::{MOST_POINTS, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, gltf};
+use super::text::{first_bytes, number, without_mark, words};
+use super::{MOST_POINTS, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most};
 use super::{normals, polygon};
 use crate::formats::Pace;
 
@@ -126,7 +126,7 @@ impl Kind {
 impl Header {
     fn of(bytes: &[u8]) -> Result<Self, MeshReadError> {
         let skipped = bytes.len() - without_mark(bytes).len();
-        let not_ply = || MeshReadError::NotThisFormat { format: FORMAT, found: gltf::beginning(bytes) };
+        let not_ply = || MeshReadError::NotThisFormat { format: FORMAT, found: first_bytes(bytes) };
         let text = &bytes[skipped..bytes.len().min(skipped + LONGEST_HEADER)];
         if !(text.starts_with(b"ply\n") || text.starts_with(b"ply\r")) {
             return Err(not_ply());

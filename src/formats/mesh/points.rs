@@ -6,8 +6,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit, unit_word};
-use super::text::{bad_line, beginning, last_line, lines, number, without_mark};
-use super::{LengthUnit, MOST_POINTS, MeshFormat, MeshReadError, RawPart, at_most, gltf};
+use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark};
+use super::{LengthUnit, MOST_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
 use crate::reason::Notice;
 
 /// What comments begin with.
@@ -138,7 +138,7 @@ fn checked(bytes: &[u8]) -> Result<&[u8], MeshReadError> {
     let text = without_mark(bytes);
     // Text in 16 bits has zero bytes too.
     if text.is_empty() || text[..text.len().min(4096)].contains(&0) {
-        return Err(MeshReadError::NotThisFormat { format: FORMAT, found: gltf::beginning(bytes) });
+        return Err(MeshReadError::NotThisFormat { format: FORMAT, found: first_bytes(bytes) });
     }
     Ok(text)
 }
@@ -178,7 +178,7 @@ fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
         return Err(MeshReadError::NoPoints { missing });
     }
     let first = lines(text).map(|(_, line)| line).find(|line| !is_aside(line)).unwrap_or_default();
-    let found = if first.is_empty() { "no line of numbers".into() } else { gltf::beginning(first) };
+    let found = if first.is_empty() { "no line of numbers".into() } else { first_bytes(first) };
     Err(MeshReadError::NotThisFormat { format: FORMAT, found })
 }
 

@@ -8,8 +8,8 @@ use nalgebra::Point3;
 
 use super::clues::Clues;
 use super::error::{EmptyCause, VertexPlace};
-use super::text::{bad_line, beginning, last_line, lines, number, without_mark, words};
-use super::{MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, gltf, normals};
+use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark, words};
+use super::{MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals};
 use crate::reason::Notice;
 
 const HEADER: usize = 80;
@@ -57,7 +57,7 @@ fn count(bytes: &[u8]) -> Option<u32> {
 fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
     let is_word = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
     if bytes[..bytes.len().min(PREAMBLE)].iter().all(is_word) {
-        return Err(MeshReadError::NotThisFormat { format: MeshFormat::Stl, found: gltf::beginning(bytes) });
+        return Err(MeshReadError::NotThisFormat { format: MeshFormat::Stl, found: first_bytes(bytes) });
     }
     let count = count(bytes).unwrap_or(0);
     let declared = PREAMBLE as u64 + u64::from(count) * FACET as u64;

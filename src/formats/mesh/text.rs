@@ -1,4 +1,4 @@
-//! Lines and numbers of text files that hold one entry in a line.
+//! Lines and numbers of text files that hold one entry in a line, and beginnings of files as people read them.
 
 use crate::formats::mesh::MeshReadError;
 
@@ -31,6 +31,14 @@ pub(super) fn bad_line(line: u64, text: &[u8], problem: &'static str) -> MeshRea
 /// The beginning of a line.
 pub(super) fn beginning(text: &[u8]) -> String {
     String::from_utf8_lossy(&text[..text.len().min(60)]).into_owned()
+}
+
+/// The first bytes of a file as a person can read them.
+pub(super) fn first_bytes(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "nothing: it is empty".into();
+    }
+    format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii())
 }
 
 /// The end of a text: number and content of its last line that is not empty, and whether a line break follows.

@@ -1,0 +1,150 @@
+//! The files and folders that the command line names.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::outcome::{Exit, Failure, Outcome};
+use crate::cache::Cache;
+use crate::config::Station;
+use crate::formats::mesh::{self, Buffer, MeshFormat, MeshReadError, PartFile};
+use crate::reason::Reason;
+
+/// The content of a file that the user named.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    std::fs::read(path).map_err(|error| file_trouble("read", path, &error))
+}
+
+/// Writes a file that the user named, whole or not at all.
+pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
+    write_with(path, |folder, name| crate::files::write_whole(folder, name, bytes))
+}
+
+/// The same, if `check` accepts what is read from the disk before the file gets its name.
+pub(super) fn write_file_if(
+    path: &Path,
+    bytes: &[u8],
+    check: impl FnOnce(&[u8]) -> Result<(), Reason>,
+) -> Outcome {
+    let mut checked = Ok(());
+    write_with(path, |folder, name| {
+        checked = crate::files::write_whole_if(folder, name, bytes, check)?;
+        Ok(())
+    })?;
+    checked.map_err(|reason| Failure::rejected(reason.in_file(path.display().to_string())))
+}
+
+fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()>) -> Outcome {
+    let (folder, name) = (folder_of(path), name_of(path)?);
+    if path.is_dir() {
+        return Err(file_trouble("write", path, &ErrorKind::IsADirectory.into()));
+    }
+    write(folder, &name).map_err(|error| file_trouble("write", path, &error))
+}
+
+/// Refuses to write over what is read, or two results into one file: the designer's file would be gone without a word.
+/// Each file comes with the word that named it.
+pub(super) fn apart(read: &[&Path], written: &[(&str, &Path)]) -> Outcome {
+    let same = |one: &Path, two: &Path| {
+        one == two || matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two)
+    };
+    for (index, (option, file)) in written.iter().enumerate() {
+        if read.iter().any(|read| same(read, file)) {
+            return Err(Failure::usage(
+                format!("`{option}` names {}, which is read; it would be lost.", file.display()),
+                format!("Give `{option}` a name of its own."),
+            ));
+        }
+        if let Some((other, _)) = written[..index].iter().find(|(_, other)| same(other, file)) {
+            return Err(Failure::usage(
+                format!("`{other}` and `{option}` name the same file, {}.", file.display()),
+                "Give each of them a name of its own.",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A file that the user named cannot be read or written.
+pub(super) fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> Failure {
+    let (file, folder) = (path.display(), folder_of(path).display());
+    let (what, remedy) = match error.kind() {
+        ErrorKind::NotFound if verb == "read" => {
+            (format!("There is no file {file}."), "Check its name and its folder.".to_owned())
+        }
+        ErrorKind::NotFound => (
+            format!("There is no folder {folder} to write {file} into."),
+            "Make the folder, or name another one.".to_owned(),
+        ),
+        _ if path.is_dir() => (
+            format!("The folder {file} is named where a file is meant."),
+            format!("Name a file, such as {}.", path.join("name.dxf").display()),
+        ),
+        ErrorKind::PermissionDenied => (
+            format!("The file {file} may not be {}.", if verb == "read" { "read" } else { "written" }),
+            format!("Give yourself the right to {verb} in the folder {folder}, or choose another folder."),
+        ),
+        _ => (
+            format!("Cannot {verb} {file}: {error}."),
+            "Check the disk, its free space and the way to it, then try again.".to_owned(),
+        ),
+    };
+    Failure {
+        exit: Exit::Environment,
+        reason: Reason::new("environment", what, remedy).in_file(file.to_string()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+pub(super) fn name_of(path: &Path) -> Result<String, Failure> {
+    match path.file_name().and_then(|name| name.to_str()) {
+        Some(name) => Ok(name.to_owned()),
+        None => Err(Failure::usage(format!("{} is not the name of a file.", path.display()), "Name a file.")),
+    }
+}
+
+/// A part with the files beside it that it needs.
+pub(super) fn read_part(path: &Path) -> Result<PartFile, Failure> {
+    let mut part = PartFile::alone(name_of(path)?, read_file(path)?);
+    let Some(format) = MeshFormat::from_name(&part.name) else { return Ok(part) };
+    let refused = |error: MeshReadError| Failure::rejected(error.reason().in_file(&part.name));
+    let buffers = mesh::named_files(&part.bytes, format).map_err(refused)?.buffers;
+    let read = |buffer: Buffer| match crate::files::read_beside(path, &buffer.name) {
+        Ok(bytes) => Ok((buffer.name, bytes)),
+        Err(error) => Err(refused(MeshReadError::BufferMissing { name: buffer.name, kind: error.kind() })),
+    };
+    part.siblings = buffers.into_iter().map(read).collect::<Result<_, _>>()?;
+    Ok(part)
+}
+
+/// The station's settings, if one is named.
+pub(super) fn station(file: Option<&Path>) -> Result<Option<Station>, Failure> {
+    Ok(file.map(Station::load).transpose()?)
+}
+
+/// The cache to use: the named folder, else the station's, else the user's own.
+pub(super) fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Failure> {
+    if let Some(folder) = named {
+        return Ok(Cache::new(folder));
+    }
+    if let Some(station) = station {
+        return Ok(Cache::new(&station.folders.cache));
+    }
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let user = if cfg!(windows) {
+        variable("LOCALAPPDATA")
+    } else {
+        variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
+    };
+    user.map(|folder| Cache::new(folder.join("isomark"))).ok_or_else(|| {
+        Failure::usage(
+            "There is no folder to keep fitted surfaces in.",
+            "Name one with `--cache`, or a station with `--station`.",
+        )
+    })
+}

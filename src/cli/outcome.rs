@@ -1,0 +1,102 @@
+//! How a command ends, and what it prints.
+
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+use crate::config::ConfigError;
+use crate::pipeline::PipelineError;
+use crate::printable::{on_lines, on_one_line};
+use crate::reason::Reason;
+
+/// What the program ends with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// Done.
+    Done = 0,
+    /// The input was rejected.
+    Rejected = 1,
+    /// The command line or the settings are wrong.
+    Usage = 2,
+    /// The surroundings failed: disk, permission.
+    Environment = 3,
+}
+
+/// Why a command ended without its result.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub(super) exit: Exit,
+    pub(super) reason: Reason,
+}
+
+pub(super) type Outcome = Result<(), Failure>;
+
+impl Failure {
+    pub(super) fn rejected(reason: Reason) -> Self {
+        Self { exit: Exit::Rejected, reason }
+    }
+
+    pub(super) fn usage(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { exit: Exit::Usage, reason: Reason::new("usage", what, remedy) }
+    }
+
+    pub(super) fn environment(error: &std::io::Error) -> Self {
+        let remedy = "Check that the file or folder exists, that it may be read or written, and that the disk is not full.";
+        Self { exit: Exit::Environment, reason: Reason::new("environment", format!("{error}."), remedy) }
+    }
+}
+
+impl From<ConfigError> for Failure {
+    /// A file that is not there, or is none, does not come by trying again.
+    fn from(error: ConfigError) -> Self {
+        use ErrorKind::{InvalidData, IsADirectory, NotADirectory, NotFound};
+        let wrong = |kind| matches!(kind, NotFound | InvalidData | IsADirectory | NotADirectory);
+        let exit = match &error {
+            ConfigError::Unreadable { file, source } if !wrong(source.kind()) && !file.is_dir() => {
+                Exit::Environment
+            }
+            _ => Exit::Usage,
+        };
+        Self { exit, reason: error.reason() }
+    }
+}
+
+impl From<PipelineError> for Failure {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Rejected(reason) => Self::rejected(reason),
+            // Nobody is in a hurry here.
+            error @ PipelineError::TakesLong => {
+                Self::rejected(Reason::new("takes-long", format!("{error}."), "Try again."))
+            }
+            PipelineError::Environment(error) => Self::environment(&error),
+        }
+    }
+}
+
+/// Writes to people on standard output; a closed one is no error. Names in the text that come from files have to be on
+/// one line ([`on_one_line`], [`shown`]); whatever else does not print is spelled out here.
+pub(super) fn print(text: &str) {
+    write_out(&on_lines(text));
+}
+
+/// Writes a document to machines on standard output, exactly as it is; a closed one is no error.
+pub(super) fn print_json(text: &str) {
+    write_out(text);
+}
+
+fn write_out(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Writes a line to people on standard error, with what does not print spelled out as in [`print()`]; a closed one is no
+/// error.
+pub(super) fn tell(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));
+}
+
+/// A path as people are shown it.
+pub(super) fn shown(path: &Path) -> String {
+    on_one_line(&path.display().to_string())
+}

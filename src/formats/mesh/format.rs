@@ -1,0 +1,95 @@
+//! The formats of parts, by the names and first bytes of their files.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A format that parts can be read from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MeshFormat {
+    /// glTF 2 as text, its buffers beside it or inside.
+    Gltf,
+    /// glTF 2 in one binary file.
+    Glb,
+    /// Wavefront OBJ.
+    Obj,
+    /// STL, text or binary.
+    Stl,
+    /// Polygon file format: a mesh if it has faces, otherwise a scan.
+    Ply,
+    /// Points as text, a line each: a scan.
+    Xyz,
+}
+
+/// Endings of parts that other programs read, in lower case.
+const UNREAD: [&str; 31] = [
+    "step", "stp", "p21", "iges", "igs", "3mf", "amf", "fcstd", "brep", "brp", "blend", "sldprt", "sldasm",
+    "ipt", "iam", "prt", "catpart", "x_t", "x_b", "sat", "jt", "3dm", "f3d", "fbx", "dae", "3ds", "skp",
+    "wrl", "usd", "usdz", "off",
+];
+
+/// Whether a file of this name is a part in a format that is not read, in capitals or not.
+///
+/// ```
+/// use isomark::formats::mesh::is_unread_part;
+/// assert!(is_unread_part("can.STEP") && !is_unread_part("can.glb") && !is_unread_part("can.dxf"));
+/// ```
+pub fn is_unread_part(file_name: &str) -> bool {
+    file_name.rsplit_once('.').is_some_and(|(_, ending)| UNREAD.contains(&&*ending.to_ascii_lowercase()))
+}
+
+impl MeshFormat {
+    /// File name endings of parts, for people.
+    pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
+
+    /// Whether half a file is known for what it is; of lines alone, any number looks whole.
+    pub fn has_end_mark(self) -> bool {
+        !matches!(self, Self::Obj | Self::Xyz)
+    }
+
+    /// The format that a file name's ending stands for, in capitals or not.
+    ///
+    /// ```
+    /// use isomark::formats::mesh::MeshFormat;
+    /// assert_eq!(MeshFormat::from_name("can.GLB"), Some(MeshFormat::Glb));
+    /// assert_eq!(MeshFormat::from_name("can.dxf"), None);
+    /// ```
+    pub fn from_name(file_name: &str) -> Option<Self> {
+        let (_, ending) = file_name.rsplit_once('.')?;
+        match ending.to_ascii_lowercase().as_str() {
+            "gltf" => Some(Self::Gltf),
+            "glb" => Some(Self::Glb),
+            "obj" => Some(Self::Obj),
+            "stl" => Some(Self::Stl),
+            "ply" => Some(Self::Ply),
+            "xyz" | "csv" | "txt" | "asc" | "pts" => Some(Self::Xyz),
+            _ => None,
+        }
+    }
+
+    /// The format the bytes are in, where their beginning leaves no doubt.
+    pub(super) fn of_content(self, bytes: &[u8]) -> Self {
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        if bytes.starts_with(b"glTF") {
+            Self::Glb
+        } else if text.starts_with(b"{") {
+            Self::Gltf
+        } else {
+            self
+        }
+    }
+}
+
+impl fmt::Display for MeshFormat {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Gltf => "glTF",
+            Self::Glb => "GLB",
+            Self::Obj => "OBJ",
+            Self::Stl => "STL",
+            Self::Ply => "PLY",
+            Self::Xyz => "XYZ",
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! A part as its file has it, and the limits of what is read.
+
+use nalgebra::{Point3, Vector3};
+
+use super::clues::{Clues, Corners};
+use super::error::EmptyCause;
+use super::{MeshOptions, MeshReadError, NormalsFound, PartFacts, PartReading, Shape};
+use crate::formats::Pace;
+use crate::geometry::mesh::{MeshError, TriMesh};
+use crate::geometry::point_cloud::PointCloud;
+use crate::geometry::shading;
+use crate::reason::Notice;
+
+/// Most triangles a part may have; a million is already finer than any marking needs.
+pub(super) const MOST_TRIANGLES: usize = 10_000_000;
+/// So many triangles are a moment's work, with the fit that follows.
+pub(super) const MOMENT: usize = 200_000;
+/// Most points a scan may have; a million is already finer than any marking needs.
+pub(super) const MOST_POINTS: usize = 10_000_000;
+
+/// A part in its file's own unit and axes.
+pub(super) struct RawPart {
+    pub(super) positions: Vec<Point3<f64>>,
+    /// One for each position, or none at all.
+    pub(super) normals: Vec<Vector3<f64>>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) normals_found: NormalsFound,
+    pub(super) clues: Clues,
+    /// Whether the positions are measured points; there are no triangles then.
+    pub(super) is_scan: bool,
+    /// Number of points that the scanner marked as missing.
+    pub(super) missing: usize,
+    pub(super) bodies: Vec<String>,
+    pub(super) materials: Vec<String>,
+    pub(super) not_taken: Vec<String>,
+    pub(super) notices: Vec<Notice>,
+}
+
+impl RawPart {
+    pub(super) fn new(clues: Clues) -> Self {
+        Self {
+            positions: Vec::new(),
+            normals: Vec::new(),
+            triangles: Vec::new(),
+            normals_found: NormalsFound::None,
+            clues,
+            is_scan: false,
+            missing: 0,
+            bodies: Vec::new(),
+            materials: Vec::new(),
+            not_taken: Vec::new(),
+            notices: Vec::new(),
+        }
+    }
+
+    /// Makes it a scan of these points, with a normal for each or none at all.
+    pub(super) fn set_scan(&mut self, points: Vec<Point3<f64>>, normals: Vec<Vector3<f64>>) {
+        self.is_scan = true;
+        self.normals_found = if normals.is_empty() { NormalsFound::None } else { NormalsFound::Smooth };
+        (self.positions, self.normals) = (points, normals);
+    }
+
+    /// Decides unit and axis, and brings the part to mm with +Z up.
+    pub(super) fn into_reading(mut self, options: &MeshOptions) -> Result<PartReading, MeshReadError> {
+        let corners = match self.is_scan {
+            true => Corners::of_points(&self.positions),
+            false => Corners::of(&self.positions, &self.triangles),
+        };
+        let verdict = self.clues.judge(&corners, options);
+        let (scale, up) = (verdict.unit.value.in_mm(), verdict.up.value);
+        for position in &mut self.positions {
+            *position = Point3::from(up.to_z_up(position.coords) * scale);
+        }
+        for normal in &mut self.normals {
+            *normal = up.to_z_up(*normal);
+        }
+        let shape =
+            match self.is_scan {
+                true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
+                false => Shape::Mesh(TriMesh::new(self.positions, self.normals, self.triangles).map_err(
+                    |error| match error {
+                        MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
+                        _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+                    },
+                )?),
+            };
+        let shape = match shape {
+            Shape::Mesh(mesh) if shading::only_shade(&mesh) => {
+                self.normals_found = NormalsFound::Averaged;
+                Shape::Mesh(mesh.with_shading_normals())
+            }
+            shape => shape,
+        };
+        let (size, triangles, vertices) = match &shape {
+            Shape::Mesh(mesh) => (mesh.size(), mesh.triangles().len(), mesh.positions().len()),
+            Shape::Scan(cloud) => (cloud.size(), 0, cloud.points().len()),
+        };
+        if vertices == 0 {
+            return Err(MeshReadError::NoPoints { missing: self.missing });
+        }
+        self.notices.extend(verdict.notices);
+        if !self.is_scan {
+            self.notices.extend(self.normals_found.notice());
+        }
+        let facts = PartFacts {
+            format: Some(self.clues.format),
+            producer: self.clues.producer,
+            unit: verdict.unit,
+            up: verdict.up,
+            size: size.into(),
+            triangles,
+            vertices,
+            normals: self.normals_found,
+            bodies: self.bodies,
+            materials: self.materials,
+            not_taken: self.not_taken,
+            scan: None,
+            notices: self.notices,
+        };
+        Ok(PartReading { shape, facts })
+    }
+}
+
+/// Refuses more work than the pace allows, where `moment` of it is a moment's.
+pub(super) fn a_moment(pace: Pace, work: usize, moment: usize) -> Result<(), MeshReadError> {
+    if pace.allows(work, moment) { Ok(()) } else { Err(MeshReadError::TakesLong) }
+}
+
+/// Refuses more of something than can be kept.
+pub(super) fn at_most(what: &'static str, count: usize, limit: usize) -> Result<(), MeshReadError> {
+    if count > limit {
+        return Err(MeshReadError::TooLarge { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
+}
