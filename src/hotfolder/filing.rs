@@ -21,7 +21,7 @@ use fs_err as fs;
 
 use super::folders::{Found, content_hash, copy_new, free_place, has_content, look, move_new};
 use super::names::{SIDECAR, is_sidecar};
-use super::parked::{Filed, Parking};
+use super::parked::{Filed, Parking, stays_gone};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
 use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
@@ -325,24 +325,6 @@ fn flush(file: &Path) -> io::Result<()> {
         }
     }
     sync_folder(file.parent().unwrap_or(Path::new("")))
-}
-
-/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
-/// with it and would be done twice.
-///
-/// # Errors
-/// `NotFound` when the hot folder is gone, too; `Interrupted` when it is back.
-fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
-    let hot = &folders.hot;
-    if !hot.is_dir() {
-        let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
-        return Err(io::Error::new(io::ErrorKind::NotFound, words));
-    }
-    if look(drop)?.is_some() {
-        let words = format!("the hot folder {} was gone for a moment", hot.display());
-        return Err(io::Error::new(io::ErrorKind::Interrupted, words));
-    }
-    Ok(())
 }
 
 fn companions_follow(folders: &FolderPaths, parking: &Parking, original: &Original, target: &Path) {

@@ -171,13 +171,16 @@ impl Parking {
     /// where it is.
     ///
     /// # Errors
-    /// When it cannot be moved; on Windows also as long as somebody has it open to write.
+    /// As [`stays_gone`]; and when it cannot be moved; on Windows also as long as somebody has it open to write.
     pub(super) fn take_away(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
         if cfg!(windows) {
-            return remove_alone(path, filed);
+            return remove_alone(folders, path, filed);
         }
-        if look(path)? != Some(Found::File(filed.stamp)) {
-            return Ok(());
+        match look(path)? {
+            Some(Found::File(stamp)) if stamp == filed.stamp => {}
+            // Another drop by now.
+            Some(_) => return Ok(()),
+            None => return stays_gone(folders, path),
         }
         let relative = path.strip_prefix(&folders.hot).ok().map(Path::to_path_buf);
         let relative = relative.unwrap_or_else(|| PathBuf::from(path.file_name().unwrap_or_default()));
@@ -186,7 +189,9 @@ impl Parking {
         for base in places(folders) {
             let folder = match set_aside(path, &base, &relative, &signature) {
                 Ok(folder) => folder,
-                Err(error) if error.kind() == ErrorKind::NotFound && look(path)?.is_none() => return Ok(()),
+                Err(error) if error.kind() == ErrorKind::NotFound && look(path)?.is_none() => {
+                    return stays_gone(folders, path);
+                }
                 Err(error) => {
                     trouble = error;
                     continue;
@@ -368,15 +373,33 @@ fn boot() -> String {
 }
 
 /// Removes a file that nobody has open to write, if it is what was filed. Only Windows makes that certain.
-fn remove_alone(path: &Path, filed: &Filed) -> io::Result<()> {
+fn remove_alone(folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
     // As long as this is open, nobody can open it to write.
     let _alone = match open(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotFound => return stays_gone(folders, path),
         opened => opened?,
     };
     let is_filed = look(path)? == Some(Found::File(filed.stamp))
         && (filed.stamp.size > READ_AT_THE_END || content_hash(path)? == filed.hash);
     if is_filed { fs::remove_file(path) } else { Ok(()) }
+}
+
+/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
+/// with it and would be done twice.
+///
+/// # Errors
+/// `NotFound` when the hot folder is gone, too; `Interrupted` when it is back.
+pub(super) fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
+    let hot = &folders.hot;
+    if !hot.is_dir() {
+        let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, words));
+    }
+    if look(drop)?.is_some() {
+        let words = format!("the hot folder {} was gone for a moment", hot.display());
+        return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+    }
+    Ok(())
 }
 
 /// Renames a file into a folder of its own; returns that folder.
@@ -475,13 +498,17 @@ mod tests {
         }
     }
 
-    /// A hot folder with one file that is filed and set aside, and what looks at it.
-    #[cfg(not(windows))]
-    fn set_aside_one(folder: &Path) -> (FolderPaths, Parking) {
+    fn folders_in(folder: &Path) -> FolderPaths {
         let [hot, import, archive, rejected, cache, reports, skus, state] =
             ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
                 .map(|name| folder.join(name));
-        let folders = FolderPaths { hot, import, archive, rejected, cache, reports, skus, state };
+        FolderPaths { hot, import, archive, rejected, cache, reports, skus, state }
+    }
+
+    /// A hot folder with one file that is filed and set aside, and what looks at it.
+    #[cfg(not(windows))]
+    fn set_aside_one(folder: &Path) -> (FolderPaths, Parking) {
+        let folders = folders_in(folder);
         fs::create_dir_all(folders.hot.join("can")).unwrap();
         let path = folders.hot.join("can/a.dxf");
         fs::write(&path, "first").unwrap();
@@ -568,6 +595,24 @@ mod tests {
         let returned = next.look(&folders, Duration::from_secs(3600));
         assert_eq!(returned.iter().map(|one| &one.relative).collect::<Vec<_>>(), [Path::new("can/b.dxf")]);
         assert!(path.exists());
+    }
+
+    #[test]
+    fn what_went_with_the_hot_folder_is_not_filed() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        let (path, parking) = (folders.hot.join("a.dxf"), Parking::default());
+        fs::create_dir_all(&folders.hot).unwrap();
+        fs::write(&path, "first").unwrap();
+        let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
+        let filed = Filed { stamp, hash: blake3::hash(b"first") };
+        fs::rename(&folders.hot, folder.path().join("elsewhere")).unwrap();
+        let gone = parking.take_away(&folders, &path, &filed).unwrap_err();
+        assert_eq!(gone.kind(), ErrorKind::NotFound);
+        // Somebody took the drop alone.
+        fs::create_dir_all(&folders.hot).unwrap();
+        parking.take_away(&folders, &path, &filed).unwrap();
+        assert!(parking.is_empty());
     }
 
     #[cfg(not(windows))]

@@ -236,7 +236,8 @@ fn a_part_of_two_files_is_fitted_again_from_both() {
     station.copy_into(&text, "plate.gltf");
     station.copy_into(&buffer, "fc020-gui.bin");
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
-    assert!(station.once().out.starts_with("1 delivered, 1 part learned"));
+    let said = station.once();
+    assert!(said.out.starts_with("1 delivered, 1 part learned"), "{said:?}");
     let first = station.desk.read("import/plate.dxf");
     let report = station.desk.text("reports/plate/plate.dxf.report.json");
     let both = [text, buffer].map(|path| fs::read(path).unwrap()).concat();
