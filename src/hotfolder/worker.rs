@@ -302,7 +302,7 @@ impl<C: Corrector> Worker<'_, C> {
             if !ends && self.has_room() {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
                 due = self.drops.next_due(self.lanes_made, &self.times()).unwrap_or(due);
-                next = next.min(due);
+                next = if self.stale { now } else { next.min(due) };
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
                 Ok(message) => self.hear(message),
@@ -346,7 +346,9 @@ impl<C: Corrector> Worker<'_, C> {
 
     fn is_idle(&self) -> bool {
         let now = self.now();
-        self.lanes.is_empty()
+        // What settled a moment ago may let others go on that are in no lane yet.
+        !self.stale
+            && self.lanes.is_empty()
             && self.suspects.is_empty()
             && self.reprocessing.is_idle(now)
             && !self.executor.parking.any_changes()
