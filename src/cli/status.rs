@@ -9,7 +9,9 @@ use clap::Args;
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use crate::config::{FolderPaths, Sku, Station, fold};
-use crate::hotfolder::status::{Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits};
+use crate::hotfolder::status::{
+    Kept, Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits,
+};
 use crate::hotfolder::{
     AS_ITS_USER, Holder, Request, StationLock, count_rejected, is_rejected, return_rejected,
 };
@@ -217,6 +219,9 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
         let lie = if count == 1 { "drop lies" } else { "drops lie" };
         text += &format!("{count} rejected {lie} in {}\n", shown(&folders.rejected));
     }
+    if let Some(kept) = &status.kept {
+        text += &kept_words(kept);
+    }
     if !status.under_way.is_empty() {
         text += "at work on\n";
         let line = |job: &UnderWay| format!("  {}, for {:.1} s\n", on_one_line(&job.drop), job.for_s);
@@ -244,6 +249,30 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
         text.extend(status.rejections.iter().map(line));
     }
     text
+}
+
+/// How long files are kept, and what was removed last.
+fn kept_words(kept: &Kept) -> String {
+    let for_days = |days: Option<f64>| match days {
+        Some(days) => format!("for {days} days"),
+        None => "for ever".into(),
+    };
+    let limit = kept.max_bytes.map_or(String::new(), |bytes| format!(", {} at most", gigabytes(bytes)));
+    let mut text = format!(
+        "kept: {} in archive, rejected and reports{limit}; originals {}, rejected drops {}, reports {}\n",
+        gigabytes(kept.bytes),
+        for_days(kept.archive_days),
+        for_days(kept.rejected_days),
+        for_days(kept.reports_days),
+    );
+    if kept.removed > 0 {
+        text += &format!("  removed {} ({}) at {}\n", kept.removed, gigabytes(kept.removed_bytes), kept.at);
+    }
+    text
+}
+
+fn gigabytes(bytes: u64) -> String {
+    format!("{:.3} GB", bytes as f64 / 1e9)
 }
 
 fn list<T>(title: &str, listed: &Listed<T>, words: impl Fn(&T) -> String) -> String {

@@ -34,7 +34,7 @@ pub use settings::{
 };
 pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
-pub use station::{DeliverySettings, FolderPaths, LogSettings, Station, Verify, Watch};
+pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
 
 #[cfg(test)]
 mod tests;

@@ -30,6 +30,8 @@ pub struct Station {
     pub watch: Watch,
     /// How results reach the marking software.
     pub delivery: DeliverySettings,
+    /// How long reports, originals and rejected drops are kept.
+    pub retention: Retention,
     /// The log file, if there is one.
     pub log: Option<LogSettings>,
     /// What holds for every SKU that has no file of its own.
@@ -188,6 +190,29 @@ impl DeliverySettings {
     }
 }
 
+/// How long what is done is kept; `None` for ever.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Retention {
+    /// Reports and their pictures.
+    pub reports: Option<Duration>,
+    /// Archived originals; never the part that a SKU's surface comes from, nor what is still needed.
+    pub archive: Option<Duration>,
+    /// Rejected drops with their reasons.
+    pub rejected: Option<Duration>,
+    /// Size of all three together above which the oldest go earlier, bytes; of what is kept for ever, nothing goes.
+    pub largest: Option<u64>,
+}
+
+impl Default for Retention {
+    fn default() -> Self {
+        let year = Duration::from_secs(365 * DAY);
+        Self { reports: Some(year), archive: None, rejected: Some(year), largest: None }
+    }
+}
+
+/// Length of a day, s.
+const DAY: u64 = 86_400;
+
 /// A log file that is kept small.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogSettings {
@@ -249,6 +274,7 @@ impl Station {
             file: file.into(),
             watch: keys.watch.check(&text)?,
             delivery: keys.delivery.check(&text)?,
+            retention: keys.retention.check(&text)?,
             log: keys.log.check(&text, base, &folders)?,
             folders,
             settings,
@@ -311,6 +337,8 @@ struct StationKeys {
     watch: WatchKeys,
     #[serde(default)]
     delivery: DeliveryKeys,
+    #[serde(default)]
+    retention: RetentionKeys,
     #[serde(default)]
     log: LogKeys,
 }
@@ -533,6 +561,50 @@ impl DeliveryKeys {
             };
         }
         Ok(delivery)
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RetentionKeys {
+    reports_days: Option<Spanned<toml::Value>>,
+    archive_days: Option<Spanned<toml::Value>>,
+    rejected_days: Option<Spanned<toml::Value>>,
+    max_gb: Option<Spanned<f64>>,
+}
+
+impl RetentionKeys {
+    fn check(&self, text: &SettingsText) -> Result<Retention, ConfigError> {
+        let mut retention = Retention::default();
+        for (key, given, kept) in [
+            ("retention.reports_days", &self.reports_days, &mut retention.reports),
+            ("retention.archive_days", &self.archive_days, &mut retention.archive),
+            ("retention.rejected_days", &self.rejected_days, &mut retention.rejected),
+        ] {
+            let Some(given) = given else { continue };
+            let days = match given.get_ref() {
+                toml::Value::Boolean(false) => {
+                    *kept = None;
+                    continue;
+                }
+                toml::Value::Integer(days) => *days as f64,
+                toml::Value::Float(days) => *days,
+                _ => {
+                    return Err(ConfigError::Contradiction {
+                        spot: text.spot(&given.span()),
+                        what: format!("`{key}` is neither a number of days nor false."),
+                        remedy: "Give a number of days, such as 365, or false to keep everything.".into(),
+                    });
+                }
+            };
+            let days = text.in_range(key, days, &given.span(), 1e-5..=36_500.0, "days")?;
+            *kept = Some(Duration::from_secs_f64(days * DAY as f64));
+        }
+        if let Some(given) = &self.max_gb {
+            let gigabytes = text.number("retention.max_gb", given, 1e-6..=1e6, "GB")?;
+            retention.largest = Some((gigabytes * 1e9) as u64);
+        }
+        Ok(retention)
     }
 }
 

@@ -115,6 +115,15 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[delivery]\nverify = 0", "`delivery.verify` cannot be 0 vertices. Give a number from 1", 11, 10),
     ("[delivery]\nverify = \"yes\"", "Give true, false, or the most vertices", 11, 10),
     ("[delivery]\nverify = 1.5", "neither true nor false nor a number of vertices", 11, 10),
+    (
+        "[retention]\nreports_days = 0",
+        "`retention.reports_days` cannot be 0 days. Give a number from",
+        11,
+        16,
+    ),
+    ("[retention]\narchive_days = \"never\"", "or false to keep everything", 11, 16),
+    ("[retention]\nrejected_days = true", "neither a number of days nor false", 11, 17),
+    ("[retention]\nmax_gb = -1", "cannot be -1 GB", 11, 10),
     ("[part]\ndiameter_mm = 73", "has its sizes from there", 11, 15),
     ("[part]\nshape = \"cylinder\"\nlength_mm = 9", "`diameter_mm` is missing", 11, 9),
     ("[part]\nshape = \"cone\"\ndiameter_mm = 9\nend_diameter_mm = 9\nlength_mm = 9", "that differ", 11, 9),
@@ -140,6 +149,19 @@ fn drawings_are_read_back_as_the_settings_say() {
     assert_eq!(applies("verify = true"), [true; 4]);
     assert_eq!(applies("verify = false"), [false; 4]);
     assert_eq!(applies("verify = 1"), [true, false, false, false]);
+}
+
+#[test]
+fn only_reports_and_rejected_drops_go_unless_the_settings_say_more() {
+    let days = |days: u64| Some(Duration::from_secs(days * 86_400));
+    let given = |text: &str| {
+        let Retention { reports, archive, rejected, largest } =
+            with(&format!("[retention]\n{text}")).unwrap().retention;
+        (reports, archive, rejected, largest)
+    };
+    assert_eq!(given(""), (days(365), None, days(365), None));
+    let all = "reports_days = 30\narchive_days = 730.0\nrejected_days = false\nmax_gb = 1.5";
+    assert_eq!(given(all), (days(30), days(730), None, Some(1_500_000_000)));
 }
 
 #[test]

@@ -150,7 +150,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         }
         let (folders, name) = (&task.station.folders, &read.file.name);
         if let Some(report) = &report {
-            filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
+            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
         }
         let archived = self.archive(task, sku, name, read, None)?;
         // Should it fail, the job stays open, and the next listing closes it: the note must not name an older part.

@@ -110,6 +110,9 @@ pub(super) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
 /// The ending of a report.
 pub(super) const REPORT: &str = "report.json";
 
+/// The ending of a picture.
+pub(super) const PREVIEW: &str = "preview.svg";
+
 /// Where a file named after a drop lies in the SKU's reports folder.
 pub(super) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {
     folders.reports.join(sku.key()).join(format!("{name}.{ending}"))

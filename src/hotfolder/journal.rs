@@ -33,6 +33,7 @@ use fs_err as fs;
 use super::basis::is_comparable;
 use super::clock::{self, Uptime};
 use super::folders::{Identity, lies_at};
+use super::names::delivered_as;
 use super::settle::Stamp;
 use crate::config::{Sku, fold};
 use crate::files::{read_if_there, sync_folder, write_whole};
@@ -334,6 +335,16 @@ impl Journal {
         self.by_sku.keys().cloned().collect()
     }
 
+    /// Whether drawings of the SKU were delivered.
+    pub(super) fn has_results(&self, sku: &Sku) -> bool {
+        self.by_sku.contains_key(sku)
+    }
+
+    /// Whether patterns wait because of the part at this place in the rejected folder.
+    pub(super) fn holds_patterns_back(&self, rejected: &str) -> bool {
+        self.refused.values().any(|refused| refused.to == rejected)
+    }
+
     /// What this station's temporary files bear in their names.
     pub(super) fn tag(&self) -> &str {
         &self.tag
@@ -415,6 +426,37 @@ impl Journal {
             )?;
         }
         Ok(())
+    }
+
+    /// Forgets that the original at this place in the SKU's archive folder lies there, before it is removed; `false` if it
+    /// is still needed.
+    pub(super) fn let_original_go(&mut self, sku: &Sku, place: &str) -> io::Result<bool> {
+        let again = format!("archive:{}/{place}", sku.key());
+        let is_open = |open: &OpenJob| {
+            open.to.as_deref() == Some(place) && open.sku.parse::<Sku>().is_ok_and(|open| open == *sku)
+        };
+        if self.at_work.contains_key(&again)
+            || self.open.contains_key(&again)
+            || self.open.values().any(is_open)
+        {
+            return Ok(false);
+        }
+        let name = delivered_as(place.rsplit('/').next().unwrap_or(place));
+        let is_its_original = |result: &&Delivered| {
+            result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
+        };
+        let Some(result) = self.result(&name).filter(is_its_original).cloned() else { return Ok(true) };
+        let Delivered { job, at, import, certainty, older, .. } = result;
+        let is_needed = certainty == Certainty::Uncertain
+            || import == Import::Due
+            || self.open.contains_key(&job.drop)
+            || self.at_work.contains_key(&job.drop);
+        if is_needed {
+            return Ok(false);
+        }
+        let record = Record::Done { job, original: String::new(), import, older, certainty };
+        self.append_line(Line { at, record }, true)?;
+        Ok(true)
     }
 
     /// A part is done and filed away.

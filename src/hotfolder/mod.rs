@@ -33,6 +33,7 @@ mod executor;
 mod reprocess;
 mod requests;
 mod rejected;
+mod retention;
 mod shares;
 mod worker;
 pub mod status;

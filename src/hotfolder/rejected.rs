@@ -17,7 +17,8 @@ use crate::files::make_folder;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
-const REASON: &str = ".reason.json";
+/// How the names of the files with reasons end.
+pub(super) const REASON: &str = ".reason.json";
 /// What to do when the station's folders may not be written.
 pub const AS_ITS_USER: &str =
     "Do it as the user that runs the station, on Linux with `sudo -u isomark` before the command.";
@@ -168,6 +169,17 @@ fn done_since(
         Some(rejected) => done.is_some_and(|done| done > rejected),
         None => written(&told).is_some_and(|done| Some(done) > rejected_at),
     }
+}
+
+/// The place of the rejected drop that a reason's file is about; `None` if it is about none.
+pub(super) fn drop_of(reason: &Path) -> Option<PathBuf> {
+    let RejectedDrop { drop } = serde_json::from_slice(&fs::read(reason).ok()?).ok()?;
+    Some(reason.with_file_name(Path::new(&drop).file_name()?))
+}
+
+/// The companions beside a rejected drop; none of one that cannot be read.
+pub(super) fn companions_of(rejected: &Path) -> Vec<PathBuf> {
+    fs::read(rejected).map(|bytes| companions(rejected, &bytes)).unwrap_or_default()
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {

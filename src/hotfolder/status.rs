@@ -69,6 +69,40 @@ pub struct Status {
     pub uncertain: Listed<UncertainDrawing>,
     /// The last rejections, newest first.
     pub rejections: Vec<Rejection>,
+    /// What is kept for how long; absent before the folders were looked through.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kept: Option<Kept>,
+}
+
+/// How long reports, archived originals and rejected drops are kept, and what that came to when the folders were looked
+/// through last.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Kept {
+    /// When that was, in universal time.
+    pub at: String,
+    /// For how long reports are kept, days; absent for ever.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reports_days: Option<f64>,
+    /// For how long archived originals are kept, days; absent for ever.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub archive_days: Option<f64>,
+    /// For how long rejected drops are kept, days; absent for ever.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rejected_days: Option<f64>,
+    /// The size of all three above which the oldest go earlier, bytes; absent without such a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_bytes: Option<u64>,
+    /// What the three take, bytes.
+    pub bytes: u64,
+    /// How many reports, pictures, originals and rejected drops were removed then.
+    pub removed: u64,
+    /// What they took, bytes.
+    pub removed_bytes: u64,
+    /// Whether they take more than they may, and nothing else may be removed.
+    pub too_much: bool,
+    /// Why something could not be removed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trouble: Option<String>,
 }
 
 /// What can be told of a station from outside.
@@ -217,6 +251,7 @@ pub(super) struct View<'a> {
     pub(super) running: &'a BTreeMap<PathBuf, Running>,
     pub(super) outdated: Vec<(String, Sku)>,
     pub(super) uncertain: Vec<UncertainDrawing>,
+    pub(super) kept: Option<Kept>,
     pub(super) troubles: &'a [String],
     pub(super) now: Moment,
     pub(super) alive: bool,
@@ -332,6 +367,7 @@ impl StatusBoard {
             ),
             uncertain: listed(view.uncertain.clone()),
             rejections: self.rejections.iter().cloned().collect(),
+            kept: view.kept.clone(),
         }
     }
 

@@ -24,6 +24,7 @@ use super::journal::{Delivered, Journal, StampRecord};
 use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
+use super::retention::Keeper;
 use super::settle::{Moment, SettleTimes, Stamp};
 use super::shares::Shares;
 use super::status::{StatusBoard, UncertainDrawing};
@@ -78,6 +79,7 @@ pub fn run(
     let (tasks, taken) = sync_channel(threads);
     // Memory that a thread had stays with it, so these only take what the others cannot.
     let (spare_tasks, taken_by_spare) = sync_channel(threads);
+    let keeper = Keeper::new(&station);
     let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
     std::thread::scope(|scope| {
         for taken in [&taken, &taken_by_spare] {
@@ -86,8 +88,20 @@ pub fn run(
                 scope.spawn(move || labour(taken, executor, &sender));
             }
         }
+        let keeper = &keeper;
+        let cleaning = scope.spawn(|| {
+            // Without it nothing is removed, and all else goes on.
+            let cleaned = guarded(|| {
+                keeper.run(|| executor.journal(), mode == Mode::Once);
+                Ok(())
+            });
+            if let Err(error) = cleaned {
+                tracing::error!("old files are not removed any more: {}", error.into_reason().what);
+            }
+        });
         let mut worker = Worker {
             settings,
+            keeper,
             executor: &executor,
             stop,
             mode,
@@ -132,6 +146,11 @@ pub fn run(
         pulse(Pulse::Ready);
         worker.work_until_done(pulse);
         pulse(Pulse::Stopping);
+        if mode == Mode::UntilStopped || stop.is_raised() {
+            keeper.end();
+        }
+        // What it removed is in the status.
+        let _ = cleaning.join();
         worker.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
@@ -186,6 +205,7 @@ fn labour<C: Corrector>(
 struct Worker<'a, C> {
     settings: LiveSettings,
     executor: &'a Executor<'a, C>,
+    keeper: &'a Keeper,
     stop: &'a StopSignal,
     mode: Mode,
     lock: StationLock,
@@ -418,6 +438,7 @@ impl<C: Corrector> Worker<'_, C> {
                     }
                     self.executor.corrector.follow(station);
                     self.status.follow(station);
+                    self.keeper.follow(station);
                     self.reprocessing.check_all();
                     self.next_listing = Moment::ZERO;
                 }
@@ -504,11 +525,13 @@ impl<C: Corrector> Worker<'_, C> {
         if !self.status.is_due(now) && alive {
             return;
         }
+        let kept = self.keeper.kept();
         let troubles: Vec<String> = self
             .troubles
             .iter()
             .map(String::as_str)
             .chain(self.settings.complaints())
+            .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
             .map(Into::into)
             .collect();
         let view = super::status::View {
@@ -516,6 +539,7 @@ impl<C: Corrector> Worker<'_, C> {
             running: &self.running,
             outdated: self.reprocessing.marked(),
             uncertain: self.executor.journal().uncertain().map(UncertainDrawing::from).collect(),
+            kept,
             troubles: &troubles,
             now,
             alive,

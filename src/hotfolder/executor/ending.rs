@@ -45,10 +45,10 @@ impl<C: Corrector> Executor<'_, C> {
         let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
         if !kept.delivery.report.is_empty() {
             let report = &kept.delivery.report;
-            filing::write_report(folders, sku, name, "report.json", report).map_err(folder_trouble)?;
+            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
         }
         if let Some(preview) = &kept.preview {
-            filing::write_report(folders, sku, name, "preview.svg", preview).map_err(folder_trouble)?;
+            filing::write_report(folders, sku, name, filing::PREVIEW, preview).map_err(folder_trouble)?;
         }
         self.file_original(ready, &kept.job, kept.import, Certainty::Certain)
     }

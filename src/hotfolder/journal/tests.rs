@@ -62,6 +62,43 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     }
 }
 
+#[test]
+fn an_original_goes_only_when_nothing_needs_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    let sku: Sku = "can".parse().unwrap();
+    for (name, import, certainty) in [
+        ("due.dxf", Import::Due, Certainty::Certain),
+        ("uncertain.dxf", Import::ByFolder, Certainty::Uncertain),
+        ("done.dxf", Import::ByFolder, Certainty::Certain),
+        ("busy.dxf", Import::ByFolder, Certainty::Certain),
+    ] {
+        journal.filing(name, "Can", STAMP, name, Some((&job(name, "1"), certainty))).unwrap();
+        assert!(!journal.let_original_go(&sku, name).unwrap(), "{name} is being filed");
+        journal.done(&job(name, "1"), name, import).unwrap();
+    }
+    journal.began("archive:can/busy.dxf", STAMP).unwrap();
+    journal.delivering(&job("done.dxf", "2"), Stamp { size: 8, ..STAMP }, None).unwrap();
+    for (place, goes) in [
+        ("due.dxf", false),
+        ("uncertain.dxf", false),
+        ("busy.dxf", false),
+        ("done.dxf", false),
+        ("(2)/done.dxf", true),
+        ("never-seen.dxf", true),
+    ] {
+        assert_eq!(journal.let_original_go(&sku, place).unwrap(), goes, "{place}");
+    }
+    journal.cancelled("done.dxf").unwrap();
+    let at = journal.result("done.dxf").unwrap().at.clone();
+    assert!(journal.let_original_go(&sku, "done.dxf").unwrap());
+    drop(journal);
+    let journal = Journal::open(folder.path()).unwrap();
+    let result = journal.result("done.dxf").unwrap();
+    assert_eq!((&*result.original, &result.at, &*result.job.key), ("", &at, "1"));
+    assert_eq!(journal.result("due.dxf").unwrap().original, "due.dxf");
+}
+
 /// Two stations may deliver into one folder, and each knows its own temporary files for ever.
 #[test]
 fn a_station_keeps_a_tag_of_its_own() {
