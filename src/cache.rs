@@ -195,11 +195,11 @@ impl Cache {
         })
     }
 
-    /// Keeps a surface and makes its part the current one of the SKU.
+    /// Keeps a surface; [`make_current`](Self::make_current) makes its part the SKU's.
     ///
     /// # Errors
     /// When the folder cannot be written to.
-    pub fn put(&self, sku: &Sku, key: &CacheKey, kept: &CachedSurface) -> io::Result<()> {
+    pub fn keep(&self, sku: &Sku, key: &CacheKey, kept: &CachedSurface) -> io::Result<()> {
         let folder = self.folder(sku);
         fs::create_dir_all(&folder)?;
         write_whole_unsynced(&folder, &format!("{}.fit", key.0), &encode(kept)?)?;
@@ -213,8 +213,7 @@ impl Cache {
             residual_largest_mm: kept.surface.residual.largest,
             residual_rms_mm: kept.surface.residual.rms,
         };
-        write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())?;
-        self.make_current(sku, &kept.origin)
+        write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())
     }
 
     /// Makes a part the current one of the SKU.
@@ -444,7 +443,8 @@ mod tests {
         let (sku, key, kept) = ("Saddle".parse::<Sku>().unwrap(), CacheKey::new("00", "top"), kept());
         assert!(matches!(cache.get(&sku, &key).unwrap(), Lookup::Miss));
         assert_eq!(cache.current(&sku).unwrap(), None);
-        cache.put(&sku, &key, &kept).unwrap();
+        cache.keep(&sku, &key, &kept).unwrap();
+        cache.make_current(&sku, &kept.origin).unwrap();
         let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
         assert_eq!(*found, kept);
         assert_eq!(cache.current(&sku).unwrap(), Some(kept.origin.clone()));

@@ -35,7 +35,7 @@ pub fn write_whole_or_not(folder: &Path, name: &str, bytes: &[u8]) -> io::Result
     write_over(folder, name, bytes, Flush::Content)
 }
 
-/// Writes a file as [`write_whole`] does, if `check` accepts what is read from the disk before the file gets its name. The
+/// Writes a file as [`write_whole`] does, if `check` accepts what is read of the flushed file before it gets its name. The
 /// inner error is that of `check`; the older file is then untouched.
 ///
 /// # Errors
@@ -47,7 +47,11 @@ pub fn write_whole_if<E>(
     check: impl FnOnce(&[u8]) -> Result<(), E>,
 ) -> io::Result<Result<(), E>> {
     let file = written(folder, bytes, Flush::All)?;
-    let read = fs::read(file.path())?;
+    let unreadable = |error: io::Error| {
+        let (name, error) = (folder.join(name), without_path(&error));
+        io::Error::other(format!("what was written for {} cannot be read again: {error}", name.display()))
+    };
+    let read = std::fs::read(file.path()).map_err(unreadable)?;
     match check(&read) {
         Ok(()) => keep(file, folder, name, Flush::All).map(Ok),
         Err(refused) => Ok(Err(refused)),

@@ -230,7 +230,8 @@ impl Pipeline {
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
         if let Some(cache) = &self.cache {
-            cache.put(sku, &key, &kept)?;
+            cache.keep(sku, &key, &kept)?;
+            cache.make_current(sku, &kept.origin)?;
             clock.lap("keep surface");
         }
         Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
@@ -258,8 +259,9 @@ impl Pipeline {
                 let kept =
                     CachedSurface { origin: figure_origin(figure), facts: figure_facts(figure), surface };
                 clock.lap("sample and fit");
+                // The SKU's part stays what it is, for when the settings take the sizes out again.
                 if let Some(cache) = &self.cache {
-                    cache.put(sku, &key, &kept)?;
+                    cache.keep(sku, &key, &kept)?;
                     clock.lap("keep surface");
                 }
                 Some(kept)
@@ -506,15 +508,28 @@ fn hash(bytes: &[u8]) -> String {
 /// another one is outdated.
 fn identified(part: &PartFile) -> (PartOrigin, Clock) {
     let mut clock = Clock::start();
-    let PartFile { name, bytes, siblings } = part;
+    let PartFile { name, bytes, .. } = part;
     let mut hasher = blake3::Hasher::new();
     hasher.update(bytes);
-    for sibling in siblings.values() {
+    for sibling in in_order_of_file(part) {
         hasher.update(sibling);
     }
     let blake3 = hasher.finalize().to_hex().to_string();
     clock.lap("hash part");
     (PartOrigin { file: name.clone(), blake3 }, clock)
+}
+
+/// The contents of the files beside a part in the order in which it names them: names that a program numbered, such as
+/// `buffer2.bin` and `buffer10.bin`, have another order than their files.
+fn in_order_of_file(part: &PartFile) -> Vec<&[u8]> {
+    let PartFile { name, bytes, siblings } = part;
+    let format = MeshFormat::from_name(name).filter(|_| siblings.len() > 1);
+    match format.and_then(|format| mesh::named_files(bytes, format).ok()) {
+        Some(named) => {
+            named.buffers.iter().filter_map(|buffer| siblings.get(&buffer.name)).map(Vec::as_slice).collect()
+        }
+        None => siblings.values().map(Vec::as_slice).collect(),
+    }
 }
 
 /// What stands for the file of a part that the settings give by its sizes.

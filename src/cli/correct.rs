@@ -7,7 +7,7 @@ use clap::Args;
 use super::job::{Job, JobArguments, set};
 use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
-use crate::config::{CorrectionSettings, JobSettings, Method, Verify, Vertices, Weighting};
+use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
 use crate::preview;
@@ -64,14 +64,14 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
     apart(&arguments.job.files(), &written)?;
     let job = arguments.job.prepare(|settings| arguments.apply(settings))?;
-    let Job { sku, settings, pipeline, learned, pattern, drawing } = &job;
+    let Job { sku, settings, pipeline, learned, pattern, drawing, verify } = &job;
     let previous =
         read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, arguments.preview.is_some())?;
 
     let dxf = std::mem::take(&mut corrected.dxf);
-    if corrected.is_to_be_read_back(Verify::default()) {
+    if corrected.is_to_be_read_back(*verify) {
         write_file_if(&arguments.out, &dxf, |file| corrected.read_back(file))?;
     } else {
         write_file(&arguments.out, &dxf)?;

@@ -37,7 +37,7 @@ fn parse_methods(text: &str) -> Result<Methods, crate::config::UnknownChoice> {
 }
 
 pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
-    let Job { sku, settings, pipeline, learned, pattern, drawing } = arguments.job.prepare(|_| Ok(()))?;
+    let Job { sku, settings, pipeline, learned, pattern, drawing, .. } = arguments.job.prepare(|_| Ok(()))?;
     let asked = |method: &Method| {
         arguments.method.iter().any(|named| match named {
             // `auto` always comes down to one of the others.

@@ -9,7 +9,9 @@ use nalgebra::Vector3;
 use super::named_files::{cache_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::{Failure, Outcome};
-use crate::config::{Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, parse_axis, parse_facing};
+use crate::config::{
+    Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, Verify, parse_axis, parse_facing,
+};
 use crate::formats::mesh::MeshFormat;
 use crate::geometry::figure::Figure;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
@@ -88,6 +90,8 @@ pub(super) struct Job<'a> {
     pub(super) learned: LearnedPart,
     pub(super) pattern: &'a Path,
     pub(super) drawing: Vec<u8>,
+    /// Which written drawings are read back.
+    pub(super) verify: Verify,
 }
 
 impl JobArguments {
@@ -114,13 +118,14 @@ impl JobArguments {
         self.apply(&mut settings)?;
         adjust(&mut settings)?;
         let cache = cache_of(self.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
+        let verify = live.as_ref().map(|live| live.station().delivery.verify).unwrap_or_default();
         let pipeline = Pipeline::new(Some(cache));
         let drawing = read_file(pattern)?;
         let learned = match part {
             Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
             None => recall(&pipeline, &sku, &settings)?,
         };
-        Ok(Job { sku, settings, pipeline, learned, pattern, drawing })
+        Ok(Job { sku, settings, pipeline, learned, pattern, drawing, verify })
     }
 
     fn sku(&self, part: Option<&Path>) -> Result<Sku, Failure> {

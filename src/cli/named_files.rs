@@ -19,7 +19,7 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
     write_with(path, |folder, name| crate::files::write_whole(folder, name, bytes))
 }
 
-/// The same, if `check` accepts what is read from the disk before the file gets its name.
+/// The same, if `check` accepts what is read of the flushed file before it gets its name.
 pub(super) fn write_file_if(
     path: &Path,
     bytes: &[u8],

@@ -131,7 +131,7 @@ pub struct DeliverySettings {
     pub verify: Verify,
 }
 
-/// Which written drawings a second reader reads back from the disk and holds against what was meant.
+/// Which written drawings a second reader reads back from their files and holds against what was meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verify {
     /// Every one.
@@ -540,7 +540,7 @@ impl DeliveryKeys {
         if let Some(verify) = &self.verify {
             delivery.verify = match verify.get_ref() {
                 toml::Value::Boolean(true) => Verify::Always,
-                toml::Value::Boolean(false) => Verify::Never,
+                toml::Value::Boolean(false) | toml::Value::Integer(0) => Verify::Never,
                 toml::Value::Integer(vertices) => Verify::UpTo(text.in_range(
                     "delivery.verify",
                     *vertices as f64,

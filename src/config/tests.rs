@@ -112,7 +112,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[output]\ndxf = \"R2004\"", "Did you mean `R2000`?", 11, 7),
     ("[watch]\nrescan_s = 0", "cannot be 0 s", 11, 12),
     ("[output]\ncomments = \"\\i\"", "forward slashes", 11, 14),
-    ("[delivery]\nverify = 0", "`delivery.verify` cannot be 0 vertices. Give a number from 1", 11, 10),
+    ("[delivery]\nverify = -1", "`delivery.verify` cannot be -1 vertices. Give a number from 1", 11, 10),
     ("[delivery]\nverify = \"yes\"", "Give true, false, or the most vertices", 11, 10),
     ("[delivery]\nverify = 1.5", "neither true nor false nor a number of vertices", 11, 10),
     (
@@ -148,6 +148,7 @@ fn drawings_are_read_back_as_the_settings_say() {
     assert_eq!(applies(""), [true, true, false, false]);
     assert_eq!(applies("verify = true"), [true; 4]);
     assert_eq!(applies("verify = false"), [false; 4]);
+    assert_eq!(applies("verify = 0"), [false; 4]);
     assert_eq!(applies("verify = 1"), [true, false, false, false]);
 }
 

@@ -41,7 +41,7 @@ pub(super) fn part_not_needed(figure: &Figure) -> Reason {
 pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
     Reason::new(
         "newer-elsewhere",
-        format!("Another station learned {newer} for {sku} since, with other settings of the part."),
+        format!("Another station learned {newer} for {sku} since."),
         format!("Drop {newer} here, too."),
     )
 }

@@ -27,8 +27,33 @@ fn the_hash_of_a_part_is_that_of_its_files() {
     let of = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
     assert_eq!(hash(&[]), of(b"{}"));
     assert_eq!(hash(&[("a.bin", "xyz")]), of(b"{}xyz"));
-    assert_eq!(hash(&[("b.bin", "z"), ("a.bin", "xy")]), of(b"{}xyz"));
     assert_ne!(hash(&[("a.bin", "xyZ")]), hash(&[("a.bin", "xyz")]));
+    // In the order in which the part names them, whatever the names are.
+    let text = r#"{"asset": {"version": "2.0"}, "buffers": [
+        {"uri": "part10.bin", "byteLength": 1}, {"uri": "part2.bin", "byteLength": 2}]}"#;
+    let named = [("part2.bin", "yz"), ("part10.bin", "x")];
+    let siblings = named.map(|(name, content)| (name.to_owned(), content.as_bytes().to_vec())).into();
+    let part = PartFile { siblings, ..PartFile::alone("can.gltf", text) };
+    assert_eq!(identified(&part).0.blake3, of(format!("{text}xyz").as_bytes()));
+}
+
+#[test]
+fn sizes_in_the_settings_leave_the_skus_own_part_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pipeline, sku) = (Pipeline::new(Some(Cache::new(folder.path()))), "plate".parse().unwrap());
+    let [flat, _] = PLATES.map(|text| PartFile::alone("plate.obj", text));
+    let learned = pipeline.learn(&sku, &flat, &settings()).unwrap();
+    let cylinder = PartSettings {
+        figure: Some(Figure::new(73.0, 73.0, 180.0, nalgebra::Vector3::y()).unwrap()),
+        ..settings()
+    };
+    for _ in 0..2 {
+        let made = pipeline.recall(&sku, &cylinder, &mut Vec::new()).unwrap().unwrap();
+        assert_ne!(made.key, learned.key);
+    }
+    let again = pipeline.recall(&sku, &settings(), &mut Vec::new()).unwrap().unwrap();
+    assert_eq!((again.key, again.kept.origin), (learned.key, learned.kept.origin));
+    assert!(pipeline.restore(&sku, &flat, &settings()).is_ok());
 }
 
 #[test]

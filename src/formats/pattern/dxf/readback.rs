@@ -56,14 +56,14 @@ pub enum ReadbackError {
         found: String,
     },
     /// A layer of the table has another name or colour, or is missing.
-    #[error("layer {number} of the file is {found} instead of {meant}")]
+    #[error("layer {number} of the file {}", differing(found.as_deref(), meant))]
     Layer {
         /// Number of the layer in the drawing, from 1.
         number: usize,
         /// Its name and colour.
         meant: String,
-        /// What was found.
-        found: String,
+        /// What was found; `None` if it is missing.
+        found: Option<String>,
     },
     /// A path differs.
     #[error("{path} of the file {difference}")]
@@ -129,7 +129,7 @@ pub enum PathDifference {
         found: usize,
     },
     /// A vertex is elsewhere.
-    #[error("is at ({}, {}) mm instead of ({}, {}) mm", found[0], found[1], meant[0], meant[1])]
+    #[error("is at {} instead of {}", coordinates(*found), coordinates(*meant))]
     Vertex {
         /// Where it was meant to be, mm.
         meant: [f64; 2],
@@ -142,6 +142,16 @@ pub enum PathDifference {
     /// There is no such path in the drawing.
     #[error("is one too many")]
     Extra,
+}
+
+fn differing(found: Option<&str>, meant: &str) -> String {
+    found.map_or_else(|| format!("is missing: {meant}"), |found| format!("is {found} instead of {meant}"))
+}
+
+/// A place in mm, with at most one digit more than is written.
+fn coordinates(place: [f64; 2]) -> String {
+    let [x, y] = place.map(|value| (value * 1e7).round() / 1e7);
+    format!("({x}, {y}) mm")
 }
 
 fn closure(closed: bool) -> &'static str {
@@ -437,11 +447,10 @@ fn same_layers(
     let mut found = read.layers().filter(own);
     for (index, (layer, name)) in drawing.layers.iter().zip(names).enumerate() {
         let meant = format!("\"{name}\" in colour {}", index_of(layer.color).unwrap_or(7));
-        let found = found.next().map_or_else(
-            || "missing".to_owned(),
-            |found| format!("\"{}\" in colour {}", found.name, found.color.index().unwrap_or(0)),
-        );
-        if meant != found {
+        let found = found
+            .next()
+            .map(|found| format!("\"{}\" in colour {}", found.name, found.color.index().unwrap_or(0)));
+        if found.as_ref() != Some(&meant) {
             return Err(ReadbackError::Layer { number: index + 1, meant, found });
         }
     }
