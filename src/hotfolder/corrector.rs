@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use super::job::{Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
+use super::job::{Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
 use crate::formats::pattern::{self, PatternOptions};
-use crate::pipeline::{LearnedPart, PatternInput, Pipeline, PipelineError};
+use crate::pipeline::{Corrected, LearnedPart, PatternInput, Pipeline, PipelineError};
 use crate::preview::{Backdrop, Preview, svg, svg_on};
 use crate::reason::Reason;
 
@@ -175,19 +175,29 @@ impl Corrector for PipelineCorrector {
             ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
-        let corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
-        let report = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
+        let mut corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
+        let preview = corrected.preview.take();
         Ok(Delivery {
-            drawing: corrected.dxf,
-            report: report.into_bytes(),
-            preview: corrected
-                .preview
-                .map(|preview| -> Sketch { Box::new(move || known.draw(&preview).into_bytes()) }),
+            drawing: std::mem::take(&mut corrected.dxf),
+            report: report(&corrected)?,
+            preview: preview.map(|preview| -> Sketch { Box::new(move || known.draw(&preview).into_bytes()) }),
             size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
+            check: Some(Check {
+                vertices: pattern::readback_work(&corrected.drawing, corrected.profile),
+                read_back: Box::new(move |file| {
+                    corrected.read_back(file).map_err(JobError::Rejected)?;
+                    report(&corrected)
+                }),
+            }),
         })
     }
+}
+
+fn report(corrected: &Corrected) -> Result<Vec<u8>, JobError> {
+    let text = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
+    Ok(text.into_bytes())
 }
 
 impl From<PipelineError> for JobError {

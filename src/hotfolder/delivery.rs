@@ -7,10 +7,10 @@ use std::time::{Duration, SystemTime};
 
 use fs_err as fs;
 
-use super::executor::folder_trouble;
+use super::executor::{folder_trouble, guarded};
 use super::filing;
 use super::folders::{self, Identity, is_file};
-use super::job::JobError;
+use super::job::{Check, Delivery, JobError};
 use super::journal::{Certainty, Delivered, Import, Job, Journal, OpenJob};
 use super::reprocess::ARCHIVE;
 use super::settle::Stamp;
@@ -47,19 +47,23 @@ pub(super) enum How {
     Perhaps,
 }
 
-/// Puts the drawing into the import folder; `previous` is what lies there under its name.
+/// Puts the drawing into the import folder, once a second reader has found in the written file what was meant; `previous`
+/// is what lies there under its name.
 pub(super) fn deliver<'a>(
     journal: impl Fn() -> MutexGuard<'a, Journal>,
     station: &Station,
     job: &Job,
     stamp: Stamp,
-    drawing: &[u8],
+    made: &mut Delivery,
     previous: Option<&[u8]>,
 ) -> Result<How, JobError> {
     let how = match previous {
         None => How::New,
-        Some(same) if same == drawing && station.delivery.repeat == Repeat::Always => How::Again,
-        Some(same) if same == drawing => return Ok(How::Unchanged),
+        Some(same) if same == made.drawing && station.delivery.repeat == Repeat::Always => How::Again,
+        Some(same) if same == made.drawing => {
+            read_back(station, made, || Ok(same.to_vec()))?;
+            return Ok(How::Unchanged);
+        }
         Some(_) => How::Replaced,
     };
     let import = &station.folders.import;
@@ -69,9 +73,10 @@ pub(super) fn deliver<'a>(
         write_whole(&folder, &job.name, previous).map_err(folder_trouble)?;
     }
     let temporary = temporary_of(import, journal().tag(), job);
-    if let Err(error) = write_flushed(&temporary, drawing) {
+    let written = write_flushed(&temporary, &made.drawing).map_err(folder_trouble);
+    if let Err(error) = written.and_then(|()| read_back(station, made, || fs::read(&temporary))) {
         remove_quietly(&temporary);
-        return Err(folder_trouble(error));
+        return Err(error);
     }
     let identity = folders::identity(import);
     let noted = journal().delivering(job, stamp, identity);
@@ -107,6 +112,20 @@ pub(super) fn deliver<'a>(
         tracing::warn!("the journal lacks a line: {error}");
     }
     Ok(if certainty == Certainty::Certain { how } else { How::Perhaps })
+}
+
+/// Has the second reader check the file, if the settings ask for it; the report then states it.
+fn read_back(
+    station: &Station,
+    made: &mut Delivery,
+    file: impl FnOnce() -> std::io::Result<Vec<u8>>,
+) -> Result<(), JobError> {
+    let asked = |check: &Check| station.delivery.verify.applies_to(check.vertices);
+    if let Some(check) = made.check.take().filter(asked) {
+        let file = file().map_err(folder_trouble)?;
+        made.report = guarded(|| (check.read_back)(&file))?;
+    }
+    Ok(())
 }
 
 /// What is seen in the import folder of a drawing that was about to get its name there.

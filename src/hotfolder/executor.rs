@@ -283,7 +283,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 &task.station,
                 &job,
                 task.stamp,
-                &made.drawing,
+                &mut made,
                 previous.as_deref(),
             )?,
         };
@@ -320,7 +320,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 "the {name} that was replaced in import was another one than this station had put there"
             );
         }
-        made.drawing = Vec::new();
+        (made.drawing, made.check) = (Vec::new(), None);
         let import = match (was_begun, same_again) {
             (Some((_, import)), _) => import,
             (None, Some(last)) if how == How::Unchanged => last.import,

@@ -108,6 +108,18 @@ pub struct PartLearned {
 /// A picture that is still to be drawn.
 pub type Sketch = Box<dyn FnOnce() -> Vec<u8> + Send>;
 
+/// Holds the written file, as it was read again from the disk, against what was meant. Returns the report, which then
+/// states it.
+pub type ReadBack = Box<dyn FnOnce(&[u8]) -> Result<Vec<u8>, JobError> + Send>;
+
+/// How a second reader can check the written drawing before it is delivered.
+pub struct Check {
+    /// What that takes, in vertices, as `[delivery] verify` measures it.
+    pub vertices: usize,
+    /// The check itself.
+    pub read_back: ReadBack,
+}
+
 /// What came of a pattern.
 #[derive(Default)]
 pub struct Delivery {
@@ -115,6 +127,8 @@ pub struct Delivery {
     pub drawing: Vec<u8>,
     /// The report in JSON, for the reports folder.
     pub report: Vec<u8>,
+    /// The second reader, if there is one.
+    pub check: Option<Check>,
     /// The preview as SVG, for the reports folder; it is drawn when the drawing lies in the import folder, because that
     /// takes longer than the correction.
     pub preview: Option<Sketch>,

@@ -43,7 +43,7 @@ pub use corrector::PipelineCorrector;
 pub use filing::CURRENT_PART;
 pub(crate) use folders::lies_at;
 pub use job::{
-    Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse, Sketch,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse, ReadBack, Sketch,
     StationError, Tally, Waiting,
 };
 pub use lock::{Holder, StationLock};

@@ -13,10 +13,10 @@ use fs_err as fs;
 use isomark::config::{JobSettings, LiveSettings, Sku, Station};
 use isomark::formats::Pace;
 use isomark::hotfolder::{
-    self, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
+    self, Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
     StationError, StopSignal, Tally,
 };
-use isomark::reason::Reason;
+use isomark::reason::{Place, Reason};
 
 #[cfg(unix)]
 mod held_open;
@@ -123,14 +123,26 @@ impl Corrector for Pretender {
         let turn = settings.placement.rotate.to_degrees();
         let surface = self.surfaces.lock().unwrap()[sku].clone();
         let drawing = format!("{} on {surface} at {turn:.0}", self.obey(&pattern.bytes, pace)?);
+        let meant = drawing.replace("garbled", "clear");
         self.seen.corrected.lock().unwrap().push(pattern.name.clone());
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {
-            drawing: drawing.into(),
             report: report.into(),
             preview: Some(Box::new(|| b"<svg/>".to_vec())),
             size: None,
             summary: "good".into(),
+            check: drawing.contains("checked").then(|| Check {
+                vertices: drawing.len(),
+                read_back: Box::new(move |file| match String::from_utf8_lossy(file) {
+                    file if *file == *meant => Ok(format!("read back: {file}").into_bytes()),
+                    _ => {
+                        let reason = Reason::new("readback-differs", "As asked.", "Ask for something else.");
+                        let place = Place { line: Some(7), ..Place::default() };
+                        Err(JobError::Rejected(reason.at(place)))
+                    }
+                }),
+            }),
+            drawing: drawing.into(),
         })
     }
 }
@@ -432,6 +444,54 @@ fn a_bad_drop_is_rejected_with_its_reason_and_the_station_goes_on() {
     assert!(text.contains("internal error") && text.contains("as asked"), "{text}");
     assert!(line.text("rejected/Kännchen.pdf.reason.txt").unwrap().contains(".dxf"));
     assert_eq!(line.stop().rejected, 3);
+}
+
+/// The file is read from the disk before it gets its name, and again when it lies there unchanged.
+#[test]
+fn what_is_written_and_not_what_was_meant_is_never_delivered() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    line.drop("can.dxf", "checked and garbled");
+    line.waits_for_empty_hot();
+    assert_eq!(line.import(), [""; 0]);
+    assert_eq!(files(&line.path("archive")), ["can/can.glb", "can/current-part.txt"]);
+    let reason: serde_json::Value =
+        serde_json::from_str(&line.text("rejected/can.dxf.reason.json").unwrap()).unwrap();
+    assert_eq!(
+        (&reason["code"], &reason["place"]["line"], &reason["place"]["file"]),
+        (&"readback-differs".into(), &7.into(), &"can.dxf".into())
+    );
+    let journal = line.text("state/journal.log").unwrap();
+    assert!(!journal.contains("delivering"), "{journal}");
+
+    for round in ["new", "unchanged"] {
+        line.drop("can@good.dxf", "checked");
+        line.waits_for_empty_hot();
+        let report = "read back: checked on part at 0";
+        assert_eq!(line.text("reports/can/can@good.dxf.report.json").unwrap(), report, "{round}");
+    }
+    line.drop("can@good.dxf", "checked and garbled");
+    line.waits_for_empty_hot();
+    assert_eq!(line.text("import/can@good.dxf").unwrap(), "checked on part at 0", "the older one stays");
+    assert_eq!(line.import(), ["can@good.dxf"]);
+    assert_eq!(line.stop().rejected, 2);
+}
+
+/// The drawings here are some thirty vertices long.
+#[test]
+fn drawings_are_read_back_as_the_settings_ask() {
+    for (verify, is_read) in [("false", false), ("10", false), ("1000", true), ("true", true)] {
+        let mut line = Line::new();
+        let settings = format!("{SETTINGS}[delivery]\nverify = {verify}\n");
+        fs::write(line.path("station.toml"), settings).unwrap();
+        line.drop("can.glb", "part");
+        line.drop("can.dxf", "checked and garbled");
+        let tally = line.once();
+        let expected = if is_read { (0, 1) } else { (1, 0) };
+        assert_eq!((tally.delivered, tally.rejected), expected, "verify = {verify}");
+        assert_eq!(line.import().len(), usize::from(!is_read), "verify = {verify}");
+    }
 }
 
 #[test]

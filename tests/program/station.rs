@@ -465,6 +465,22 @@ fn once_handles_what_lies_there() {
 }
 
 #[test]
+fn reports_state_whether_the_drawing_was_read_back() {
+    for (settings, expected) in [("", true), ("verify = true\n", true), ("verify = false\n", false)] {
+        let station = Station::new();
+        station.desk.write("station.toml", format!("{SETTINGS}[delivery]\n{settings}"));
+        station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+        station.copy_into(&drawing("abc"), "can.dxf");
+        assert_eq!(station.once().code, 0);
+        let report = station.desk.read("reports/can/can.dxf.report.json");
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        assert_eq!(report["output"]["read_back"], expected, "{settings}");
+        let delivered = station.desk.read("import/can.dxf");
+        assert_eq!(report["output"]["blake3"], *blake3::hash(&delivered).to_hex());
+    }
+}
+
+#[test]
 fn without_an_import_folder_drops_wait() {
     let station = Station::new();
     fs::remove_dir(station.path("import")).unwrap();
