@@ -72,12 +72,8 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
         return Err(Failure::usage(what, "Start it with `isomark watch`."));
     };
     status.in_rejected = count_rejected(&folders.rejected).ok();
-    let import = format!("import folder {}", folders.import.display());
-    if let Some(reason) = folders.import_trouble()
-        && !status.troubles.iter().any(|trouble| trouble.contains(&import))
-    {
-        status.troubles.push(reason.on_one_line());
-    }
+    let import = folders.import_trouble().map(|reason| reason.on_one_line());
+    status.troubles.extend(import.filter(|trouble| !status.troubles.contains(trouble)));
     if arguments.json {
         let text =
             serde_json::to_string_pretty(&status).map_err(|error| Failure::environment(&error.into()))?;

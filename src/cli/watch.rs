@@ -9,7 +9,7 @@ use super::outcome::{Exit, Failure, Outcome, print, tell};
 use super::service::ServiceManager;
 use crate::cache::Cache;
 use crate::config::LiveSettings;
-use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally};
+use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally, WaitsFor};
 use crate::pipeline::Pipeline;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
@@ -50,7 +50,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
                           `isomark retry` delivers them again.";
             Err(Failure { exit: Exit::Environment, reason: Reason::new("drawings-uncertain", what, remedy) })
         }
-        0 => match tally.waiting.iter().find(|left| left.hindered) {
+        0 => match tally.waiting.iter().find(|left| left.waits_for == WaitsFor::Surroundings) {
             Some(left) => Err(Failure { exit: Exit::Environment, reason: left.reason.clone() }),
             None => Ok(()),
         },

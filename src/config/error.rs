@@ -5,9 +5,6 @@ use std::path::PathBuf;
 use super::suggest::{listed, nearest};
 use crate::reason::{Place, Quantity, Reason};
 
-/// The code of the reason for which a job waits until its settings are whole.
-pub(crate) const BEING_SAVED: &str = "settings-being-saved";
-
 /// A mistake in a settings file.
 #[derive(Debug)]
 pub enum ConfigError {
@@ -122,7 +119,7 @@ impl ConfigError {
     fn code(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } => "settings-unreadable",
-            Self::BeingSaved { .. } => BEING_SAVED,
+            Self::BeingSaved { .. } => "settings-being-saved",
             Self::Syntax { .. } => "settings-syntax",
             Self::UnknownKey { .. } => "settings-unknown-key",
             Self::UnknownChoice { .. } => "settings-unknown-choice",

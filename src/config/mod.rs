@@ -24,7 +24,6 @@ pub use choices::{
     Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated, PartShape,
     Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
-pub(crate) use error::BEING_SAVED;
 pub use error::{ConfigError, Spot};
 pub use keys::{JOINING, LOW_PASS};
 pub use live::{LiveSettings, SettingsEvent};

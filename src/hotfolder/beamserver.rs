@@ -39,10 +39,6 @@ const LOOK: Duration = Duration::from_millis(50);
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How many answers' time a whole talk may take.
 const MOST_ANSWERS: u32 = 60;
-/// Codes of the reasons that count for all drawings.
-const UNREACHABLE: &str = "beamserver-unreachable";
-const SILENT: &str = "beamserver-silent";
-const GARBAGE: &str = "beamserver-answer";
 /// Elements that a project may hold; more are a server that counts for ever.
 const MOST_ELEMENTS: usize = 100_000;
 /// The longest answer, bytes.
@@ -60,6 +56,20 @@ const UNREADABLE_FILE: [i64; 2] = [19, 21];
 
 const CHECK_THE_SERVER: &str = "Check that `delivery.address` is that of BeamServer, and start BeamServer again: it is tried again. \
                                 If it answers like this for ever, report it with the version of BeamConstruct.";
+
+/// Why a talk ended early.
+pub(super) enum TalkError {
+    /// The server cannot be reached, or does not answer as one does: that holds for all drawings.
+    Ill(Reason),
+    /// Something about this drawing.
+    Job(JobError),
+}
+
+impl From<JobError> for TalkError {
+    fn from(error: JobError) -> Self {
+        Self::Job(error)
+    }
+}
 
 /// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
 /// answer is told so at once, so that its thread can do something else.
@@ -93,17 +103,18 @@ impl Turns {
     /// To be tried again when the turn does not come soon; else what `talk` says.
     pub(super) fn talk<T>(
         &self,
-        talk: impl FnOnce(&StopSignal) -> Result<T, JobError>,
+        talk: impl FnOnce(&StopSignal) -> Result<T, TalkError>,
     ) -> Result<T, JobError> {
         let _turn = self.turn()?;
         let said = talk(&self.stop);
-        let is_silence = |reason: &&Reason| [UNREACHABLE, SILENT, GARBAGE].contains(&reason.code.as_str());
-        let silence = match &said {
-            Err(JobError::Retry(reason)) => Some(reason).filter(is_silence),
+        self.line().silent = match &said {
+            Err(TalkError::Ill(reason)) => Some((reason.clone(), Instant::now() + REST)),
             _ => None,
         };
-        self.line().silent = silence.map(|reason| (reason.clone(), Instant::now() + REST));
-        said
+        said.map_err(|error| match error {
+            TalkError::Ill(reason) => JobError::Retry(reason),
+            TalkError::Job(error) => error,
+        })
     }
 
     fn turn(&self) -> Result<Turn<'_>, JobError> {
@@ -176,7 +187,7 @@ pub(super) fn import(
     drawing: &Drawing<'_>,
     stop: &StopSignal,
     lay_out: impl FnOnce() -> Result<(), JobError>,
-) -> Result<String, JobError> {
+) -> Result<String, TalkError> {
     let mut server = Server::connect(delivery, stop)?;
     let name = drawing.name;
     let (trial, trial_path) = &drawing.trial;
@@ -218,13 +229,13 @@ struct Server<'a> {
 }
 
 impl<'a> Server<'a> {
-    fn connect(delivery: &DeliverySettings, stop: &'a StopSignal) -> Result<Self, JobError> {
+    fn connect(delivery: &DeliverySettings, stop: &'a StopSignal) -> Result<Self, TalkError> {
         let address = delivery.address.clone();
         let failed = |error: std::io::Error| {
             let what = format!("BeamServer at {address} cannot be reached: {error}.");
             let remedy =
                 "Start BeamServer, end other programs that talk to it, or correct `delivery.address`.";
-            JobError::Retry(Reason::new(UNREACHABLE, what, remedy))
+            TalkError::Ill(Reason::new("beamserver-unreachable", what, remedy))
         };
         let mut addresses = address.to_socket_addrs().map_err(failed)?;
         let first = addresses.next().ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
@@ -238,7 +249,7 @@ impl<'a> Server<'a> {
     }
 
     /// Sends a command and returns the answer, or the numbers of an `ERROR`.
-    fn ask(&mut self, command: &str) -> Result<Result<Answer, [i64; 2]>, JobError> {
+    fn ask(&mut self, command: &str) -> Result<Result<Answer, [i64; 2]>, TalkError> {
         let answer = self.exchange(command).map_err(|error| {
             let why = match error.kind() {
                 ErrorKind::TimedOut => {
@@ -251,7 +262,7 @@ impl<'a> Server<'a> {
             let what = format!("BeamServer at {} gave no answer to `{command}`: {why}.", self.address);
             let remedy = "Wait if BeamServer is restarted or busy: it is tried again. \
                           Else raise `delivery.answer_s`, and end other programs that talk to it.";
-            JobError::Retry(Reason::new(SILENT, what, remedy))
+            TalkError::Ill(Reason::new("beamserver-silent", what, remedy))
         })?;
         // No element and no value looks like this; some servers of other kinds repeat what they hear.
         let is_odd = |letter: char| letter.is_control() && letter != '\t';
@@ -322,17 +333,17 @@ impl<'a> Server<'a> {
     }
 
     /// Sends a command that has to succeed; returns the value.
-    fn command(&mut self, command: &str) -> Result<String, JobError> {
+    fn command(&mut self, command: &str) -> Result<String, TalkError> {
         self.ask(command)?.map_err(|numbers| refused(command, numbers)).map(Answer::value)
     }
 
     /// Sends a command that has to be done.
-    fn order(&mut self, command: &str) -> Result<(), JobError> {
+    fn order(&mut self, command: &str) -> Result<(), TalkError> {
         done(command, self.ask(command)?.map_err(|numbers| refused(command, numbers))?)
     }
 
     /// Imports a file; returns the id of its element, the only one of this name that was not there before.
-    fn import_new(&mut self, name: &str, path: &str, before: &[String]) -> Result<String, JobError> {
+    fn import_new(&mut self, name: &str, path: &str, before: &[String]) -> Result<String, TalkError> {
         self.order(&format!("CmdImport {path}"))?;
         let mut new = self.elements(name)?;
         new.retain(|id| !before.contains(id));
@@ -344,25 +355,25 @@ impl<'a> Server<'a> {
                 let what = format!("BeamConstruct holds {count} new elements named {name} after the import.");
                 let remedy = "Remove there what was imported. Its version may name imported elements differently; \
                               report it.";
-                Err(JobError::Rejected(Reason::new("beamserver-lost", what, remedy)))
+                Err(TalkError::Job(JobError::Rejected(Reason::new("beamserver-lost", what, remedy))))
             }
         }
     }
 
     /// Compares the size of the only element of this name with that of the drawing, mm.
-    fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), JobError> {
+    fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), TalkError> {
         self.order(&format!("CmdSelEntName \\{element}"))?;
         for (axis, expected) in ["X", "Y"].into_iter().zip(size) {
             let found = self.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
             if !((found - expected).abs() <= SIZE_TOLERANCE) {
-                return Err(JobError::Rejected(wrong_size(drawing, axis, found, expected)));
+                return Err(TalkError::Job(JobError::Rejected(wrong_size(drawing, axis, found, expected))));
             }
         }
         Ok(())
     }
 
     /// Removes an element, unless somebody did before.
-    fn delete(&mut self, id: &str) -> Result<(), JobError> {
+    fn delete(&mut self, id: &str) -> Result<(), TalkError> {
         let command = format!("CmdDeleteEnt {id}");
         match self.ask(&command)? {
             Ok(answer) => done(&command, answer),
@@ -372,17 +383,17 @@ impl<'a> Server<'a> {
     }
 
     /// Removes an element that was not verified, as nobody is to mark it; returns why it was not.
-    fn take_back(&mut self, id: &str, error: JobError) -> JobError {
+    fn take_back(&mut self, id: &str, error: TalkError) -> TalkError {
         // The talk may be at its end, and the station to stop.
         self.end = Instant::now() + LAST_WORDS;
         match (error, self.delete(id)) {
             // The drop is rejected when the element is gone, as the reason states.
-            (JobError::Rejected(_), Err(trouble)) => trouble,
+            (TalkError::Job(JobError::Rejected(_)), Err(trouble)) => trouble,
             (error, _) => error,
         }
     }
 
-    fn number(&mut self, command: &str) -> Result<f64, JobError> {
+    fn number(&mut self, command: &str) -> Result<f64, TalkError> {
         let answer = self.command(command)?;
         // No drawing is smaller than nothing.
         let size = answer.parse().ok().filter(|size: &f64| size.is_finite() && *size >= 0.0);
@@ -390,7 +401,7 @@ impl<'a> Server<'a> {
     }
 
     /// The ids of the elements that bear the name, with the separator that BeamConstruct puts before it or without.
-    fn elements(&mut self, name: &str) -> Result<Vec<String>, JobError> {
+    fn elements(&mut self, name: &str) -> Result<Vec<String>, TalkError> {
         let mut ids = Vec::new();
         for index in 0..MOST_ELEMENTS {
             let element = match self.ask(&format!("CmdListName {index}"))? {
@@ -410,7 +421,7 @@ impl<'a> Server<'a> {
             }
         }
         let what = format!("BeamServer at {} lists more than {MOST_ELEMENTS} elements.", self.address);
-        Err(JobError::Retry(Reason::new(GARBAGE, what, CHECK_THE_SERVER)))
+        Err(TalkError::Ill(Reason::new("beamserver-answer", what, CHECK_THE_SERVER)))
     }
 }
 
@@ -432,7 +443,7 @@ impl Answer {
 }
 
 /// A command that asks for nothing is answered by `OK`, or was not understood.
-fn done(command: &str, answer: Answer) -> Result<(), JobError> {
+fn done(command: &str, answer: Answer) -> Result<(), TalkError> {
     match answer {
         Answer::Ok(_) => Ok(()),
         Answer::Value(answer) => Err(garbage(&answer, command)),
@@ -440,13 +451,13 @@ fn done(command: &str, answer: Answer) -> Result<(), JobError> {
 }
 
 /// The server is ill, or none: the drawing is not to blame.
-fn garbage(answer: &str, command: &str) -> JobError {
+fn garbage(answer: &str, command: &str) -> TalkError {
     let shown: String = answer.chars().take(60).flat_map(char::escape_debug).collect();
     let what = format!("BeamServer answered `{shown}` to `{command}`, which is no answer to that.");
-    JobError::Retry(Reason::new(GARBAGE, what, CHECK_THE_SERVER))
+    TalkError::Ill(Reason::new("beamserver-answer", what, CHECK_THE_SERVER))
 }
 
-fn refused(command: &str, numbers: [i64; 2]) -> JobError {
+fn refused(command: &str, numbers: [i64; 2]) -> TalkError {
     let [first, second] = numbers;
     let what = format!("BeamServer refused `{command}`: ERROR {first} {second}.");
     let remedy = if UNREADABLE_FILE.contains(&first) {
@@ -454,7 +465,7 @@ fn refused(command: &str, numbers: [i64; 2]) -> JobError {
     } else {
         "Look at BeamConstruct; the delivery is tried again."
     };
-    JobError::Retry(Reason::new("beamserver-refused", what, remedy))
+    TalkError::Job(JobError::Retry(Reason::new("beamserver-refused", what, remedy)))
 }
 
 fn wrong_size(name: &str, axis: &str, found: f64, expected: f64) -> Reason {

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use super::job::{Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch};
+use super::job::{
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch,
+};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::Pace;
@@ -229,7 +231,7 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
 
 fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completeness {
     let ends_with_a_line = bytes.last() == Some(&b'\n');
-    let cut = |error: &MeshReadError| error.reason().code == "mesh-truncated" || bytes.is_empty();
+    let cut = |error: &MeshReadError| error.is_cut_short() || bytes.is_empty();
     match format {
         // A whole last line is all the end an OBJ has; only without one is a closer look worth its time.
         MeshFormat::Obj if ends_with_a_line => {}

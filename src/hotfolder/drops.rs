@@ -4,19 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::executor::PART_REFUSED;
-use super::filing::with_slashes;
+use super::drop_id::with_slashes;
 use super::folders::Found;
-use super::job::Waiting;
+use super::job::{Waiting, WaitsFor};
 use super::names::{Meaning, delivered_as, is_sidecar, meaning};
-use super::settle::{Ending, Moment, Settle, SettleTimes, Verdict, Writer};
+use super::settle::{Ending, Gap, Moment, Settle, SettleTimes, Verdict, Writer};
 use crate::config::{Sku, fold};
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
-
-/// The code of the reason of large drops that could be done at once.
-pub(super) const WAITS_FOR_TURN: &str = "waits-for-turn";
 
 /// One drop.
 pub(super) struct Drop {
@@ -28,8 +24,10 @@ pub(super) struct Drop {
     /// Its place in the order in which drops came.
     number: u64,
     pub(super) block: Block,
-    /// What it waits for or lacks, as it was last told.
-    pub(super) reason: Option<Reason>,
+    /// What it was found to lack when it was read last.
+    pub(super) lacks: Option<Reason>,
+    /// What was last told about it.
+    pub(super) told: Option<Reason>,
     /// It turned out to be more than a moment's work.
     pub(super) takes_long: bool,
 }
@@ -40,13 +38,25 @@ pub(super) enum Block {
     /// Nothing.
     Free,
     /// Something around the job failed: not before this moment, and after the next failure not for twice the pause.
-    Until { moment: Moment, pause: Duration },
+    Until { moment: Moment, pause: Duration, obstacle: Obstacle },
     /// A pattern whose SKU has no surface.
     UnknownSku,
     /// A pattern whose SKU is about to get another surface.
     PartUnderWay,
     /// A companion that no part has asked for yet.
     Unclaimed,
+}
+
+/// What was in the way of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Obstacle {
+    /// The newest part of the SKU was rejected.
+    RefusedPart,
+    /// There is no import folder.
+    NoImportFolder,
+    /// The settings may still be written.
+    SettingsBeingSaved,
+    Other,
 }
 
 /// All drops, by path.
@@ -100,7 +110,7 @@ impl Drops {
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
             if changed && drop.takes_long {
-                (drop.takes_long, drop.reason) = (false, None);
+                (drop.takes_long, drop.told) = (false, None);
             }
             drop.settle.see(stamp, writer, now);
             // Another file may do where the last one failed.
@@ -136,7 +146,8 @@ impl Drops {
             settle,
             number,
             block,
-            reason: None,
+            lacks: None,
+            told: None,
             takes_long: false,
         };
         self.all.insert(path, drop);
@@ -280,12 +291,9 @@ impl Drops {
     pub(super) fn left(&self) -> (Vec<Waiting>, Vec<Waiting>) {
         let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
         for drop in self.all.values() {
-            let reason = drop.reason.clone().unwrap_or_else(still_settling);
-            let waits = drop.block != Block::Free || reason.code == WAITS_FOR_TURN;
-            let kind = if waits { &mut waiting } else { &mut incomplete };
-            // A part that was rejected is told as such.
-            let hindered = matches!(drop.block, Block::Until { .. }) && reason.code != PART_REFUSED;
-            kind.push(Waiting { drop: with_slashes(&drop.relative), reason, hindered });
+            let (waits_for, reason) = drop.waits_for();
+            let kind = if waits_for == WaitsFor::Rest { &mut incomplete } else { &mut waiting };
+            kind.push(Waiting { drop: with_slashes(&drop.relative), reason, waits_for });
         }
         (waiting, incomplete)
     }
@@ -307,6 +315,44 @@ impl Drop {
             Ok(Meaning::Pattern { name, .. }) => Some(Aim::Drawing(delivered_as(name).to_lowercase())),
             _ => None,
         }
+    }
+
+    /// What it waits for, in words, too.
+    fn waits_for(&self) -> (WaitsFor, Reason) {
+        let told = || self.told.clone().unwrap_or_else(still_settling);
+        match (self.block, &self.lacks) {
+            (Block::Free, None) if self.takes_long => (WaitsFor::Turn, waits_for_turn()),
+            (Block::Free, lacks) => (WaitsFor::Rest, lacks.clone().unwrap_or_else(still_settling)),
+            (Block::Until { obstacle: Obstacle::RefusedPart, .. }, _) => (WaitsFor::AnotherDrop, told()),
+            (Block::Until { .. }, _) => (WaitsFor::Surroundings, told()),
+            (Block::UnknownSku | Block::PartUnderWay | Block::Unclaimed, _) => {
+                (WaitsFor::AnotherDrop, told())
+            }
+        }
+    }
+
+    /// It lacks something; returns whether that is news.
+    pub(super) fn found_incomplete(&mut self, gap: Gap, reason: Reason) -> bool {
+        self.settle.found_incomplete(gap);
+        (self.block, self.lacks) = (Block::Free, Some(reason.clone()));
+        self.tell(reason)
+    }
+
+    /// It is whole, and more than a moment's work.
+    pub(super) fn found_large(&mut self) {
+        (self.block, self.lacks, self.takes_long) = (Block::Free, None, true);
+    }
+
+    /// Something keeps it from being done; returns whether that is news.
+    pub(super) fn wait(&mut self, block: Block, reason: Reason) -> bool {
+        self.block = block;
+        self.tell(reason)
+    }
+
+    fn tell(&mut self, reason: Reason) -> bool {
+        let is_news = self.told.as_ref() != Some(&reason);
+        self.told = Some(reason);
+        is_news
     }
 
     /// The SKU that it is a part or pattern of.
@@ -333,9 +379,9 @@ fn not_a_file() -> Reason {
 }
 
 /// A drop that was read and is more than a moment's work.
-pub(super) fn waits_for_turn() -> Reason {
+fn waits_for_turn() -> Reason {
     let what = "The file is whole and waits for its turn: large job.";
-    Reason::new(WAITS_FOR_TURN, what, "Nothing: it is done after the large ones before it.")
+    Reason::new("waits-for-turn", what, "Nothing: it is done after the large ones before it.")
 }
 
 fn still_settling() -> Reason {
@@ -360,7 +406,8 @@ mod tests {
             drops.see(hot, Path::new(name), Found::File(stamp), Writer::Closed, at(0), at(0));
         }
         for name in ["can.glb", "mug.png"] {
-            drops.get_mut(&hot.join(name)).unwrap().block = Block::Until { moment: at(5), pause: at(1) };
+            drops.get_mut(&hot.join(name)).unwrap().block =
+                Block::Until { moment: at(5), pause: at(1), obstacle: Obstacle::Other };
         }
         let ready = |now| drops.ready(at(now), &times).into_iter().map(|(_, path)| path).collect::<Vec<_>>();
         assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
@@ -386,8 +433,7 @@ mod tests {
             (waiting.len(), incomplete.len())
         };
         assert_eq!(see(&mut drops, 1), (0, 1));
-        let drop = drops.get_mut(Path::new("hot/can.dxf")).unwrap();
-        (drop.takes_long, drop.reason) = (true, Some(waits_for_turn()));
+        drops.get_mut(Path::new("hot/can.dxf")).unwrap().found_large();
         assert_eq!(see(&mut drops, 1), (1, 0));
         assert_eq!(see(&mut drops, 2), (0, 1), "another file");
     }

@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use super::drop_id::with_slashes;
 use super::folders::{Found, content_hash, copy_new, free_place, has_content, look, move_new};
-use super::names::{SIDECAR, is_sidecar};
+use super::names::{CURRENT_PART, SIDECAR, is_sidecar};
 use super::parked::{Filed, Parking, stays_gone};
 use super::settle::Stamp;
 use crate::config::{FolderPaths, Sku, Station};
@@ -28,9 +29,6 @@ use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_who
 use crate::formats::pattern::is_drawing;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
-
-/// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
-pub const CURRENT_PART: &str = "current-part.txt";
 
 /// An original that leaves the hot folder.
 pub(super) struct Original<'a> {
@@ -397,12 +395,6 @@ fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
 fn shortened(name: &str) -> &str {
     let end = (0..=name.len().min(230)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
     &name[..end]
-}
-
-/// A relative path as people and machines are told it.
-pub(super) fn with_slashes(relative: &Path) -> String {
-    let parts: Vec<_> = relative.components().map(|part| part.as_os_str().to_string_lossy()).collect();
-    parts.join("/")
 }
 
 #[cfg(test)]

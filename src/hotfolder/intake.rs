@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::executor::{Broken, Outcome, folder_trouble};
+use super::error::folder_trouble;
 use super::filing::{Beside, Content, Original};
 use super::folders::{self, Found, LARGEST_DROP};
 use super::job::{Companion, Completeness, DroppedFile, JobError};
-use super::names::{Meaning, SIDECAR, meaning};
+use super::names::{Meaning, meaning};
 use super::settle::{Gap, Stamp};
+use super::task::{Broken, Outcome};
 use crate::files::is_plain;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
@@ -50,11 +51,6 @@ pub(super) struct Intake<'a> {
     pub(super) settling: &'a BTreeSet<PathBuf>,
     /// The settings beside a pattern, if it may have some.
     pub(super) sidecar: Option<PathBuf>,
-}
-
-/// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
-pub(super) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
-    pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
 }
 
 /// Reads a drop, if it is whole and did not change or go meanwhile.

@@ -208,8 +208,21 @@ pub struct Waiting {
     pub drop: String,
     /// What it waits for.
     pub reason: Reason,
-    /// Whether that is something around the station that fails: a folder, a disk, a server.
-    pub hindered: bool,
+    /// What kind of thing that is.
+    pub waits_for: WaitsFor,
+}
+
+/// What a drop waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WaitsFor {
+    /// Its own end, or a file that it names.
+    Rest,
+    /// Its turn among the large ones.
+    Turn,
+    /// Another drop: its part, a better part, or what it belongs to.
+    AnotherDrop,
+    /// Something around the station that fails: a folder, a disk, a server, the settings.
+    Surroundings,
 }
 
 /// Why a station cannot start or go on.

@@ -21,6 +21,7 @@
 
 mod line;
 mod order;
+mod stage;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher, RandomState};
@@ -32,6 +33,7 @@ use fs_err as fs;
 
 use super::basis::is_comparable;
 use super::clock::{self, Uptime};
+use super::drop_id::DropId;
 use super::folders::{Identity, lies_at};
 use super::names::delivered_as;
 use super::settle::Stamp;
@@ -41,6 +43,7 @@ use crate::files::{read_if_there, sync_folder, write_whole};
 pub(super) use line::{Certainty, Import, Job, StampRecord};
 use line::{Line, Parsed, Record, parse, written};
 pub(super) use order::Order;
+pub(super) use stage::{OpenJob, Stage};
 
 const JOURNAL: &str = "journal.log";
 /// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
@@ -50,27 +53,6 @@ const IDLE_LINES: usize = 20_000;
 
 /// A station that ends again and again within this time is ended from outside, and not by what it is at.
 const SHORTEST_LIFE: Duration = Duration::from_secs(60);
-
-/// A job that was begun and not filed away.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct OpenJob {
-    pub(super) stamp: StampRecord,
-    pub(super) sku: String,
-    /// The drawing; `None` for a part.
-    pub(super) job: Option<Job>,
-    /// Which folder was the import folder.
-    pub(super) import: Option<Identity>,
-    /// Which folder was the hot folder, where that was noted.
-    pub(super) hot: Option<Identity>,
-    /// What its temporary file bears in its name, if it was noted.
-    pub(super) tag: String,
-    /// Whether the drawing lies, or lay, in the import folder.
-    pub(super) delivered: bool,
-    /// Whether that is known.
-    pub(super) certainty: Certainty,
-    /// Where its original goes in the archive, relative to the SKU's folder.
-    pub(super) to: Option<String>,
-}
 
 /// The newest result of a name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -90,7 +72,7 @@ pub(super) struct Delivered {
 impl Delivered {
     /// Whether people mean it by this name: that of the drawing, or that of the drop.
     pub(super) fn is_called(&self, name: &str) -> bool {
-        [&self.job.name, &self.job.drop].iter().any(|known| fold(known) == fold(name))
+        [&self.job.name, &self.job.drop.to_string()].iter().any(|known| fold(known) == fold(name))
     }
 
     /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
@@ -108,7 +90,7 @@ impl Delivered {
 /// A part that was rejected while an older shape of its SKU is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Refused {
-    pub(super) drop: String,
+    pub(super) drop: DropId,
     /// Where it lies in the rejected folder, with `/`.
     pub(super) to: String,
 }
@@ -128,7 +110,7 @@ pub(super) struct Journal {
     /// Length of the file up to the last whole line.
     length: u64,
     lines: usize,
-    open: BTreeMap<String, OpenJob>,
+    open: BTreeMap<DropId, OpenJob>,
     /// By their names, folded: on a Windows share two spellings are one file.
     results: BTreeMap<String, Delivered>,
     /// The folded names of the results of each SKU.
@@ -136,7 +118,7 @@ pub(super) struct Journal {
     /// The folded names of the results that may not have been delivered.
     uncertain: BTreeSet<String>,
     refused: BTreeMap<String, Refused>,
-    at_work: BTreeMap<String, AtWork>,
+    at_work: BTreeMap<DropId, AtWork>,
 }
 
 /// A drop that a thread is at, or was at when the station ended.
@@ -270,37 +252,27 @@ impl Journal {
     }
 
     /// A thread is at this drop.
-    pub(super) fn began(&mut self, drop: &str, stamp: Stamp) -> io::Result<()> {
-        self.append(Record::Began { drop: drop.into(), stamp: stamp.into() }, false)
+    pub(super) fn began(&mut self, drop: &DropId, stamp: Stamp) -> io::Result<()> {
+        self.append(Record::Began { drop: drop.clone(), stamp: stamp.into() }, false)
     }
 
     /// No thread is at this drop any more; a line that says that it is done says so, too.
-    pub(super) fn ended(&mut self, drop: &str) -> io::Result<()> {
+    pub(super) fn ended(&mut self, drop: &DropId) -> io::Result<()> {
         if !self.at_work.contains_key(drop) {
             return Ok(());
         }
-        self.append(Record::Ended { drop: drop.into() }, false)
+        self.append(Record::Ended { drop: drop.clone() }, false)
     }
 
     /// The drops that the station was at when it ended without a word, and how often.
-    pub(super) fn suspects(&self) -> BTreeMap<String, (StampRecord, u32)> {
+    pub(super) fn suspects(&self) -> BTreeMap<DropId, (StampRecord, u32)> {
         let died = self.at_work.iter().filter(|(_, at_work)| at_work.deaths > 0);
         died.map(|(drop, at_work)| (drop.clone(), (at_work.stamp, at_work.deaths))).collect()
     }
 
     /// The job that was begun on this very file.
-    pub(super) fn begun(&self, drop: &str, stamp: Stamp) -> Option<&OpenJob> {
+    pub(super) fn begun(&self, drop: &DropId, stamp: Stamp) -> Option<&OpenJob> {
         self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
-    }
-
-    /// Whether a job was begun on the drop and not filed away.
-    pub(super) fn is_open(&self, drop: &str) -> bool {
-        self.open.contains_key(drop)
-    }
-
-    /// Whether it is known what became of the drawing of a job that was begun.
-    pub(super) fn certainty(&self, drop: &str) -> Certainty {
-        self.open.get(drop).map_or(Certainty::Certain, |open| open.certainty)
     }
 
     /// The newest results that may not have been delivered.
@@ -309,7 +281,7 @@ impl Journal {
     }
 
     /// All jobs that were begun and not filed away.
-    pub(super) fn all_begun(&self) -> Vec<(String, OpenJob)> {
+    pub(super) fn all_begun(&self) -> Vec<(DropId, OpenJob)> {
         self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
     }
 
@@ -364,46 +336,46 @@ impl Journal {
         self.append(Record::Delivering { job, stamp, import, hot, tag }, true)
     }
 
-    /// The drawing bears its own name.
-    pub(super) fn delivered(&mut self, drop: &str) -> io::Result<()> {
-        self.append(Record::Delivered { drop: drop.into(), certainty: Certainty::Certain }, false)
-    }
-
-    /// Nobody can know whether the drawing got its own name.
-    pub(super) fn perhaps_delivered(&mut self, drop: &str) -> io::Result<()> {
-        self.append(Record::Delivered { drop: drop.into(), certainty: Certainty::Uncertain }, false)
+    /// The drawing bears its own name, as far as is known.
+    pub(super) fn delivered(&mut self, drop: &DropId, certainty: Certainty) -> io::Result<()> {
+        self.append(Record::Delivered { drop: drop.clone(), certainty }, false)
     }
 
     /// The drawing was not given its own name.
-    pub(super) fn cancelled(&mut self, drop: &str) -> io::Result<()> {
-        self.append(Record::Cancelled { drop: drop.into() }, true)
+    pub(super) fn cancelled(&mut self, drop: &DropId) -> io::Result<()> {
+        self.append(Record::Cancelled { drop: drop.clone() }, true)
     }
 
-    /// The original is about to go to `to`, relative to the SKU's archive folder; `job` is the drawing that is done and, if it
-    /// was not delivered now, whether it is known to have been; `None` for a part.
+    /// The original is about to go to `to`, relative to the SKU's archive folder; `result` is the drawing that was made of
+    /// it, and whether it is known to have been delivered; `None` for a part.
     pub(super) fn filing(
         &mut self,
-        drop: &str,
+        drop: &DropId,
         sku: &str,
         stamp: Stamp,
         to: &str,
-        job: Option<(&Job, Certainty)>,
+        result: Option<(&Job, Certainty)>,
     ) -> io::Result<()> {
         let record = Record::Filing {
-            drop: drop.into(),
+            drop: drop.clone(),
             sku: sku.into(),
             stamp: stamp.into(),
             to: to.into(),
-            job: job.map(|(job, _)| job.clone()),
-            certainty: job.map(|(_, certainty)| certainty).unwrap_or_default(),
+            job: result.map(|(job, _)| job.clone()),
+            certainty: result.map(|(_, certainty)| certainty).unwrap_or_default(),
             hot: self.hot,
         };
         self.append(record, true)
     }
 
     /// A drawing is done, its original filed away.
-    pub(super) fn done(&mut self, job: &Job, original: &str, import: Import) -> io::Result<()> {
-        let certainty = self.certainty(&job.drop);
+    pub(super) fn done(
+        &mut self,
+        job: &Job,
+        original: &str,
+        import: Import,
+        certainty: Certainty,
+    ) -> io::Result<()> {
         let last = self.result(&job.name).filter(|_| import == Import::Due);
         let older = last.map(|last| last.held().to_owned()).unwrap_or_default();
         let (job, original) = (job.clone(), original.into());
@@ -460,21 +432,21 @@ impl Journal {
     }
 
     /// A part is done and filed away.
-    pub(super) fn learned(&mut self, drop: &str, sku: &str, original: &str) -> io::Result<()> {
-        let record = Record::Learned { drop: drop.into(), sku: sku.into(), original: original.into() };
+    pub(super) fn learned(&mut self, drop: &DropId, sku: &str, original: &str) -> io::Result<()> {
+        let record = Record::Learned { drop: drop.clone(), sku: sku.into(), original: original.into() };
         self.append(record, false)
     }
 
     /// A drop lies in the rejected folder.
     pub(super) fn rejected(
         &mut self,
-        drop: &str,
+        drop: &DropId,
         code: &str,
         to: &str,
         part_of: Option<&Sku>,
     ) -> io::Result<()> {
         let part_of = part_of.map(|sku| sku.as_str().to_owned());
-        let record = Record::Rejected { drop: drop.into(), code: code.into(), to: to.into(), part_of };
+        let record = Record::Rejected { drop: drop.clone(), code: code.into(), to: to.into(), part_of };
         // Without this line on the disk, patterns might go on with the older shape after a crash.
         let keep = matches!(&record, Record::Rejected { part_of: Some(_), .. });
         self.append(record, keep)
@@ -523,22 +495,15 @@ impl Journal {
     fn apply(&mut self, at: &str, record: Record) {
         match record {
             Record::Tag { tag, home } => (self.tag, self.home, self.tag_is_kept) = (tag, home, true),
-            Record::Delivering { job, stamp, import, hot, tag } => {
-                let open = OpenJob {
-                    stamp,
-                    import,
-                    hot,
-                    tag,
-                    sku: job.sku.clone(),
-                    delivered: false,
-                    certainty: Certainty::Certain,
-                    to: None,
-                    job: Some(job.clone()),
-                };
-                self.open.insert(job.drop, open);
+            Record::Delivering { job: result, stamp, import, hot, tag } => {
+                let (drop, sku) = (result.drop.clone(), result.sku.clone());
+                self.open.insert(
+                    drop,
+                    OpenJob { stamp, sku, hot, stage: Stage::Renaming { result, import, tag } },
+                );
             }
             Record::Delivered { drop, certainty } => {
-                self.open.entry(drop).and_modify(|open| (open.delivered, open.certainty) = (true, certainty));
+                self.open.entry(drop).and_modify(|open| open.delivered(certainty));
             }
             Record::Began { drop, stamp } => {
                 let same = self.at_work.get(&drop).filter(|at_work| at_work.stamp == stamp);
@@ -557,14 +522,13 @@ impl Journal {
                 self.open.remove(&drop);
             }
             Record::Filing { drop, sku, stamp, to, job, certainty, hot } => {
+                let result = job.map(|job| (job, certainty));
                 match self.open.get_mut(&drop) {
-                    Some(open) if open.stamp.is_same(stamp) => open.to = Some(to),
+                    Some(open) if open.stamp.is_same(stamp) => open.filing(result, to),
+                    // What needs no delivery is filed without one.
                     _ => {
-                        // What needs no delivery is filed without one.
-                        let delivered = job.is_some();
-                        let (import, to, tag) = (None, Some(to), String::new());
-                        let open = OpenJob { stamp, sku, job, import, hot, tag, delivered, certainty, to };
-                        self.open.insert(drop, open);
+                        self.open
+                            .insert(drop, OpenJob { stamp, sku, hot, stage: Stage::Filing { result, to } });
                     }
                 }
             }
@@ -641,28 +605,7 @@ impl Journal {
                 push(Record::Began { drop, stamp });
             }
         }
-        for (drop, open) in &self.open {
-            if let Some(job) = &open.job {
-                let (job, hot, tag) = (job.clone(), open.hot, open.tag.clone());
-                push(Record::Delivering { job, stamp: open.stamp, import: open.import, hot, tag });
-            }
-            if open.delivered {
-                push(Record::Delivered { drop: drop.clone(), certainty: open.certainty });
-            }
-            if let Some(to) = &open.to {
-                let (drop, sku, job) = (drop.clone(), open.sku.clone(), open.job.clone());
-                let certainty = open.certainty;
-                push(Record::Filing {
-                    drop,
-                    sku,
-                    stamp: open.stamp,
-                    to: to.clone(),
-                    job,
-                    certainty,
-                    hot: open.hot,
-                });
-            }
-        }
+        self.open.iter().flat_map(|(drop, open)| open.records(drop)).for_each(push);
         let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;
         // Windows replaces no file that is open.
         self.file = None;
@@ -717,7 +660,7 @@ fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
     }
 }
 
-fn died(drop: String, stamp: StampRecord, deaths: u32, last: Option<Uptime>) -> Record {
+fn died(drop: DropId, stamp: StampRecord, deaths: u32, last: Option<Uptime>) -> Record {
     let uptime = last.as_ref().map(|last| last.since.as_secs());
     Record::Died { drop, stamp, deaths, boot: last.map(|last| last.boot).unwrap_or_default(), uptime }
 }

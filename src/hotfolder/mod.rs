@@ -23,11 +23,16 @@ mod watcher;
 mod folders;
 mod parked;
 mod filing;
+mod drop_id;
 mod journal;
+mod resume;
 mod basis;
 mod drops;
+mod error;
+mod task;
 mod intake;
 mod delivery;
+mod recovery;
 mod beamserver;
 mod executor;
 mod reprocess;
@@ -40,13 +45,13 @@ pub mod status;
 mod corrector;
 
 pub use corrector::PipelineCorrector;
-pub use filing::CURRENT_PART;
 pub(crate) use folders::lies_at;
 pub use job::{
-    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse, ReadBack, Sketch,
-    StationError, Tally, Waiting,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
+    ReadBack, Sketch, StationError, Tally, Waiting, WaitsFor,
 };
 pub use lock::{Holder, StationLock};
+pub use names::CURRENT_PART;
 pub use rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use requests::Request;
 pub use watcher::StopSignal;

@@ -11,9 +11,8 @@
 //!
 //! Extensions may be written in any case. Temporary and system names are never touched ([`is_ignored`]).
 
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
-use super::filing::CURRENT_PART;
 use crate::config::Sku;
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::{is_drawing, is_picture};
@@ -21,6 +20,9 @@ use crate::reason::Reason;
 
 /// Extensions of files that belong to a part, in lower case.
 const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
+
+/// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
+pub const CURRENT_PART: &str = "current-part.txt";
 
 /// Extension of the settings beside a pattern.
 pub(super) const SIDECAR: &str = "toml";
@@ -97,6 +99,11 @@ pub fn is_ignored(name: &str) -> bool {
 /// Whether the file holds settings for the pattern beside it.
 pub(super) fn is_sidecar(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
+}
+
+/// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
+pub(super) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
+    pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
 }
 
 /// What the file at `relative` (to the hot folder: a name, or a SKU's folder and a name) is.

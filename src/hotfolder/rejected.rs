@@ -8,7 +8,8 @@ use std::time::SystemTime;
 use fs_err as fs;
 use serde::Deserialize;
 
-use super::filing::{self, REPORT, with_slashes};
+use super::drop_id::with_slashes;
+use super::filing::{self, REPORT};
 use super::folders::move_new;
 use super::journal::Order;
 use super::names::{Meaning, meaning};

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::basis::is_comparable;
+use super::drop_id::DropId;
 use super::executor::Executor;
 use super::job::Corrector;
 use super::journal::{Delivered, Import};
@@ -52,14 +53,10 @@ pub(super) struct Again {
 }
 
 impl Again {
-    /// What the journal calls it.
-    pub(super) fn drop(&self) -> String {
-        format!("{ARCHIVE}{}/{}", self.sku.key(), self.place)
+    pub(super) fn drop(&self) -> DropId {
+        DropId::archived(&self.sku, &self.place)
     }
 }
-
-/// How the journal's names of archived originals begin.
-pub(super) const ARCHIVE: &str = "archive:";
 
 impl Reprocessing {
     /// The SKU's part or settings may be others now.

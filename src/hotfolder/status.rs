@@ -1,18 +1,17 @@
 //! What a station is at, for people at another terminal and for programs: `state/status.json`, written anew at most
 //! once a second.
 
-use std::collections::{BTreeMap, VecDeque};
-use std::path::{Path, PathBuf};
+use std::collections::VecDeque;
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
 use super::clock;
-use super::drops::{Drops, WAITS_FOR_TURN};
-use super::executor::Work;
+use super::drops::Drops;
+use super::job::{Waiting, WaitsFor};
 use super::journal::{Delivered, Job};
 use super::settle::Moment;
-use super::worker::Running;
 use crate::config::{Sku, Station};
 use crate::files::write_whole_unsynced;
 use crate::reason::Reason;
@@ -188,7 +187,7 @@ pub struct UncertainDrawing {
 impl From<&Delivered> for UncertainDrawing {
     fn from(result: &Delivered) -> Self {
         let Job { name, drop, sku, .. } = result.job.clone();
-        Self { name, drop, sku, at: result.at.clone() }
+        Self { name, drop: drop.to_string(), sku, at: result.at.clone() }
     }
 }
 
@@ -240,15 +239,13 @@ pub(super) struct StatusBoard {
     heartbeat: Moment,
     /// What was written last, without its time.
     last: Option<Status>,
-    /// What crashes left behind was removed.
-    pub(super) swept: bool,
     complained: bool,
 }
 
 /// What the status shows of the station.
 pub(super) struct View<'a> {
     pub(super) drops: &'a Drops,
-    pub(super) running: &'a BTreeMap<PathBuf, Running>,
+    pub(super) under_way: Vec<UnderWay>,
     pub(super) outdated: Vec<(String, Sku)>,
     pub(super) uncertain: Vec<UncertainDrawing>,
     pub(super) kept: Option<Kept>,
@@ -271,7 +268,6 @@ impl StatusBoard {
             next: Moment::ZERO,
             heartbeat: Moment::ZERO,
             last: None,
-            swept: false,
             complained: false,
         }
     }
@@ -329,15 +325,15 @@ impl StatusBoard {
         let mut done = self.done.clone();
         done.delivered_last_hour = self.minutes.iter().map(|(_, delivered, _)| delivered).sum();
         done.rejected_last_hour = self.minutes.iter().map(|(.., rejected)| rejected).sum();
-        let running = |drop: &str| view.running.values().any(|running| running.drop == drop);
+        let running = |drop: &Waiting| view.under_way.iter().any(|job| job.drop == drop.drop);
         let (mut waiting, incomplete) = view.drops.left();
-        let waits = |list: Vec<super::job::Waiting>| {
-            let waits = |waiting: super::job::Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
+        let waits = |list: Vec<Waiting>| {
+            let waits = |waiting: Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
             listed(list.into_iter().map(waits).collect())
         };
         // What waits goes on waiting while it is tried again; what is read for the first time lacks nothing yet.
-        waiting.retain(|drop| drop.reason.code != WAITS_FOR_TURN || !running(&drop.drop));
-        let incomplete = incomplete.into_iter().filter(|drop| !running(&drop.drop)).collect();
+        waiting.retain(|drop| drop.waits_for != WaitsFor::Turn || !running(drop));
+        let incomplete = incomplete.into_iter().filter(|drop| !running(drop)).collect();
         let outdated = view.outdated.iter();
         Status {
             schema: SCHEMA.into(),
@@ -349,15 +345,7 @@ impl StatusBoard {
             since: self.since.clone(),
             done,
             troubles: view.troubles.to_vec(),
-            under_way: view
-                .running
-                .values()
-                .filter(|running| running.work != Work::Nothing)
-                .map(|running| UnderWay {
-                    drop: running.drop.clone(),
-                    for_s: (view.now.saturating_sub(running.since)).as_millis() as f64 / 1e3,
-                })
-                .collect(),
+            under_way: view.under_way.clone(),
             waiting: waits(waiting),
             incomplete: waits(incomplete),
             outdated: listed(

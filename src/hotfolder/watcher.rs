@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use notify::event::{AccessKind, AccessMode, EventKind, ModifyKind, RenameMode};
 use notify::{RecommendedWatcher, RecursiveMode, Watcher as _};
 
-use super::executor::End;
 use super::folders::{Identity, identity};
+use super::task::End;
 use crate::config::Backend;
 
 /// What wakes the station.

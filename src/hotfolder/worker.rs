@@ -16,8 +16,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::drop_id::DropId;
 use super::drops::Drops;
-use super::executor::{End, Executor, Kept, Outcome, Task, Work, guarded};
+use super::error::guarded;
+use super::executor::Executor;
 use super::filing;
 use super::job::{Corrector, Mode, Pulse, StationError, Tally};
 use super::journal::{Delivered, Journal, StampRecord};
@@ -27,9 +29,10 @@ use super::requests::{self, Request};
 use super::retention::Keeper;
 use super::settle::{Moment, SettleTimes, Stamp};
 use super::shares::Shares;
-use super::status::{StatusBoard, UncertainDrawing};
+use super::status::{StatusBoard, UncertainDrawing, UnderWay};
+use super::task::{End, Kept, Outcome, Task, Work};
 use super::watcher::{Message, StopSignal, Watcher};
-use crate::config::{FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
+use crate::config::{ConfigError, FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
 use crate::diff;
 use crate::reason::Reason;
 
@@ -108,6 +111,7 @@ pub fn run(
             lock,
             hot_lock: None,
             status: StatusBoard::new(&station, &state),
+            swept: false,
             state,
             log: station.log.clone(),
             messages,
@@ -226,7 +230,7 @@ struct Worker<'a, C> {
     /// What was under way when the station ended without a word: done alone, after all others.
     suspects: VecDeque<PathBuf>,
     /// These drops, and how often that happened, as the journal counts.
-    suspected: BTreeMap<String, (StampRecord, u32)>,
+    suspected: BTreeMap<DropId, (StampRecord, u32)>,
     /// What was due by this moment is in the lanes.
     lanes_made: Moment,
     /// Something happened since the lanes were made.
@@ -257,6 +261,8 @@ struct Worker<'a, C> {
     put_back: BTreeMap<PathBuf, Moment>,
     next_look_at_parked: Moment,
     reprocessing: Reprocessing,
+    /// What crashes left behind was removed.
+    swept: bool,
     status: StatusBoard,
     tally: Tally,
     stopped: Option<Reason>,
@@ -264,7 +270,7 @@ struct Worker<'a, C> {
 
 /// A job that a thread is at.
 pub(super) struct Running {
-    pub(super) drop: String,
+    pub(super) drop: DropId,
     pub(super) work: Work,
     pub(super) since: Moment,
     stamp: Stamp,
@@ -282,10 +288,16 @@ pub(super) struct Running {
 }
 
 impl Running {
+    /// The same for people; what is only rejected is over at once.
+    fn under_way(&self, now: Moment) -> Option<UnderWay> {
+        let for_s = now.saturating_sub(self.since).as_millis() as f64 / 1e3;
+        self.sku().map(|_| UnderWay { drop: self.drop.to_string(), for_s })
+    }
+
     fn sku(&self) -> Option<&Sku> {
         match &self.work {
             Work::Learn(sku) | Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } => Some(sku),
-            Work::Nothing => None,
+            Work::Reject(_) => None,
         }
     }
 }
@@ -381,8 +393,8 @@ impl<C: Corrector> Worker<'_, C> {
         tracing::info!("{} takes drops from {}", station.name, station.folders.hot.display());
     }
 
-    fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, Reason> {
-        let settings = self.settings.job(sku).map_err(|error| error.reason());
+    fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
+        let settings = self.settings.job(sku);
         self.tell_settings_events();
         settings
     }
@@ -536,7 +548,7 @@ impl<C: Corrector> Worker<'_, C> {
             .collect();
         let view = super::status::View {
             drops: &self.drops,
-            running: &self.running,
+            under_way: self.running.values().filter_map(|running| running.under_way(now)).collect(),
             outdated: self.reprocessing.marked(),
             uncertain: self.executor.journal().uncertain().map(UncertainDrawing::from).collect(),
             kept,

@@ -313,6 +313,11 @@ impl MeshReadError {
         }
     }
 
+    /// Whether the file ends too early, so that more of it may still come.
+    pub fn is_cut_short(&self) -> bool {
+        matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
+    }
+
     fn code(&self) -> &'static str {
         match self {
             Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. } => "mesh-truncated",

@@ -4,24 +4,38 @@ use std::path::{Path, PathBuf};
 
 use super::super::beamserver;
 use super::super::delivery;
-use super::super::filing::{self, Beside, Content, Original, with_slashes};
+use super::super::drop_id::with_slashes;
+use super::super::error::{folder_trouble, guarded, tell_trouble};
+use super::super::filing::{self, Beside, Content, Original};
 use super::super::folders::{self, Found, LARGEST_DROP};
 use super::super::intake::Read;
 use super::super::job::{Corrector, JobError};
 use super::super::journal::{Certainty, Import, Job};
 use super::super::names::delivered_as;
-use super::{Broken, Executor, Kept, Outcome, Ready, Task, Work, folder_trouble, guarded};
+use super::super::recovery;
+use super::super::task::{Broken, Kept, Outcome, Task, Work};
+use super::Executor;
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
+/// A drawing on its way to its place.
+#[derive(Clone, Copy)]
+pub(super) struct Ready<'a> {
+    pub(super) task: &'a Task,
+    pub(super) sku: &'a Sku,
+    /// The pattern's name, after which report and original are named.
+    pub(super) pattern: &'a str,
+    /// The name of the result in the import folder.
+    pub(super) name: &'a str,
+    pub(super) read: &'a Read,
+}
+
 impl<C: Corrector> Executor<'_, C> {
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
     pub(super) fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
-        // It is asked before the journal closes the job.
-        let certainty = self.journal().certainty(&kept.job.drop);
         match self.finish_steps(ready, &mut kept) {
-            Ok(()) => Ok(match certainty {
+            Ok(()) => Ok(match kept.certainty {
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
             }),
@@ -50,7 +64,7 @@ impl<C: Corrector> Executor<'_, C> {
         if let Some(preview) = &kept.preview {
             filing::write_report(folders, sku, name, filing::PREVIEW, preview).map_err(folder_trouble)?;
         }
-        self.file_original(ready, &kept.job, kept.import, Certainty::Certain)
+        self.file_original(ready, &kept.job, kept.import, kept.certainty)
     }
 
     /// Sees to it that BeamConstruct holds the drawing.
@@ -74,7 +88,7 @@ impl<C: Corrector> Executor<'_, C> {
         })
     }
 
-    /// Moves the original to the archive and notes that all is done; `certainty` is that of a delivery before this job.
+    /// Moves the original to the archive and notes that all is done; `certainty` is that of the delivery.
     pub(super) fn file_original(
         &self,
         ready: &Ready,
@@ -91,51 +105,34 @@ impl<C: Corrector> Executor<'_, C> {
                 filing::in_archive(folders, ready.sku, &archived)
             }
         };
-        tell_trouble(self.journal().done(job, &original, import));
+        tell_trouble(self.journal().done(job, &original, import, certainty));
         Ok(())
     }
 
-    /// Moves an original to the archive; `job` is the drawing that was made of it, and whether it is known to have been
-    /// delivered if that was before this job.
+    /// Moves an original to the archive; `result` is the drawing that was made of it, and whether it is known to have been
+    /// delivered.
     pub(super) fn archive(
         &self,
         task: &Task,
         sku: &Sku,
         name: &str,
         read: &Read,
-        job: Option<(&Job, Certainty)>,
+        result: Option<(&Job, Certainty)>,
     ) -> Result<PathBuf, JobError> {
-        let (folders, drop) = (&task.station.folders, with_slashes(&task.relative));
+        let folders = &task.station.folders;
         let original = read.original(&task.path);
-        let begun = self.journal().begun(&drop, task.stamp).and_then(|open| open.to.clone());
-        let copied = begun.map(|to| folders.archive.join(sku.key()).join(to));
-        if let Some(copy) = copied.filter(|copy| folders::has_content(copy, &read.file.bytes)) {
-            // The archive is on another disk, and the original was copied when the station was interrupted.
+        let begun = self.journal().begun(&task.drop, task.stamp).cloned();
+        let copy = begun.and_then(|open| recovery::copy_of(&task.station, &open, sku, &read.file.bytes));
+        if let Some(copy) = copy {
             filing::remove_copied(folders, &self.parking, &original, &copy).map_err(folder_trouble)?;
             return Ok(copy);
         }
         let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
         let to = filing::in_archive(folders, sku, &place);
-        self.journal().filing(&drop, sku.as_str(), read.stamp, &to, job).map_err(folder_trouble)?;
+        let noted = self.journal().filing(&task.drop, sku.as_str(), read.stamp, &to, result);
+        noted.map_err(folder_trouble)?;
         filing::put_away(folders, &self.parking, &original, &place).map_err(folder_trouble)?;
         Ok(place)
-    }
-
-    /// The job on this drop if its drawing lay in the import folder before the station was interrupted, and whether
-    /// BeamConstruct holds it.
-    pub(super) fn was_delivered(&self, task: &Task, drop: &str) -> Result<Option<(Job, Import)>, JobError> {
-        let mut journal = self.journal();
-        let Some(open) = journal.begun(drop, task.stamp).cloned() else { return Ok(None) };
-        let Some(job) = open.job.clone() else { return Ok(None) };
-        if !open.delivered {
-            delivery::settle(&task.station, &mut journal, drop, &open, &job)?;
-        }
-        // Nobody takes drawings away from BeamServer's folder as an importer does: it is to be made anew.
-        if open.to.is_none() && is_missing_for_server(&task.station, &job.name) {
-            journal.cancelled(drop).map_err(folder_trouble)?;
-        }
-        let import = delivery::imported(&task.station, &open);
-        Ok(journal.begun(drop, task.stamp).is_some_and(|open| open.delivered).then_some((job, import)))
     }
 
     pub(super) fn reject(
@@ -144,10 +141,10 @@ impl<C: Corrector> Executor<'_, C> {
         read: Option<&Read>,
         reason: Reason,
     ) -> Result<Outcome, JobError> {
-        let drop = with_slashes(&task.relative);
-        let mut reason = reason.in_file(drop.clone());
-        if matches!(task.work, Work::CorrectAgain { .. }) {
-            let name = drop.rsplit('/').next().unwrap_or(&drop);
+        let drop = &task.drop;
+        let mut reason = reason.in_file(drop.to_string());
+        if drop.is_archived() {
+            let name = drop.file_name();
             tracing::warn!(
                 "{name} cannot be corrected again, and what was delivered stays in force, outdated: {}",
                 reason.on_one_line()
@@ -157,7 +154,7 @@ impl<C: Corrector> Executor<'_, C> {
         if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
             return Ok(Outcome::Changed);
         }
-        let is_worth_reading = task.work != Work::Nothing && task.stamp.size <= LARGEST_DROP;
+        let is_worth_reading = !matches!(task.work, Work::Reject(_)) && task.stamp.size <= LARGEST_DROP;
         let content = if is_worth_reading && folders::can_be_read(&task.path) {
             if read.is_none() && folders::look(&task.path).ok() != Some(Some(Found::File(task.stamp))) {
                 return Ok(Outcome::Changed);
@@ -184,7 +181,7 @@ impl<C: Corrector> Executor<'_, C> {
         // Noted before the move: a pattern must not slip through with the older shape after a crash between the two.
         let note = |rejected: &Path| {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
-            self.journal().rejected(&drop, &reason.code, &to, part_of)
+            self.journal().rejected(drop, &reason.code, &to, part_of)
         };
         let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note);
         let rejected = match rejected {
@@ -194,7 +191,7 @@ impl<C: Corrector> Executor<'_, C> {
         };
         tracing::warn!(
             "{} rejected and moved to {}: {}",
-            on_one_line(&drop),
+            on_one_line(&drop.to_string()),
             on_one_line(&rejected.to_string_lossy()),
             reason.on_one_line()
         );
@@ -206,11 +203,4 @@ impl<C: Corrector> Executor<'_, C> {
 pub(super) fn is_missing_for_server(station: &Station, name: &str) -> bool {
     let there = || folders::is_file(&station.folders.import.join(name));
     station.delivery.kind == DeliveryKind::Beamserver && !there()
-}
-
-/// What the journal would have said is found out from the folders at the next start.
-pub(super) fn tell_trouble(noted: std::io::Result<()>) {
-    if let Err(error) = noted {
-        tracing::warn!("the journal lacks a line: {error}");
-    }
 }

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::{MutexGuard, PoisonError};
 
 use super::super::basis;
+use super::super::error::{folder_trouble, guarded, tell_trouble};
 use super::super::filing;
 use super::super::folders;
 use super::super::intake;
 use super::super::job::{Completeness, Corrector, DroppedFile, JobError};
 use super::super::journal::Delivered;
-use super::{Executor, PART_REFUSED, folder_trouble, guarded, tell_trouble};
+use super::Executor;
 use crate::config::{FolderPaths, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::reason::Reason;
@@ -100,7 +101,7 @@ impl<C: Corrector> Executor<'_, C> {
             "Drop a good part of {sku}; or remove {}, to go on with the older shape.",
             lies.display()
         );
-        Some(Reason::new(PART_REFUSED, what, remedy))
+        Some(Reason::new("part-rejected", what, remedy))
     }
 
     /// Whether there is a surface for the SKU; one that got lost is fitted again from the archived part.

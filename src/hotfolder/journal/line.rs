@@ -5,15 +5,15 @@ use std::time::{Duration, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use super::super::drop_id::DropId;
 use super::super::folders::Identity;
 use super::super::settle::Stamp;
 
 /// What one drawing was made of and became.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::hotfolder) struct Job {
-    /// The drop, relative to the hot folder, with `/`; for an archived original that is corrected again, its place in
-    /// the archive after `archive:`.
-    pub(in crate::hotfolder) drop: String,
+    /// Its original.
+    pub(in crate::hotfolder) drop: DropId,
     /// The SKU's name.
     pub(in crate::hotfolder) sku: String,
     /// The name of the result in the import folder.
@@ -42,7 +42,7 @@ pub(in crate::hotfolder) enum Import {
 }
 
 /// Whether a drawing is known to have got its name in the import folder.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::hotfolder) enum Certainty {
     /// It did.
@@ -105,18 +105,18 @@ pub(super) enum Record {
     },
     /// It bears its own name.
     Delivered {
-        drop: String,
+        drop: DropId,
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
     },
     /// A thread is at this drop.
-    Began { drop: String, stamp: StampRecord },
+    Began { drop: DropId, stamp: StampRecord },
     /// It is not any more.
-    Ended { drop: String },
+    Ended { drop: DropId },
     /// The station ended as often while a thread was at this drop; ends within less than a minute of one start of the machine
     /// are one.
     Died {
-        drop: String,
+        drop: DropId,
         stamp: StampRecord,
         deaths: u32,
         /// Which start of the machine it was that `uptime` counts from.
@@ -127,17 +127,17 @@ pub(super) enum Record {
         uptime: Option<u64>,
     },
     /// It could not be renamed; the drop waits.
-    Cancelled { drop: String },
+    Cancelled { drop: DropId },
     /// The original is about to go to the archive.
     Filing {
-        drop: String,
+        drop: DropId,
         sku: String,
         stamp: StampRecord,
         to: String,
-        /// The drawing, if it had not to be delivered.
+        /// The drawing; of one that was delivered before, older versions may have noted none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         job: Option<Job>,
-        /// Whether that drawing is known to have been delivered before.
+        /// Whether that drawing is known to have been delivered.
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
         #[serde(default)]
@@ -156,10 +156,10 @@ pub(super) enum Record {
         certainty: Certainty,
     },
     /// A part is done.
-    Learned { drop: String, sku: String, original: String },
+    Learned { drop: DropId, sku: String, original: String },
     /// A drop was rejected; `part_of` names the SKU of a part.
     Rejected {
-        drop: String,
+        drop: DropId,
         code: String,
         to: String,
         #[serde(default, skip_serializing_if = "Option::is_none")]

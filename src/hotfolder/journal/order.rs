@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use super::super::reprocess::ARCHIVE;
 use super::JOURNAL;
 use super::line::{Line, Parsed, Record, parse};
 use crate::config::{Sku, fold};
@@ -32,7 +31,7 @@ impl Order {
                 Record::Rejected { to, .. } => {
                     order.rejected.insert(to, number);
                 }
-                Record::Done { job, original, .. } if !job.drop.starts_with(ARCHIVE) => {
+                Record::Done { job, original, .. } if !job.drop.is_archived() => {
                     let last = order.delivered.entry(fold(&job.name)).or_default();
                     // A line that repeats the one before it only notes an import by BeamServer, or a basis.
                     if (&last.1, &last.2) != (&job.key, &original) {

@@ -1,10 +1,14 @@
 use super::line::checksum;
 use super::*;
 
+fn id(drop: &str) -> DropId {
+    DropId::from(drop.to_owned())
+}
+
 fn job(name: &str, key: &str) -> Job {
     let text = |text: &str| text.to_owned();
     Job {
-        drop: text(name),
+        drop: id(name),
         sku: text("Can"),
         name: text(name),
         key: text(key),
@@ -19,7 +23,7 @@ const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
 /// Everything that counts, for comparison.
 fn state(
     journal: &Journal,
-) -> (BTreeMap<String, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
+) -> (BTreeMap<DropId, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
     (journal.open.clone(), journal.results.clone(), journal.refused.clone())
 }
 
@@ -33,17 +37,17 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     for step in 0..6 {
         match step {
             0 => journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)),
-            1 => journal.perhaps_delivered("a.dxf"),
-            2 => journal.filing("a.dxf", "Can", STAMP, "(2)/a.dxf", None),
-            3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done),
-            4 => journal.rejected("can.glb", "bad", "can.glb", Some(&sku)),
+            1 => journal.delivered(&id("a.dxf"), Certainty::Uncertain),
+            2 => journal.filing(&id("a.dxf"), "Can", STAMP, "(2)/a.dxf", None),
+            3 => journal.done(&job("a.dxf", "1"), "(2)/a.dxf", Import::Done, Certainty::Uncertain),
+            4 => journal.rejected(&id("can.glb"), "bad", "can.glb", Some(&sku)),
             _ => journal.delivering(&job("b.dxf", "2"), STAMP, Some(7)),
         }
         .unwrap();
         states.push((journal.length, state(&journal)));
     }
-    assert!(journal.begun("b.dxf", STAMP).is_some());
-    assert!(journal.begun("b.dxf", Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
+    assert!(journal.begun(&id("b.dxf"), STAMP).is_some());
+    assert!(journal.begun(&id("b.dxf"), Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
     assert_eq!(journal.results_of(&sku, |_| true).len(), 1);
     assert_eq!(journal.uncertain().count(), 1);
     drop(journal);
@@ -111,7 +115,7 @@ fn a_station_keeps_a_tag_of_its_own() {
     journal.write_anew().unwrap();
     assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
     // A station of an older version may have been interrupted.
-    let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: "a".into() } });
+    let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: id("a") } });
     fs::write(one.path().join(JOURNAL), older.unwrap()).unwrap();
     assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
 }
@@ -126,7 +130,9 @@ fn a_copy_of_a_state_folder_is_another_stations() {
     fs::copy(one.path().join(JOURNAL), other.path().join(JOURNAL)).unwrap();
     let copy = Journal::open(other.path()).unwrap();
     assert_ne!(copy.tag(), tag);
-    assert_eq!(copy.begun("a.dxf", STAMP).unwrap().tag, tag, "its own temporary file is known");
+    let open = copy.begun(&id("a.dxf"), STAMP).unwrap();
+    let is_ours = matches!(&open.stage, Stage::Renaming { tag: its, .. } if *its == tag);
+    assert!(is_ours, "its own temporary file is known: {open:?}");
     assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
 }
 
@@ -137,9 +143,9 @@ fn a_clock_that_jumps_counts_no_end_twice() {
     let path = folder.path().join(JOURNAL);
     for round in 0..6 {
         let mut journal = Journal::open(folder.path()).unwrap();
-        let deaths = journal.suspects().get("a.obj").map_or(0, |(_, deaths)| *deaths);
+        let deaths = journal.suspects().get(&id("a.obj")).map_or(0, |(_, deaths)| *deaths);
         assert_eq!(deaths, round.min(1));
-        journal.began("a.obj", STAMP).unwrap();
+        journal.began(&id("a.obj"), STAMP).unwrap();
         drop(journal);
         // Whatever was noted by the clock was noted in another hour.
         let lines = fs::read_to_string(&path).unwrap();
@@ -178,31 +184,26 @@ fn ends_are_counted_by_the_time_that_passed() {
 fn ends_without_a_word_are_counted_for_what_was_under_way() {
     let folder = tempfile::tempdir().unwrap();
     let open = || Journal::open(folder.path()).unwrap();
-    let deaths = |journal: &Journal, drop: &str| journal.suspects().get(drop).map(|(_, deaths)| *deaths);
+    let deaths = |journal: &Journal, drop: &str| journal.suspects().get(&id(drop)).map(|(_, deaths)| *deaths);
     drop(open());
     let at = "2026-01-01T00:00:00Z".to_owned();
-    let died = Record::Died {
-        drop: "a.obj".into(),
-        stamp: STAMP.into(),
-        deaths: 1,
-        boot: String::new(),
-        uptime: None,
-    };
+    let died =
+        Record::Died { drop: id("a.obj"), stamp: STAMP.into(), deaths: 1, boot: String::new(), uptime: None };
     let line = written(&Line { at, record: died }).unwrap();
     let text = fs::read_to_string(folder.path().join(JOURNAL)).unwrap() + &line;
     fs::write(folder.path().join(JOURNAL), text).unwrap();
     for count in [1, 2, 2] {
         let mut journal = open();
         assert_eq!((deaths(&journal, "a.obj"), deaths(&journal, "b.obj")), (Some(count), None));
-        journal.began("a.obj", STAMP).unwrap();
-        journal.began("b.obj", STAMP).unwrap();
-        journal.ended("b.obj").unwrap();
+        journal.began(&id("a.obj"), STAMP).unwrap();
+        journal.began(&id("b.obj"), STAMP).unwrap();
+        journal.ended(&id("b.obj")).unwrap();
     }
     let mut journal = open();
     assert_eq!(deaths(&journal, "a.obj"), Some(2), "once in a minute");
-    journal.began("a.obj", Stamp { size: 8, ..STAMP }).unwrap();
+    journal.began(&id("a.obj"), Stamp { size: 8, ..STAMP }).unwrap();
     assert_eq!(deaths(&journal, "a.obj"), None, "another file of that name");
-    journal.ended("a.obj").unwrap();
+    journal.ended(&id("a.obj")).unwrap();
     assert!(open().suspects().is_empty());
 }
 
@@ -224,12 +225,12 @@ fn what_a_newer_version_wrote_is_not_thrown_away() {
 fn a_journal_that_was_replaced_goes_on_at_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
-    journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder).unwrap();
+    journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder, Certainty::Certain).unwrap();
     let (length, line) = (journal.length, fs::read(folder.path().join(JOURNAL)).unwrap());
-    journal.done(&job("b.dxf", "1"), "b.dxf", Import::ByFolder).unwrap();
+    journal.done(&job("b.dxf", "1"), "b.dxf", Import::ByFolder, Certainty::Certain).unwrap();
     (journal.file, journal.length) = (None, 10 * length);
     fs::write(folder.path().join(JOURNAL), line).unwrap();
-    journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder).unwrap();
+    journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder, Certainty::Certain).unwrap();
     let journal = Journal::open(folder.path()).unwrap();
     assert_eq!(journal.results.keys().collect::<Vec<_>>(), ["a.dxf", "c.dxf"]);
 }
@@ -239,17 +240,17 @@ fn a_long_journal_is_written_anew_with_what_counts() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
     for round in 0..IDLE_LINES + 2 {
-        journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done).unwrap();
+        journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done, Certainty::Certain).unwrap();
     }
     journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
-    journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due).unwrap();
+    journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due, Certainty::Certain).unwrap();
     let before = state(&journal);
     assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
-    journal.delivered("b.dxf").unwrap();
+    journal.delivered(&id("b.dxf"), Certainty::Certain).unwrap();
     drop(journal);
     let journal = Journal::open(folder.path()).unwrap();
     assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
-    assert!(journal.begun("b.dxf", STAMP).unwrap().delivered);
+    assert!(journal.begun(&id("b.dxf"), STAMP).unwrap().is_delivered());
 }
 
 /// What an older version wrote as the basis of a drawing tells nothing.
@@ -259,8 +260,10 @@ fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
     let mut journal = Journal::open(folder.path()).unwrap();
     for name in ["a.dxf", "busy.dxf", "lost.dxf"] {
         let original = if name == "lost.dxf" { "" } else { name };
-        journal.filing(name, "Can", STAMP, original, Some((&job(name, "1"), Certainty::Uncertain))).unwrap();
-        journal.done(&job(name, "1"), original, Import::Due).unwrap();
+        journal
+            .filing(&id(name), "Can", STAMP, original, Some((&job(name, "1"), Certainty::Uncertain)))
+            .unwrap();
+        journal.done(&job(name, "1"), original, Import::Due, Certainty::Uncertain).unwrap();
     }
     // A drop that is being done again must not be taken for done.
     journal.delivering(&job("busy.dxf", "2"), STAMP, Some(7)).unwrap();
@@ -273,10 +276,80 @@ fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
     for mut journal in [journal, Journal::open(folder.path()).unwrap()] {
         assert_eq!(journal.result("a.dxf"), Some(&after));
         assert_eq!(journal.result("busy.dxf").unwrap().job.basis, "b");
-        assert!(journal.begun("busy.dxf", STAMP).is_some());
+        assert!(journal.begun(&id("busy.dxf"), STAMP).is_some());
         assert_eq!(journal.result("lost.dxf").unwrap().job.basis, "b");
         // It is not replaced a second time.
         journal.rebase(vec![("a.dxf", text("v2:88"))]).unwrap();
         assert_eq!(journal.result("a.dxf"), Some(&after));
+    }
+}
+
+/// Every order of the lines of one job is one of the stages, also where a line got lost or an older version wrote it; and
+/// what is written anew reads the same.
+#[test]
+fn whatever_lines_the_journal_has_a_job_is_at_one_stage() {
+    use Certainty::{Certain, Uncertain};
+    let result = || job("a.dxf", "1");
+    let delivering = || Record::Delivering {
+        job: result(),
+        stamp: STAMP.into(),
+        import: Some(7),
+        hot: Some(8),
+        tag: "t".into(),
+    };
+    let delivered = |certainty| Record::Delivered { drop: id("a.dxf"), certainty };
+    let filing = |certainty: Option<Certainty>| Record::Filing {
+        drop: id("a.dxf"),
+        sku: "Can".into(),
+        stamp: STAMP.into(),
+        to: "(2)/a.dxf".into(),
+        job: certainty.map(|_| result()),
+        certainty: certainty.unwrap_or_default(),
+        hot: Some(8),
+    };
+    let renaming = || Stage::Renaming { result: result(), import: Some(7), tag: "t".into() };
+    let at_delivered = |certainty| Stage::Delivered { result: result(), certainty };
+    let at_filing = |certainty: Option<Certainty>| Stage::Filing {
+        result: certainty.map(|certainty| (result(), certainty)),
+        to: "(2)/a.dxf".into(),
+    };
+    let cases = [
+        (vec![], None),
+        (vec![delivering()], Some(renaming())),
+        (vec![delivered(Certain)], None),
+        (vec![delivering(), delivering()], Some(renaming())),
+        (vec![delivering(), delivered(Certain)], Some(at_delivered(Certain))),
+        (vec![delivering(), delivered(Uncertain)], Some(at_delivered(Uncertain))),
+        (vec![delivering(), delivered(Certain), delivering()], Some(renaming())),
+        (vec![delivering(), delivered(Certain), filing(Some(Certain))], Some(at_filing(Some(Certain)))),
+        // An older version wrote another certainty, or none of the drawing.
+        (vec![delivering(), delivered(Uncertain), filing(Some(Certain))], Some(at_filing(Some(Uncertain)))),
+        (vec![delivering(), delivered(Uncertain), filing(None)], Some(at_filing(Some(Uncertain)))),
+        (vec![delivering(), delivered(Certain), filing(None)], Some(at_filing(Some(Certain)))),
+        // A full disk took the line between; nothing is filed that was not delivered.
+        (vec![delivering(), filing(Some(Uncertain))], Some(at_filing(Some(Uncertain)))),
+        (vec![delivering(), filing(None)], Some(at_filing(Some(Certain)))),
+        // An older version noted the delivery after that.
+        (vec![delivering(), filing(None), delivered(Uncertain)], Some(at_filing(Some(Uncertain)))),
+        // A drawing that was not to be delivered again, a part, and a pattern of an older version.
+        (vec![filing(Some(Uncertain))], Some(at_filing(Some(Uncertain)))),
+        (vec![filing(None)], Some(at_filing(None))),
+        (vec![filing(None), delivered(Certain)], Some(at_filing(None))),
+        (vec![filing(None), filing(Some(Certain))], Some(at_filing(Some(Certain)))),
+        (vec![filing(Some(Certain)), filing(Some(Certain))], Some(at_filing(Some(Certain)))),
+        (vec![delivering(), Record::Cancelled { drop: id("a.dxf") }], None),
+    ];
+    for (lines, expected) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let at = "2026-01-01T00:00:00Z";
+        let text: String =
+            lines.into_iter().map(|record| written(&Line { at: at.into(), record }).unwrap()).collect();
+        fs::write(folder.path().join(JOURNAL), &text).unwrap();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        let stage = |journal: &Journal| journal.begun(&id("a.dxf"), STAMP).map(|open| open.stage.clone());
+        assert_eq!(stage(&journal), expected, "{text}");
+        journal.write_anew().unwrap();
+        let anew = stage(&Journal::open(folder.path()).unwrap());
+        assert_eq!(anew, expected, "written anew: {text}");
     }
 }

@@ -4,18 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::super::delivery::IMPORT_MISSING;
-use super::super::drops::{Block, Drop, WAITS_FOR_TURN};
-use super::super::executor::{Task, Work};
-use super::super::filing::with_slashes;
+use super::super::drop_id::DropId;
+use super::super::drops::{Block, Drop, Obstacle};
 use super::super::folders::{self, Found};
 use super::super::job::Corrector;
 use super::super::journal::StampRecord;
 use super::super::names::{Meaning, delivered_as};
-use super::super::settle::{Stamp, Verdict};
+use super::super::settle::{Gap, Stamp, Verdict};
+use super::super::task::{Task, Work};
 use super::outcomes::part_under_way;
 use super::{Running, Worker};
-use crate::config::{JobSettings, Sku};
+use crate::config::{ConfigError, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::reason::Reason;
@@ -114,13 +113,10 @@ impl<C: Corrector> Worker<'_, C> {
         let (last_chance, doomed) = match drop.settle.verdict(now, &times) {
             Verdict::Wait(_) => return,
             Verdict::Read => (false, None),
-            Verdict::GiveUp(super::super::settle::Gap::Companion) => (true, None),
-            Verdict::GiveUp(super::super::settle::Gap::Content) => {
-                let lacks = drop.reason.clone().filter(|reason| reason.code != WAITS_FOR_TURN);
-                (true, Some(lacks.unwrap_or_else(cut_short)))
-            }
+            Verdict::GiveUp(Gap::Companion) => (true, None),
+            Verdict::GiveUp(Gap::Content) => (true, Some(drop.lacks.clone().unwrap_or_else(cut_short))),
         };
-        let (work, doomed) = match drop.meaning.clone() {
+        let work = match drop.meaning.clone() {
             Ok(Meaning::Companion) => return self.companion(path),
             // A texture of a part that was done before it came.
             Ok(_)
@@ -129,47 +125,58 @@ impl<C: Corrector> Worker<'_, C> {
             {
                 return self.companion(path);
             }
-            Ok(Meaning::Part(sku)) => (Work::Learn(sku), doomed),
-            Ok(Meaning::Pattern { sku, name }) => (Work::Correct { sku, name }, doomed),
-            Err(reason) => (Work::Nothing, Some(reason)),
+            Ok(Meaning::Part(sku)) => Work::Learn(sku),
+            Ok(Meaning::Pattern { sku, name }) => Work::Correct { sku, name },
+            Err(reason) => Work::Reject(reason),
         };
         if let Work::Correct { sku, .. } = &work
             && self.drops.has_part(sku)
         {
             return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
-        let (relative, stamp) = (drop.relative.clone(), drop.settle.stamp());
+        let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
         let mut deaths = deaths(&self.suspected, drop);
         // What is delivered is only filed, and no fault of the file any more.
-        if deaths > 0 && self.executor.is_delivered(&relative, stamp) {
+        if deaths > 0 && self.executor.is_delivered(&id, stamp) {
             deaths = 0;
         }
         let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
-        let waits_for_import = drop.reason.as_ref().is_some_and(|reason| reason.code == IMPORT_MISSING);
+        let waits_for_import = matches!(drop.block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
         let chance =
             Chance { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
-        self.start(path, relative, work, stamp, chance);
+        self.start(path, (id, relative), work, stamp, chance);
     }
 
-    fn start(&mut self, path: &Path, relative: PathBuf, work: Work, stamp: Stamp, chance: Chance) {
+    fn start(
+        &mut self,
+        path: &Path,
+        (drop, relative): (DropId, PathBuf),
+        work: Work,
+        stamp: Stamp,
+        chance: Chance,
+    ) {
         let settings = match &work {
             Work::Learn(sku) | Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } => {
                 match self.job_settings(sku) {
                     Ok(settings) => settings,
-                    Err(reason) => {
+                    Err(error) => {
+                        let obstacle = match error {
+                            ConfigError::BeingSaved { .. } => Obstacle::SettingsBeingSaved,
+                            _ => Obstacle::Other,
+                        };
                         return match &work {
                             Work::CorrectAgain { sku, name } => {
-                                self.correct_again_later(sku, &delivered_as(name), reason);
+                                self.correct_again_later(sku, &delivered_as(name), error.reason());
                             }
-                            _ => self.retry_later(path, reason),
+                            _ => self.retry_later(path, obstacle, error.reason()),
                         };
                     }
                 }
             }
-            Work::Nothing => JobSettings::default(),
+            Work::Reject(_) => JobSettings::default(),
         };
         let running = Running {
-            drop: with_slashes(&relative),
+            drop: drop.clone(),
             work: work.clone(),
             since: self.now(),
             stamp,
@@ -182,6 +189,7 @@ impl<C: Corrector> Worker<'_, C> {
         };
         let task = Task {
             path: path.into(),
+            drop,
             relative,
             work,
             station: self.settings.station().clone(),
@@ -217,12 +225,12 @@ impl<C: Corrector> Worker<'_, C> {
         if large && !large_too {
             return self.reprocessing.takes_long(&again.name);
         }
-        let relative = PathBuf::from(again.drop());
+        let drop = again.drop();
         // The archived original bears the pattern's name.
         let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let work = Work::CorrectAgain { sku: again.sku, name };
         let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
-        self.start(&again.original, relative, work, stamp, chance);
+        self.start(&again.original, (drop, PathBuf::new()), work, stamp, chance);
     }
 }
 
@@ -241,11 +249,11 @@ fn is_large(drop: &Drop) -> bool {
 }
 
 /// How often the station ended while it was at this very file.
-fn deaths(suspects: &BTreeMap<String, (StampRecord, u32)>, drop: &Drop) -> u32 {
+fn deaths(suspects: &BTreeMap<DropId, (StampRecord, u32)>, drop: &Drop) -> u32 {
     if suspects.is_empty() {
         return 0;
     }
-    let suspect = suspects.get(&with_slashes(&drop.relative));
+    let suspect = suspects.get(&DropId::hot(&drop.relative));
     suspect.filter(|(stamp, _)| stamp.is_of(drop.settle.stamp())).map_or(0, |(_, deaths)| *deaths)
 }
 

@@ -4,21 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use super::super::delivery;
+use super::super::drop_id::{DropId, with_slashes};
 use super::super::drops::Drops;
 use super::super::filing::{self, Content, Original};
 use super::super::folders::{self, Found};
-use super::super::intake::sidecar_of;
 use super::super::job::{Corrector, JobError, Mode, STOP_THE_OTHER};
-use super::super::journal::OpenJob;
 use super::super::lock::HotLock;
 use super::super::names::{Meaning, is_ignored};
-use super::super::parked::{self, Parking};
-use super::super::reprocess::ARCHIVE;
+use super::super::parked;
+use super::super::recovery;
 use super::super::settle::{Moment, Stamp, Writer};
 use super::super::watcher::{Message, Signal};
 use super::Worker;
-use crate::config::{Backend, FolderPaths, Sku};
+use crate::config::Backend;
 use crate::reason::Reason;
 
 /// How often a hot folder that vanished is looked for.
@@ -65,8 +63,10 @@ impl<C: Corrector> Worker<'_, C> {
             self.reprocessing.check(sku);
         }
         let folders = self.folders().clone();
-        let is_there =
-            delivery::import_is_there(&folders).and_then(|()| self.executor.shares.are_there(&folders, true));
+        let is_there = match folders.import_trouble() {
+            Some(reason) => Err(JobError::Retry(reason)),
+            None => self.executor.shares.are_there(&folders, true),
+        };
         if let Err(JobError::Retry(reason)) = &is_there {
             self.trouble(reason.on_one_line());
         }
@@ -111,7 +111,7 @@ impl<C: Corrector> Worker<'_, C> {
         self.drops.keep_only(&found);
         self.kept.retain(|path, _| found.contains(path));
         if is_there.is_ok() {
-            self.close_what_was_interrupted(&hot);
+            self.close_what_was_interrupted();
         }
         for sku in self.drops.awaited() {
             // What is wrong with the settings or the surface is told when the pattern's turn comes.
@@ -140,33 +140,15 @@ impl<C: Corrector> Worker<'_, C> {
     }
 
     /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
-    pub(super) fn close_what_was_interrupted(&mut self, hot: &Path) {
+    fn close_what_was_interrupted(&mut self) {
         let station = self.settings.station().clone();
-        let running: BTreeSet<&str> = self.running.values().map(|running| running.drop.as_str()).collect();
-        let mut journal = self.executor.journal();
-        let identity = folders::identity(hot);
-        journal.hot_is(identity);
-        for (drop, open) in journal.all_begun() {
-            let there = matches!(folders::look(&hot.join(&drop)), Ok(Some(Found::File(stamp))) if open.stamp.is_of(stamp));
-            if running.contains(drop.as_str()) || there {
-                continue;
-            }
-            // An empty mount point, or another share: the drop may come back with the folder it lay in.
-            if open.hot.is_some() && open.hot != identity && !drop.starts_with(ARCHIVE) {
-                self.complaints.tell(format!(
-                    "{drop} was interrupted, and the hot folder {} is another one than then: if a share is missing, \
-                     connect it; the drop is done to its end when it is back",
-                    hot.display()
-                ));
-                continue;
-            }
-            leftover_sidecar_follows(&station.folders, &self.executor.parking, hot, &drop, &open);
-            if let Err(JobError::Retry(reason)) = delivery::close(&station, &mut journal, &drop, &open) {
-                self.complaints.tell(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
-            }
-        }
-        if !std::mem::replace(&mut self.status.swept, true) {
-            delivery::sweep(&station.folders, &journal);
+        let Self { executor, running, complaints, .. } = self;
+        let mut journal = executor.journal();
+        let is_at_work = |drop: &DropId| running.values().any(|running| running.drop == *drop);
+        let complain = |words| complaints.tell(words);
+        recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
+        if !std::mem::replace(&mut self.swept, true) {
+            recovery::sweep(&station.folders, &journal);
         }
     }
 
@@ -181,7 +163,7 @@ impl<C: Corrector> Worker<'_, C> {
         let times = self.times();
         let silence = times.incomplete.max(times.incomplete_after_close);
         for parked::Returned { relative, overtaken } in self.executor.parking.look(&folders, silence) {
-            let drop = filing::with_slashes(&relative);
+            let drop = with_slashes(&relative);
             let Some(place) = overtaken else {
                 tracing::warn!(
                     "{drop} was written again after it was done: what is there now is taken as a new drop"
@@ -320,28 +302,4 @@ fn overtaken_by_a_newer(drop: &str) -> Reason {
     );
     let remedy = "Drop it again if it is to replace the newer one.";
     Reason::new("overtaken", what, remedy)
-}
-
-/// Settings that an interruption left behind when their pattern went to the archive go there, too: the next pattern of
-/// that name must not take them for its own. Should one lie there already, they are its own by now.
-fn leftover_sidecar_follows(
-    folders: &FolderPaths,
-    parking: &Parking,
-    hot: &Path,
-    drop: &str,
-    open: &OpenJob,
-) {
-    let (path, Some(to), Some(_)) = (hot.join(drop), &open.to, &open.job) else { return };
-    let (Some(sidecar), Ok(sku), Ok(None)) =
-        (sidecar_of(&path), open.sku.parse::<Sku>(), folders::look(&path))
-    else {
-        return;
-    };
-    let archived = folders.archive.join(sku.key()).join(to);
-    if matches!(folders::look(&sidecar), Ok(Some(Found::File(_)))) && archived.exists() {
-        let place = archived.parent().unwrap_or(&archived);
-        if let Err(error) = filing::follow(folders, parking, &sidecar, place) {
-            tracing::warn!("{} stays in the hot folder: {error}", sidecar.display());
-        }
-    }
 }

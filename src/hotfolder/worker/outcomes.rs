@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::super::drops::{Block, waits_for_turn};
-use super::super::executor::{Outcome, Work};
-use super::super::filing::{self, with_slashes};
+use super::super::drop_id::with_slashes;
+use super::super::drops::{Block, Obstacle};
+use super::super::filing;
 use super::super::folders;
-use super::super::intake::sidecar_of;
 use super::super::job::{Corrector, Mode};
-use super::super::names::{delivered_as, is_sidecar};
+use super::super::names::{delivered_as, is_sidecar, sidecar_of};
 use super::super::settle::{Moment, Writer};
+use super::super::task::{Outcome, Work};
 use super::Worker;
-use crate::config::{BEING_SAVED, Sku};
+use crate::config::Sku;
 use crate::reason::Reason;
 
 /// How long after a pattern was delivered settings for it are told to have come too late.
@@ -80,7 +80,7 @@ impl<C: Corrector> Worker<'_, C> {
             }
             Outcome::Rejected(reason) => {
                 self.tally.rejected += 1;
-                self.status.rejected(&running.drop, &reason);
+                self.status.rejected(&running.drop.to_string(), &reason);
                 self.done(path);
             }
             Outcome::Changed => self.look_again(path),
@@ -90,14 +90,13 @@ impl<C: Corrector> Worker<'_, C> {
                 if anew {
                     drop.settle.wait_anew(now);
                 }
-                drop.settle.found_incomplete(gap);
+                let what = reason.what.clone();
+                if drop.found_incomplete(gap, reason) {
+                    tracing::info!("{} is not complete yet: {what}", running.drop);
+                }
                 if running.companions_came != self.companions_came {
                     // What it lacks may have come while it was read.
                     drop.settle.companion_came();
-                }
-                if drop.reason.as_ref() != Some(&reason) {
-                    tracing::info!("{} is not complete yet: {}", running.drop, reason.what);
-                    drop.reason = Some(reason);
                 }
             }
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
@@ -106,17 +105,18 @@ impl<C: Corrector> Worker<'_, C> {
                     self.wait(path, Block::PartUnderWay, part_under_way(sku));
                 }
             }
-            Outcome::PartRefused(reason) => self.retry_later(path, reason),
+            Outcome::PartRefused(reason) => self.retry_later(path, Obstacle::RefusedPart, reason),
+            Outcome::NoImportFolder(reason) => self.retry_later(path, Obstacle::NoImportFolder, reason),
             Outcome::Retry(reason, kept) => {
                 // Without what is kept, the journal says how far the job came, and it is worked through again.
                 if let Some(kept) = kept.filter(|_| self.kept.len() < MOST_KEPT) {
                     self.kept.insert(path.into(), *kept);
                 }
-                self.retry_later(path, reason);
+                self.retry_later(path, Obstacle::Other, reason);
             }
             Outcome::TakesLong => {
                 if let Some(drop) = self.drops.get_mut(path).filter(|_| same) {
-                    (drop.takes_long, drop.reason) = (true, Some(waits_for_turn()));
+                    drop.found_large();
                 }
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
@@ -140,7 +140,10 @@ impl<C: Corrector> Worker<'_, C> {
             }
             // It stays marked: other settings may do.
             Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
-            Outcome::Retry(reason, _) | Outcome::PartRefused(reason) | Outcome::NoSurface(reason) => {
+            Outcome::Retry(reason, _)
+            | Outcome::NoImportFolder(reason)
+            | Outcome::PartRefused(reason)
+            | Outcome::NoSurface(reason) => {
                 self.correct_again_later(sku, name, reason);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
@@ -187,7 +190,6 @@ impl<C: Corrector> Worker<'_, C> {
         self.stale = true;
         let is_late = self.late_sidecars.remove(path).is_some();
         if let Some(drop) = self.drops.get_mut(path) {
-            drop.block = Block::Unclaimed;
             let reason = if is_late {
                 let what = "The settings came after their pattern, which was delivered without them.";
                 let remedy = "Drop the pattern again; next time drop its settings first.";
@@ -199,13 +201,12 @@ impl<C: Corrector> Worker<'_, C> {
                 let what = "The file waits for the part that names it.";
                 Reason::new("waits-for-part", what, "Drop the part, or remove the file if nothing needs it.")
             };
-            let relative = with_slashes(&drop.relative);
-            match drop.reason.as_ref() {
-                Some(told) if *told == reason => {}
-                _ if is_late => tracing::warn!("{relative}: {}", reason.on_one_line()),
-                _ => tracing::info!("{relative}: {}", reason.on_one_line()),
+            let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+            match drop.wait(Block::Unclaimed, reason) {
+                false => {}
+                true if is_late => tracing::warn!("{words}"),
+                true => tracing::info!("{words}"),
             }
-            drop.reason = Some(reason);
         }
     }
 
@@ -228,14 +229,13 @@ impl<C: Corrector> Worker<'_, C> {
 
     pub(super) fn wait(&mut self, path: &Path, block: Block, reason: Reason) {
         let Some(drop) = self.drops.get_mut(path) else { return };
-        drop.block = block;
-        if drop.reason.as_ref() != Some(&reason) {
-            tracing::info!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
-            drop.reason = Some(reason);
+        let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+        if drop.wait(block, reason) {
+            tracing::info!("{words}");
         }
     }
 
-    pub(super) fn retry_later(&mut self, path: &Path, reason: Reason) {
+    pub(super) fn retry_later(&mut self, path: &Path, obstacle: Obstacle, reason: Reason) {
         let now = self.now();
         let once = self.mode == Mode::Once;
         let Some(drop) = self.drops.get_mut(path) else { return };
@@ -244,13 +244,12 @@ impl<C: Corrector> Worker<'_, C> {
             _ => FIRST_PAUSE,
         };
         let moment = if once { Moment::MAX } else { now + pause };
-        drop.block = Block::Until { moment, pause };
-        if drop.reason.as_ref() != Some(&reason) {
-            // An edit takes a moment, and nobody has to do anything.
-            if reason.code != BEING_SAVED {
-                tracing::warn!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
-            }
-            drop.reason = Some(reason);
+        let words = format!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+        // An edit takes a moment, and nobody has to do anything.
+        if drop.wait(Block::Until { moment, pause, obstacle }, reason)
+            && obstacle != Obstacle::SettingsBeingSaved
+        {
+            tracing::warn!("{words}");
         }
     }
 }

@@ -3,59 +3,61 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::super::folders;
-use super::super::intake::{self, Read};
-use super::super::job::{Delivery, JobError};
-use super::super::journal::{Import, Job};
-use super::super::settle::{Gap, Stamp};
+use super::drop_id::DropId;
+use super::folders;
+use super::job::{Delivery, JobError};
+use super::journal::{Certainty, Import, Job};
+use super::names::sidecar_of;
+use super::settle::{Gap, Stamp};
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::reason::Reason;
 
 /// One job, with all it needs to know.
-pub(in crate::hotfolder) struct Task {
+pub(super) struct Task {
     /// Where the drop lies.
-    pub(in crate::hotfolder) path: PathBuf,
-    /// Its path in the hot folder; for an archived original its place in the archive.
-    pub(in crate::hotfolder) relative: PathBuf,
-    pub(in crate::hotfolder) work: Work,
+    pub(super) path: PathBuf,
+    pub(super) drop: DropId,
+    /// The path of a drop in the hot folder.
+    pub(super) relative: PathBuf,
+    pub(super) work: Work,
     /// The station as it was when the job began.
-    pub(in crate::hotfolder) station: Station,
+    pub(super) station: Station,
     /// The SKU's settings.
-    pub(in crate::hotfolder) settings: JobSettings,
+    pub(super) settings: JobSettings,
     /// The file as it was seen last.
-    pub(in crate::hotfolder) stamp: Stamp,
+    pub(super) stamp: Stamp,
     /// What is incomplete now stays so.
-    pub(in crate::hotfolder) last_chance: bool,
+    pub(super) last_chance: bool,
     /// How long it may take.
-    pub(in crate::hotfolder) pace: Pace,
-    /// Why it can only be rejected.
-    pub(in crate::hotfolder) doomed: Option<Reason>,
+    pub(super) pace: Pace,
+    /// Why the file can only be rejected, whatever it is.
+    pub(super) doomed: Option<Reason>,
     /// Other drops that may still be written.
-    pub(in crate::hotfolder) settling: BTreeSet<PathBuf>,
+    pub(super) settling: BTreeSet<PathBuf>,
     /// The drawing waited for the import folder before, so there is no need to work it through again until it is there.
-    pub(in crate::hotfolder) waits_for_import: bool,
+    pub(super) waits_for_import: bool,
     /// What was delivered while report or original could not be filed.
-    pub(in crate::hotfolder) kept: Option<Kept>,
+    pub(super) kept: Option<Kept>,
     /// The settings that were seen beside the drop.
-    pub(in crate::hotfolder) sidecar: Option<PathBuf>,
+    pub(super) sidecar: Option<PathBuf>,
 }
 
 impl Task {
     /// The place of the settings beside a pattern: as they were seen, or where they belong.
     pub(super) fn place_of_sidecar(&self) -> Option<PathBuf> {
-        let there = intake::sidecar_of(&self.path).filter(|path| matches!(folders::look(path), Ok(Some(_))));
+        let there = sidecar_of(&self.path).filter(|path| matches!(folders::look(path), Ok(Some(_))));
         match self.work {
             Work::Correct { .. } => there.or_else(|| self.sidecar.clone()),
             Work::CorrectAgain { .. } => there,
-            Work::Learn(_) | Work::Nothing => None,
+            Work::Learn(_) | Work::Reject(_) => None,
         }
     }
 }
 
 /// What is to be done.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::hotfolder) enum Work {
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Work {
     /// Fit a part.
     Learn(Sku),
     /// Correct the pattern of this name and deliver it.
@@ -63,13 +65,14 @@ pub(in crate::hotfolder) enum Work {
     /// Correct an archived pattern again.
     CorrectAgain { sku: Sku, name: String },
     /// Reject what is nothing.
-    Nothing,
+    Reject(Reason),
 }
 
 /// A delivered drawing whose report or original could not be filed yet.
-pub(in crate::hotfolder) struct Kept {
-    pub(in crate::hotfolder) stamp: Stamp,
+pub(super) struct Kept {
+    pub(super) stamp: Stamp,
     pub(super) job: Job,
+    pub(super) certainty: Certainty,
     pub(super) delivery: Delivery,
     /// The preview as SVG.
     pub(super) preview: Option<Vec<u8>>,
@@ -79,14 +82,14 @@ pub(in crate::hotfolder) struct Kept {
 }
 
 /// The end of a job.
-pub(in crate::hotfolder) struct End {
-    pub(in crate::hotfolder) outcome: Outcome,
+pub(super) struct End {
+    pub(super) outcome: Outcome,
     /// Files beside the drop that, if it is done, went with it.
-    pub(in crate::hotfolder) went_along: Vec<PathBuf>,
+    pub(super) went_along: Vec<PathBuf>,
 }
 
 /// What became of a job.
-pub(in crate::hotfolder) enum Outcome {
+pub(super) enum Outcome {
     /// A part is known; companions that it names and that were not there may follow to the place.
     Learned { absent: Vec<PathBuf>, place: PathBuf },
     /// A drawing was delivered, or lies in the import folder already.
@@ -109,6 +112,8 @@ pub(in crate::hotfolder) enum Outcome {
     TakesLong,
     /// The newest part of the SKU was rejected, and its older shape is not used.
     PartRefused(Reason),
+    /// There is no import folder.
+    NoImportFolder(Reason),
     /// Something around the job fails.
     Retry(Reason, Option<Box<Kept>>),
     /// Nothing can be done any more.
@@ -116,7 +121,7 @@ pub(in crate::hotfolder) enum Outcome {
 }
 
 /// How a job ended before its end.
-pub(in crate::hotfolder) enum Broken {
+pub(super) enum Broken {
     Error(JobError),
     Outcome(Outcome),
 }
@@ -125,15 +130,4 @@ impl From<JobError> for Broken {
     fn from(error: JobError) -> Self {
         Self::Error(error)
     }
-}
-
-/// A drawing on its way to its place.
-pub(super) struct Ready<'a> {
-    pub(super) task: &'a Task,
-    pub(super) sku: &'a Sku,
-    /// The pattern's name, after which report and original are named.
-    pub(super) pattern: &'a str,
-    /// The name of the result in the import folder.
-    pub(super) name: &'a str,
-    pub(super) read: &'a Read,
 }
