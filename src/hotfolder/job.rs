@@ -1,8 +1,5 @@
 //! What a job needs from the rest of the program, and what becomes of it.
 
-use std::path::PathBuf;
-
-use super::lock::Holder;
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::formats::mesh::PartFile;
@@ -223,75 +220,4 @@ pub enum WaitsFor {
     AnotherDrop,
     /// Something around the station that fails: a folder, a disk, a server, the settings.
     Surroundings,
-}
-
-/// Why a station cannot start or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum StationError {
-    /// A folder of the station cannot be made.
-    #[error("the {purpose} folder cannot be made: {source}")]
-    Folder {
-        /// Which folder, as its key in the settings.
-        purpose: &'static str,
-        /// Where it should be.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The station's journal cannot be read or written.
-    #[error("the station's journal in {path} cannot be used: {source}")]
-    Journal {
-        /// The state folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Another process runs this station.
-    #[error("{}", held_words(.0))]
-    Held(Option<Holder>),
-    /// The lock of the station cannot be taken for another reason than that somebody holds it.
-    #[error("the station's lock {path} cannot be taken: {source}")]
-    Lock {
-        /// The lock's file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A job said that nothing can be done any more.
-    #[error("{}", .0.what)]
-    Stopped(Reason),
-}
-
-/// What to do about a second station.
-pub(super) const STOP_THE_OTHER: &str =
-    "Stop that one first. Another station needs folders `hot` and `state` of its own.";
-
-impl StationError {
-    /// The reason that people are shown.
-    pub fn reason(&self) -> Reason {
-        match self {
-            Self::Folder { purpose, path, .. } => {
-                let remedy = format!("Make the folder, or change `folders.{purpose}` in the station file.");
-                Reason::new("folder-missing", format!("{self}."), remedy).in_file(path.display().to_string())
-            }
-            Self::Held(_) => Reason::new("station-held", format!("{self}."), STOP_THE_OTHER),
-            Self::Journal { .. } => {
-                let remedy = "Let isomark read and write `folders.state`, and see to free space on its disk.";
-                Reason::new("station-journal", format!("{self}."), remedy)
-            }
-            Self::Lock { .. } => {
-                let remedy =
-                    "Let isomark write into `folders.state`, and choose a folder on a local disk for it.";
-                Reason::new("station-lock", format!("{self}."), remedy)
-            }
-            Self::Stopped(reason) => reason.clone(),
-        }
-    }
-}
-
-fn held_words(holder: &Option<Holder>) -> String {
-    match holder {
-        Some(holder) => format!("the station is run by {holder}"),
-        None => "the station is run by another process".into(),
-    }
 }

@@ -403,9 +403,10 @@ impl Journal {
     /// Forgets that the original at this place in the SKU's archive folder lies there, before it is removed; `false` if it
     /// is still needed.
     pub(super) fn let_original_go(&mut self, sku: &Sku, place: &str) -> io::Result<bool> {
-        let again = format!("archive:{}/{place}", sku.key());
+        let again = DropId::archived(sku, place);
         let is_open = |open: &OpenJob| {
-            open.to.as_deref() == Some(place) && open.sku.parse::<Sku>().is_ok_and(|open| open == *sku)
+            matches!(&open.stage, Stage::Filing { to, .. } if to == place)
+                && open.sku.parse::<Sku>().is_ok_and(|open| open == *sku)
         };
         if self.at_work.contains_key(&again)
             || self.open.contains_key(&again)
@@ -413,7 +414,7 @@ impl Journal {
         {
             return Ok(false);
         }
-        let name = delivered_as(place.rsplit('/').next().unwrap_or(place));
+        let name = delivered_as(again.file_name());
         let is_its_original = |result: &&Delivered| {
             result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
         };

@@ -7,7 +7,6 @@
 //!
 //! The words lie beside the lock and not in it, because on Windows nobody else can read a locked file.
 
-use std::fmt::{Display, Formatter};
 use std::fs::TryLockError;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -15,13 +14,11 @@ use std::time::Duration;
 
 use fs_err as fs;
 
-use super::clock;
+use super::error::StationError;
 use super::folders::{Identity, identity, lies_at};
-use super::job::StationError;
-use crate::files::{read_if_there, write_whole_unsynced};
+use super::holder::Holder;
 
 const LOCK: &str = "station.lock";
-const HOLDER: &str = "station.toml";
 /// `isomark status` takes the lock for a moment to see whether somebody has it; a start waits for as long as that.
 const ATTEMPTS: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(50);
@@ -73,19 +70,6 @@ fn lockable(hot: &Path) -> std::io::Result<std::fs::File> {
     std::fs::OpenOptions::new().create(true).read(true).write(true).truncate(false).open(path)
 }
 
-/// Who runs a station.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Holder {
-    /// The station's name.
-    pub station: String,
-    /// The number of its process.
-    pub process: u32,
-    /// The machine it runs on, as far as it is known.
-    pub machine: String,
-    /// Since when, in universal time.
-    pub since: String,
-}
-
 impl StationLock {
     /// Takes the lock in the station's state folder, which must exist.
     ///
@@ -102,7 +86,7 @@ impl StationLock {
             match file.try_lock() {
                 Ok(()) => break,
                 Err(TryLockError::WouldBlock) if attempt == ATTEMPTS => {
-                    return Err(StationError::Held(holder_words(state)));
+                    return Err(StationError::Held(Holder::read(state)));
                 }
                 Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
@@ -115,22 +99,23 @@ impl StationLock {
                 Err(TryLockError::Error(error)) => return Err(trouble(error)),
             }
         }
-        let holder = Holder {
-            station: station.into(),
-            process: std::process::id(),
-            machine: machine(),
-            since: clock::now(),
-        };
         // The lock holds without these words, too: a full disk must not keep a station from starting.
-        if let Err(error) = write_whole_unsynced(state, HOLDER, holder.to_lines().as_bytes()) {
+        if let Err(error) = Holder::this_process(station).write(state) {
             tracing::warn!("others cannot be told who runs this station: {error}");
         }
         Ok(Self { path, file })
     }
 
-    /// Whether its file is where it was taken: a lock on a removed file holds nobody off.
-    pub fn is_in_place(&self) -> bool {
-        lies_at(&self.file, &self.path)
+    /// Takes it again if its file is not where it was taken, since a lock on a removed file holds nobody off; returns
+    /// whether it had to.
+    pub(super) fn keep_in_place(&mut self, state: &Path, station: &str) -> Result<bool, StationError> {
+        if lies_at(&self.file, &self.path) {
+            return Ok(false);
+        }
+        let path = self.path.clone();
+        fs::create_dir_all(state).map_err(|source| StationError::Lock { path, source })?;
+        *self = Self::take(state, station)?;
+        Ok(true)
     }
 
     /// Who runs the station now; `None` when nobody does.
@@ -145,63 +130,10 @@ impl StationLock {
         };
         match file.try_lock_shared() {
             Ok(()) => Ok(None),
-            Err(TryLockError::WouldBlock) => Ok(Some(holder_words(state).unwrap_or_else(|| Holder {
-                station: "a station".into(),
-                process: 0,
-                machine: String::new(),
-                since: String::new(),
-            }))),
+            Err(TryLockError::WouldBlock) => Ok(Some(Holder::read(state).unwrap_or_else(Holder::unknown))),
             Err(TryLockError::Error(error)) => Err(error),
         }
     }
-}
-
-impl Holder {
-    fn to_lines(&self) -> String {
-        let quoted = |text: &str| text.replace(['"', '\\'], "'");
-        format!(
-            "station = \"{}\"\nprocess = {}\nmachine = \"{}\"\nsince = {}\n",
-            quoted(&self.station),
-            self.process,
-            quoted(&self.machine),
-            self.since
-        )
-    }
-
-    /// `None` for a file that does not hold what [`Holder::to_lines`] writes.
-    fn from_lines(text: &str) -> Option<Self> {
-        let value = |key: &str| {
-            let line = text.lines().find_map(|line| line.strip_prefix(key)?.trim_start().strip_prefix('='));
-            line.map(|value| value.trim().trim_matches('"').to_owned())
-        };
-        Some(Self {
-            station: value("station")?,
-            process: value("process")?.parse().ok()?,
-            machine: value("machine")?,
-            since: value("since")?,
-        })
-    }
-}
-
-impl Display for Holder {
-    fn fmt(&self, out: &mut Formatter<'_>) -> std::fmt::Result {
-        write!(out, "process {}", self.process)?;
-        if !self.machine.is_empty() {
-            write!(out, " on {}", self.machine)?;
-        }
-        write!(out, " as \"{}\" since {}", self.station, self.since)
-    }
-}
-
-fn holder_words(state: &Path) -> Option<Holder> {
-    let bytes = read_if_there(&state.join(HOLDER)).ok()??;
-    Holder::from_lines(&String::from_utf8_lossy(&bytes))
-}
-
-/// The machine's name where the system keeps it in a file; empty elsewhere.
-fn machine() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    name.trim().to_owned()
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@
 pub mod names;
 pub mod settle;
 mod clock;
+mod holder;
 mod lock;
 mod job;
 mod watcher;
@@ -45,12 +46,14 @@ pub mod status;
 mod corrector;
 
 pub use corrector::PipelineCorrector;
+pub use error::StationError;
 pub(crate) use folders::lies_at;
+pub use holder::Holder;
 pub use job::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
-    ReadBack, Sketch, StationError, Tally, Waiting, WaitsFor,
+    ReadBack, Sketch, Tally, Waiting, WaitsFor,
 };
-pub use lock::{Holder, StationLock};
+pub use lock::StationLock;
 pub use names::CURRENT_PART;
 pub use rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use requests::Request;

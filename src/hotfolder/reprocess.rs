@@ -10,6 +10,7 @@ use super::job::Corrector;
 use super::journal::{Delivered, Import};
 use super::settle::Moment;
 use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station, fold};
+use crate::reason::Reason;
 
 /// SKUs that are looked at in one go: the station must stay responsive.
 const AT_ONCE: usize = 20;
@@ -38,6 +39,8 @@ struct Marked {
     takes_long: bool,
     /// It is corrected again because nobody knows whether it was delivered.
     uncertain: bool,
+    /// Why it is not corrected again yet, as it was last told.
+    told: Option<String>,
 }
 
 /// An archived pattern that is to be corrected again.
@@ -133,6 +136,7 @@ impl Reprocessing {
                 under_way: false,
                 takes_long: false,
                 uncertain: false,
+                told: None,
             });
             if asked || is_due {
                 marked.due.get_or_insert(Moment::ZERO);
@@ -190,6 +194,12 @@ impl Reprocessing {
         }
     }
 
+    /// Whether nobody was told this reason yet why it is not corrected again.
+    pub(super) fn is_news(&mut self, name: &str, reason: &Reason) -> bool {
+        let told = self.marked.get_mut(&fold(name)).map(|marked| &mut marked.told);
+        told.is_some_and(|told| told.replace(reason.what.clone()).as_ref() != Some(&reason.what))
+    }
+
     /// It is up to date, or cannot be corrected again.
     pub(super) fn forget(&mut self, name: &str) {
         self.marked.remove(&fold(name));
@@ -213,8 +223,14 @@ impl Reprocessing {
             return;
         }
         let again = Again { sku, name, original: archive.join(&place), place };
-        let marked =
-            Marked { again, due: Some(Moment::ZERO), under_way: false, takes_long: false, uncertain: true };
+        let marked = Marked {
+            again,
+            due: Some(Moment::ZERO),
+            under_way: false,
+            takes_long: false,
+            uncertain: true,
+            told: None,
+        };
         self.marked.insert(key, marked);
     }
 

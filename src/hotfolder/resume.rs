@@ -224,6 +224,9 @@ mod tests {
     /// that it was.
     type Folders = (bool, Seen, bool);
 
+    /// Name, stage, and what becomes of it for each place of the original.
+    type Case<'a> = (&'a str, Stage, DeliveryKind, Folders, &'a [(Original, Resume)]);
+
     const NEVER_RENAMED: Folders = (true, Nothing, true);
     const NEVER_REPLACED: Folders = (true, Another, true);
     const RENAMED: Folders = (false, Ours, true);
@@ -235,7 +238,7 @@ mod tests {
     fn what_is_found_decides_how_a_job_goes_on() {
         use Import::{ByFolder, Done, Due};
         use Resume::{NotePart, Redo};
-        let cases: &[(&str, Stage, DeliveryKind, Folders, &[(Original, Resume)])] = &[
+        let cases: &[Case] = &[
             (
                 "not renamed",
                 renaming(),

@@ -16,10 +16,10 @@ use std::time::{Duration, SystemTime};
 use fs_err as fs;
 
 use super::clock;
-use super::filing::{CURRENT_PART, PREVIEW, REPORT, current_part, with_slashes};
-use super::intake::sidecar_of;
+use super::drop_id::with_slashes;
+use super::filing::{PREVIEW, REPORT, current_part};
 use super::journal::Journal;
-use super::names::is_sidecar;
+use super::names::{CURRENT_PART, is_sidecar, sidecar_of};
 use super::rejected::{self, REASON};
 use super::status::Kept;
 use crate::config::{FolderPaths, Retention, Sku, Station};

@@ -249,7 +249,7 @@ pub(super) struct View<'a> {
     pub(super) outdated: Vec<(String, Sku)>,
     pub(super) uncertain: Vec<UncertainDrawing>,
     pub(super) kept: Option<Kept>,
-    pub(super) troubles: &'a [String],
+    pub(super) troubles: Vec<String>,
     pub(super) now: Moment,
     pub(super) alive: bool,
 }
@@ -344,7 +344,7 @@ impl StatusBoard {
             at: String::new(),
             since: self.since.clone(),
             done,
-            troubles: view.troubles.to_vec(),
+            troubles: view.troubles.clone(),
             under_way: view.under_way.clone(),
             waiting: waits(waiting),
             incomplete: waits(incomplete),

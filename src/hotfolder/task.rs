@@ -68,6 +68,16 @@ pub(super) enum Work {
     Reject(Reason),
 }
 
+impl Work {
+    /// The SKU that it is for.
+    pub(super) fn sku(&self) -> Option<&Sku> {
+        match self {
+            Self::Learn(sku) | Self::Correct { sku, .. } | Self::CorrectAgain { sku, .. } => Some(sku),
+            Self::Reject(_) => None,
+        }
+    }
+}
+
 /// A delivered drawing whose report or original could not be filed yet.
 pub(super) struct Kept {
     pub(super) stamp: Stamp,

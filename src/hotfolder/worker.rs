@@ -7,34 +7,41 @@
 //! small one has to wait for small ones at most.
 
 mod hand_out;
+mod lanes;
+mod late;
 mod listing;
 mod outcomes;
+mod threads;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
-use super::drop_id::DropId;
 use super::drops::Drops;
-use super::error::guarded;
+use super::error::{StationError, guarded};
 use super::executor::Executor;
 use super::filing;
-use super::job::{Corrector, Mode, Pulse, StationError, Tally};
-use super::journal::{Delivered, Journal, StampRecord};
+use super::job::{Corrector, Mode, Pulse, Tally};
+use super::journal::{Delivered, Journal};
 use super::lock::{HotLock, StationLock};
 use super::reprocess::Reprocessing;
 use super::requests::{self, Request};
 use super::retention::Keeper;
-use super::settle::{Moment, SettleTimes, Stamp};
+use super::settle::{Moment, SettleTimes};
 use super::shares::Shares;
-use super::status::{StatusBoard, UncertainDrawing, UnderWay};
-use super::task::{End, Kept, Outcome, Task, Work};
+use super::status::{StatusBoard, UncertainDrawing};
+use super::task::Kept;
 use super::watcher::{Message, StopSignal, Watcher};
 use crate::config::{ConfigError, FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
 use crate::diff;
 use crate::reason::Reason;
+
+use lanes::Lanes;
+use late::Late;
+use listing::Listing;
+use threads::Threads;
 
 /// How long an incomplete file is waited for after its writer closed it: some programs write in two goes.
 const INCOMPLETE_AFTER_CLOSE: Duration = Duration::from_secs(3);
@@ -78,17 +85,17 @@ pub fn run(
     let executor = Executor::new(corrector, journal, Shares::open(&state), stop.clone());
     let (sender, messages) = sync_channel(MOST_MESSAGES);
     stop.connect(sender.clone());
-    let threads = threads(station.watch.jobs);
-    let (tasks, taken) = sync_channel(threads);
+    let count = threads(station.watch.jobs);
+    let (tasks, taken) = sync_channel(count);
     // Memory that a thread had stays with it, so these only take what the others cannot.
-    let (spare_tasks, taken_by_spare) = sync_channel(threads);
+    let (spare_tasks, taken_by_spare) = sync_channel(count);
     let keeper = Keeper::new(&station);
     let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
     std::thread::scope(|scope| {
         for taken in [&taken, &taken_by_spare] {
-            for _ in 0..threads {
+            for _ in 0..count {
                 let (executor, sender) = (&executor, sender.clone());
-                scope.spawn(move || labour(taken, executor, &sender));
+                scope.spawn(move || threads::work(taken, executor, &sender));
             }
         }
         let keeper = &keeper;
@@ -111,34 +118,18 @@ pub fn run(
             lock,
             hot_lock: None,
             status: StatusBoard::new(&station, &state),
-            swept: false,
             state,
             log: station.log.clone(),
             messages,
-            tasks,
-            spare_tasks,
-            threads,
+            threads: Threads::new(tasks, spare_tasks, count),
             watcher: Watcher::new(sender),
             drops: Drops::default(),
-            lanes: BTreeMap::new(),
-            suspects: VecDeque::new(),
-            suspected: executor.journal().suspects(),
-            lanes_made: Moment::ZERO,
-            stale: true,
-            running: BTreeMap::new(),
+            lanes: Lanes::new(executor.journal().suspects()),
             started: Instant::now(),
-            next_listing: Moment::ZERO,
-            listing_rests_until: Moment::ZERO,
-            hot_is_missing: false,
-            troubles: Vec::new(),
-            complaints: Complaints::default(),
-            not_again: BTreeMap::new(),
+            listing: Listing::default(),
             kept: BTreeMap::new(),
             settings_changes: 0,
-            companions_came: 0,
-            late_companions: BTreeMap::new(),
-            late_sidecars: BTreeMap::new(),
-            put_back: BTreeMap::new(),
+            late: Late::default(),
             next_look_at_parked: Moment::ZERO,
             reprocessing: Reprocessing::default(),
             tally: Tally::default(),
@@ -185,26 +176,6 @@ fn threads(asked: Option<usize>) -> usize {
     asked.unwrap_or(cores).clamp(2, MOST_THREADS)
 }
 
-/// Does jobs as long as any come.
-fn labour<C: Corrector>(
-    tasks: &Mutex<Receiver<Task>>,
-    executor: &Executor<'_, C>,
-    sender: &SyncSender<Message>,
-) {
-    loop {
-        let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(task) = next else { return };
-        let path = task.path.clone();
-        let end = guarded(|| Ok(executor.perform(task))).unwrap_or_else(|error| End {
-            outcome: Outcome::Retry(error.into_reason(), None),
-            went_along: Vec::new(),
-        });
-        if sender.send(Message::Finished(path, Box::new(end))).is_err() {
-            return;
-        }
-    }
-}
-
 /// A station at work.
 struct Worker<'a, C> {
     settings: LiveSettings,
@@ -219,87 +190,22 @@ struct Worker<'a, C> {
     /// The log file that is written, whatever the settings say later.
     log: Option<LogSettings>,
     messages: Receiver<Message>,
-    tasks: SyncSender<Task>,
-    /// To as many threads again, for what is to be done while jobs take long that did not look like it.
-    spare_tasks: SyncSender<Task>,
-    threads: usize,
+    threads: Threads,
     watcher: Watcher,
     drops: Drops,
-    /// What can be done now, for each SKU in its order; without a SKU each drop for itself.
-    lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
-    /// What was under way when the station ended without a word: done alone, after all others.
-    suspects: VecDeque<PathBuf>,
-    /// These drops, and how often that happened, as the journal counts.
-    suspected: BTreeMap<DropId, (StampRecord, u32)>,
-    /// What was due by this moment is in the lanes.
-    lanes_made: Moment,
-    /// Something happened since the lanes were made.
-    stale: bool,
-    running: BTreeMap<PathBuf, Running>,
+    lanes: Lanes,
     started: Instant,
-    next_listing: Moment,
-    /// The folder is not listed again before this moment, whatever asks for it.
-    listing_rests_until: Moment,
-    hot_is_missing: bool,
-    /// What the last listing found wrong with the hot folder itself.
-    troubles: Vec<String>,
-    /// Complaints about the hot folder itself.
-    complaints: Complaints,
-    /// Why outdated drawings are not corrected again yet, as it was last told.
-    not_again: BTreeMap<String, String>,
+    listing: Listing,
     /// Patterns whose result is delivered while report or original could not be filed yet.
     kept: BTreeMap<PathBuf, Kept>,
     /// How often the settings changed so far.
     settings_changes: u64,
-    /// How many companions came so far.
-    companions_came: u64,
-    /// Companions that were not there when their part was done: until when they may follow it, and where it went.
-    late_companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
-    /// The places of settings beside patterns that were done without any: until when they are told to be late.
-    late_sidecars: BTreeMap<PathBuf, Moment>,
-    /// Files that the station itself moved into the hot folder: until when that is heard.
-    put_back: BTreeMap<PathBuf, Moment>,
+    late: Late,
     next_look_at_parked: Moment,
     reprocessing: Reprocessing,
-    /// What crashes left behind was removed.
-    swept: bool,
     status: StatusBoard,
     tally: Tally,
     stopped: Option<Reason>,
-}
-
-/// A job that a thread is at.
-pub(super) struct Running {
-    pub(super) drop: DropId,
-    pub(super) work: Work,
-    pub(super) since: Moment,
-    stamp: Stamp,
-    large: bool,
-    /// A spare thread is at it.
-    is_spare: bool,
-    /// How many companions had come when it began.
-    companions_came: u64,
-    /// Nothing else is done meanwhile.
-    alone: bool,
-    /// How often the settings had changed when it began.
-    settings_changes: u64,
-    /// It was delivered before, and is only filed.
-    was_delivered: bool,
-}
-
-impl Running {
-    /// The same for people; what is only rejected is over at once.
-    fn under_way(&self, now: Moment) -> Option<UnderWay> {
-        let for_s = now.saturating_sub(self.since).as_millis() as f64 / 1e3;
-        self.sku().map(|_| UnderWay { drop: self.drop.to_string(), for_s })
-    }
-
-    fn sku(&self) -> Option<&Sku> {
-        match &self.work {
-            Work::Learn(sku) | Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } => Some(sku),
-            Work::Reject(_) => None,
-        }
-    }
 }
 
 impl<C: Corrector> Worker<'_, C> {
@@ -308,7 +214,7 @@ impl<C: Corrector> Worker<'_, C> {
             let ends = self.stop.is_raised() || self.stopped.is_some();
             if !ends {
                 self.refresh_settings();
-                if self.now() >= self.listing_is_due() {
+                if self.now() >= self.listing.is_due() {
                     self.list();
                 }
                 self.look_at_parked();
@@ -317,7 +223,7 @@ impl<C: Corrector> Worker<'_, C> {
                 self.hand_out();
             }
             pulse(Pulse::Alive);
-            if self.running.is_empty() && (ends || (self.mode == Mode::Once && self.is_idle())) {
+            if self.threads.are_idle() && (ends || (self.mode == Mode::Once && self.is_idle())) {
                 return;
             }
             self.write_status(true);
@@ -326,50 +232,40 @@ impl<C: Corrector> Worker<'_, C> {
             let mut due = Moment::MAX;
             // A station that ends does neither.
             if !ends {
-                next = next.min(self.listing_is_due());
+                next = next.min(self.listing.is_due());
             }
             if !ends && !self.executor.parking.is_empty() {
                 next = next.min(self.next_look_at_parked.max(now));
             }
-            if !ends && self.has_room() {
+            if !ends && self.threads.have_room(now) {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
-                due = self.drops.next_due(self.lanes_made, &self.times()).unwrap_or(due);
-                next = if self.stale { now } else { next.min(due) };
+                due = self.drops.next_due(self.lanes.made, &self.times()).unwrap_or(due);
+                next = if self.lanes.stale { now } else { next.min(due) };
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
                 Ok(message) => self.hear(message),
                 // Something may have settled or healed.
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.stale = true,
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.lanes.stale = true,
             }
-            self.stale |= due <= self.now();
+            self.lanes.stale |= due <= self.now();
         }
-    }
-
-    fn listing_is_due(&self) -> Moment {
-        self.next_listing.max(self.listing_rests_until)
     }
 
     /// Somebody may have tidied up the state folder: without lock and journal a second station could start, and deliver
     /// again what this one delivered.
     fn keep_state(&mut self) {
-        if !self.lock.is_in_place() {
-            let state = self.state.display().to_string();
-            let name = self.settings.station().name.clone();
-            let made = fs_err::create_dir_all(&self.state)
-                .map_err(|source| StationError::Lock { path: self.state.clone(), source });
-            match made.and_then(|()| StationLock::take(&self.state, &name)) {
-                Ok(lock) => {
-                    self.lock = lock;
-                    tracing::error!(
-                        "the state folder {state} was removed while the station ran; it is made anew"
-                    );
-                }
-                Err(StationError::Lock { source, .. }) => {
-                    let trouble = format!("the state folder {state} cannot be made anew: {source}");
-                    return self.trouble(trouble);
-                }
-                Err(error) => return self.stopped = Some(error.reason()),
+        let state = self.state.display().to_string();
+        match self.lock.keep_in_place(&self.state, &self.settings.station().name) {
+            Ok(false) => {}
+            Ok(true) => {
+                tracing::error!(
+                    "the state folder {state} was removed while the station ran; it is made anew"
+                );
             }
+            Err(StationError::Lock { source, .. }) => {
+                return self.trouble(format!("the state folder {state} cannot be made anew: {source}"));
+            }
+            Err(error) => return self.stopped = Some(error.reason()),
         }
         if let Err(error) = self.executor.journal().keep_in_place() {
             self.trouble(format!("the journal was removed and cannot be written anew: {error}"));
@@ -379,13 +275,12 @@ impl<C: Corrector> Worker<'_, C> {
     fn is_idle(&self) -> bool {
         let now = self.now();
         // What settled a moment ago may let others go on that are in no lane yet.
-        !self.stale
-            && self.lanes.is_empty()
-            && self.suspects.is_empty()
+        !self.lanes.stale
+            && self.lanes.are_empty()
             && self.reprocessing.is_idle(now)
             && !self.executor.parking.any_changes()
             // As of the moment when the lanes were made: what settled since is not in them yet.
-            && !self.drops.any_settles(self.lanes_made, &self.times())
+            && !self.drops.any_settles(self.lanes.made, &self.times())
     }
 
     fn introduce(&self) {
@@ -442,7 +337,7 @@ impl<C: Corrector> Worker<'_, C> {
                             self.state.display()
                         );
                     }
-                    if threads(station.watch.jobs) != self.threads {
+                    if threads(station.watch.jobs) != self.threads.count {
                         tracing::warn!("`watch.jobs` counts from the next start on");
                     }
                     if station.log != self.log {
@@ -452,7 +347,7 @@ impl<C: Corrector> Worker<'_, C> {
                     self.status.follow(station);
                     self.keeper.follow(station);
                     self.reprocessing.check_all();
-                    self.next_listing = Moment::ZERO;
+                    self.listing.is_due_now();
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;
@@ -483,7 +378,7 @@ impl<C: Corrector> Worker<'_, C> {
                 Request::Outdated(sku) => self.reprocessing.ask_for(sku),
                 Request::Uncertain(name) => self.deliver_again(name.as_deref()),
             }
-            self.stale = true;
+            self.lanes.stale = true;
         }
     }
 
@@ -518,9 +413,9 @@ impl<C: Corrector> Worker<'_, C> {
     fn look_for_outdated(&mut self) {
         let skus = self.reprocessing.take_unchecked(|| self.executor.journal().skus());
         for sku in skus {
-            if self.drops.has_part(&sku) || self.is_busy(&sku) {
+            if self.drops.has_part(&sku) || self.threads.are_busy_with(&sku) {
                 // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
-                if self.mode == Mode::UntilStopped || self.is_busy(&sku) {
+                if self.mode == Mode::UntilStopped || self.threads.are_busy_with(&sku) {
                     self.reprocessing.check(sku);
                 }
                 continue;
@@ -538,48 +433,26 @@ impl<C: Corrector> Worker<'_, C> {
             return;
         }
         let kept = self.keeper.kept();
-        let troubles: Vec<String> = self
+        let troubles = self
+            .listing
             .troubles
             .iter()
             .map(String::as_str)
             .chain(self.settings.complaints())
             .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
-            .map(Into::into)
+            .map(str::to_owned)
             .collect();
         let view = super::status::View {
             drops: &self.drops,
-            under_way: self.running.values().filter_map(|running| running.under_way(now)).collect(),
+            under_way: self.threads.under_way(now),
             outdated: self.reprocessing.marked(),
             uncertain: self.executor.journal().uncertain().map(UncertainDrawing::from).collect(),
             kept,
-            troubles: &troubles,
+            troubles,
             now,
             alive,
         };
         self.status.write(&self.state, &view);
-    }
-}
-
-/// What is wrong in each listing, told when it begins; what is healed and comes back is told again.
-#[derive(Default)]
-struct Complaints {
-    /// Each with the round in which it was last heard of.
-    told: BTreeMap<String, u64>,
-    round: u64,
-}
-
-impl Complaints {
-    fn tell(&mut self, words: String) {
-        if !self.told.contains_key(&words) {
-            tracing::warn!("{words}");
-        }
-        self.told.insert(words, self.round);
-    }
-
-    /// What the last round did not find any more has healed.
-    fn next_round(&mut self) {
-        self.told.retain(|_, round| *round == self.round);
-        self.round += 1;
     }
 }
 

@@ -77,11 +77,11 @@ fn an_original_goes_only_when_nothing_needs_it() {
         ("done.dxf", Import::ByFolder, Certainty::Certain),
         ("busy.dxf", Import::ByFolder, Certainty::Certain),
     ] {
-        journal.filing(name, "Can", STAMP, name, Some((&job(name, "1"), certainty))).unwrap();
+        journal.filing(&id(name), "Can", STAMP, name, Some((&job(name, "1"), certainty))).unwrap();
         assert!(!journal.let_original_go(&sku, name).unwrap(), "{name} is being filed");
-        journal.done(&job(name, "1"), name, import).unwrap();
+        journal.done(&job(name, "1"), name, import, certainty).unwrap();
     }
-    journal.began("archive:can/busy.dxf", STAMP).unwrap();
+    journal.began(&DropId::archived(&sku, "busy.dxf"), STAMP).unwrap();
     journal.delivering(&job("done.dxf", "2"), Stamp { size: 8, ..STAMP }, None).unwrap();
     for (place, goes) in [
         ("due.dxf", false),
@@ -93,7 +93,7 @@ fn an_original_goes_only_when_nothing_needs_it() {
     ] {
         assert_eq!(journal.let_original_go(&sku, place).unwrap(), goes, "{place}");
     }
-    journal.cancelled("done.dxf").unwrap();
+    journal.cancelled(&id("done.dxf")).unwrap();
     let at = journal.result("done.dxf").unwrap().at.clone();
     assert!(journal.let_original_go(&sku, "done.dxf").unwrap());
     drop(journal);

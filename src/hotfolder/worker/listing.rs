@@ -6,9 +6,10 @@ use std::time::{Duration, SystemTime};
 
 use super::super::drop_id::{DropId, with_slashes};
 use super::super::drops::Drops;
+use super::super::error::STOP_THE_OTHER;
 use super::super::filing::{self, Content, Original};
 use super::super::folders::{self, Found};
-use super::super::job::{Corrector, JobError, Mode, STOP_THE_OTHER};
+use super::super::job::{Corrector, JobError, Mode};
 use super::super::lock::HotLock;
 use super::super::names::{Meaning, is_ignored};
 use super::super::parked;
@@ -23,77 +24,135 @@ use crate::reason::Reason;
 const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
 /// How often files that are done are looked at as long as their writers may go on.
 const LOOK_AT_PARKED: Duration = Duration::from_millis(500);
-/// How long after a file was put back the system may take to report that.
-const HEARD_BY: Duration = Duration::from_secs(5);
 /// How often a folder on a network is listed, which tells of no other computer's files.
 const NETWORK_LISTING: Duration = Duration::from_secs(1);
 /// The pause after a listing, in the time that it took: a slow folder with many files must not be all there is to do.
 const REST_AFTER_LISTING: u32 = 4;
 
+/// When the hot folder is listed, and what the last listing found wrong with it.
+#[derive(Default)]
+pub(super) struct Listing {
+    next: Moment,
+    /// The folder is not listed again before this moment, whatever asks for it.
+    rests_until: Moment,
+    hot_is_missing: bool,
+    pub(super) troubles: Vec<String>,
+    complaints: Complaints,
+    /// What crashes left behind was removed.
+    swept: bool,
+}
+
+impl Listing {
+    pub(super) fn is_due(&self) -> Moment {
+        self.next.max(self.rests_until)
+    }
+
+    /// Only a listing tells what there is.
+    pub(super) fn is_due_now(&mut self) {
+        self.next = Moment::ZERO;
+    }
+
+    /// Something is wrong with the hot folder itself.
+    fn trouble(&mut self, words: String) {
+        self.complaints.tell(words.clone());
+        self.troubles.push(words);
+    }
+}
+
 impl<C: Corrector> Worker<'_, C> {
     /// Lists the hot folder: whatever events said or did not say, this is how it is.
     pub(super) fn list(&mut self) {
-        let watch = self.settings.station().watch.clone();
-        let hot = self.folders().hot.clone();
         let now = self.now();
-        self.complaints.next_round();
+        self.listing.complaints.next_round();
+        self.listing.troubles.clear();
         self.settings.refresh_skus();
         self.tell_settings_events();
-        self.late_companions.retain(|_, (until, _)| now < *until);
-        self.late_sidecars.retain(|_, until| now < *until);
-        self.put_back.retain(|_, until| now < *until);
+        self.late.forget_before(now);
+        let backend = self.backend();
+        self.keep_state();
+        for sku in self.executor.learned_elsewhere(|sku| self.threads.are_busy_with(sku)) {
+            tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
+            self.reprocessing.check(sku);
+        }
+        let folders_are_there = self.folders_are_there();
+        if !self.hot_is_there(backend) || !self.holds_hot() {
+            return;
+        }
+        let begun = self.now();
+        let listing = folders::list(&self.folders().hot);
+        let listed = self.now();
+        self.listing.rests_until = listed + REST_AFTER_LISTING * (listed - begun);
+        match listing {
+            Ok(listing) => self.take_in(listing),
+            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
+        }
+        if folders_are_there {
+            self.close_what_was_interrupted();
+        }
+        self.release_awaited();
+        self.tell_settings_events();
+    }
+
+    /// How changes of the hot folder are noticed; it is listed again after some time in any case.
+    fn backend(&mut self) -> Backend {
+        let (now, watch) = (self.now(), self.settings.station().watch.clone());
+        let hot = &self.folders().hot;
+        let network = watch.rescan.min(NETWORK_LISTING);
         let (backend, interval) = match watch.backend {
             _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
-            Backend::Auto if folders::is_on_network(&hot) => {
-                self.tell_once(format!(
+            Backend::Auto if folders::is_on_network(hot) => {
+                let words = format!(
                     "{} is on a network, which tells of no other computer's files: it is listed every {} s",
                     hot.display(),
-                    watch.rescan.min(NETWORK_LISTING).as_secs_f64()
-                ));
-                (Backend::Poll, watch.rescan.min(NETWORK_LISTING))
+                    network.as_secs_f64()
+                );
+                self.tell_once(words);
+                (Backend::Poll, network)
             }
             Backend::Auto => (Backend::Native, watch.rescan),
             chosen => (chosen, watch.rescan),
         };
-        self.next_listing = now + interval;
-        self.troubles.clear();
-        self.keep_state();
-        for sku in self.executor.learned_elsewhere(|sku| self.is_busy(sku)) {
-            tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
-            self.reprocessing.check(sku);
-        }
-        let folders = self.folders().clone();
-        let is_there = match folders.import_trouble() {
-            Some(reason) => Err(JobError::Retry(reason)),
-            None => self.executor.shares.are_there(&folders, true),
-        };
-        if let Err(JobError::Retry(reason)) = &is_there {
+        self.listing.next = now + interval;
+        backend
+    }
+
+    /// Whether the folders that results and originals go to are there.
+    fn folders_are_there(&mut self) -> bool {
+        let folders = self.folders();
+        let trouble =
+            folders.import_trouble().or_else(|| match self.executor.shares.are_there(folders, true) {
+                Err(JobError::Retry(reason)) => Some(reason),
+                _ => None,
+            });
+        if let Some(reason) = &trouble {
             self.trouble(reason.on_one_line());
         }
-        if !self.watcher.follow(&hot, backend) {
-            self.troubles.push(format!("the hot folder {} is gone", hot.display()));
-            if !self.hot_is_missing {
+        trouble.is_none()
+    }
+
+    /// Whether the hot folder is there; it is watched then.
+    fn hot_is_there(&mut self, backend: Backend) -> bool {
+        let hot = self.folders().hot.clone();
+        let is_there = self.watcher.follow(&hot, backend);
+        let was_missing = std::mem::replace(&mut self.listing.hot_is_missing, !is_there);
+        if !is_there {
+            self.listing.troubles.push(format!("the hot folder {} is gone", hot.display()));
+            self.drops = Drops::default();
+            self.listing.next = self.now() + self.settings.station().watch.rescan.min(MISSING_FOLDER_LOOK);
+        }
+        match (was_missing, is_there) {
+            (false, false) => {
                 tracing::error!("the hot folder {} is gone; waiting for it to come back", hot.display());
             }
-            self.hot_is_missing = true;
-            self.drops = Drops::default();
-            self.next_listing = self.now() + watch.rescan.min(MISSING_FOLDER_LOOK);
-            return;
+            (true, true) => tracing::info!("the hot folder {} is back", hot.display()),
+            _ => {}
         }
-        if !self.holds_hot(&hot) {
-            return;
-        }
-        if std::mem::take(&mut self.hot_is_missing) {
-            tracing::info!("the hot folder {} is back", hot.display());
-        }
-        let begun = self.now();
-        let listing = folders::list(&hot);
-        let listed = self.now();
-        self.listing_rests_until = listed + REST_AFTER_LISTING * (listed - begun);
-        let listing = match listing {
-            Ok(listing) => listing,
-            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
-        };
+        is_there
+    }
+
+    /// What was listed is what there is.
+    fn take_in(&mut self, listing: folders::Listing) {
+        let hot = self.folders().hot.clone();
         for error in &listing.unseen {
             self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
         }
@@ -110,11 +169,11 @@ impl<C: Corrector> Worker<'_, C> {
         }
         self.drops.keep_only(&found);
         self.kept.retain(|path, _| found.contains(path));
-        if is_there.is_ok() {
-            self.close_what_was_interrupted();
-        }
+    }
+
+    /// Patterns go on whose SKU has a surface by now; what is wrong with that is told when their turn comes.
+    fn release_awaited(&mut self) {
         for sku in self.drops.awaited() {
-            // What is wrong with the settings or the surface is told when the pattern's turn comes.
             let known =
                 self.settings.job(&sku).map(|settings| self.executor.corrector.knows(&sku, &settings));
             let archived = filing::current_part(self.folders(), &sku).is_some();
@@ -122,16 +181,15 @@ impl<C: Corrector> Worker<'_, C> {
                 self.drops.release(&sku);
             }
         }
-        self.tell_settings_events();
     }
 
     /// Whether no other station takes the drops from the hot folder; if one does, this one ends.
-    fn holds_hot(&mut self, hot: &Path) -> bool {
-        if self.hot_lock.as_ref().is_some_and(|lock| lock.identity == folders::identity(hot)) {
-            return true;
+    fn holds_hot(&mut self) -> bool {
+        let hot = &self.settings.station().folders.hot;
+        if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
+            self.hot_lock = None;
+            self.hot_lock = HotLock::take(hot);
         }
-        self.hot_lock = None;
-        self.hot_lock = HotLock::take(hot);
         if self.hot_lock.is_none() {
             let what = format!("Another station takes drops from the hot folder {}.", hot.display());
             self.stopped = Some(Reason::new("hot-folder-held", what, STOP_THE_OTHER));
@@ -142,12 +200,12 @@ impl<C: Corrector> Worker<'_, C> {
     /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
     fn close_what_was_interrupted(&mut self) {
         let station = self.settings.station().clone();
-        let Self { executor, running, complaints, .. } = self;
+        let Self { executor, threads, listing, .. } = self;
         let mut journal = executor.journal();
-        let is_at_work = |drop: &DropId| running.values().any(|running| running.drop == *drop);
-        let complain = |words| complaints.tell(words);
+        let is_at_work = |drop: &DropId| threads.are_at(drop);
+        let complain = |words| listing.complaints.tell(words);
         recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
-        if !std::mem::replace(&mut self.swept, true) {
+        if !std::mem::replace(&mut listing.swept, true) {
             recovery::sweep(&station.folders, &journal);
         }
     }
@@ -169,7 +227,7 @@ impl<C: Corrector> Worker<'_, C> {
                     "{drop} was written again after it was done: what is there now is taken as a new drop"
                 );
                 let path = folders.hot.join(&relative);
-                self.put_back.insert(path.clone(), now + HEARD_BY);
+                self.late.expect_own(&path, now);
                 self.look_again(&path);
                 continue;
             };
@@ -196,12 +254,11 @@ impl<C: Corrector> Worker<'_, C> {
 
     /// Something is wrong with the hot folder itself.
     pub(super) fn trouble(&mut self, words: String) {
-        self.tell_once(words.clone());
-        self.troubles.push(words);
+        self.listing.trouble(words);
     }
 
     pub(super) fn tell_once(&mut self, words: String) {
-        self.complaints.tell(words);
+        self.listing.complaints.tell(words);
     }
 
     /// Takes in what was signalled, beginning with `first`.
@@ -242,14 +299,14 @@ impl<C: Corrector> Worker<'_, C> {
         }
         if overflow {
             self.drops.events_were_lost();
-            self.next_listing = Moment::ZERO;
+            self.listing.is_due_now();
         }
     }
 
     /// Looks at one path that an event named.
     pub(super) fn hint(&mut self, hot: &Path, path: &Path, writer: Writer) {
         let Ok(relative) = path.strip_prefix(hot) else {
-            self.next_listing = Moment::ZERO;
+            self.listing.is_due_now();
             return;
         };
         let depth = relative.components().count();
@@ -258,7 +315,7 @@ impl<C: Corrector> Worker<'_, C> {
         }
         // What this station put back is not whole for that.
         let writer = match writer {
-            Writer::Renamed if self.put_back.remove(path).is_some() => Writer::Unknown,
+            Writer::Renamed if self.late.take_own(path) => Writer::Unknown,
             writer => writer,
         };
         match folders::look(path) {
@@ -272,7 +329,7 @@ impl<C: Corrector> Worker<'_, C> {
             Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
             Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, writer),
             Ok(None) if depth > 0 => self.drops.forget(path),
-            Ok(_) | Err(_) => self.next_listing = Moment::ZERO,
+            Ok(_) | Err(_) => self.listing.is_due_now(),
         }
     }
 
@@ -288,11 +345,11 @@ impl<C: Corrector> Worker<'_, C> {
         let Ok(relative) = path.strip_prefix(hot) else { return self.drops.forget(path) };
         self.drops.see(hot, relative, what, writer, self.now(), still_for);
         if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
-            && self.is_busy(sku)
+            && self.threads.are_busy_with(sku)
         {
             self.executor.part_came(sku);
         }
-        self.stale = true;
+        self.lanes.stale = true;
     }
 }
 
@@ -302,4 +359,27 @@ fn overtaken_by_a_newer(drop: &str) -> Reason {
     );
     let remedy = "Drop it again if it is to replace the newer one.";
     Reason::new("overtaken", what, remedy)
+}
+
+/// What is wrong in each listing, told when it begins; what is healed and comes back is told again.
+#[derive(Default)]
+struct Complaints {
+    /// Each with the round in which it was last heard of.
+    told: BTreeMap<String, u64>,
+    round: u64,
+}
+
+impl Complaints {
+    fn tell(&mut self, words: String) {
+        if !self.told.contains_key(&words) {
+            tracing::warn!("{words}");
+        }
+        self.told.insert(words, self.round);
+    }
+
+    /// What the last round did not find any more has healed.
+    fn next_round(&mut self) {
+        self.told.retain(|_, round| *round == self.round);
+        self.round += 1;
+    }
 }

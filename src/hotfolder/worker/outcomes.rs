@@ -15,8 +15,6 @@ use super::Worker;
 use crate::config::Sku;
 use crate::reason::Reason;
 
-/// How long after a pattern was delivered settings for it are told to have come too late.
-const LATE_SIDECAR: Duration = Duration::from_secs(10);
 /// The pause after the first failure of something around a job; it doubles with each further failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 /// The longest pause between two tries, so that a healed folder is noticed soon.
@@ -27,8 +25,8 @@ const MOST_KEPT: usize = 200;
 impl<C: Corrector> Worker<'_, C> {
     /// A job is over.
     pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
-        let Some(running) = self.running.remove(path) else { return };
-        self.suspected.remove(&running.drop);
+        let Some(running) = self.threads.finished(path) else { return };
+        self.lanes.survived(&running.drop);
         went_along.iter().for_each(|companion| self.look_again(companion));
         let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
         if let Some(sku) = running.sku() {
@@ -38,11 +36,11 @@ impl<C: Corrector> Worker<'_, C> {
             return self.finished_again(sku, &delivered_as(name), outcome);
         }
         // Whatever else happened may let other drops go on.
-        self.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
+        self.lanes.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
         match outcome {
             Outcome::Learned { absent, place } => {
                 let until = self.now() + self.times().incomplete;
-                self.late_companions.extend(absent.into_iter().map(|path| (path, (until, place.clone()))));
+                self.late.expect_companions(absent, &place, until);
                 self.tally.learned += 1;
                 self.status.learned();
                 self.done(path);
@@ -65,7 +63,7 @@ impl<C: Corrector> Worker<'_, C> {
                     // Settings that went along and lie there are others.
                     let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
                     if let Some(sidecar) = sidecar_of(path).filter(is_late) {
-                        self.late_sidecars.insert(sidecar.clone(), self.now() + LATE_SIDECAR);
+                        self.late.expect_sidecar(&sidecar, self.now());
                         // It may have come while the job was at its end.
                         if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
                             self.companion(&sidecar);
@@ -94,7 +92,7 @@ impl<C: Corrector> Worker<'_, C> {
                 if drop.found_incomplete(gap, reason) {
                     tracing::info!("{} is not complete yet: {what}", running.drop);
                 }
-                if running.companions_came != self.companions_came {
+                if running.companions_came != self.late.companions_came {
                     // What it lacks may have come while it was read.
                     drop.settle.companion_came();
                 }
@@ -126,7 +124,6 @@ impl<C: Corrector> Worker<'_, C> {
     pub(super) fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
         match outcome {
             Outcome::Delivered | Outcome::Repeated => {
-                self.not_again.remove(name);
                 self.tally.delivered += 1;
                 self.status.delivered();
                 self.reprocessing.forget(name);
@@ -171,24 +168,23 @@ impl<C: Corrector> Worker<'_, C> {
     pub(super) fn correct_again_later(&mut self, sku: &Sku, name: &str, reason: Reason) {
         let (now, once) = (self.now(), self.mode == Mode::Once);
         self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
-        if self.not_again.get(name) != Some(&reason.what) {
+        if self.reprocessing.is_news(name, &reason) {
             tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
         }
-        self.not_again.insert(name.to_owned(), reason.what);
     }
 
     /// A companion has settled: what it belongs to may go on, or went on without it before.
     pub(super) fn companion(&mut self, path: &Path) {
-        if let Some((_, place)) = self.late_companions.remove(path)
+        if let Some(place) = self.late.take_companion(path)
             && filing::follow(self.folders(), &self.executor.parking, path, &place).is_ok()
         {
             self.drops.forget(path);
             return;
         }
-        self.companions_came += 1;
+        self.late.companions_came += 1;
         self.drops.companion_came(path);
-        self.stale = true;
-        let is_late = self.late_sidecars.remove(path).is_some();
+        self.lanes.stale = true;
+        let is_late = self.late.take_sidecar(path);
         if let Some(drop) = self.drops.get_mut(path) {
             let reason = if is_late {
                 let what = "The settings came after their pattern, which was delivered without them.";
