@@ -23,9 +23,9 @@ use std::path::Path;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::job::JobError;
-use super::watcher::StopSignal;
 use crate::config::DeliverySettings;
+use crate::hotfolder::api::JobError;
+use crate::hotfolder::seen::StopSignal;
 use crate::reason::Reason;
 
 const CONNECT: Duration = Duration::from_secs(3);
@@ -58,7 +58,7 @@ const CHECK_THE_SERVER: &str = "Check that `delivery.address` is that of BeamSer
                                 If it answers like this for ever, report it with the version of BeamConstruct.";
 
 /// Why a talk ended early.
-pub(super) enum TalkError {
+pub(crate) enum TalkError {
     /// The server cannot be reached, or does not answer as one does: that holds for all drawings.
     Ill(Reason),
     /// Something about this drawing.
@@ -73,7 +73,7 @@ impl From<JobError> for TalkError {
 
 /// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
 /// answer is told so at once, so that its thread can do something else.
-pub(super) struct Turns {
+pub(crate) struct Turns {
     line: Mutex<Line>,
     free: Condvar,
     /// A station that is to stop does not wait for a server that answers slowly.
@@ -89,7 +89,7 @@ struct Line {
 }
 
 impl Turns {
-    pub(super) fn new(stop: StopSignal) -> Self {
+    pub(crate) fn new(stop: StopSignal) -> Self {
         Self { line: Mutex::default(), free: Condvar::new(), stop }
     }
 
@@ -101,7 +101,7 @@ impl Turns {
     ///
     /// # Errors
     /// To be tried again when the turn does not come soon; else what `talk` says.
-    pub(super) fn talk<T>(
+    pub(crate) fn talk<T>(
         &self,
         talk: impl FnOnce(&StopSignal) -> Result<T, TalkError>,
     ) -> Result<T, JobError> {
@@ -154,24 +154,24 @@ impl Drop for Turn<'_> {
 }
 
 /// A drawing in the import folder that BeamConstruct is to hold.
-pub(super) struct Drawing<'a> {
+pub(crate) struct Drawing<'a> {
     /// Its file's name, and that of its element.
-    pub(super) name: &'a str,
+    pub(crate) name: &'a str,
     /// Its path as BeamServer knows it.
-    pub(super) path: String,
+    pub(crate) path: String,
     /// Width and height, mm, if they are known.
-    pub(super) size: Option<[f64; 2]>,
+    pub(crate) size: Option<[f64; 2]>,
     /// Name and path of the same for trial.
-    pub(super) trial: (&'a str, String),
+    pub(crate) trial: (&'a str, String),
     /// It was imported before: it is done if it is still there.
-    pub(super) is_known: bool,
+    pub(crate) is_known: bool,
 }
 
 /// A path that can be sent to BeamServer.
 ///
 /// # Errors
 /// Rejects what is not ASCII.
-pub(super) fn sendable(path: &Path) -> Result<String, JobError> {
+pub(crate) fn sendable(path: &Path) -> Result<String, JobError> {
     let ascii = path.to_str().filter(|path| path.is_ascii() && !path.contains(['\r', '\n']));
     ascii.map(str::to_owned).ok_or_else(|| {
         let what = format!("BeamServer takes ASCII paths only, and {} is none.", path.display());
@@ -182,7 +182,7 @@ pub(super) fn sendable(path: &Path) -> Result<String, JobError> {
 
 /// Imports the drawing under its name; returns what was done, as words for the log. `lay_out` puts the file for trial
 /// where its path says.
-pub(super) fn import(
+pub(crate) fn import(
     delivery: &DeliverySettings,
     drawing: &Drawing<'_>,
     stop: &StopSignal,

@@ -4,16 +4,16 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// How long the machine has been running: unlike the time of day, nobody sets it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Uptime {
+pub(crate) struct Uptime {
     /// Which start of the machine it counts from; empty where the system does not tell.
-    pub(super) boot: String,
-    pub(super) since: Duration,
+    pub(crate) boot: String,
+    pub(crate) since: Duration,
 }
 
 impl Uptime {
     /// How much time has passed at least since `earlier`. Of the time between two starts of the machine only that after the
     /// second is certain.
-    pub(super) fn passed_since(&self, earlier: &Self) -> Duration {
+    pub(crate) fn passed_since(&self, earlier: &Self) -> Duration {
         let same_start = self.boot == earlier.boot;
         self.since.checked_sub(earlier.since).filter(|_| same_start).unwrap_or(self.since)
     }
@@ -21,7 +21,7 @@ impl Uptime {
 
 /// How long the machine has been running; `None` where the system does not tell.
 #[cfg(target_os = "linux")]
-pub(super) fn uptime() -> Option<Uptime> {
+pub(crate) fn uptime() -> Option<Uptime> {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?.trim().to_owned();
     // Seconds since the start, the time in which the machine slept included, and another number.
     let text = std::fs::read_to_string("/proc/uptime").ok()?;
@@ -31,14 +31,14 @@ pub(super) fn uptime() -> Option<Uptime> {
 
 /// How long the machine has been running; `None` where the system does not tell.
 #[cfg(not(target_os = "linux"))]
-pub(super) fn uptime() -> Option<Uptime> {
+pub(crate) fn uptime() -> Option<Uptime> {
     let seconds = sysinfo::System::uptime();
     (seconds > 0).then(|| Uptime { boot: String::new(), since: Duration::from_secs(seconds) })
 }
 
 /// A moment as `2026-03-01T12:34:56Z`: universal time to the second, as RFC 3339 writes it. What lies before 1970, as
 /// on a machine without a clock, reads as its first second.
-pub(super) fn timestamp(time: SystemTime) -> String {
+pub(crate) fn timestamp(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let (days, second) = (seconds / 86_400, seconds % 86_400);
     let (year, month, day) = civil(days);
@@ -46,7 +46,7 @@ pub(super) fn timestamp(time: SystemTime) -> String {
 }
 
 /// This moment, as [`timestamp`] writes it.
-pub(super) fn now() -> String {
+pub(crate) fn now() -> String {
     timestamp(SystemTime::now())
 }
 

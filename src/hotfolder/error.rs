@@ -3,12 +3,12 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
-use super::holder::Holder;
-use super::job::JobError;
+use crate::hotfolder::api::JobError;
+use crate::hotfolder::state::Holder;
 use crate::reason::Reason;
 
 /// Calls into the pipeline; a panic there is the job's failure, not the station's.
-pub(super) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
+pub(crate) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
     catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
         let words = panic.downcast_ref::<&str>().copied().map(str::to_owned);
         let words = words.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
@@ -19,7 +19,7 @@ pub(super) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T
 }
 
 /// Folders heal: the drop stays and is tried again.
-pub(super) fn folder_trouble(error: std::io::Error) -> JobError {
+pub(crate) fn folder_trouble(error: std::io::Error) -> JobError {
     use std::io::ErrorKind::{PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
     let how = match error.kind() {
         StorageFull | QuotaExceeded => "is full",
@@ -33,7 +33,7 @@ pub(super) fn folder_trouble(error: std::io::Error) -> JobError {
 }
 
 /// What the journal would have said is found out from the folders at the next start.
-pub(super) fn tell_trouble(noted: std::io::Result<()>) {
+pub(crate) fn tell_trouble(noted: std::io::Result<()>) {
     if let Err(error) = noted {
         tracing::warn!("the journal lacks a line: {error}");
     }
@@ -77,7 +77,7 @@ pub enum StationError {
 }
 
 /// What to do about a second station.
-pub(super) const STOP_THE_OTHER: &str =
+pub(crate) const STOP_THE_OTHER: &str =
     "Stop that one first. Another station needs folders `hot` and `state` of its own.";
 
 impl StationError {

@@ -7,55 +7,36 @@
 //! ```
 //!
 //! The listing of the folder is the truth, events only make it quick. A drop stays in the hot folder until its result
-//! lies in the import folder; `journal` remembers what cannot be taken back, so that after any interruption the job
+//! lies in the import folder; the journal remembers what cannot be taken back, so that after any interruption the job
 //! goes on where it was and nothing is delivered twice.
 //!
-//! What a file name means is said in [`names`], when a file is whole in [`settle`], what a job needs from the rest of
-//! the program in [`Corrector`], what lies where afterwards in `filing`, what a writer may still change in `parked`, who
-//! does what when in `worker` and `executor`.
+//! | room | holds |
+//! |---|---|
+//! | `seen` | what is there: [`names`], [`settle`], folders, the watcher, the drops |
+//! | `jobs` | what is done, step by step, by threads that know one job each |
+//! | `state` | what is remembered: the journal, the lock, [`status`], requests |
+//! | `beamserver` | the marking software |
+//! | `dispatcher` | the one thread that knows all drops and decides what is done next |
 
-pub mod names;
-pub mod settle;
 mod clock;
-mod holder;
-mod lock;
-mod job;
-mod watcher;
-mod folders;
-mod parked;
-mod filing;
-mod drop_id;
-mod journal;
-mod resume;
-mod basis;
-mod drops;
+mod api;
 mod error;
-mod task;
-mod intake;
-mod delivery;
-mod recovery;
+mod seen;
+mod state;
 mod beamserver;
-mod executor;
-mod reprocess;
-mod requests;
-mod rejected;
-mod retention;
-mod shares;
-mod worker;
-pub mod status;
-mod corrector;
+mod jobs;
+mod dispatcher;
+mod pipeline_corrector;
 
-pub use corrector::PipelineCorrector;
-pub use error::StationError;
-pub(crate) use folders::lies_at;
-pub use holder::Holder;
-pub use job::{
+pub use api::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
     ReadBack, Sketch, Tally, Waiting, WaitsFor,
 };
-pub use lock::StationLock;
-pub use names::CURRENT_PART;
-pub use rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
-pub use requests::Request;
-pub use watcher::StopSignal;
-pub use worker::run;
+pub use dispatcher::run;
+pub use error::StationError;
+pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
+pub use pipeline_corrector::PipelineCorrector;
+pub(crate) use seen::folders::lies_at;
+pub use seen::names::{self, CURRENT_PART};
+pub use seen::{StopSignal, settle};
+pub use state::{Holder, Request, StationLock, status};

@@ -1,0 +1,166 @@
+//! Which job is done next: each SKU in its order, large ones never on all threads.
+
+use std::path::{Path, PathBuf};
+
+use super::Dispatcher;
+use super::lanes::{LARGE, is_large};
+use super::outcomes::part_under_way;
+use super::threads::Running;
+use crate::config::{ConfigError, JobSettings};
+use crate::formats::Pace;
+use crate::formats::pattern::is_picture;
+use crate::hotfolder::api::Corrector;
+use crate::hotfolder::jobs::{Again, Task, Work};
+use crate::hotfolder::seen::{Block, Found, Gap, Meaning, Obstacle, Stamp, Verdict, delivered_as, folders};
+use crate::hotfolder::state::DropId;
+use crate::reason::Reason;
+
+/// A drop is rejected after the station ended as often while it was at it, as the journal counts; but for the first time
+/// it was at nothing else.
+const MOST_DEATHS: u32 = 5;
+
+impl<C: Corrector> Dispatcher<'_, C> {
+    /// Gives every free thread something to do.
+    pub(super) fn hand_out(&mut self) {
+        let now = self.now();
+        self.lanes.refresh(&self.drops, &self.threads, now, &self.times());
+        while self.threads.have_room(self.now()) {
+            let Some(path) = self.lanes.next(&self.drops, &self.threads) else { break };
+            self.begin(&path);
+        }
+        while self.threads.are_idle() {
+            let Some(path) = self.lanes.next_suspect() else { break };
+            self.begin(&path);
+        }
+        while self.threads.have_room(self.now()) {
+            let large_too = self.threads.have_room_for_large();
+            let next = self.reprocessing.next(self.now(), &self.threads.busy(), large_too);
+            let Some((again, takes_long)) = next else { break };
+            self.correct_again(again, takes_long, large_too);
+        }
+    }
+
+    /// Begins the job of one drop that is ready, or says what it waits for.
+    fn begin(&mut self, path: &Path) {
+        let (now, times) = (self.now(), self.times());
+        let Some(drop) = self.drops.get(path) else { return };
+        let (last_chance, doomed) = match drop.settle.verdict(now, &times) {
+            Verdict::Wait(_) => return,
+            Verdict::Read => (false, None),
+            Verdict::GiveUp(Gap::Companion) => (true, None),
+            Verdict::GiveUp(Gap::Content) => (true, Some(drop.lacks.clone().unwrap_or_else(cut_short))),
+        };
+        let work = match drop.meaning.clone() {
+            Ok(Meaning::Companion) => return self.companion(path),
+            // A texture of a part that was done before it came.
+            Ok(_) if is_picture(&drop.relative.to_string_lossy()) && self.late.is_companion(path) => {
+                return self.companion(path);
+            }
+            Ok(Meaning::Part(sku)) => Work::Learn(sku),
+            Ok(Meaning::Pattern { sku, name }) => Work::Correct { sku, name },
+            Err(reason) => Work::Reject(reason),
+        };
+        if let Work::Correct { sku, .. } = &work
+            && self.drops.has_part(sku)
+        {
+            return self.wait(path, Block::PartUnderWay, part_under_way(sku));
+        }
+        let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
+        let mut deaths = self.lanes.deaths(drop);
+        // What is delivered is only filed, and no fault of the file any more.
+        if deaths > 0 && self.executor.is_delivered(&id, stamp) {
+            deaths = 0;
+        }
+        let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
+        let waits_for_import = matches!(drop.block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
+        let chance =
+            Chance { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
+        self.start(path, (id, relative), work, stamp, chance);
+    }
+
+    fn start(
+        &mut self,
+        path: &Path,
+        (drop, relative): (DropId, PathBuf),
+        work: Work,
+        stamp: Stamp,
+        chance: Chance,
+    ) {
+        let settings = match work.sku().map(|sku| self.job_settings(sku)) {
+            None => JobSettings::default(),
+            Some(Ok(settings)) => settings,
+            Some(Err(error)) => {
+                if let Work::CorrectAgain { sku, name } = &work {
+                    return self.correct_again_later(sku, &delivered_as(name), error.reason());
+                }
+                let obstacle = match error {
+                    ConfigError::BeingSaved { .. } => Obstacle::SettingsBeingSaved,
+                    _ => Obstacle::Other,
+                };
+                return self.retry_later(path, obstacle, error.reason());
+            }
+        };
+        let task = Task {
+            path: path.into(),
+            drop,
+            relative,
+            work,
+            station: self.settings.station().clone(),
+            settings,
+            stamp,
+            last_chance: chance.last_chance,
+            // Nothing waits for what is done alone.
+            pace: if chance.large || chance.alone { Pace::Any } else { Pace::Quick },
+            doomed: chance.doomed,
+            settling: self.drops.settling_beside(path, self.now(), &self.times()),
+            waits_for_import: chance.waits_for_import,
+            kept: self.kept.remove(path),
+            sidecar: self.drops.sidecar_beside(path),
+        };
+        if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {
+            if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
+        }
+        let mut running = Running::of(&task, self.now());
+        (running.large, running.alone) = (chance.large, chance.alone);
+        running.companions_came = self.late.companions_came;
+        running.settings_changes = self.settings_changes;
+        self.threads.begin(task, running);
+    }
+
+    fn correct_again(&mut self, again: Again, takes_long: bool, large_too: bool) {
+        let look = folders::look(&again.original);
+        let Ok(Some(Found::File(stamp))) = look else {
+            tracing::warn!("{} cannot be corrected again: its original is not in the archive", again.name);
+            return self.reprocessing.forget(&again.name);
+        };
+        let large = takes_long || stamp.size >= LARGE;
+        if large && !large_too {
+            return self.reprocessing.takes_long(&again.name);
+        }
+        let drop = again.drop();
+        // The archived original bears the pattern's name.
+        let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let work = Work::CorrectAgain { sku: again.sku, name };
+        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
+        self.start(&again.original, (drop, PathBuf::new()), work, stamp, chance);
+    }
+}
+
+/// What is known of a drop's chances before it is read.
+struct Chance {
+    last_chance: bool,
+    doomed: Option<Reason>,
+    waits_for_import: bool,
+    alone: bool,
+    large: bool,
+}
+
+fn ends_isomark(deaths: u32) -> Reason {
+    let what = "isomark ended without a word each time it worked at this file, for want of memory perhaps.";
+    let remedy = "Export it with fewer triangles or lines, or give the machine more memory.";
+    Reason::new("ends-isomark", what, remedy).with_number("ends", f64::from(deaths), "", None)
+}
+
+fn cut_short() -> Reason {
+    Reason::new("cut-short", "The file ends too early.", "Export or copy it again.")
+}

@@ -1,0 +1,328 @@
+//! What lies in the hot folder: told by events, and by the listing, which is the truth.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use super::Dispatcher;
+use crate::config::Backend;
+use crate::hotfolder::api::{Corrector, JobError, Mode};
+use crate::hotfolder::error::STOP_THE_OTHER;
+use crate::hotfolder::jobs::filing::{Content, Original};
+use crate::hotfolder::jobs::{filing, recovery};
+use crate::hotfolder::seen::{
+    Drops, Found, Meaning, Message, Signal, Stamp, Writer, folders, is_ignored, parked,
+};
+use crate::hotfolder::state::{DropId, HotLock, with_slashes};
+use crate::reason::Reason;
+
+/// How often a hot folder that vanished is looked for.
+const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
+/// How often files that are done are looked at as long as their writers may go on.
+const LOOK_AT_PARKED: Duration = Duration::from_millis(500);
+/// How often a folder on a network is listed, which tells of no other computer's files.
+const NETWORK_LISTING: Duration = Duration::from_secs(1);
+/// The pause after a listing, in the time that it took: a slow folder with many files must not be all there is to do.
+const REST_AFTER_LISTING: u32 = 4;
+
+impl<C: Corrector> Dispatcher<'_, C> {
+    /// Lists the hot folder: whatever events said or did not say, this is how it is.
+    pub(super) fn list(&mut self) {
+        let now = self.now();
+        self.rounds.complaints.next_round();
+        self.rounds.troubles.clear();
+        self.settings.refresh_skus();
+        self.tell_settings_events();
+        self.late.forget_before(now);
+        let backend = self.backend();
+        self.keep_state();
+        for sku in self.executor.learned_elsewhere(|sku| self.threads.are_busy_with(sku)) {
+            tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
+            self.reprocessing.check(sku);
+        }
+        let folders_are_there = self.folders_are_there();
+        if !self.hot_is_there(backend) || !self.holds_hot() {
+            return;
+        }
+        let begun = self.now();
+        let listing = folders::list(&self.folders().hot);
+        let listed = self.now();
+        self.rounds.rests_until = listed + REST_AFTER_LISTING * (listed - begun);
+        match listing {
+            Ok(listing) => self.take_in(listing),
+            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
+        }
+        if folders_are_there {
+            self.close_what_was_interrupted();
+        }
+        self.release_awaited();
+        self.tell_settings_events();
+    }
+
+    /// How changes of the hot folder are noticed; it is listed again after some time in any case.
+    fn backend(&mut self) -> Backend {
+        let (now, watch) = (self.now(), self.settings.station().watch.clone());
+        let hot = &self.folders().hot;
+        let network = watch.rescan.min(NETWORK_LISTING);
+        let (backend, interval) = match watch.backend {
+            _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
+            Backend::Auto if folders::is_on_network(hot) => {
+                let words = format!(
+                    "{} is on a network, which tells of no other computer's files: it is listed every {} s",
+                    hot.display(),
+                    network.as_secs_f64()
+                );
+                self.tell_once(words);
+                (Backend::Poll, network)
+            }
+            Backend::Auto => (Backend::Native, watch.rescan),
+            chosen => (chosen, watch.rescan),
+        };
+        self.rounds.next = now + interval;
+        backend
+    }
+
+    /// Whether the folders that results and originals go to are there.
+    fn folders_are_there(&mut self) -> bool {
+        let folders = self.folders();
+        let trouble =
+            folders.import_trouble().or_else(|| match self.executor.shares.are_there(folders, true) {
+                Err(JobError::Retry(reason)) => Some(reason),
+                _ => None,
+            });
+        if let Some(reason) = &trouble {
+            self.trouble(reason.on_one_line());
+        }
+        trouble.is_none()
+    }
+
+    /// Whether the hot folder is there; it is watched then.
+    fn hot_is_there(&mut self, backend: Backend) -> bool {
+        let hot = self.folders().hot.clone();
+        let is_there = self.watcher.follow(&hot, backend);
+        let was_missing = std::mem::replace(&mut self.rounds.hot_is_missing, !is_there);
+        if !is_there {
+            self.rounds.troubles.push(format!("the hot folder {} is gone", hot.display()));
+            self.drops = Drops::default();
+            self.rounds.next = self.now() + self.settings.station().watch.rescan.min(MISSING_FOLDER_LOOK);
+        }
+        match (was_missing, is_there) {
+            (false, false) => {
+                tracing::error!("the hot folder {} is gone; waiting for it to come back", hot.display());
+            }
+            (true, true) => tracing::info!("the hot folder {} is back", hot.display()),
+            _ => {}
+        }
+        is_there
+    }
+
+    /// What was listed is what there is.
+    fn take_in(&mut self, listing: folders::Listing) {
+        let hot = self.folders().hot.clone();
+        for error in &listing.unseen {
+            self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
+        }
+        for folder in &listing.too_deep {
+            self.trouble(format!(
+                "nobody looks into {}, a folder in a SKU's folder: move its files up into that",
+                folder.display()
+            ));
+        }
+        let mut found = BTreeSet::new();
+        for (path, what) in listing.drops {
+            self.see(&hot, &path, what, Writer::Unknown);
+            found.insert(path);
+        }
+        self.drops.keep_only(&found);
+        self.kept.retain(|path, _| found.contains(path));
+    }
+
+    /// Patterns go on whose SKU has a surface by now; what is wrong with that is told when their turn comes.
+    fn release_awaited(&mut self) {
+        for sku in self.drops.awaited() {
+            let known =
+                self.settings.job(&sku).map(|settings| self.executor.corrector.knows(&sku, &settings));
+            let archived = filing::current_part(self.folders(), &sku).is_some();
+            if !matches!(known, Ok(false)) || archived {
+                self.drops.release(&sku);
+            }
+        }
+    }
+
+    /// Whether no other station takes the drops from the hot folder; if one does, this one ends.
+    fn holds_hot(&mut self) -> bool {
+        let hot = &self.settings.station().folders.hot;
+        if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
+            self.hot_lock = None;
+            self.hot_lock = HotLock::take(hot);
+        }
+        if self.hot_lock.is_none() {
+            let what = format!("Another station takes drops from the hot folder {}.", hot.display());
+            self.stopped = Some(Reason::new("hot-folder-held", what, STOP_THE_OTHER));
+        }
+        self.hot_lock.is_some()
+    }
+
+    /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
+    fn close_what_was_interrupted(&mut self) {
+        let station = self.settings.station().clone();
+        let Self { executor, threads, rounds, .. } = self;
+        let mut journal = executor.journal();
+        let is_at_work = |drop: &DropId| threads.are_at(drop);
+        let complain = |words| rounds.complaints.tell(words);
+        recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
+        if !std::mem::replace(&mut rounds.swept, true) {
+            recovery::sweep(&station.folders, &journal);
+        }
+    }
+
+    /// Looks at what is done and set aside: what was written since is a new drop.
+    pub(super) fn look_at_parked(&mut self) {
+        let now = self.now();
+        if now < self.next_look_at_parked || self.executor.parking.is_empty() {
+            return;
+        }
+        self.next_look_at_parked = now + LOOK_AT_PARKED;
+        let folders = self.folders().clone();
+        let times = self.times();
+        let silence = times.incomplete.max(times.incomplete_after_close);
+        for parked::Returned { relative, overtaken } in self.executor.parking.look(&folders, silence) {
+            let drop = with_slashes(&relative);
+            let Some(place) = overtaken else {
+                tracing::warn!(
+                    "{drop} was written again after it was done: what is there now is taken as a new drop"
+                );
+                let path = folders.hot.join(&relative);
+                self.late.expect_own(&path, now);
+                self.look_again(&path);
+                continue;
+            };
+            let original = Original { path: &place, content: Content::Unknown, companions: &[] };
+            let reason = overtaken_by_a_newer(&drop).in_file(drop.clone());
+            let parking = &self.executor.parking;
+            match filing::reject(&folders, parking, &relative, &original, &reason, |_| Ok(())) {
+                Ok(rejected) => {
+                    parked::remove_around(&place, &relative);
+                    self.tally.rejected += 1;
+                    self.status.rejected(&drop, &reason);
+                    tracing::warn!(
+                        "{drop} rejected and moved to {}: {}",
+                        rejected.display(),
+                        reason.on_one_line()
+                    );
+                }
+                Err(error) => {
+                    self.tell_once(format!("{} stays there: {error}", place.display()));
+                }
+            }
+        }
+    }
+
+    /// Something is wrong with the hot folder itself.
+    pub(super) fn trouble(&mut self, words: String) {
+        self.rounds.trouble(words);
+    }
+
+    pub(super) fn tell_once(&mut self, words: String) {
+        self.rounds.complaints.tell(words);
+    }
+
+    /// Takes in what was signalled, beginning with `first`.
+    pub(super) fn hear(&mut self, first: Message) {
+        // For each path when it was first named, which is the order of the drops, and what its writer did last.
+        let (mut hints, mut overflow) = (BTreeMap::new(), false);
+        let (mut next, mut turn) = (Some(first), 0);
+        while let Some(message) = next {
+            match message {
+                Message::Finished(path, end) => self.finished(&path, end.outcome, &end.went_along),
+                Message::Signal(Signal::Touched(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Unknown));
+                }
+                Message::Signal(Signal::Written(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Open)).1 = Writer::Open;
+                }
+                Message::Signal(Signal::Closed(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Closed)).1 = Writer::Closed;
+                }
+                Message::Signal(Signal::Renamed(path)) => {
+                    hints.entry(path).or_insert((turn, Writer::Renamed)).1 = Writer::Renamed;
+                }
+                Message::Signal(Signal::Overflow) => overflow = true,
+                Message::Signal(Signal::Stop) => {}
+            }
+            next = self.messages.try_recv().ok();
+            turn += 1;
+        }
+        if self.watcher.lost_events() {
+            tracing::info!("more events than can be heard: the hot folder is listed");
+            overflow = true;
+        }
+        let hot = self.folders().hot.clone();
+        let mut hints: Vec<_> = hints.into_iter().collect();
+        hints.sort_by_key(|(_, (turn, _))| *turn);
+        for (path, (_, writer)) in hints {
+            self.hint(&hot, &path, writer);
+        }
+        if overflow {
+            self.drops.events_were_lost();
+            self.rounds.is_due_now();
+        }
+    }
+
+    /// Looks at one path that an event named.
+    pub(super) fn hint(&mut self, hot: &Path, path: &Path, writer: Writer) {
+        let Ok(relative) = path.strip_prefix(hot) else {
+            self.rounds.is_due_now();
+            return;
+        };
+        let depth = relative.components().count();
+        if relative.components().any(|part| is_ignored(&part.as_os_str().to_string_lossy())) || depth > 2 {
+            return;
+        }
+        // What this station put back is not whole for that.
+        let writer = match writer {
+            Writer::Renamed if self.late.take_own(path) => Writer::Unknown,
+            writer => writer,
+        };
+        match folders::look(path) {
+            Ok(Some(Found::Folder)) if writer == Writer::Renamed && depth == 1 => {
+                // A whole folder was renamed into place, so its files are whole, too.
+                let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
+                for (path, what) in entries {
+                    self.see(hot, &path, what, Writer::Renamed);
+                }
+            }
+            Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
+            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, writer),
+            Ok(None) if depth > 0 => self.drops.forget(path),
+            Ok(_) | Err(_) => self.rounds.is_due_now(),
+        }
+    }
+
+    pub(super) fn see(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
+        let still_for = match (self.mode, what) {
+            // There is no later look, so the file's own time must tell how long it has stood still.
+            (Mode::Once, Found::File(Stamp { modified: Some(modified), .. })) => {
+                SystemTime::now().duration_since(modified).unwrap_or_default()
+            }
+            _ => Duration::ZERO,
+        };
+        // A job that is over may have lain in a folder that was the hot folder when it began.
+        let Ok(relative) = path.strip_prefix(hot) else { return self.drops.forget(path) };
+        self.drops.see(hot, relative, what, writer, self.now(), still_for);
+        if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
+            && self.threads.are_busy_with(sku)
+        {
+            self.executor.part_came(sku);
+        }
+        self.lanes.stale = true;
+    }
+}
+
+fn overtaken_by_a_newer(drop: &str) -> Reason {
+    let what = format!(
+        "{drop} was written again after it was done, when a newer file of its name lay in the hot folder."
+    );
+    let remedy = "Drop it again if it is to replace the newer one.";
+    Reason::new("overtaken", what, remedy)
+}

@@ -1,0 +1,254 @@
+//! What became of a job, and what a drop waits for now.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::Dispatcher;
+use crate::config::Sku;
+use crate::hotfolder::api::{Corrector, Mode};
+use crate::hotfolder::jobs::{Outcome, Work, filing};
+use crate::hotfolder::seen::{
+    Block, Moment, Obstacle, Writer, delivered_as, folders, is_sidecar, sidecar_of,
+};
+use crate::hotfolder::state::with_slashes;
+use crate::reason::Reason;
+
+/// The pause after the first failure of something around a job; it doubles with each further failure.
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
+/// The longest pause between two tries, so that a healed folder is noticed soon.
+const LONGEST_PAUSE: Duration = Duration::from_secs(10);
+/// Delivered drawings whose reports and previews are held in memory until they can be filed.
+const MOST_KEPT: usize = 200;
+
+impl<C: Corrector> Dispatcher<'_, C> {
+    /// A job is over.
+    pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
+        let Some(running) = self.threads.finished(path) else { return };
+        self.lanes.survived(&running.drop);
+        went_along.iter().for_each(|companion| self.look_again(companion));
+        let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
+        if let Some(sku) = running.sku() {
+            self.reprocessing.check_if_unknown(sku);
+        }
+        if let Work::CorrectAgain { sku, name } = &running.work {
+            return self.finished_again(sku, &delivered_as(name), outcome);
+        }
+        // Whatever else happened may let other drops go on.
+        self.lanes.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
+        match outcome {
+            Outcome::Learned { absent, place } => {
+                let until = self.now() + self.times().incomplete;
+                self.late.expect_companions(absent, &place, until);
+                self.tally.learned += 1;
+                self.status.learned();
+                self.done(path);
+                if let Some(sku) = running.sku() {
+                    self.drops.release(sku);
+                    self.reprocessing.check(sku.clone());
+                }
+            }
+            Outcome::Delivered | Outcome::Uncertain => {
+                if matches!(outcome, Outcome::Delivered) {
+                    self.tally.delivered += 1;
+                    self.status.delivered();
+                }
+                if let Work::Correct { sku, name } = &running.work {
+                    self.reprocessing.forget(&delivered_as(name));
+                    // Nobody found it outdated as long as it was under way.
+                    if running.was_delivered || running.settings_changes != self.settings_changes {
+                        self.reprocessing.check(sku.clone());
+                    }
+                    // Settings that went along and lie there are others.
+                    let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
+                    if let Some(sidecar) = sidecar_of(path).filter(is_late) {
+                        self.late.expect_sidecar(&sidecar, self.now());
+                        // It may have come while the job was at its end.
+                        if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
+                            self.companion(&sidecar);
+                        }
+                    }
+                }
+                self.done(path);
+            }
+            Outcome::Repeated => {
+                self.tally.repeated += 1;
+                self.done(path);
+            }
+            Outcome::Rejected(reason) => {
+                self.tally.rejected += 1;
+                self.status.rejected(&running.drop.to_string(), &reason);
+                self.done(path);
+            }
+            Outcome::Changed => self.look_again(path),
+            Outcome::Incomplete { gap, reason, anew } => {
+                let now = self.now();
+                let Some(drop) = self.drops.get_mut(path).filter(|_| same) else { return };
+                if anew {
+                    drop.settle.wait_anew(now);
+                }
+                let what = reason.what.clone();
+                if drop.found_incomplete(gap, reason) {
+                    tracing::info!("{} is not complete yet: {what}", running.drop);
+                }
+                if running.companions_came != self.late.companions_came {
+                    // What it lacks may have come while it was read.
+                    drop.settle.companion_came();
+                }
+            }
+            Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
+            Outcome::PartCame => {
+                if let Some(sku) = running.sku() {
+                    self.wait(path, Block::PartUnderWay, part_under_way(sku));
+                }
+            }
+            Outcome::PartRefused(reason) => self.retry_later(path, Obstacle::RefusedPart, reason),
+            Outcome::NoImportFolder(reason) => self.retry_later(path, Obstacle::NoImportFolder, reason),
+            Outcome::Retry(reason, kept) => {
+                // Without what is kept, the journal says how far the job came, and it is worked through again.
+                if let Some(kept) = kept.filter(|_| self.kept.len() < MOST_KEPT) {
+                    self.kept.insert(path.into(), *kept);
+                }
+                self.retry_later(path, Obstacle::Other, reason);
+            }
+            Outcome::TakesLong => {
+                if let Some(drop) = self.drops.get_mut(path).filter(|_| same) {
+                    drop.found_large();
+                }
+            }
+            Outcome::Stop(reason) => self.stopped = Some(reason),
+        }
+    }
+
+    pub(super) fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
+        match outcome {
+            Outcome::Delivered | Outcome::Repeated => {
+                self.tally.delivered += 1;
+                self.status.delivered();
+                self.reprocessing.forget(name);
+            }
+            // The journal lists it, as it did or does from now on.
+            Outcome::Uncertain => self.reprocessing.forget(name),
+            // It was asked for once; from now on it is outdated or not, as any other.
+            Outcome::Rejected(_) if self.reprocessing.is_uncertain(name) => {
+                self.reprocessing.forget(name);
+                self.reprocessing.check(sku.clone());
+            }
+            // It stays marked: other settings may do.
+            Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
+            Outcome::Retry(reason, _)
+            | Outcome::NoImportFolder(reason)
+            | Outcome::PartRefused(reason)
+            | Outcome::NoSurface(reason) => {
+                self.correct_again_later(sku, name, reason);
+            }
+            Outcome::Stop(reason) => self.stopped = Some(reason),
+            // Somebody asked for it, and nothing else would deliver it.
+            Outcome::PartCame | Outcome::Changed | Outcome::Incomplete { .. } | Outcome::Learned { .. }
+                if self.reprocessing.is_uncertain(name) =>
+            {
+                let what = "A part came, or the original in the archive changed, while it was corrected.";
+                let remedy = "Nothing: it is tried again. With `--once`, ask for it again.";
+                self.correct_again_later(sku, name, Reason::new("correction-overtaken", what, remedy));
+            }
+            // The part may come to nothing, and then it is as outdated as before.
+            Outcome::PartCame => {
+                self.reprocessing.forget(name);
+                self.reprocessing.check(sku.clone());
+            }
+            Outcome::TakesLong => self.reprocessing.takes_long(name),
+            Outcome::Learned { .. } | Outcome::Changed | Outcome::Incomplete { .. } => {
+                self.reprocessing.forget(name);
+            }
+        }
+    }
+
+    /// An archived original cannot be corrected again now.
+    pub(super) fn correct_again_later(&mut self, sku: &Sku, name: &str, reason: Reason) {
+        let (now, once) = (self.now(), self.mode == Mode::Once);
+        self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
+        if self.reprocessing.is_news(name, &reason) {
+            tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
+        }
+    }
+
+    /// A companion has settled: what it belongs to may go on, or went on without it before.
+    pub(super) fn companion(&mut self, path: &Path) {
+        if let Some(place) = self.late.take_companion(path)
+            && filing::follow(self.folders(), &self.executor.parking, path, &place).is_ok()
+        {
+            self.drops.forget(path);
+            return;
+        }
+        self.late.companions_came += 1;
+        self.drops.companion_came(path);
+        self.lanes.stale = true;
+        let is_late = self.late.take_sidecar(path);
+        if let Some(drop) = self.drops.get_mut(path) {
+            let reason = if is_late {
+                let what = "The settings came after their pattern, which was delivered without them.";
+                let remedy = "Drop the pattern again; next time drop its settings first.";
+                Reason::new("sidecar-late", what, remedy)
+            } else if is_sidecar(path) {
+                let what = "The settings wait for the pattern of the same name.";
+                Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
+            } else {
+                let what = "The file waits for the part that names it.";
+                Reason::new("waits-for-part", what, "Drop the part, or remove the file if nothing needs it.")
+            };
+            let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+            match drop.wait(Block::Unclaimed, reason) {
+                false => {}
+                true if is_late => tracing::warn!("{words}"),
+                true => tracing::info!("{words}"),
+            }
+        }
+    }
+
+    /// The drop is done. Should another file bear its name by now, that is a new drop.
+    pub(super) fn done(&mut self, path: &Path) {
+        self.drops.forget(path);
+        self.look_again(path);
+    }
+
+    /// Takes the file as it is now, or forgets it when it is gone.
+    pub(super) fn look_again(&mut self, path: &Path) {
+        let hot = self.folders().hot.clone();
+        match folders::look(path) {
+            Ok(Some(what)) => {
+                self.see(&hot, path, what, Writer::Unknown);
+            }
+            _ => self.drops.forget(path),
+        }
+    }
+
+    pub(super) fn wait(&mut self, path: &Path, block: Block, reason: Reason) {
+        let Some(drop) = self.drops.get_mut(path) else { return };
+        let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+        if drop.wait(block, reason) {
+            tracing::info!("{words}");
+        }
+    }
+
+    pub(super) fn retry_later(&mut self, path: &Path, obstacle: Obstacle, reason: Reason) {
+        let now = self.now();
+        let once = self.mode == Mode::Once;
+        let Some(drop) = self.drops.get_mut(path) else { return };
+        let pause = match drop.block {
+            Block::Until { pause, .. } => (pause * 2).min(LONGEST_PAUSE),
+            _ => FIRST_PAUSE,
+        };
+        let moment = if once { Moment::MAX } else { now + pause };
+        let words = format!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+        // An edit takes a moment, and nobody has to do anything.
+        if drop.wait(Block::Until { moment, pause, obstacle }, reason)
+            && obstacle != Obstacle::SettingsBeingSaved
+        {
+            tracing::warn!("{words}");
+        }
+    }
+}
+
+pub(super) fn part_under_way(sku: &Sku) -> Reason {
+    let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
+    Reason::new("waits-for-part", what, "Finish dropping the part.")
+}

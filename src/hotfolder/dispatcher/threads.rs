@@ -1,0 +1,152 @@
+//! The threads that do the jobs, and what each is at.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::config::Sku;
+use crate::hotfolder::api::Corrector;
+use crate::hotfolder::error::guarded;
+use crate::hotfolder::jobs::{End, Executor, Outcome, Task, Work};
+use crate::hotfolder::seen::{Message, Moment, Stamp};
+use crate::hotfolder::state::{DropId, UnderWay};
+
+/// A job that takes this long is a large one, whatever it looked like.
+const LONG: Duration = Duration::from_secs(2);
+
+/// Does jobs as long as any come: the loop of a thread.
+pub(super) fn work<C: Corrector>(
+    tasks: &Mutex<Receiver<Task>>,
+    executor: &Executor<'_, C>,
+    sender: &SyncSender<Message>,
+) {
+    loop {
+        let next = tasks.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(task) = next else { return };
+        let path = task.path.clone();
+        let end = guarded(|| Ok(executor.perform(task))).unwrap_or_else(|error| End {
+            outcome: Outcome::Retry(error.into_reason(), None),
+            went_along: Vec::new(),
+        });
+        if sender.send(Message::Finished(path, Box::new(end))).is_err() {
+            return;
+        }
+    }
+}
+
+/// All threads.
+pub(super) struct Threads {
+    tasks: SyncSender<Task>,
+    /// To as many threads again, for what is to be done while jobs take long that did not look like it.
+    spare_tasks: SyncSender<Task>,
+    pub(super) count: usize,
+    running: BTreeMap<PathBuf, Running>,
+}
+
+/// A job that a thread is at.
+pub(super) struct Running {
+    pub(super) drop: DropId,
+    pub(super) work: Work,
+    pub(super) since: Moment,
+    pub(super) stamp: Stamp,
+    pub(super) large: bool,
+    /// Nothing else is done meanwhile.
+    pub(super) alone: bool,
+    /// How many companions had come when it began.
+    pub(super) companions_came: u64,
+    /// How often the settings had changed when it began.
+    pub(super) settings_changes: u64,
+    /// It was delivered before, and is only filed.
+    pub(super) was_delivered: bool,
+    /// A spare thread is at it.
+    is_spare: bool,
+}
+
+impl Threads {
+    pub(super) fn new(tasks: SyncSender<Task>, spare_tasks: SyncSender<Task>, count: usize) -> Self {
+        Self { tasks, spare_tasks, count, running: BTreeMap::new() }
+    }
+
+    pub(super) fn are_idle(&self) -> bool {
+        self.running.is_empty()
+    }
+
+    pub(super) fn is_at(&self, path: &Path) -> bool {
+        self.running.contains_key(path)
+    }
+
+    pub(super) fn are_at(&self, drop: &DropId) -> bool {
+        self.running.values().any(|running| running.drop == *drop)
+    }
+
+    /// The SKUs of all jobs.
+    pub(super) fn busy(&self) -> BTreeSet<Sku> {
+        self.running.values().filter_map(|running| running.sku().cloned()).collect()
+    }
+
+    pub(super) fn are_busy_with(&self, sku: &Sku) -> bool {
+        self.running.values().any(|running| running.sku() == Some(sku))
+    }
+
+    /// What people are shown of the jobs; what is only rejected is over at once.
+    pub(super) fn under_way(&self, now: Moment) -> Vec<UnderWay> {
+        let jobs = self.running.values().filter(|running| running.sku().is_some());
+        jobs.map(|running| UnderWay {
+            drop: running.drop.to_string(),
+            for_s: now.saturating_sub(running.since).as_millis() as f64 / 1e3,
+        })
+        .collect()
+    }
+
+    /// Whether a thread is free for a job that is not known to be large. Jobs that take long without having looked like it
+    /// make room for as many others.
+    pub(super) fn have_room(&self, now: Moment) -> bool {
+        let takes_long = |running: &&Running| !running.large && now.saturating_sub(running.since) >= LONG;
+        let spare = self.running.values().filter(takes_long).count().min(self.count);
+        self.running.len() < self.count + spare && !self.running.values().any(|running| running.alone)
+    }
+
+    /// Whether a large job leaves a thread to the small ones.
+    pub(super) fn have_room_for_large(&self) -> bool {
+        self.running.values().filter(|running| running.large).count() + 1 < self.count
+    }
+
+    /// Gives a job to a thread.
+    pub(super) fn begin(&mut self, task: Task, mut running: Running) {
+        running.is_spare = self.running.values().filter(|running| !running.is_spare).count() >= self.count;
+        let tasks = if running.is_spare { &self.spare_tasks } else { &self.tasks };
+        let path = task.path.clone();
+        if tasks.send(task).is_ok() {
+            self.running.insert(path, running);
+        }
+    }
+
+    /// The job on this drop is over.
+    pub(super) fn finished(&mut self, path: &Path) -> Option<Running> {
+        self.running.remove(path)
+    }
+}
+
+impl Running {
+    /// A job as it begins.
+    pub(super) fn of(task: &Task, since: Moment) -> Self {
+        Self {
+            drop: task.drop.clone(),
+            work: task.work.clone(),
+            since,
+            stamp: task.stamp,
+            large: false,
+            alone: false,
+            companions_came: 0,
+            settings_changes: 0,
+            was_delivered: task.kept.is_some(),
+            is_spare: false,
+        }
+    }
+
+    pub(super) fn sku(&self) -> Option<&Sku> {
+        self.work.sku()
+    }
+}

@@ -1,0 +1,372 @@
+//! A drawing, step by step: prepare, resume, repeat, make, deliver, and what follows in [`Executor::finish`].
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::delivery::{self, How};
+use super::finish::{Ready, is_missing_for_server};
+use super::intake::Read;
+use super::resume::{Inputs, Original, Resume};
+use super::{Broken, Executor, Kept, Outcome, Task, filing, recovery};
+use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold};
+use crate::formats::mesh::MeshFormat;
+use crate::hotfolder::api::{Corrector, Delivery, JobError};
+use crate::hotfolder::beamserver;
+use crate::hotfolder::error::{folder_trouble, guarded};
+use crate::hotfolder::seen::{Meaning, delivered_as, folders, meaning, sidecar_of};
+use crate::hotfolder::state::{Certainty, Delivered, DropId, Import, Job};
+use crate::reason::Reason;
+
+/// A drawing on its way.
+struct Correction<'a> {
+    ready: Ready<'a>,
+    settings: JobSettings,
+    result: Job,
+    /// The newest result of the same name.
+    last: Option<Delivered>,
+    started: Instant,
+}
+
+/// What an interrupted job on the same file did.
+struct Before {
+    result: Job,
+    certainty: Certainty,
+    import: Import,
+    /// Whether the report can be made now.
+    report: bool,
+}
+
+impl<C: Corrector> Executor<'_, C> {
+    pub(crate) fn correct(
+        &self,
+        task: &Task,
+        sku: &Sku,
+        pattern: &str,
+        kept: Option<Kept>,
+        slot: &mut Option<Read>,
+    ) -> Result<Outcome, Broken> {
+        let started = Instant::now();
+        let name = delivered_as(pattern);
+        // The first spelling stays: where files are told apart by it, another one would be a second drawing.
+        let name = &*self.journal().result(&name).map_or(name, |last| last.job.name.clone());
+        let is_of_use = |kept: &Kept| {
+            kept.stamp == task.stamp && (kept.asked || !is_missing_for_server(&task.station, name))
+        };
+        if let Some(kept) = kept.filter(is_of_use) {
+            let read = &*slot.insert(self.read(task, Some(pattern))?);
+            return self.finish(&Ready { task, sku, pattern, name, read }, kept);
+        }
+        self.expect_surface(task, sku)?;
+        let read = &*slot.insert(self.read(task, Some(pattern))?);
+        let mut drawing = self.prepare(Ready { task, sku, pattern, name, read }, started)?;
+        let before = match self.resume(&drawing)? {
+            Some(before) if !before.report => {
+                return self.finish(&drawing.ready, before.without_report(task));
+            }
+            before => before,
+        };
+        if before.is_none() && self.repeat(&mut drawing)? {
+            return Ok(Outcome::Repeated);
+        }
+        let (mut made, previous) = self.make(&mut drawing, before.is_some())?;
+        let how = match &before {
+            Some(before) => How::BeforeTheCrash(before.certainty),
+            None => delivery::deliver(
+                || self.journal(),
+                &task.station,
+                &drawing.result,
+                task.stamp,
+                &mut made,
+                previous.as_deref(),
+            )?,
+        };
+        drawing.tell(how, &made.summary, previous.as_deref());
+        let kept = drawing.kept(how, made, before.map(|before| before.import));
+        self.finish(&drawing.ready, kept)
+    }
+
+    /// Without a surface a pattern waits.
+    fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), Broken> {
+        // The shape that settings give by its sizes is never that of a file.
+        let is_from_file = task.settings.part.figure.is_none();
+        if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
+            return Err(Broken::Outcome(Outcome::PartRefused(reason)));
+        }
+        if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
+            let what = format!("The pattern waits for a part: no surface of {sku} is known.");
+            let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
+            return Err(Broken::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
+        }
+        self.note_shape(sku, &task.settings, false);
+        Ok(())
+    }
+
+    /// Gathers what the drawing is made of.
+    fn prepare<'a>(&self, ready: Ready<'a>, started: Instant) -> Result<Correction<'a>, Broken> {
+        let Ready { task, sku, name, read, .. } = ready;
+        let settings = match &read.sidecar {
+            Some((path, text)) => {
+                task.settings.with_sidecar(path, text).map_err(|error| JobError::Rejected(error.reason()))?
+            }
+            None => task.settings.clone(),
+        };
+        let basis = self.basis(sku, &settings)?.unwrap_or_default();
+        let pattern = blake3::hash(&read.file.bytes).to_hex().to_string();
+        let all = format!("{}\n{}\n{pattern}\n{basis}\n{}", env!("CARGO_PKG_VERSION"), name, sku.key());
+        let result = Job {
+            drop: task.drop.clone(),
+            sku: sku.as_str().into(),
+            name: name.into(),
+            key: blake3::hash(all.as_bytes()).to_hex()[..32].to_owned(),
+            basis,
+            pattern,
+            result: String::new(),
+        };
+        let last = self.journal().result(name).cloned();
+        if task.drop.is_archived() && last.as_ref().is_some_and(|last| last.job.pattern != result.pattern) {
+            let what = "The original in the archive is another one than was delivered.";
+            let remedy = "Drop the drawing that is to be marked.";
+            return Err(JobError::Rejected(Reason::new("archive-changed", what, remedy)).into());
+        }
+        Ok(Correction { ready, settings, result, last, started })
+    }
+
+    /// What an interrupted job delivered of this file.
+    fn resume(&self, drawing: &Correction) -> Result<Option<Before>, JobError> {
+        let (task, result) = (drawing.ready.task, &drawing.result);
+        let mut journal = self.journal();
+        let Some(open) = journal.begun(&task.drop, task.stamp).cloned() else { return Ok(None) };
+        let inputs = match open.stage.result() {
+            Some(begun) if begun.pattern != result.pattern => Inputs::AnotherFile,
+            Some(begun) if begun.key != result.key => Inputs::Changed,
+            _ => Inputs::Same,
+        };
+        let original = Original::AtHand { inputs, copied: false };
+        let resume = recovery::resume(&task.station, &mut journal, &task.drop, &open, original)?;
+        Ok(match (resume, open.stage.result().cloned()) {
+            (Resume::Finish { certainty, import, report, .. }, Some(result)) => {
+                Some(Before { result, certainty, import, report })
+            }
+            _ => None,
+        })
+    }
+
+    /// Files a drawing that was delivered before, if it is not to be delivered again; returns whether it is.
+    fn repeat(&self, drawing: &mut Correction) -> Result<bool, JobError> {
+        let (task, name) = (drawing.ready.task, drawing.ready.name);
+        let delivery = &task.station.delivery;
+        let Some(last) = drawing.last.as_ref().filter(|last| {
+            last.job.key == drawing.result.key
+                && delivery.repeat == Repeat::Never
+                && !task.drop.is_archived()
+                && (delivery.kind == DeliveryKind::Folder || last.import == Import::Done)
+        }) else {
+            return Ok(false);
+        };
+        match last.certainty {
+            Certainty::Certain => {
+                tracing::info!("{name} was already delivered at {} and is not delivered again", last.at);
+            }
+            Certainty::Uncertain => tracing::warn!(
+                "{name} may have been delivered before {} and is not delivered again: `{}` does that",
+                last.at,
+                delivery::retry_command(&task.station, name)
+            ),
+        }
+        drawing.result.result.clone_from(&last.job.result);
+        self.file_original(&drawing.ready, &drawing.result, last.import, last.certainty)?;
+        Ok(true)
+    }
+
+    /// Corrects the drawing; returns it with what lies in the import folder under its name.
+    fn make(
+        &self,
+        drawing: &mut Correction,
+        was_delivered: bool,
+    ) -> Result<(Delivery, Option<Vec<u8>>), Broken> {
+        let Ready { task, sku, name, read, .. } = drawing.ready;
+        let folders = &task.station.folders;
+        let import_is_there = || match folders.import_trouble() {
+            Some(reason) => Err(Broken::Outcome(Outcome::NoImportFolder(reason))),
+            None => Ok(()),
+        };
+        // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.
+        if task.waits_for_import {
+            import_is_there()?;
+        }
+        if task.station.delivery.kind == DeliveryKind::Beamserver {
+            beamserver::sendable(&task.station.delivery.path_for_server(&folders.import, name))?;
+        }
+        let previous = filing::delivered_before(folders, name).map_err(folder_trouble)?;
+        let made = guarded(|| {
+            self.corrector.correct(sku, &read.file, previous.as_deref(), &drawing.settings, task.pace)
+        })?;
+        drawing.result.result = delivery::hash_of(&made.drawing);
+        import_is_there()?;
+        self.shares.are_there(folders, false)?;
+        // Files that are dropped together come one after the other, the drawing first perhaps.
+        if !was_delivered && self.overtaken().contains(sku) {
+            return Err(Broken::Outcome(Outcome::PartCame));
+        }
+        Ok((made, previous))
+    }
+}
+
+impl Before {
+    /// What is left to be done when the report cannot be made any more.
+    fn without_report(self, task: &Task) -> Kept {
+        tracing::warn!(
+            "part or settings changed since the station was interrupted while it delivered {}: \
+             it has no report of its own",
+            self.result.name
+        );
+        Kept {
+            stamp: task.stamp,
+            job: self.result,
+            certainty: self.certainty,
+            delivery: Delivery::default(),
+            preview: None,
+            import: self.import,
+            asked: false,
+        }
+    }
+}
+
+impl Correction<'_> {
+    fn is_same_again(&self) -> bool {
+        self.last.as_ref().is_some_and(|last| last.job.key == self.result.key)
+    }
+
+    /// Tells what was delivered, and what is odd about it.
+    fn tell(&self, how: How, summary: &str, previous: Option<&[u8]>) {
+        let Ready { task, sku, name, read, .. } = self.ready;
+        let is_for_server = task.station.delivery.kind == DeliveryKind::Beamserver;
+        let for_server = if is_for_server { " for BeamServer" } else { "" };
+        let took = self.started.elapsed().as_millis();
+        let story = words(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
+        tracing::info!("{name} {story}{for_server} in {took} ms: {summary}");
+        let last = self.last.as_ref();
+        if let Some(last) = last
+            && !self.is_same_again()
+            && !is_same_drop(&last.job.drop, &self.result.drop)
+        {
+            let [older, newer] = told_apart(&last.job.drop.to_string(), &self.result.drop.to_string());
+            tracing::warn!(
+                "{older} and {newer} claim one result: {name} is now made of {newer}. Give the drawings different names."
+            );
+        }
+        if read.sidecar.is_none()
+            && let Some(settings) = last.and_then(|last| sidecar_of_last(&task.station.folders, sku, last))
+        {
+            tracing::warn!(
+                "{name} comes without the settings that its last version had: if they still hold, drop it again with {}",
+                settings.display()
+            );
+        }
+        let is_ours = |bytes: &[u8]| last.is_some_and(|last| last.job.result == delivery::hash_of(bytes));
+        if how == How::Replaced && !previous.is_some_and(is_ours) {
+            tracing::warn!(
+                "the {name} that was replaced in import was another one than this station had put there"
+            );
+        }
+    }
+
+    /// What is left to be done with the drawing; its preview is drawn. `import` is what an interrupted job left.
+    fn kept(&self, how: How, mut made: Delivery, import: Option<Import>) -> Kept {
+        let Ready { task, name, .. } = self.ready;
+        (made.drawing, made.check) = (Vec::new(), None);
+        let import = match (import, &self.last) {
+            (Some(import), _) => import,
+            (None, Some(last)) if how == How::Unchanged && self.is_same_again() => last.import,
+            _ if task.station.delivery.kind == DeliveryKind::Folder => Import::ByFolder,
+            _ => Import::Due,
+        };
+        let preview = made.preview.take().and_then(|draw| {
+            let trouble =
+                |error: JobError| tracing::warn!("{name} has no preview: {}", error.into_reason().what);
+            guarded(|| Ok(draw())).map_err(trouble).ok()
+        });
+        let (job, certainty) = (self.result.clone(), how.certainty());
+        Kept { stamp: task.stamp, job, certainty, delivery: made, preview, import, asked: false }
+    }
+}
+
+/// Whether two drops are one; of what was corrected again from the archive, only the pattern's name is known.
+fn is_same_drop(a: &DropId, b: &DropId) -> bool {
+    let name = |drop: &DropId| match drop {
+        DropId::Hot(path) => match meaning(Path::new(path)) {
+            Ok(Meaning::Pattern { name, .. }) => name,
+            _ => drop.file_name().to_owned(),
+        },
+        DropId::Archived { .. } => drop.file_name().to_owned(),
+    };
+    a == b || ((a.is_archived() || b.is_archived()) && fold(&name(a)) == fold(&name(b)))
+}
+
+/// Two names that differ, spelled so that the difference is seen: an accent may be a letter of its own.
+fn told_apart(one: &str, other: &str) -> [String; 2] {
+    let looks_alike = fold(one) == fold(other);
+    let spelled = |name: &str| match looks_alike {
+        true => name
+            .chars()
+            .map(|c| if c.is_ascii() { c.to_string() } else { c.escape_unicode().to_string() })
+            .collect(),
+        false => name.to_owned(),
+    };
+    [spelled(one), spelled(other)]
+}
+
+/// The settings in the archive that lie beside the original of a result.
+fn sidecar_of_last(folders: &FolderPaths, sku: &Sku, last: &Delivered) -> Option<PathBuf> {
+    let original = Some(&last.original).filter(|original| !original.is_empty())?;
+    sidecar_of(&folders.archive.join(sku.key()).join(original)).filter(|path| folders::is_file(path))
+}
+
+fn words(how: How, last: Option<(&str, bool)>) -> String {
+    match (how, last) {
+        (How::Replaced, Some((at, false))) => format!("replaces in import the result of {at},"),
+        (How::Replaced, _) => "replaces the older drawing in import,".into(),
+        (How::New, Some((at, true))) => {
+            format!("was already delivered at {at}, is gone from import, and is delivered again,")
+        }
+        (How::New, Some((at, false))) => format!("delivered to import after an older result of {at},"),
+        (How::New, None) => "delivered to import".into(),
+        (How::Unchanged, _) => "was already delivered and lies in import unchanged,".into(),
+        (How::Again, _) => "was already delivered and is delivered again,".into(),
+        (How::BeforeTheCrash(Certainty::Certain), _) => {
+            "was delivered before the station was interrupted, and is filed".into()
+        }
+        (How::BeforeTheCrash(Certainty::Uncertain), _) => {
+            "may have been delivered before the station was interrupted, and is filed".into()
+        }
+        (How::Perhaps, _) => "may have been delivered to import, and is filed".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_another_drop_of_one_name_is_another() {
+        for (a, b, same) in [
+            ("mug@pic.dxf", "mug@pic.dxf", true),
+            ("mug@pic.png", "mug@pic.dxf", false),
+            ("mug/pic.dxf", "mug@pic.dxf", false),
+            ("archive:mug/(2)/mug@pic.dxf", "mug@pic.dxf", true),
+            ("mug@pic.dxf", "archive:mug/mug@pic.png", false),
+            ("mug/pic.dxf", "archive:mug/mug@pic.dxf", true),
+        ] {
+            let [a, b] = [a, b].map(|drop| DropId::from(drop.to_owned()));
+            assert_eq!(is_same_drop(&a, &b), same, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn names_that_look_alike_are_told_apart() {
+        let [one, other] = told_apart("m\u{fc}g@pic.dxf", "mu\u{308}g@pic.dxf");
+        assert_eq!((&*one, &*other), ("m\\u{fc}g@pic.dxf", "mu\\u{308}g@pic.dxf"));
+        assert_eq!(told_apart("mug@pic.png", "m\u{fc}g@pic.dxf"), ["mug@pic.png", "m\u{fc}g@pic.dxf"]);
+        assert_eq!(told_apart("Mug@pic.dxf", "mug@pic.dxf"), ["Mug@pic.dxf", "mug@pic.dxf"]);
+    }
+}

@@ -1,0 +1,174 @@
+//! One job, from a drop that is ready to its outcome, in a thread of its own.
+//!
+//! ```text
+//! read ─▶ correct ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
+//!                                                                      │
+//!              journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, preview
+//! ```
+//!
+//! Whatever ends the program between two steps, the drop and the journal together say how far it came, and the next
+//! start goes on from there.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::intake::{self, Intake, Read};
+use super::{Broken, End, Outcome, Task, Work, filing};
+use crate::config::{JobSettings, Sku};
+use crate::files::read_if_there;
+use crate::hotfolder::api::{Corrector, JobError, PartLearned};
+use crate::hotfolder::beamserver;
+use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::seen::{Parking, Stamp, StopSignal, sidecar_of};
+use crate::hotfolder::state::{DropId, Journal, OpenJob, Shares};
+
+/// What the threads of a station share.
+pub(crate) struct Executor<'a, C> {
+    pub(crate) corrector: &'a C,
+    pub(crate) journal: Mutex<Journal>,
+    /// SKUs for which a part came while a drawing of them was being corrected.
+    pub(super) overtaken: Mutex<BTreeSet<Sku>>,
+    /// Archived parts that cannot be fitted with these settings.
+    pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
+    pub(super) beamserver: beamserver::Turns,
+    pub(crate) shares: Shares,
+    pub(crate) parking: Parking,
+    /// The name of the surface that each SKU was last seen to have under these settings.
+    pub(super) shapes: Mutex<BTreeMap<Sku, (JobSettings, String)>>,
+}
+
+impl<'a, C: Corrector> Executor<'a, C> {
+    pub(crate) fn new(corrector: &'a C, journal: Journal, shares: Shares, stop: StopSignal) -> Self {
+        Self {
+            corrector,
+            journal: Mutex::new(journal),
+            overtaken: Mutex::default(),
+            unfit_archive: Mutex::default(),
+            beamserver: beamserver::Turns::new(stop),
+            shares,
+            parking: Parking::default(),
+            shapes: Mutex::default(),
+        }
+    }
+
+    pub(crate) fn journal(&self) -> MutexGuard<'_, Journal> {
+        self.journal.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn overtaken(&self) -> MutexGuard<'_, BTreeSet<Sku>> {
+        self.overtaken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A part of the SKU lies in the hot folder: what is not delivered yet waits for it.
+    pub(crate) fn part_came(&self, sku: &Sku) {
+        self.overtaken().insert(sku.clone());
+    }
+
+    /// A drawing of the SKU begins, with no part of it in the hot folder.
+    pub(crate) fn begins(&self, sku: &Sku) {
+        self.overtaken().remove(sku);
+    }
+
+    /// Whether the drawing of this drop was delivered before the station was interrupted.
+    pub(crate) fn is_delivered(&self, drop: &DropId, stamp: Stamp) -> bool {
+        self.journal().begun(drop, stamp).is_some_and(OpenJob::is_delivered)
+    }
+
+    /// Does one job.
+    pub(crate) fn perform(&self, task: Task) -> End {
+        let drop = task.drop.clone();
+        tell_trouble(self.journal().began(&drop, task.stamp));
+        let end = self.attempt(task);
+        tell_trouble(self.journal().ended(&drop));
+        end
+    }
+
+    fn attempt(&self, mut task: Task) -> End {
+        let kept = task.kept.take();
+        let mut read = None;
+        if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders, false) {
+            return End { outcome: Outcome::Retry(reason, kept.map(Box::new)), went_along: Vec::new() };
+        }
+        let attempt = match (&task.doomed, &task.work) {
+            (Some(reason), _) | (None, Work::Reject(reason)) => {
+                Err(JobError::Rejected(reason.clone()).into())
+            }
+            (None, Work::Learn(sku)) => self.learn(&task, sku, &mut read),
+            (None, Work::Correct { sku, name } | Work::CorrectAgain { sku, name }) => {
+                self.correct(&task, sku, name, kept, &mut read)
+            }
+        };
+        let ended = match attempt {
+            Err(Broken::Error(JobError::Rejected(reason))) => {
+                self.reject(&task, read.as_ref(), reason).map_err(Broken::Error)
+            }
+            attempt => attempt,
+        };
+        let outcome = match ended {
+            Ok(outcome) | Err(Broken::Outcome(outcome)) => outcome,
+            Err(Broken::Error(JobError::Stop(reason))) => Outcome::Stop(reason),
+            Err(Broken::Error(JobError::TakesLong)) => Outcome::TakesLong,
+            Err(Broken::Error(JobError::Retry(reason) | JobError::Rejected(reason))) => {
+                Outcome::Retry(reason, None)
+            }
+        };
+        let went_along = read.map(|read| read.companions).unwrap_or_default();
+        End { outcome, went_along: went_along.into_iter().map(|companion| companion.path).collect() }
+    }
+
+    fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, Broken> {
+        let started = Instant::now();
+        let read = &*slot.insert(self.read(task, None)?);
+        self.take_as_up_to_date(&task.station.folders, sku, &task.settings);
+        let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings, task.pace))?;
+        let PartLearned { summary, report } = learned;
+        // It may have been learned with one version of them, and is filed with another.
+        if !read.companions.iter().all(filing::Beside::is_unchanged) {
+            return Ok(Outcome::Changed);
+        }
+        let (folders, name) = (&task.station.folders, &read.file.name);
+        if let Some(report) = &report {
+            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
+        }
+        let archived = self.archive(task, sku, name, read, None)?;
+        // Should it fail, the job stays open, and the next listing closes it: the note must not name an older part.
+        filing::set_current_part(folders, sku, &archived).map_err(folder_trouble)?;
+        self.note_shape(sku, &task.settings, true);
+        let original = filing::in_archive(folders, sku, &archived);
+        tell_trouble(self.journal().learned(&task.drop, sku.as_str(), &original));
+        self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner).remove(sku);
+        let took = started.elapsed().as_millis();
+        tracing::info!("{name} is now the shape of {sku}, in {took} ms: {summary}");
+        let place = archived.parent().unwrap_or(&archived).to_path_buf();
+        Ok(Outcome::Learned { absent: read.absent.clone(), place })
+    }
+
+    pub(super) fn read(&self, task: &Task, name: Option<&str>) -> Result<Read, Broken> {
+        let own_name = task.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let intake = Intake {
+            path: &task.path,
+            own_name: &own_name,
+            name: name.unwrap_or(&own_name),
+            stamp: task.stamp,
+            last_chance: task.last_chance,
+            settling: &task.settling,
+            sidecar: task.place_of_sidecar(),
+        };
+        intake::read(&intake, |name, bytes| guarded(|| Ok(self.corrector.completeness(name, bytes))))
+    }
+
+    /// The sidecar's text of an archived original, if it has one.
+    pub(crate) fn settings_of_original(&self, original: &Path, settings: &JobSettings) -> JobSettings {
+        let sidecar = sidecar_of(original);
+        let text = sidecar.as_ref().and_then(|path| read_if_there(path).ok().flatten());
+        let text = text.and_then(|bytes| String::from_utf8(bytes).ok());
+        match (sidecar, text) {
+            (Some(path), Some(text)) => {
+                settings.with_sidecar(&path, &text).unwrap_or_else(|_| settings.clone())
+            }
+            _ => settings.clone(),
+        }
+    }
+}

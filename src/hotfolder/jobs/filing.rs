@@ -1,0 +1,527 @@
+//! What lies where when a job is over.
+//!
+//! ```text
+//! import/<name>.dxf                       the corrected drawing, nothing else ever
+//! reports/<sku>/<name>.report.json        of the latest drawing or part of that name
+//! reports/<sku>/<name>.preview.svg
+//! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
+//! archive/<sku>/current-part.txt          which archived part the surface comes from
+//! rejected/[<folder>/]<name>              as it lay in the hot folder; when taken: rejected/(2)/<name> and so on
+//! rejected/[<folder>/]<name>.reason.json  and .reason.txt
+//! ```
+//!
+//! SKU folders bear the SKU's name in lower case. Companions lie beside their part. A rejected drop is tried again by
+//! moving it back into the hot folder as it is.
+
+use std::ffi::{OsStr, OsString};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fs_err as fs;
+
+use crate::config::{FolderPaths, Sku, Station};
+use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
+use crate::formats::pattern::is_drawing;
+use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
+use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
+use crate::hotfolder::seen::parked::stays_gone;
+use crate::hotfolder::seen::{Filed, Found, Parking, Stamp, is_sidecar};
+use crate::hotfolder::state::with_slashes;
+use crate::printable::on_one_line;
+use crate::reason::Reason;
+
+/// An original that leaves the hot folder.
+pub(crate) struct Original<'a> {
+    /// Where it lies.
+    pub(crate) path: &'a Path,
+    pub(crate) content: Content<'a>,
+    /// Files beside it that go along.
+    pub(crate) companions: &'a [Beside],
+}
+
+/// What is known of an original.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Content<'a> {
+    /// What was read of it: should somebody write or replace it meanwhile, these bytes are what is put away.
+    Read(&'a [u8], Stamp),
+    /// It was not read now, and is what bears this stamp.
+    Seen(Stamp),
+    /// It cannot be read, and whatever lies there goes.
+    Unknown,
+}
+
+/// A file beside an original that goes along.
+#[derive(Debug, Clone)]
+pub(crate) struct Beside {
+    pub(crate) path: PathBuf,
+    /// The file as it was seen; what was written since stays in the hot folder.
+    pub(crate) stamp: Stamp,
+    /// What was read of it, if that is kept.
+    pub(crate) bytes: Option<Vec<u8>>,
+}
+
+impl Beside {
+    /// The file at the path as it is now; `None` when there is none.
+    pub(crate) fn at(path: &Path) -> Option<Self> {
+        match look(path) {
+            Ok(Some(Found::File(stamp))) => Some(Self { path: path.into(), stamp, bytes: None }),
+            _ => None,
+        }
+    }
+
+    /// Whether it is as it was seen.
+    pub(crate) fn is_unchanged(&self) -> bool {
+        matches!(look(&self.path), Ok(found) if found == Some(Found::File(self.stamp)))
+    }
+}
+
+/// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
+/// where a share is not mounted, it would swallow drawings.
+pub(crate) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBuf, io::Error)> {
+    let FolderPaths { hot, archive, rejected, cache, reports, state, import: _, skus: _ } = folders;
+    let ours = [
+        ("hot", hot),
+        ("archive", archive),
+        ("rejected", rejected),
+        ("cache", cache),
+        ("reports", reports),
+        ("state", state),
+    ];
+    for (purpose, path) in ours {
+        fs::create_dir_all(path).map_err(|error| (purpose, path.clone(), error))?;
+    }
+    Ok(())
+}
+
+/// Makes the folder of the SKU files if it is to lie beside the station file. Anywhere else it may be on a share that is
+/// not there yet, and so may its files.
+pub(crate) fn prepare_skus(station: &Station) -> io::Result<()> {
+    let skus = &station.folders.skus;
+    if skus.parent() == station.file.parent() { fs::create_dir_all(skus) } else { Ok(()) }
+}
+
+/// The drawing of that name in the import folder.
+pub(crate) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<Option<Vec<u8>>> {
+    read_if_there(&folders.import.join(name))
+}
+
+/// The ending of a report.
+pub(crate) const REPORT: &str = "report.json";
+
+/// The ending of a picture.
+pub(crate) const PREVIEW: &str = "preview.svg";
+
+/// Where a file named after a drop lies in the SKU's reports folder.
+pub(crate) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {
+    folders.reports.join(sku.key()).join(format!("{name}.{ending}"))
+}
+
+/// The note of the archived part that the SKU's surface comes from.
+pub(crate) fn current_part_note(folders: &FolderPaths, sku: &Sku) -> PathBuf {
+    folders.archive.join(sku.key()).join(CURRENT_PART)
+}
+
+/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it, and never
+/// leaves a part of it.
+pub(crate) fn write_report(
+    folders: &FolderPaths,
+    sku: &Sku,
+    name: &str,
+    ending: &str,
+    bytes: &[u8],
+) -> io::Result<()> {
+    let folder = folders.reports.join(sku.key());
+    fs::create_dir_all(&folder)?;
+    write_whole_or_not(&folder, &format!("{name}.{ending}"), bytes)
+}
+
+/// Where an original that is done goes in the SKU's archive folder; the folder is made.
+pub(crate) fn archive_place(
+    folders: &FolderPaths,
+    sku: &Sku,
+    name: &str,
+    original: &Original,
+) -> io::Result<PathBuf> {
+    let place = free_place(&folders.archive.join(sku.key()), &all_names(name.as_ref(), original))?;
+    Ok(place.join(name))
+}
+
+/// A path in the SKU's archive folder, relative to it, with `/`.
+pub(crate) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> String {
+    with_slashes(archived.strip_prefix(folders.archive.join(sku.key())).unwrap_or(archived))
+}
+
+/// Takes an original out of the hot folder whose copy lies in the archive, and lets its companions follow. What bears its
+/// name by now and is not what was read is another drop and stays.
+pub(crate) fn remove_copied(
+    folders: &FolderPaths,
+    parking: &Parking,
+    original: &Original,
+    copy: &Path,
+) -> io::Result<()> {
+    let filed = match original.content {
+        Content::Read(bytes, stamp) => Some(Filed { stamp, hash: blake3::hash(bytes) }),
+        Content::Seen(_) | Content::Unknown => None,
+    };
+    match (look(original.path)?, filed) {
+        (Some(_), Some(filed)) => parking.take_away(folders, original.path, &filed)?,
+        (Some(_), None) => {}
+        (None, _) => stays_gone(folders, original.path)?,
+    }
+    companions_follow(folders, parking, original, copy);
+    Ok(())
+}
+
+/// Notes that the SKU's surface comes from this archived part.
+pub(crate) fn set_current_part(folders: &FolderPaths, sku: &Sku, archived: &Path) -> io::Result<()> {
+    let folder = folders.archive.join(sku.key());
+    write_whole(&folder, CURRENT_PART, format!("{}\n", in_archive(folders, sku, archived)).as_bytes())
+}
+
+/// The archived part that the SKU's surface comes from, if there is one.
+pub(crate) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> {
+    let folder = folders.archive.join(sku.key());
+    let relative = fs::read_to_string(folder.join(CURRENT_PART)).ok()?;
+    let part = folder.join(relative.trim_end());
+    matches!(look(&part), Ok(Some(Found::File(_)))).then_some(part)
+}
+
+/// Moves an original that cannot be done into the rejected folder, with the reason beside it. The reason is written
+/// first, so that no rejected file is ever without one. `before` is told where it goes before it is moved there.
+pub(crate) fn reject(
+    folders: &FolderPaths,
+    parking: &Parking,
+    relative: &Path,
+    original: &Original,
+    reason: &Reason,
+    before: impl FnOnce(&Path) -> io::Result<()>,
+) -> io::Result<PathBuf> {
+    let folder = folders.rejected.join(relative.parent().unwrap_or(Path::new("")));
+    let file_name = relative.file_name().unwrap_or_default();
+    let name = file_name.to_string_lossy();
+    let stem = shortened(&name);
+    let mut names = all_names(file_name, original);
+    // A list of points may bear the very name that the reason will get; it lies there with its own reason.
+    names.extend(["json", "txt"].map(|ending| format!("{stem}.reason.{ending}.reason.json").into()));
+    let place = match free_place(&folder, &names)? {
+        // An interruption left the copy there, and the original in the hot folder.
+        free if holds_copy(&place_before(&folder, &free).join(file_name), original) => {
+            place_before(&folder, &free)
+        }
+        free => free,
+    };
+    let drop = with_slashes(relative);
+    let json = reason.to_json(Some(&drop))?;
+    let text = format!(
+        "{} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n",
+        on_one_line(&drop)
+    );
+    write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
+    write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
+    before(&place.join(file_name))?;
+    if let Err(error) = put_away(folders, parking, original, &place.join(file_name)) {
+        // It is another file by now, and the reason none of its own.
+        if error.kind() == io::ErrorKind::Interrupted {
+            for ending in ["json", "txt"] {
+                fs::remove_file(place.join(format!("{stem}.reason.{ending}")))?;
+            }
+        }
+        return Err(error);
+    }
+    Ok(place.join(file_name))
+}
+
+/// The place before a free one: the folder itself, or the numbered folder in it before.
+fn place_before(folder: &Path, free: &Path) -> PathBuf {
+    let name = free.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let number = name.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    match number.and_then(|number| number.parse::<u64>().ok()).filter(|_| free != folder) {
+        Some(number) if number > 2 => folder.join(format!("({})", number - 1)),
+        _ => folder.into(),
+    }
+}
+
+/// Whether a copy of this very original lies there: its content and the time of its last write are the same.
+fn holds_copy(copy: &Path, original: &Original) -> bool {
+    let modified = match look(copy) {
+        Ok(Some(Found::File(stamp))) => stamp.modified,
+        _ => None,
+    };
+    match original.content {
+        Content::Read(bytes, stamp) => {
+            modified.is_some() && modified == stamp.modified && has_content(copy, bytes)
+        }
+        Content::Seen(stamp) => {
+            modified.is_some() && modified == stamp.modified && is_same(original.path, copy)
+        }
+        Content::Unknown => false,
+    }
+}
+
+/// Moves one companion into the folder where its part went before.
+pub(crate) fn follow(
+    folders: &FolderPaths,
+    parking: &Parking,
+    companion: &Path,
+    place: &Path,
+) -> io::Result<()> {
+    let Some(companion) = Beside::at(companion) else { return Err(io::ErrorKind::NotFound.into()) };
+    let name = companion.path.file_name().unwrap_or_default().to_owned();
+    go_along(folders, parking, &companion, &place.join(name))
+}
+
+/// Puts the original away at `target` and its companions beside it, the original first: what may be left behind by an
+/// interruption is a companion without a part, which does no harm. What lies there survives a power cut.
+pub(crate) fn put_away(
+    folders: &FolderPaths,
+    parking: &Parking,
+    original: &Original,
+    target: &Path,
+) -> io::Result<()> {
+    let there = look(original.path)?;
+    let filed = match original.content {
+        Content::Read(bytes, stamp) => {
+            if there.is_none() {
+                stays_gone(folders, original.path)?;
+            }
+            if !holds_copy(target, original) {
+                write_new(target, bytes, stamp.modified)?;
+            }
+            Some(Filed { stamp, hash: blake3::hash(bytes) })
+        }
+        Content::Seen(stamp) if holds_copy(target, original) => {
+            Some(Filed { stamp, hash: content_hash(target)? })
+        }
+        Content::Seen(seen) if there.is_some() => {
+            let (stamp, hash) = copy_new(original.path, target)?;
+            if stamp != seen {
+                fs::remove_file(target)?;
+                let words = format!("{} was written again", original.path.display());
+                return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+            }
+            Some(Filed { stamp, hash })
+        }
+        Content::Unknown if there.is_some() => {
+            move_new(original.path, target)?;
+            flush(target)?;
+            None
+        }
+        Content::Seen(_) | Content::Unknown => None,
+    };
+    if let Some(filed) = filed {
+        parking.take_away(folders, original.path, &filed)?;
+    }
+    companions_follow(folders, parking, original, target);
+    Ok(())
+}
+
+/// Lets a file that was moved survive a power cut, as far as it may be opened.
+fn flush(file: &Path) -> io::Result<()> {
+    if let Ok(Some(Found::File(_))) = look(file) {
+        // Windows flushes only what is open to be written.
+        let opened = fs::OpenOptions::new().read(true).write(cfg!(windows)).open(file);
+        // One that nobody may read was rejected for that.
+        if let Ok(opened) = opened {
+            opened.sync_all()?;
+        }
+    }
+    sync_folder(file.parent().unwrap_or(Path::new("")))
+}
+
+fn companions_follow(folders: &FolderPaths, parking: &Parking, original: &Original, target: &Path) {
+    for companion in original.companions {
+        let name = name_beside(&companion.path, target.file_name().unwrap_or_default());
+        match go_along(folders, parking, companion, &target.with_file_name(name)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                tracing::warn!("{} stays in the hot folder: {error}", companion.path.display());
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Copies a companion to its place and takes it out of the hot folder, unless it was written since it was seen.
+fn go_along(folders: &FolderPaths, parking: &Parking, companion: &Beside, to: &Path) -> io::Result<()> {
+    let path = &companion.path;
+    let copied = match &companion.bytes {
+        // It was copied there when the station was interrupted.
+        Some(bytes) if has_content(to, bytes) => Ok(blake3::hash(bytes)),
+        Some(bytes) => write_new(to, bytes, companion.stamp.modified).map(|()| blake3::hash(bytes)),
+        None if !companion.is_unchanged() && look(path)?.is_some() => {
+            let words = "it was written again while its part was read";
+            return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+        }
+        None => copy_new(path, to).map(|(_, hash)| hash),
+    };
+    let hash = match copied {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_same(path, to) => {
+            content_hash(path)?
+        }
+        copied => copied?,
+    };
+    parking.take_away(folders, path, &Filed { stamp: companion.stamp, hash })
+}
+
+/// What a companion is called beside its original: settings bear the pattern's name, or they would not be found again.
+fn name_beside(companion: &Path, original: &OsStr) -> OsString {
+    if is_sidecar(companion) && is_drawing(&original.to_string_lossy()) {
+        return Path::new(original).with_extension(SIDECAR).into_os_string();
+    }
+    companion.file_name().unwrap_or_default().to_owned()
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((content_hash(a), content_hash(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+/// The names that must be free where an original goes. Settings belong to each pattern of their stem that lies beside
+/// them, so neither do others' lie there, nor does a pattern that those which travel along would be taken for.
+fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
+    let companions = original.companions.iter().map(|companion| name_beside(&companion.path, name));
+    let mut names: Vec<OsString> = std::iter::once(name.to_owned()).chain(companions).collect();
+    let text = name.to_string_lossy();
+    if is_drawing(&text) {
+        let sibling = |ending| Path::new(name).with_extension(ending).into_os_string();
+        if names.contains(&sibling(SIDECAR)) {
+            names.extend(["dxf", "DXF", "png", "PNG", "bmp", "BMP"].map(sibling));
+        } else {
+            names.push(sibling(SIDECAR));
+        }
+    }
+    names
+}
+
+/// A name that leaves room for an ending: file systems take 255 bytes.
+fn shortened(name: &str) -> &str {
+    let end = (0..=name.len().min(230)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
+    &name[..end]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hotfolder::seen::folders::read_whole;
+
+    fn folders_in(folder: &Path) -> FolderPaths {
+        let [hot, import, archive, rejected, cache, reports, skus, state] =
+            ["hot", "import", "archive", "rejected", "cache", "reports", "skus", "state"]
+                .map(|name| folder.join(name));
+        FolderPaths { hot, import, archive, rejected, cache, reports, skus, state }
+    }
+
+    #[test]
+    fn no_original_comes_to_lie_beside_the_settings_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        let sku = "can".parse().unwrap();
+        let stamp = Stamp { size: 0, modified: None, identity: 0 };
+        let beside = |name: &str| Beside { path: name.into(), stamp, bytes: None };
+        let place = |name: &str, companions: &[Beside]| {
+            let original = Original { path: Path::new(name), content: Content::Unknown, companions };
+            let place = archive_place(&folders, &sku, name, &original).unwrap();
+            in_archive(&folders, &sku, &place)
+        };
+        let put = |name: &str| fs::write(folders.archive.join("can").join(name), "").unwrap();
+        assert_eq!(place("can@a.dxf", &[beside("can@a.toml")]), "can@a.dxf");
+        put("can@a.dxf");
+        put("can@a.toml");
+        assert_eq!(place("can@a.png", &[]), "(2)/can@a.png");
+        put("can@b.png");
+        assert_eq!(place("can@b.dxf", &[]), "can@b.dxf");
+        assert_eq!(place("can@b.dxf", &[beside("can@b.toml")]), "(2)/can@b.dxf");
+        assert_eq!(place("can.glb", &[]), "can.glb");
+    }
+
+    #[test]
+    fn a_reason_is_never_written_over_a_rejected_scan_of_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let reject_drop = |name: &str| {
+            let path = folders.hot.join(name);
+            fs::write(&path, name).unwrap();
+            let original = Original { path: &path, content: Content::Unknown, companions: &[] };
+            reject(&folders, &Parking::default(), Path::new(name), &original, &reason, |_| Ok(())).unwrap()
+        };
+        let scan = reject_drop("can.glb.reason.txt");
+        let part = reject_drop("can.glb");
+        assert_eq!(fs::read_to_string(scan).unwrap(), "can.glb.reason.txt");
+        assert_eq!(part, folders.rejected.join("(2)/can.glb"));
+    }
+
+    #[test]
+    fn a_drop_that_took_the_name_of_one_that_is_done_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        let path = folders.hot.join("can.dxf");
+        let [hot, archive] = [&folders.hot, &folders.archive];
+        fs::create_dir_all(hot).unwrap();
+        fs::create_dir_all(archive).unwrap();
+        let content = |path: &Path| fs::read_to_string(path).unwrap();
+        let drop = |text: &str| {
+            fs::write(hot.join("new"), text).unwrap();
+            fs::rename(hot.join("new"), &path).unwrap();
+        };
+        drop("first");
+        let parking = Parking::default();
+        let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+        let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
+        drop("second");
+
+        // Its copy lay in the archive, or is to be made.
+        remove_copied(&folders, &parking, &original, &archive.join("can.dxf")).unwrap();
+        put_away(&folders, &parking, &original, &archive.join("before")).unwrap();
+        assert_eq!((content(&path), content(&archive.join("before"))), ("second".into(), "first".into()));
+
+        let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+        let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
+        remove_copied(&folders, &parking, &original, &archive.join("copy")).unwrap();
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn what_was_written_since_it_was_seen_is_not_rejected_for_what_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let path = folders.hot.join("can.dxf");
+        fs::write(&path, "first").unwrap();
+        let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
+        fs::write(&path, "another").unwrap();
+        let original = Original { path: &path, content: Content::Seen(stamp), companions: &[] };
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let parking = Parking::default();
+        let rejected = reject(&folders, &parking, Path::new("can.dxf"), &original, &reason, |_| Ok(()));
+        assert_eq!(rejected.unwrap_err().kind(), io::ErrorKind::Interrupted);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "another");
+        assert_eq!(fs::read_dir(&folders.rejected).unwrap().count(), 0);
+    }
+
+    /// What an interruption left behind is used: a drop is rejected once.
+    #[test]
+    fn a_rejection_that_was_interrupted_goes_on_where_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let path = folders.hot.join("can.dxf");
+        let reason = Reason::new("asked", "As asked.", "Ask for something else.");
+        let reject_drop = || {
+            let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
+            let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
+            reject(&folders, &Parking::default(), Path::new("can.dxf"), &original, &reason, |_| Ok(()))
+                .unwrap()
+        };
+        for (round, place) in ["can.dxf", "(2)/can.dxf", "(3)/can.dxf"].into_iter().enumerate() {
+            fs::write(&path, format!("{round}")).unwrap();
+            let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_767_225_600 + round as u64);
+            fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+            assert_eq!(reject_drop(), folders.rejected.join(place));
+            assert!(!path.exists());
+            // As if it had not been taken away any more.
+            fs::copy(folders.rejected.join(place), &path).unwrap();
+            fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+            assert_eq!(reject_drop(), folders.rejected.join(place));
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! The end of a job: the marking software, report and preview, and the original out of the hot folder.
+
+use std::path::{Path, PathBuf};
+
+use super::filing::{Beside, Content, Original};
+use super::intake::Read;
+use super::{Broken, Executor, Kept, Outcome, Task, Work, delivery, filing, recovery};
+use crate::config::{DeliveryKind, Sku, Station};
+use crate::hotfolder::api::{Corrector, JobError};
+use crate::hotfolder::beamserver;
+use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::seen::{Found, LARGEST_DROP, delivered_as, folders};
+use crate::hotfolder::state::{Certainty, Import, Job, with_slashes};
+use crate::printable::on_one_line;
+use crate::reason::Reason;
+
+/// A drawing on its way to its place.
+#[derive(Clone, Copy)]
+pub(crate) struct Ready<'a> {
+    pub(crate) task: &'a Task,
+    pub(crate) sku: &'a Sku,
+    /// The pattern's name, after which report and original are named.
+    pub(crate) pattern: &'a str,
+    /// The name of the result in the import folder.
+    pub(crate) name: &'a str,
+    pub(crate) read: &'a Read,
+}
+
+impl<C: Corrector> Executor<'_, C> {
+    /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
+    pub(crate) fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
+        match self.finish_steps(ready, &mut kept) {
+            Ok(()) => Ok(match kept.certainty {
+                Certainty::Certain => Outcome::Delivered,
+                Certainty::Uncertain => Outcome::Uncertain,
+            }),
+            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(kept)))),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn finish_steps(&self, ready: &Ready, kept: &mut Kept) -> Result<(), JobError> {
+        let Task { station, .. } = ready.task;
+        if station.delivery.kind == DeliveryKind::Beamserver && !kept.asked {
+            let imported = self.import(station, ready.name, kept);
+            if matches!(imported, Err(JobError::Rejected(_))) {
+                delivery::take_back(&station.folders, &mut self.journal(), &kept.job)?;
+            }
+            let story = imported?;
+            delivery::forget_previous(&station.folders, ready.name);
+            tracing::info!("{} {story}", ready.name);
+            (kept.import, kept.asked) = (Import::Done, true);
+        }
+        let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
+        if !kept.delivery.report.is_empty() {
+            let report = &kept.delivery.report;
+            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
+        }
+        if let Some(preview) = &kept.preview {
+            filing::write_report(folders, sku, name, filing::PREVIEW, preview).map_err(folder_trouble)?;
+        }
+        self.file_original(ready, &kept.job, kept.import, kept.certainty)
+    }
+
+    /// Sees to it that BeamConstruct holds the drawing.
+    fn import(&self, station: &Station, name: &str, kept: &Kept) -> Result<String, JobError> {
+        let import = &station.folders.import;
+        let for_server = |name: &str| beamserver::sendable(&station.delivery.path_for_server(import, name));
+        let trial_name = delivery::trial_name(&self.journal());
+        let trial = import.join(&trial_name);
+        let drawing = beamserver::Drawing {
+            name,
+            path: for_server(name)?,
+            size: kept.delivery.size,
+            trial: (&trial_name, for_server(&trial_name)?),
+            is_known: kept.import == Import::Done,
+        };
+        let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
+        self.beamserver.talk(|stop| {
+            let imported = beamserver::import(&station.delivery, &drawing, stop, lay_out);
+            delivery::remove_quietly(&trial);
+            imported
+        })
+    }
+
+    /// Moves the original to the archive and notes that all is done; `certainty` is that of the delivery.
+    pub(crate) fn file_original(
+        &self,
+        ready: &Ready,
+        job: &Job,
+        import: Import,
+        certainty: Certainty,
+    ) -> Result<(), JobError> {
+        let folders = &ready.task.station.folders;
+        let original = match ready.task.work {
+            Work::CorrectAgain { .. } => filing::in_archive(folders, ready.sku, &ready.task.path),
+            _ => {
+                let job = Some((job, certainty));
+                let archived = self.archive(ready.task, ready.sku, ready.pattern, ready.read, job)?;
+                filing::in_archive(folders, ready.sku, &archived)
+            }
+        };
+        tell_trouble(self.journal().done(job, &original, import, certainty));
+        Ok(())
+    }
+
+    /// Moves an original to the archive; `result` is the drawing that was made of it, and whether it is known to have been
+    /// delivered.
+    pub(crate) fn archive(
+        &self,
+        task: &Task,
+        sku: &Sku,
+        name: &str,
+        read: &Read,
+        result: Option<(&Job, Certainty)>,
+    ) -> Result<PathBuf, JobError> {
+        let folders = &task.station.folders;
+        let original = read.original(&task.path);
+        let begun = self.journal().begun(&task.drop, task.stamp).cloned();
+        let copy = begun.and_then(|open| recovery::copy_of(&task.station, &open, sku, &read.file.bytes));
+        if let Some(copy) = copy {
+            filing::remove_copied(folders, &self.parking, &original, &copy).map_err(folder_trouble)?;
+            return Ok(copy);
+        }
+        let place = filing::archive_place(folders, sku, name, &original).map_err(folder_trouble)?;
+        let to = filing::in_archive(folders, sku, &place);
+        let noted = self.journal().filing(&task.drop, sku.as_str(), read.stamp, &to, result);
+        noted.map_err(folder_trouble)?;
+        filing::put_away(folders, &self.parking, &original, &place).map_err(folder_trouble)?;
+        Ok(place)
+    }
+
+    pub(crate) fn reject(
+        &self,
+        task: &Task,
+        read: Option<&Read>,
+        reason: Reason,
+    ) -> Result<Outcome, JobError> {
+        let drop = &task.drop;
+        let mut reason = reason.in_file(drop.to_string());
+        if drop.is_archived() {
+            let name = drop.file_name();
+            tracing::warn!(
+                "{name} cannot be corrected again, and what was delivered stays in force, outdated: {}",
+                reason.on_one_line()
+            );
+            return Ok(Outcome::Rejected(reason));
+        }
+        if read.is_none() && matches!(folders::look(&task.path), Ok(None)) {
+            return Ok(Outcome::Changed);
+        }
+        let is_worth_reading = !matches!(task.work, Work::Reject(_)) && task.stamp.size <= LARGEST_DROP;
+        let content = if is_worth_reading && folders::can_be_read(&task.path) {
+            if read.is_none() && folders::look(&task.path).ok() != Some(Some(Found::File(task.stamp))) {
+                return Ok(Outcome::Changed);
+            }
+            Content::Seen(task.stamp)
+        } else {
+            Content::Unknown
+        };
+        let sidecars: Vec<Beside> =
+            task.place_of_sidecar().as_deref().and_then(Beside::at).into_iter().collect();
+        let bare = Original { path: &task.path, content, companions: &sidecars };
+        let original = read.map_or(bare, |read| read.original(&task.path));
+        let folders = &task.station.folders;
+        let part_of = match &task.work {
+            Work::Learn(sku) => guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku),
+            _ => None,
+        };
+        if let Work::Correct { name, .. } = &task.work
+            && let Some(older) = self.journal().result(&delivered_as(name))
+        {
+            reason.what +=
+                &format!(" What was delivered as {} at {} stays in force.", older.job.name, older.at);
+        }
+        // Noted before the move: a pattern must not slip through with the older shape after a crash between the two.
+        let note = |rejected: &Path| {
+            let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
+            self.journal().rejected(drop, &reason.code, &to, part_of)
+        };
+        let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note);
+        let rejected = match rejected {
+            // It was written again.
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => return Ok(Outcome::Changed),
+            rejected => rejected.map_err(folder_trouble)?,
+        };
+        tracing::warn!(
+            "{} rejected and moved to {}: {}",
+            on_one_line(&drop.to_string()),
+            on_one_line(&rejected.to_string_lossy()),
+            reason.on_one_line()
+        );
+        Ok(Outcome::Rejected(reason))
+    }
+}
+
+/// Whether BeamServer would look for a drawing that is not there.
+pub(crate) fn is_missing_for_server(station: &Station, name: &str) -> bool {
+    let there = || folders::is_file(&station.folders.import.join(name));
+    station.delivery.kind == DeliveryKind::Beamserver && !there()
+}

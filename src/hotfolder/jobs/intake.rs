@@ -1,0 +1,228 @@
+//! Reading a drop: whole, with the files that travel along.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::filing::{Beside, Content, Original};
+use super::{Broken, Outcome};
+use crate::files::is_plain;
+use crate::formats::pattern::is_picture;
+use crate::hotfolder::api::{Companion, Completeness, DroppedFile, JobError};
+use crate::hotfolder::error::folder_trouble;
+use crate::hotfolder::seen::{Found, Gap, LARGEST_DROP, Meaning, Stamp, folders, meaning};
+use crate::reason::Reason;
+
+/// The largest sidecar that is taken, bytes.
+const LARGEST_SIDECAR: u64 = 1 << 20;
+
+/// A drop as it was read.
+pub(crate) struct Read {
+    pub(crate) file: DroppedFile,
+    pub(crate) stamp: Stamp,
+    /// Files beside it that travel along.
+    pub(crate) companions: Vec<Beside>,
+    /// Files that it names and that are not there, without need.
+    pub(crate) absent: Vec<PathBuf>,
+    /// A pattern's own settings: the file and its text.
+    pub(crate) sidecar: Option<(PathBuf, String)>,
+}
+
+impl Read {
+    pub(crate) fn original<'a>(&'a self, path: &'a Path) -> Original<'a> {
+        let content = Content::Read(&self.file.bytes, self.stamp);
+        Original { path, content, companions: &self.companions }
+    }
+}
+
+/// What is to be read.
+pub(crate) struct Intake<'a> {
+    pub(crate) path: &'a Path,
+    /// Its name in its folder.
+    pub(crate) own_name: &'a str,
+    /// What it is called; a pattern is named after its SKU even if it lay in a folder.
+    pub(crate) name: &'a str,
+    /// The file as it was seen last.
+    pub(crate) stamp: Stamp,
+    /// What is incomplete now stays so.
+    pub(crate) last_chance: bool,
+    /// Other drops that may still be written.
+    pub(crate) settling: &'a BTreeSet<PathBuf>,
+    /// The settings beside a pattern, if it may have some.
+    pub(crate) sidecar: Option<PathBuf>,
+}
+
+/// Reads a drop, if it is whole and did not change or go meanwhile.
+pub(crate) fn read(
+    intake: &Intake,
+    completeness: impl FnOnce(&str, &[u8]) -> Result<Completeness, JobError>,
+) -> Result<Read, Broken> {
+    if intake.stamp.size > LARGEST_DROP {
+        return Err(JobError::Rejected(too_large(intake.stamp.size)).into());
+    }
+    let content = folders::read_whole(intake.path).map_err(|error| unreadable(&error))?;
+    let Some((bytes, stamp)) = content.filter(|(_, stamp)| *stamp == intake.stamp) else {
+        let unchanged =
+            matches!(folders::look(intake.path), Ok(Some(Found::File(now))) if now == intake.stamp);
+        return Err(if unchanged {
+            JobError::Retry(unsteady()).into()
+        } else {
+            Broken::Outcome(Outcome::Changed)
+        });
+    };
+    match completeness(intake.own_name, &bytes)? {
+        Completeness::Whole { companions } => {
+            let file = DroppedFile::alone(intake.name, bytes);
+            with_companions(intake, file, stamp, &companions)
+        }
+        Completeness::CutShort(reason) => {
+            let reason = reason.in_file(intake.own_name);
+            Err(Broken::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, anew: false }))
+        }
+    }
+}
+
+/// The file with those that travel along, once those it needs are there and whole.
+fn with_companions(
+    intake: &Intake,
+    mut file: DroppedFile,
+    stamp: Stamp,
+    named: &[Companion],
+) -> Result<Read, Broken> {
+    let (mut companions, mut absent) = (Vec::new(), Vec::new());
+    let mut missing: Option<(Reason, bool)> = None;
+    for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
+        let path = intake.path.with_file_name(&companion.name);
+        let stamp = match folders::look(&path).map_err(folder_trouble)? {
+            Some(Found::File(stamp)) => Some(stamp),
+            _ => None,
+        };
+        let settling = intake.settling.contains(&path);
+        match stamp {
+            Some(Stamp { size, .. }) if size > LARGEST_DROP => {
+                return Err(JobError::Rejected(too_large(size)).into());
+            }
+            None if companion.needed => missing = Some((companion_missing(&file.name, companion), false)),
+            None => absent.push(path),
+            Some(stamp) => {
+                let is_short = stamp.size < companion.bytes || !folders::can_be_read(&path);
+                if settling || (companion.needed && is_short) {
+                    missing = Some((companion_short(&file.name, companion, stamp.size), settling));
+                }
+                companions.push(Beside { path, stamp, bytes: None });
+            }
+        }
+    }
+    // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
+    companions.retain(|companion| {
+        let name = companion.path.file_name().unwrap_or_default();
+        meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
+    });
+    let sidecar = match intake.sidecar.clone() {
+        Some(path) if intake.settling.contains(&path) => {
+            missing = Some((sidecar_settles(&file.name), true));
+            None
+        }
+        Some(path) => read_sidecar(path)?,
+        None => None,
+    };
+    match missing {
+        None => {
+            file.siblings = read_needed(intake.path, named)?;
+            if needed(named).any(|companion| !file.siblings.contains_key(&companion.name)) {
+                return Err(JobError::Retry(unsteady()).into());
+            }
+            let text = sidecar.as_ref().map(|(beside, text)| (beside.path.clone(), text.clone()));
+            companions.extend(sidecar.map(|(beside, _)| beside));
+            Ok(Read { file, stamp, companions, absent, sidecar: text })
+        }
+        Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
+        Some((reason, _)) => {
+            let gap = Gap::Companion;
+            Err(Broken::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
+        }
+    }
+}
+
+fn needed(named: &[Companion]) -> impl Iterator<Item = &Companion> {
+    named.iter().filter(|companion| companion.needed && is_plain(&companion.name))
+}
+
+/// The contents of the files that a part at this path cannot be read without, by their names; those that are not there
+/// are left out.
+pub(crate) fn read_needed(part: &Path, named: &[Companion]) -> Result<BTreeMap<String, Vec<u8>>, JobError> {
+    let mut siblings = BTreeMap::new();
+    for Companion { name, .. } in needed(named) {
+        let path = part.with_file_name(name);
+        match folders::read_whole(&path).map_err(|error| unreadable(&error))? {
+            Some((bytes, _)) => drop(siblings.insert(name.clone(), bytes)),
+            None if path.exists() => return Err(JobError::Retry(unsteady())),
+            None => {}
+        }
+    }
+    Ok(siblings)
+}
+
+fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
+    match folders::look(&path).map_err(folder_trouble)? {
+        Some(Found::File(stamp)) if stamp.size > LARGEST_SIDECAR => {
+            let what = "The settings beside the pattern are too large to be settings.";
+            let reason = Reason::new("sidecar-too-large", what, "Write only what the pattern needs into it.");
+            let (size, limit) = (stamp.size as f64, LARGEST_SIDECAR as f64);
+            Err(JobError::Rejected(reason.with_number("size", size, "bytes", Some(limit))))
+        }
+        Some(Found::File(_)) => {
+            let Some((bytes, stamp)) = folders::read_whole(&path).map_err(|error| unreadable(&error))? else {
+                return Err(JobError::Retry(unsteady()));
+            };
+            let text = String::from_utf8(bytes.clone()).map_err(|_| {
+                let what = "The settings beside the pattern are not UTF-8 text.";
+                let reason = Reason::new("settings-unreadable", what, "Save the file as UTF-8.");
+                JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy()))
+            })?;
+            Ok(Some((Beside { path, stamp, bytes: Some(bytes) }, text)))
+        }
+        Some(Found::Folder | Found::Other(_)) => {
+            let what = "The settings beside the pattern are a folder or a link, which nobody follows.";
+            let reason = Reason::new("sidecar-no-file", what, "Put a file there, or take it away.");
+            Err(JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy())))
+        }
+        None => Ok(None),
+    }
+}
+
+fn unsteady() -> Reason {
+    let what = "The file changed while it was read.";
+    Reason::new("file-unsteady", what, "Nothing: it is read again.")
+}
+
+/// The file's own fault or its owner's, not that of a folder of the station.
+fn unreadable(error: &std::io::Error) -> JobError {
+    let what = format!("The file cannot be read: {error}.");
+    let remedy = "Close the program that holds it, or let isomark read it; it is then read by itself.";
+    JobError::Retry(Reason::new("file-unreadable", what, remedy))
+}
+
+fn too_large(size: u64) -> Reason {
+    let reason = Reason::new(
+        "file-too-large",
+        "The file is too large to be handled.",
+        "Export it with fewer triangles or lines.",
+    );
+    reason.with_number("size", size as f64, "bytes", Some(LARGEST_DROP as f64))
+}
+
+fn companion_missing(part: &str, companion: &Companion) -> Reason {
+    let what = format!("{part} needs {}, which is not there.", companion.name);
+    Reason::new("companion-missing", what, format!("Drop {} beside it.", companion.name))
+}
+
+fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
+    let what = format!("{part} needs {}, which is not whole.", companion.name);
+    let reason = Reason::new("companion-short", what, format!("Copy {} again.", companion.name));
+    reason.with_number("size", size as f64, "bytes", Some(companion.bytes as f64))
+}
+
+fn sidecar_settles(pattern: &str) -> Reason {
+    let what = format!("The settings beside {pattern} may still be written.");
+    Reason::new("sidecar-settling", what, "Nothing: they are looked at again.")
+}

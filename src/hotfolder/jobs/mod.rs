@@ -1,0 +1,22 @@
+//! What is done: each job as a row of steps, from a drop that is read to an original that is filed.
+
+mod task;
+pub(crate) mod basis;
+pub(crate) mod filing;
+pub(crate) mod rejected;
+mod retention;
+mod intake;
+mod resume;
+mod delivery;
+pub(crate) mod recovery;
+mod executor;
+mod surfaces;
+mod finish;
+mod correct;
+mod outdated;
+
+pub(crate) use basis::is_comparable;
+pub(crate) use executor::Executor;
+pub(crate) use outdated::{Again, Reprocessing};
+pub(crate) use retention::Keeper;
+pub(crate) use task::{Broken, End, Kept, Outcome, Task, Work};

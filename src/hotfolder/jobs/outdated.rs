@@ -1,0 +1,268 @@
+//! Delivered drawings that would be others today, because their SKU has a new part or new settings.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::{Executor, is_comparable};
+use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station, fold};
+use crate::hotfolder::api::Corrector;
+use crate::hotfolder::seen::Moment;
+use crate::hotfolder::state::{Delivered, DropId, Import};
+use crate::reason::Reason;
+
+/// SKUs that are looked at in one go: the station must stay responsive.
+const AT_ONCE: usize = 20;
+
+/// What is outdated, and what of it is to be corrected again.
+#[derive(Default)]
+pub(crate) struct Reprocessing {
+    unchecked: BTreeSet<Sku>,
+    /// Nothing was known of their parts when they were looked at.
+    unknown: BTreeSet<Sku>,
+    /// At the start and after a change of the station's settings every SKU counts.
+    all_checked: bool,
+    /// By the names of the results, folded.
+    marked: BTreeMap<String, Marked>,
+    /// What people asked to be corrected again: of one SKU or of all.
+    asked: Vec<Option<Sku>>,
+}
+
+/// One outdated drawing.
+struct Marked {
+    again: Again,
+    /// When it is corrected again; `None` until somebody asks for it.
+    due: Option<Moment>,
+    under_way: bool,
+    /// It turned out to be more than a moment's work.
+    takes_long: bool,
+    /// It is corrected again because nobody knows whether it was delivered.
+    uncertain: bool,
+    /// Why it is not corrected again yet, as it was last told.
+    told: Option<String>,
+}
+
+/// An archived pattern that is to be corrected again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Again {
+    pub(crate) sku: Sku,
+    /// The name of the result.
+    pub(crate) name: String,
+    /// The archived original.
+    pub(crate) original: PathBuf,
+    /// The same relative to the SKU's archive folder.
+    place: String,
+}
+
+impl Again {
+    pub(crate) fn drop(&self) -> DropId {
+        DropId::archived(&self.sku, &self.place)
+    }
+}
+
+impl Reprocessing {
+    /// The SKU's part or settings may be others now.
+    pub(crate) fn check(&mut self, sku: Sku) {
+        self.unchecked.insert(sku);
+    }
+
+    /// A job of the SKU is over, and may have found its part in the archive.
+    pub(crate) fn check_if_unknown(&mut self, sku: &Sku) {
+        if let Some(sku) = self.unknown.take(sku) {
+            self.check(sku);
+        }
+    }
+
+    /// The settings of all may be others now.
+    pub(crate) fn check_all(&mut self) {
+        self.all_checked = false;
+    }
+
+    /// The SKUs to look at now.
+    pub(crate) fn take_unchecked(&mut self, all: impl FnOnce() -> BTreeSet<Sku>) -> Vec<Sku> {
+        if !std::mem::replace(&mut self.all_checked, true) {
+            self.unchecked.extend(all());
+        }
+        let some: Vec<Sku> = self.unchecked.iter().take(AT_ONCE).cloned().collect();
+        self.unchecked.retain(|sku| !some.contains(sku));
+        some
+    }
+
+    /// Marks what is outdated of the SKU, and lets it be corrected again if the station's settings say so.
+    pub(crate) fn look_at<C: Corrector>(
+        &mut self,
+        executor: &Executor<'_, C>,
+        station: &Station,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) {
+        let archive = station.folders.archive.join(sku.key());
+        executor.take_as_up_to_date(&station.folders, sku, settings);
+        let results = executor.journal().results_of(sku, |result| !result.original.is_empty());
+        let mut news = 0;
+        for result in results {
+            let name = result.job.name;
+            let original = archive.join(&result.original);
+            let settings = executor.settings_of_original(&original, settings);
+            let Ok(basis) = executor.basis(sku, &settings) else { continue };
+            let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
+            let key = fold(&name);
+            let is_outdated = match basis {
+                Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
+                // As long as its part is not known, it is what it was last found to be.
+                None => {
+                    self.unknown.insert(sku.clone());
+                    self.marked.contains_key(&key)
+                }
+            };
+            if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
+                continue;
+            }
+            if !is_outdated && !is_due {
+                self.forget(&name);
+                continue;
+            }
+            let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
+            let asked = station.delivery.outdated == Outdated::Correct;
+            let is_new = !self.marked.contains_key(&key);
+            news += usize::from(is_new && is_outdated);
+            if is_new && is_due {
+                tracing::info!("{name} is not in BeamConstruct yet");
+            }
+            let marked = self.marked.entry(key).or_insert(Marked {
+                again,
+                due: None,
+                under_way: false,
+                takes_long: false,
+                uncertain: false,
+                told: None,
+            });
+            if asked || is_due {
+                marked.due.get_or_insert(Moment::ZERO);
+            }
+        }
+        if news > 0 {
+            let (drawings, them) = match news {
+                1 => (format!("1 delivered drawing of {sku} is"), "it"),
+                more => (format!("{more} delivered drawings of {sku} are"), "them"),
+            };
+            let outdated = format!("{drawings} outdated by a new part or new settings");
+            match station.delivery.outdated {
+                Outdated::Correct => {
+                    tracing::info!("{outdated}: isomark corrects {them} again from the archive");
+                }
+                Outdated::Mark => {
+                    let [station, name] =
+                        [&*station.file.to_string_lossy(), sku.as_str()].map(crate::reason::quoted);
+                    let command = format!("isomark retry {station} --outdated {name}");
+                    tracing::warn!("{outdated}: `{command}` corrects {them} again");
+                }
+            }
+        }
+    }
+
+    /// The next drawing to correct again whose SKU is free, and whether it takes long.
+    pub(crate) fn next(
+        &mut self,
+        now: Moment,
+        busy: &BTreeSet<Sku>,
+        large_too: bool,
+    ) -> Option<(Again, bool)> {
+        let is_due =
+            |marked: &Marked| marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku);
+        let next = self
+            .marked
+            .values_mut()
+            .find(|marked| !marked.under_way && (large_too || !marked.takes_long) && is_due(marked))?;
+        next.under_way = true;
+        Some((next.again.clone(), next.takes_long))
+    }
+
+    /// It is more than a moment's work, and waits for its turn.
+    pub(crate) fn takes_long(&mut self, name: &str) {
+        if let Some(marked) = self.marked.get_mut(&fold(name)) {
+            (marked.under_way, marked.takes_long) = (false, true);
+        }
+    }
+
+    /// It could not be done; `never` in a station that stops as soon as it can.
+    pub(crate) fn again_later(&mut self, name: &str, moment: Moment, never: bool) {
+        if let Some(marked) = self.marked.get_mut(&fold(name)) {
+            marked.under_way = false;
+            marked.due = (!never).then_some(moment);
+        }
+    }
+
+    /// Whether nobody was told this reason yet why it is not corrected again.
+    pub(crate) fn is_news(&mut self, name: &str, reason: &Reason) -> bool {
+        let told = self.marked.get_mut(&fold(name)).map(|marked| &mut marked.told);
+        told.is_some_and(|told| told.replace(reason.what.clone()).as_ref() != Some(&reason.what))
+    }
+
+    /// It is up to date, or cannot be corrected again.
+    pub(crate) fn forget(&mut self, name: &str) {
+        self.marked.remove(&fold(name));
+    }
+
+    /// Whether it is corrected again because nobody knows whether it was delivered.
+    pub(crate) fn is_uncertain(&self, name: &str) -> bool {
+        self.marked.get(&fold(name)).is_some_and(|marked| marked.uncertain)
+    }
+
+    /// Somebody wants what is outdated to be corrected again, of one SKU or of all.
+    pub(crate) fn ask_for(&mut self, sku: Option<Sku>) {
+        self.asked.push(sku);
+    }
+
+    /// Somebody decided that a drawing which may not have been delivered is delivered again; `archive` is its SKU's.
+    pub(crate) fn deliver_again(&mut self, sku: Sku, result: &Delivered, archive: &Path) {
+        let (name, place) = (result.job.name.clone(), result.original.clone());
+        let key = fold(&name);
+        if self.marked.get(&key).is_some_and(|marked| marked.under_way) {
+            return;
+        }
+        let again = Again { sku, name, original: archive.join(&place), place };
+        let marked = Marked {
+            again,
+            due: Some(Moment::ZERO),
+            under_way: false,
+            takes_long: false,
+            uncertain: true,
+            told: None,
+        };
+        self.marked.insert(key, marked);
+    }
+
+    /// Lets what was asked for be corrected again, once it is known what is outdated.
+    pub(crate) fn answer(&mut self) {
+        if !self.unchecked.is_empty() || !self.all_checked {
+            return;
+        }
+        for sku in std::mem::take(&mut self.asked) {
+            let is_meant = |marked: &&mut Marked| {
+                !marked.uncertain && sku.as_ref().is_none_or(|sku| marked.again.sku == *sku)
+            };
+            let meant = self.marked.values_mut().filter(is_meant);
+            let count = meant.map(|marked| marked.due = Some(Moment::ZERO)).count();
+            let plural = if count == 1 { "drawing is" } else { "drawings are" };
+            tracing::info!("{count} outdated {plural} corrected again, as asked");
+        }
+    }
+
+    /// What waits for its time need not wait any longer.
+    pub(crate) fn free_all(&mut self) {
+        self.marked.values_mut().filter_map(|marked| marked.due.as_mut()).for_each(|due| *due = Moment::ZERO);
+    }
+
+    /// Whether nothing is left to be looked at or corrected now.
+    pub(crate) fn is_idle(&self, now: Moment) -> bool {
+        self.unchecked.is_empty()
+            && self.all_checked
+            && !self.marked.values().any(|m| m.under_way || m.due.is_some_and(|due| due <= now))
+    }
+
+    /// The names of all outdated drawings, each with its SKU.
+    pub(crate) fn marked(&self) -> Vec<(String, Sku)> {
+        let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
+        self.marked.values().filter(|marked| !marked.uncertain).map(both).collect()
+    }
+}

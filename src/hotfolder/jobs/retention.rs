@@ -1,0 +1,543 @@
+//! How long reports, archived originals and rejected drops are kept.
+//!
+//! A thread of its own looks through the folders, so that no drop waits for it. What it removes, nothing needs: the journal
+//! is asked first, and forgets an archived original before the file goes. So a crash between the two leaves a file that the
+//! next pass removes, and never a result whose original is missing without a word.
+
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+use std::ffi::OsString;
+use std::fs::Metadata;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use fs_err as fs;
+
+use super::filing::{PREVIEW, REPORT, current_part};
+use super::rejected::{self, REASON};
+use crate::config::{FolderPaths, Retention, Sku, Station};
+use crate::formats::pattern::is_drawing;
+use crate::hotfolder::clock;
+use crate::hotfolder::seen::names::CURRENT_PART;
+use crate::hotfolder::seen::{is_sidecar, sidecar_of};
+use crate::hotfolder::state::status::Kept;
+use crate::hotfolder::state::{Journal, with_slashes};
+use crate::printable::on_one_line;
+
+/// Time between two passes over the folders.
+const PAUSE: Duration = Duration::from_secs(3600);
+/// Of what may go for want of space, so many are remembered in one pass: the oldest.
+const MOST_REMEMBERED: usize = 10_000;
+
+/// Keeps the folders within what the settings allow.
+pub(crate) struct Keeper {
+    shared: Mutex<Shared>,
+    wake: Condvar,
+    ends: AtomicBool,
+}
+
+struct Shared {
+    folders: FolderPaths,
+    retention: Retention,
+    is_new: bool,
+    kept: Option<Kept>,
+}
+
+impl Keeper {
+    pub(crate) fn new(station: &Station) -> Self {
+        let (folders, retention) = (station.folders.clone(), station.retention.clone());
+        let shared = Shared { folders, retention, is_new: true, kept: None };
+        Self { shared: Mutex::new(shared), wake: Condvar::new(), ends: AtomicBool::new(false) }
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The settings may be others now.
+    pub(crate) fn follow(&self, station: &Station) {
+        let mut shared = self.shared();
+        if shared.folders != station.folders || shared.retention != station.retention {
+            shared.folders = station.folders.clone();
+            shared.retention = station.retention.clone();
+            shared.is_new = true;
+            self.wake.notify_all();
+        }
+    }
+
+    /// The station ends.
+    pub(crate) fn end(&self) {
+        self.ends.store(true, Ordering::Release);
+        // Whoever is about to wait has looked before it takes the lock.
+        drop(self.shared());
+        self.wake.notify_all();
+    }
+
+    /// What was kept and removed last, once the folders were looked through.
+    pub(crate) fn kept(&self) -> Option<Kept> {
+        self.shared().kept.clone()
+    }
+
+    /// Passes over the folders at the start, after each change of the settings and then every hour, until the station
+    /// ends; only `once` in one that ends by itself.
+    pub(crate) fn run<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>, once: bool) {
+        loop {
+            let (folders, retention) = {
+                let mut shared = self.shared();
+                shared.is_new = false;
+                (shared.folders.clone(), shared.retention.clone())
+            };
+            let mut pass = Pass::new(&folders, &retention, SystemTime::now(), &self.ends);
+            pass.run(&journal);
+            if !self.ends.load(Ordering::Acquire) {
+                pass.report();
+                let last = self.shared().kept.replace(pass.kept.clone());
+                if let Some(trouble) = &pass.kept.trouble
+                    && last.and_then(|last| last.trouble).as_ref() != Some(trouble)
+                {
+                    tracing::warn!("{}", on_one_line(trouble));
+                }
+            }
+            let shared = self.shared();
+            let stays = |shared: &mut Shared| !shared.is_new && !self.ends.load(Ordering::Acquire);
+            let waited = match once {
+                true => shared,
+                false => {
+                    self.wake
+                        .wait_timeout_while(shared, PAUSE, stays)
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .0
+                }
+            };
+            drop(waited);
+            if once || self.ends.load(Ordering::Acquire) {
+                return;
+            }
+        }
+    }
+}
+
+/// One look through the folders.
+struct Pass<'a> {
+    folders: &'a FolderPaths,
+    retention: &'a Retention,
+    now: SystemTime,
+    ends: &'a AtomicBool,
+    kept: Kept,
+    /// The oldest of what may go for want of space; the youngest of them goes from here first.
+    oldest: BinaryHeap<Aged>,
+    /// There were more than are remembered.
+    are_more: bool,
+    trouble: Option<io::Error>,
+}
+
+/// Something that may go as a whole.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Aged {
+    at: SystemTime,
+    what: What,
+    bytes: u64,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum What {
+    /// A report or a picture.
+    Report(PathBuf),
+    /// A rejected drop, by the file with its reason.
+    Rejected(PathBuf),
+    /// An archived original, by its place in the SKU's folder, and the settings beside it if they are of nothing else.
+    Original { sku: Sku, place: String, sidecar: Option<PathBuf> },
+}
+
+impl<'a> Pass<'a> {
+    fn new(
+        folders: &'a FolderPaths,
+        retention: &'a Retention,
+        now: SystemTime,
+        ends: &'a AtomicBool,
+    ) -> Self {
+        let days = |kept: Option<Duration>| kept.map(|kept| kept.as_secs_f64() / 86_400.0);
+        let kept = Kept {
+            at: clock::timestamp(now),
+            reports_days: days(retention.reports),
+            archive_days: days(retention.archive),
+            rejected_days: days(retention.rejected),
+            max_bytes: retention.largest,
+            ..Kept::default()
+        };
+        Self {
+            folders,
+            retention,
+            now,
+            ends,
+            kept,
+            oldest: BinaryHeap::new(),
+            are_more: false,
+            trouble: None,
+        }
+    }
+
+    fn run<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
+        loop {
+            (self.kept.bytes, self.are_more) = (0, false);
+            self.oldest.clear();
+            self.look_at_reports(journal);
+            self.look_at_rejected(journal);
+            self.look_at_archive(journal);
+            let removed = self.make_room(journal);
+            // Those that were not remembered may be as old as the next in line.
+            if !(removed && self.are_more && self.is_too_much()) || self.ends() {
+                break;
+            }
+        }
+        self.kept.too_much = self.is_too_much();
+    }
+
+    fn ends(&self) -> bool {
+        self.ends.load(Ordering::Acquire)
+    }
+
+    fn is_too_much(&self) -> bool {
+        self.retention.largest.is_some_and(|largest| self.kept.bytes > largest)
+    }
+
+    fn make_room<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) -> bool {
+        let mut removed = false;
+        for aged in std::mem::take(&mut self.oldest).into_sorted_vec() {
+            if !self.is_too_much() || self.ends() {
+                break;
+            }
+            if self.remove(&aged.what, aged.bytes, journal) {
+                self.kept.bytes = self.kept.bytes.saturating_sub(aged.bytes);
+                removed = true;
+            }
+        }
+        removed
+    }
+
+    /// Takes in one thing that was found, and removes it if it is older than it may become.
+    fn found<'j>(
+        &mut self,
+        what: What,
+        files: &[Metadata],
+        limit: Option<Duration>,
+        journal: &impl Fn() -> MutexGuard<'j, Journal>,
+    ) {
+        let bytes = files.iter().map(Metadata::len).sum();
+        let Some(at) = files.iter().filter_map(filed_at).max() else { return };
+        let is_over = |limit: Duration| self.now.duration_since(at).is_ok_and(|age| age > limit);
+        if limit.is_some_and(is_over) && self.remove(&what, bytes, journal) {
+            return;
+        }
+        self.kept.bytes += bytes;
+        if self.retention.largest.is_some() && limit.is_some() {
+            self.oldest.push(Aged { at, what, bytes });
+            if self.oldest.len() > MOST_REMEMBERED {
+                self.oldest.pop();
+                self.are_more = true;
+            }
+        }
+    }
+
+    fn remove<'j>(
+        &mut self,
+        what: &What,
+        bytes: u64,
+        journal: &impl Fn() -> MutexGuard<'j, Journal>,
+    ) -> bool {
+        let removed = match what {
+            What::Report(file) => gone(file).map(|()| true),
+            What::Rejected(reason) => self.remove_rejected(reason, journal),
+            What::Original { sku, place, sidecar } => {
+                self.remove_original(sku, place, sidecar.as_deref(), journal)
+            }
+        };
+        match removed {
+            Ok(true) => {
+                self.kept.removed += 1;
+                self.kept.removed_bytes += bytes;
+                true
+            }
+            Ok(false) => false,
+            Err(error) => {
+                self.trouble.get_or_insert(error);
+                false
+            }
+        }
+    }
+
+    fn look_at_reports<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
+        let endings = [REPORT, PREVIEW].map(|ending| format!(".{ending}"));
+        for (path, is_folder) in entries(&self.folders.reports) {
+            for (file, is_folder) in is_folder.then(|| entries(&path)).into_iter().flatten() {
+                if self.ends() {
+                    return;
+                }
+                let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                if !is_folder && endings.iter().any(|ending| name.ends_with(ending)) {
+                    let files: Vec<Metadata> = fs::symlink_metadata(&file).into_iter().collect();
+                    self.found(What::Report(file), &files, self.retention.reports, journal);
+                }
+            }
+        }
+    }
+
+    fn look_at_rejected<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
+        let mut folders = vec![(self.folders.rejected.clone(), 0)];
+        while let Some((folder, depth)) = folders.pop() {
+            let mut others = BTreeSet::new();
+            let mut reasons = Vec::new();
+            for (path, is_folder) in entries(&folder) {
+                if is_folder && depth < 2 {
+                    folders.push((path, depth + 1));
+                } else if !is_folder && path.to_string_lossy().ends_with(REASON) {
+                    reasons.push(path);
+                } else if !is_folder {
+                    others.insert(path);
+                }
+            }
+            for reason in reasons {
+                if self.ends() {
+                    return;
+                }
+                let Some(drop) = rejected::drop_of(&reason) else { continue };
+                let own = [&drop, &reason.with_extension("txt")];
+                for file in own {
+                    others.remove(file);
+                }
+                let all = own.into_iter().chain([&reason]);
+                let files: Vec<Metadata> = all.filter_map(|file| fs::symlink_metadata(file).ok()).collect();
+                self.found(What::Rejected(reason), &files, self.retention.rejected, journal);
+            }
+            // Companions go with the last drop beside them.
+            self.kept.bytes += others
+                .iter()
+                .filter_map(|file| fs::symlink_metadata(file).ok())
+                .map(|m| m.len())
+                .sum::<u64>();
+        }
+    }
+
+    fn remove_rejected<'j>(
+        &self,
+        reason: &Path,
+        journal: &impl Fn() -> MutexGuard<'j, Journal>,
+    ) -> io::Result<bool> {
+        let Some(drop) = rejected::drop_of(reason) else { return Ok(false) };
+        let place = with_slashes(drop.strip_prefix(&self.folders.rejected).unwrap_or(&drop));
+        // As long as it lies there, patterns wait for a good part.
+        if journal().holds_patterns_back(&place) {
+            return Ok(false);
+        }
+        let beside = entries(reason.parent().unwrap_or(reason));
+        let is_reason = |path: &Path| path.to_string_lossy().ends_with(REASON);
+        if beside.iter().filter(|(path, _)| is_reason(path)).count() == 1 {
+            rejected::companions_of(&drop).iter().try_for_each(|companion| gone(companion))?;
+        }
+        gone(&drop)?;
+        gone(&reason.with_extension("txt"))?;
+        // Last: what lies there without its reason would never be found again.
+        gone(reason)?;
+        remove_if_empty(reason);
+        Ok(true)
+    }
+
+    fn look_at_archive<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
+        for (folder, is_folder) in entries(&self.folders.archive) {
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let sku = name.parse::<Sku>().ok().filter(|sku| is_folder && sku.key() == name);
+            let Some(sku) = sku else { continue };
+            // A folder that this station did not make is none of its own.
+            if !folder.join(CURRENT_PART).is_file() && !journal().has_results(&sku) {
+                continue;
+            }
+            let current = current_part(self.folders, &sku);
+            let (numbered, files): (Vec<_>, Vec<_>) =
+                entries(&folder).into_iter().partition(|(_, is_folder)| *is_folder);
+            self.look_at_originals(&sku, &folder, files, current.as_deref(), journal);
+            for (inner, _) in numbered.into_iter().filter(|(path, _)| is_numbered(path)) {
+                let files = entries(&inner).into_iter().filter(|(_, is_folder)| !is_folder).collect();
+                self.look_at_originals(&sku, &inner, files, current.as_deref(), journal);
+            }
+        }
+    }
+
+    /// Looks at the originals in one folder of a SKU.
+    fn look_at_originals<'j>(
+        &mut self,
+        sku: &Sku,
+        folder: &Path,
+        files: Vec<(PathBuf, bool)>,
+        current: Option<&Path>,
+        journal: &impl Fn() -> MutexGuard<'j, Journal>,
+    ) {
+        let mut drawings: BTreeMap<OsString, usize> = BTreeMap::new();
+        for (file, _) in files.iter().filter(|(file, _)| is_drawing(&file.to_string_lossy())) {
+            *drawings.entry(file.file_stem().unwrap_or_default().to_owned()).or_default() += 1;
+        }
+        let drawings_of =
+            |file: &Path| drawings.get(file.file_stem().unwrap_or_default()).copied().unwrap_or(0);
+        let top = self.folders.archive.join(sku.key());
+        for (file, _) in files {
+            if self.ends() {
+                return;
+            }
+            let is_drawing = is_drawing(&file.to_string_lossy());
+            let is_note = file.file_name().is_some_and(|name| name == CURRENT_PART);
+            // What lies beside the part that the surface comes from may be a file that it needs.
+            let is_of_current = current.is_some_and(|part| part.parent() == Some(folder)) && !is_drawing;
+            // The settings of a drawing go with it.
+            let goes_along = is_sidecar(&file) && drawings_of(&file) > 0;
+            if is_note || is_of_current || goes_along {
+                self.kept.bytes += fs::symlink_metadata(&file).map_or(0, |metadata| metadata.len());
+                continue;
+            }
+            let place = with_slashes(file.strip_prefix(&top).unwrap_or(&file));
+            let sidecar = sidecar_of(&file).filter(|_| is_drawing && drawings_of(&file) == 1);
+            let files: Vec<Metadata> = fs::symlink_metadata(&file).into_iter().collect();
+            self.found(
+                What::Original { sku: sku.clone(), place, sidecar },
+                &files,
+                self.retention.archive,
+                journal,
+            );
+        }
+    }
+
+    fn remove_original<'j>(
+        &self,
+        sku: &Sku,
+        place: &str,
+        sidecar: Option<&Path>,
+        journal: &impl Fn() -> MutexGuard<'j, Journal>,
+    ) -> io::Result<bool> {
+        let file = self.folders.archive.join(sku.key()).join(place);
+        // Another part may have become the SKU's since.
+        if current_part(self.folders, sku).is_some_and(|part| part == file) {
+            return Ok(false);
+        }
+        if !journal().let_original_go(sku, place)? {
+            return Ok(false);
+        }
+        gone(&file)?;
+        sidecar.map_or(Ok(()), gone)?;
+        remove_if_empty(&file);
+        Ok(true)
+    }
+
+    fn report(&mut self) {
+        if self.kept.removed > 0 {
+            let plural = if self.kept.removed == 1 { "file" } else { "files" };
+            tracing::info!(
+                "removed {} old {plural} of reports, rejected and archive ({:.1} MB), as `[retention]` asks",
+                self.kept.removed,
+                self.kept.removed_bytes as f64 / 1e6
+            );
+        }
+        if let Some(error) = &self.trouble {
+            self.kept.trouble = Some(format!("old files could not be removed: {error}"));
+        } else if self.kept.too_much {
+            self.kept.trouble = Some(format!(
+                "reports, archive and rejected take {:.3} GB, more than `max_gb` under `[retention]`, and nothing else may be \
+                 removed: raise it, set `archive_days`, or move originals elsewhere",
+                self.kept.bytes as f64 / 1e9
+            ));
+        }
+    }
+}
+
+/// Removes a file; one that is gone already is removed.
+fn gone(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => removed,
+    }
+}
+
+/// The files and folders in a folder, each with whether it is a folder; links and devices are neither.
+fn entries(folder: &Path) -> Vec<(PathBuf, bool)> {
+    let kind = |entry: fs::DirEntry| {
+        let kind = entry.file_type().ok()?;
+        (kind.is_dir() || kind.is_file()).then(|| (entry.path(), kind.is_dir()))
+    };
+    let mut entries: Vec<_> = fs::read_dir(folder).into_iter().flatten().flatten().filter_map(kind).collect();
+    entries.sort();
+    entries
+}
+
+/// Whether a folder bears a number, such as `(2)`: it holds what bears a name that was taken.
+fn is_numbered(folder: &Path) -> bool {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let number = name.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    number.is_some_and(|number| number.parse::<u64>().is_ok())
+}
+
+/// Removes the numbered folder around a file if it was the last in it.
+fn remove_if_empty(file: &Path) {
+    if let Some(folder) = file.parent().filter(|folder| is_numbered(folder)) {
+        // What is not empty stays.
+        let _ = std::fs::remove_dir(folder);
+    }
+}
+
+/// When a file came to lie where it is. The time of its last write is the designer's, so the latest of all times decides:
+/// a file is rather kept for too long.
+fn filed_at(metadata: &Metadata) -> Option<SystemTime> {
+    let times = [metadata.modified().ok(), metadata.created().ok(), changed(metadata)];
+    times.into_iter().flatten().max()
+}
+
+/// When a file's name or content changed last.
+#[cfg(unix)]
+fn changed(metadata: &Metadata) -> Option<SystemTime> {
+    use std::os::unix::fs::MetadataExt;
+    let seconds = u64::try_from(metadata.ctime()).ok()?;
+    SystemTime::UNIX_EPOCH.checked_add(Duration::from_secs(seconds))
+}
+
+/// When a file's name or content changed last: not told.
+#[cfg(not(unix))]
+fn changed(_: &Metadata) -> Option<SystemTime> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn after_a_year_reports_and_rejected_drops_go_and_originals_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("station.toml");
+        let text = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\
+                    [field]\nwidth_mm = 110\nheight_mm = 110\n";
+        let station = Station::parse(&file, text).unwrap();
+        let FolderPaths { reports, rejected, archive, state, .. } = &station.folders;
+        let place = |folder: &Path, name: &str, content: &str| {
+            let file = folder.join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, content).unwrap();
+        };
+        place(reports, "can/can@a.dxf.report.json", "{}");
+        place(rejected, "can/(2)/bad.dxf", "0");
+        place(rejected, "can/(2)/bad.dxf.reason.json", "{\"drop\": \"can/bad.dxf\"}");
+        place(rejected, "can/(2)/bad.dxf.reason.txt", "no drawing");
+        place(archive, "can/current-part.txt", "can.obj\n");
+        place(archive, "can/can.obj", "v 0 0 0");
+        place(archive, "can/can@a.dxf", "0");
+        fs::create_dir_all(state).unwrap();
+        let journal = Mutex::new(Journal::open(state).unwrap());
+        let ends = AtomicBool::new(false);
+        let removed_after = |days: u64| {
+            let now = SystemTime::now() + Duration::from_secs(days * 86_400);
+            let mut pass = Pass::new(&station.folders, &station.retention, now, &ends);
+            pass.run(&|| journal.lock().unwrap());
+            pass.kept.removed
+        };
+        assert_eq!([364, 366, 40_000].map(removed_after), [0, 2, 0]);
+        assert!(entries(&reports.join("can")).is_empty() && entries(&rejected.join("can")).is_empty());
+        assert_eq!(entries(&archive.join("can")).len(), 3);
+    }
+}

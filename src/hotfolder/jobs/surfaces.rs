@@ -1,0 +1,136 @@
+//! Which shape a SKU has now: from the cache, from the archive, or from another station that shares the cache.
+
+use std::collections::BTreeMap;
+use std::sync::{MutexGuard, PoisonError};
+
+use super::{Executor, basis, filing, intake};
+use crate::config::{FolderPaths, JobSettings, Sku};
+use crate::formats::Pace;
+use crate::hotfolder::api::{Completeness, Corrector, DroppedFile, JobError};
+use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::seen::folders;
+use crate::hotfolder::state::Delivered;
+use crate::reason::Reason;
+
+impl<C: Corrector> Executor<'_, C> {
+    fn shapes(&self) -> MutexGuard<'_, BTreeMap<Sku, (JobSettings, String)>> {
+        self.shapes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes the SKU's surface, if it was not noted for these settings or is `new`.
+    pub(crate) fn note_shape(&self, sku: &Sku, settings: &JobSettings, new: bool) {
+        let is_noted = self.shapes().get(sku).is_some_and(|(noted, _)| noted == settings);
+        if (new || !is_noted)
+            && let Ok(Some(name)) = guarded(|| self.corrector.part_identity(sku, settings))
+        {
+            self.shapes().insert(sku.clone(), (settings.clone(), name));
+        }
+    }
+
+    /// The SKUs that nobody is at and whose shape is another one than was last seen here: another station that shares the
+    /// surfaces learned a part.
+    pub(crate) fn learned_elsewhere(&self, is_busy: impl Fn(&Sku) -> bool) -> Vec<Sku> {
+        let mut changed = Vec::new();
+        for (sku, (settings, last)) in self.shapes().iter_mut().filter(|(sku, _)| !is_busy(sku)) {
+            if let Ok(Some(now)) = guarded(|| self.corrector.part_identity(sku, settings))
+                && now != *last
+            {
+                *last = now;
+                changed.push(sku.clone());
+            }
+        }
+        changed
+    }
+
+    /// The basis of a drawing of the SKU that is made now; `None` as long as its part is not known.
+    pub(crate) fn basis(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
+        let part = guarded(|| self.corrector.part_identity(sku, settings))?;
+        Ok(part.map(|part| basis::basis(&part, settings)))
+    }
+
+    /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now:
+    /// what changes from now on outdates them.
+    pub(crate) fn take_as_up_to_date(&self, folders: &FolderPaths, sku: &Sku, settings: &JobSettings) {
+        let archive = folders.archive.join(sku.key());
+        let older = self.journal().results_of(sku, Delivered::is_of_older_form);
+        let present = |result: &Delivered| {
+            let settings = self.settings_of_original(&archive.join(&result.original), settings);
+            self.basis(sku, &settings).ok().flatten()
+        };
+        let bases = older.iter().filter_map(|result| Some((&*result.job.name, present(result)?)));
+        let bases: Vec<_> = bases.collect();
+        tell_trouble(self.journal().rebase(bases));
+    }
+
+    /// Says how many delivered drawings have a basis that an older version wrote.
+    pub(crate) fn tell_of_older_form(&self) {
+        let drawings = match self.journal().of_older_form() {
+            0 => return,
+            1 => "1 delivered drawing".to_owned(),
+            more => format!("{more} delivered drawings"),
+        };
+        tracing::warn!(
+            "taking {drawings} as up to date: an older version of isomark noted part and settings in a form that \
+             cannot be compared. Drop a drawing again if its part or settings changed while isomark was updated"
+        );
+    }
+
+    /// Why the older shape of the SKU is not used: its newest part was rejected and still lies in the rejected folder.
+    pub(crate) fn refused(&self, folders: &FolderPaths, sku: &Sku) -> Option<Reason> {
+        let journal = self.journal();
+        let refused = journal.refused(sku)?;
+        let lies = folders.rejected.join(&refused.to);
+        if !matches!(folders::look(&lies), Ok(Some(_))) {
+            return None;
+        }
+        let what =
+            format!("The new part {} of {sku} was rejected; its older shape is not used.", refused.drop);
+        let remedy = format!(
+            "Drop a good part of {sku}; or remove {}, to go on with the older shape.",
+            lies.display()
+        );
+        Some(Reason::new("part-rejected", what, remedy))
+    }
+
+    /// Whether there is a surface for the SKU; one that got lost is fitted again from the archived part.
+    pub(crate) fn has_surface(
+        &self,
+        folders: &FolderPaths,
+        sku: &Sku,
+        settings: &JobSettings,
+        pace: Pace,
+    ) -> Result<bool, JobError> {
+        if guarded(|| Ok(self.corrector.knows(sku, settings)))? {
+            return Ok(true);
+        }
+        let Some(part) = filing::current_part(folders, sku) else { return Ok(false) };
+        let attempt = (part, settings.clone());
+        let unfit = || self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner);
+        if unfit().get(sku) == Some(&attempt) {
+            return Ok(false);
+        }
+        let path = attempt.0.clone();
+        let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let siblings = match guarded(|| Ok(self.corrector.completeness(&name, &bytes)))? {
+            Completeness::Whole { companions } => intake::read_needed(&path, &companions)?,
+            Completeness::CutShort(_) => BTreeMap::new(),
+        };
+        let file = DroppedFile { name, bytes, siblings };
+        match guarded(|| self.corrector.restore_part(sku, &file, settings, pace)) {
+            Ok(learned) => {
+                tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);
+                Ok(true)
+            }
+            Err(JobError::Rejected(reason)) => {
+                tracing::warn!(
+                    "the surface of {sku} cannot be restored from the archive: {}",
+                    reason.on_one_line()
+                );
+                unfit().insert(sku.clone(), attempt);
+                Ok(false)
+            }
+            Err(other) => Err(other),
+        }
+    }
+}

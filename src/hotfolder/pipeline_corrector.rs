@@ -1,0 +1,281 @@
+//! The pipeline behind the hot folder's [`Corrector`].
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use crate::cache::Cache;
+use crate::config::{JobSettings, PartSettings, Sku, Station};
+use crate::formats::Pace;
+use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
+use crate::formats::pattern::{self, PatternOptions};
+use crate::hotfolder::api::{
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch,
+};
+use crate::pipeline::{Corrected, LearnedPart, PatternInput, Pipeline, PipelineError};
+use crate::preview::{Backdrop, Preview, svg, svg_on};
+use crate::reason::Reason;
+
+/// Surfaces that are held in memory: most drops in a row are for few products.
+const SURFACES: usize = 16;
+
+/// As many zeros at the end of a binary mesh are no triangle of it, bytes.
+const UNWRITTEN: usize = 64;
+
+/// Fits parts and corrects patterns with the [`Pipeline`].
+pub struct PipelineCorrector {
+    pipeline: Mutex<Pipeline>,
+    /// The surfaces of the last jobs, the newest last.
+    recent: Mutex<Vec<Recent>>,
+}
+
+struct Recent {
+    sku: Sku,
+    settings: PartSettings,
+    known: Arc<Known>,
+}
+
+/// A surface that is held in memory.
+struct Known {
+    learned: LearnedPart,
+    /// The part in previews that show residuals beyond this limit, mm.
+    backdrop: OnceLock<(f64, Backdrop)>,
+}
+
+impl Known {
+    /// Draws the preview of a drawing on the part. Almost all drawings of a SKU show the same residuals.
+    fn draw(&self, preview: &Preview) -> String {
+        let limit = preview.part_outline.residual_limit;
+        let (drawn_with, backdrop) =
+            self.backdrop.get_or_init(|| (limit, Backdrop::of(&preview.part_outline)));
+        if *drawn_with == limit { svg_on(backdrop, preview) } else { svg(preview) }
+    }
+}
+
+impl PipelineCorrector {
+    /// A corrector that works with `pipeline`.
+    pub fn new(pipeline: Pipeline) -> Self {
+        Self { pipeline: Mutex::new(pipeline), recent: Mutex::default() }
+    }
+
+    fn pipeline(&self) -> Pipeline {
+        self.pipeline.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn recent(&self) -> MutexGuard<'_, Vec<Recent>> {
+        self.recent.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The surface kept for a SKU, from memory while the cache says it is still the current one.
+    fn surface(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<Arc<Known>>, PipelineError> {
+        let pipeline = self.pipeline();
+        let Some(current) = pipeline.current_key(sku, settings)? else { return Ok(None) };
+        let is_it = |recent: &&Recent| {
+            recent.sku == *sku && recent.settings == *settings && recent.known.learned.key == current
+        };
+        if let Some(recent) = self.recent().iter().find(is_it) {
+            return Ok(Some(recent.known.clone()));
+        }
+        let recalled = pipeline.recall(sku, settings, &mut Vec::new())?;
+        Ok(recalled.map(|learned| self.remember(sku, settings, learned)))
+    }
+
+    /// Remembers what was learned, and sums it up.
+    fn learned(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        settings: &JobSettings,
+        learned: LearnedPart,
+    ) -> PartLearned {
+        let [x, y, z] = learned.kept.facts.size;
+        let residual = &learned.kept.surface.residual;
+        let surface = match &learned.kept.facts.scan {
+            Some(scan) => scan.summary(),
+            None => {
+                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.most, residual.largest)
+            }
+        };
+        let summary = format!(
+            "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",
+            part.name,
+            if learned.from_cache { ", already known" } else { "" }
+        );
+        self.remember(sku, &settings.part, learned);
+        PartLearned { summary, report: None }
+    }
+
+    fn remember(&self, sku: &Sku, settings: &PartSettings, learned: LearnedPart) -> Arc<Known> {
+        let known = Arc::new(Known { learned, backdrop: OnceLock::new() });
+        let mut recent = self.recent();
+        recent.retain(|recent| recent.sku != *sku || recent.settings != *settings);
+        if recent.len() >= SURFACES {
+            recent.remove(0);
+        }
+        recent.push(Recent { sku: sku.clone(), settings: settings.clone(), known: known.clone() });
+        known
+    }
+}
+
+impl Corrector for PipelineCorrector {
+    fn completeness(&self, name: &str, bytes: &[u8]) -> Completeness {
+        match MeshFormat::from_name(name) {
+            Some(format) => part_completeness(name, format, bytes),
+            None => pattern_completeness(name, bytes),
+        }
+    }
+
+    fn knows(&self, sku: &Sku, settings: &JobSettings) -> bool {
+        // A cache that cannot be read is told by the job itself, as something to try again.
+        !matches!(self.surface(sku, &settings.part), Ok(None))
+    }
+
+    fn part_identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
+        Ok(self.pipeline().current_part(sku, &settings.part)?.map(|origin| origin.blake3))
+    }
+
+    fn follow(&self, station: &Station) {
+        let pipeline = Pipeline::new(Some(Cache::new(&station.folders.cache)));
+        *self.pipeline.lock().unwrap_or_else(PoisonError::into_inner) = pipeline;
+    }
+
+    fn restore_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+        pace: Pace,
+    ) -> Result<PartLearned, JobError> {
+        let learned = self.pipeline().at(pace).restore(sku, part, &settings.part)?;
+        Ok(self.learned(sku, part, settings, learned))
+    }
+
+    fn learn_part(
+        &self,
+        sku: &Sku,
+        part: &DroppedFile,
+        settings: &JobSettings,
+        pace: Pace,
+    ) -> Result<PartLearned, JobError> {
+        let learned = self.pipeline().at(pace).learn(sku, part, &settings.part)?;
+        Ok(self.learned(sku, part, settings, learned))
+    }
+
+    fn correct(
+        &self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        previous: Option<&[u8]>,
+        settings: &JobSettings,
+        pace: Pace,
+    ) -> Result<Delivery, JobError> {
+        let known = self.surface(sku, &settings.part)?.ok_or_else(|| {
+            let what = format!("The surface of the SKU {sku} went from the cache.");
+            JobError::Retry(Reason::new(
+                "surface-gone",
+                what,
+                "Wait: the part is fitted again from the archive.",
+            ))
+        })?;
+        let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
+        let mut corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
+        let [left, bottom, right, top] = corrected.report.output.extents_mm;
+        let preview = corrected.preview.take();
+        Ok(Delivery {
+            drawing: std::mem::take(&mut corrected.dxf),
+            report: report(&corrected)?,
+            preview: preview.map(|preview| -> Sketch { Box::new(move || known.draw(&preview).into_bytes()) }),
+            size: Some([right - left, top - bottom]),
+            summary: corrected.report.headline(),
+            check: Some(Check {
+                vertices: pattern::readback_work(&corrected.drawing, corrected.profile),
+                read_back: Box::new(move |file| {
+                    corrected.read_back(file).map_err(JobError::Rejected)?;
+                    report(&corrected)
+                }),
+            }),
+        })
+    }
+}
+
+fn report(corrected: &Corrected) -> Result<Vec<u8>, JobError> {
+    let text = corrected.report.to_json().map_err(|error| PipelineError::Environment(error.into()))?;
+    Ok(text.into_bytes())
+}
+
+impl From<PipelineError> for JobError {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Rejected(reason) => Self::Rejected(reason),
+            PipelineError::TakesLong => Self::TakesLong,
+            PipelineError::Environment(error) => Self::Retry(Reason::new(
+                "cache-unusable",
+                format!("The cache cannot be used: {error}."),
+                "Check that its folder may be written and its disk is not full.",
+            )),
+        }
+    }
+}
+
+fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
+    if pattern::is_complete(bytes) {
+        return Completeness::Whole { companions: Vec::new() };
+    }
+    let options = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
+    match pattern::read(bytes, &options) {
+        Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
+        // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
+        Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
+        _ => Completeness::Whole { companions: Vec::new() },
+    }
+}
+
+fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completeness {
+    let ends_with_a_line = bytes.last() == Some(&b'\n');
+    let cut = |error: &MeshReadError| error.is_cut_short() || bytes.is_empty();
+    match format {
+        // A whole last line is all the end an OBJ has; only without one is a closer look worth its time.
+        MeshFormat::Obj if ends_with_a_line => {}
+        MeshFormat::Obj => {
+            let options = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
+            let reading = mesh::read(bytes, format, &options, &BTreeMap::new());
+            if let Some(error) = reading.err().filter(cut) {
+                return Completeness::CutShort(error.reason().in_file(name));
+            }
+        }
+        // Some copies give a file its full length first.
+        MeshFormat::Stl | MeshFormat::Ply if bytes.ends_with(&[0; UNWRITTEN]) => {
+            let what = "The file ends in nothing but zeros, as a copy does that is not done.";
+            return Completeness::CutShort(
+                Reason::new("mesh-truncated", what, "Copy it again.").in_file(name),
+            );
+        }
+        MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
+            if let Some(error) = mesh::is_whole(bytes, format).err().filter(cut) {
+                return Completeness::CutShort(error.reason().in_file(name));
+            }
+        }
+        MeshFormat::Gltf | MeshFormat::Glb => match mesh::named_files(bytes, format) {
+            Ok(NamedFiles { buffers, textures }) => {
+                let buffer = |Buffer { name, bytes }| Companion { name, needed: true, bytes };
+                let texture = |name| Companion { name, needed: false, bytes: 0 };
+                let (buffers, textures) =
+                    (buffers.into_iter().map(buffer), textures.into_iter().map(texture));
+                return Completeness::Whole { companions: buffers.chain(textures).collect() };
+            }
+            Err(error) if cut(&error) => return Completeness::CutShort(error.reason().in_file(name)),
+            Err(_) => {}
+        },
+    }
+    Completeness::Whole { companions: material_libraries(format, bytes) }
+}
+
+/// The `.mtl` files an OBJ names: not read, but they travel with their part.
+fn material_libraries(format: MeshFormat, bytes: &[u8]) -> Vec<Companion> {
+    if format != MeshFormat::Obj {
+        return Vec::new();
+    }
+    // Exporters name them at the head.
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
+    let named = head.lines().filter_map(|line| line.trim().strip_prefix("mtllib "));
+    named.map(|name| Companion { name: name.trim().to_owned(), needed: false, bytes: 0 }).collect()
+}

@@ -1,0 +1,439 @@
+//! The drops that lie in the hot folder, and what is known of each.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::settle::{Ending, Settle};
+use super::{Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, is_sidecar, meaning};
+use crate::config::{Sku, fold};
+use crate::formats::mesh::MeshFormat;
+use crate::formats::pattern::is_picture;
+use crate::hotfolder::api::{Waiting, WaitsFor};
+use crate::hotfolder::state::with_slashes;
+use crate::reason::Reason;
+
+/// One drop.
+pub(crate) struct Drop {
+    /// Its path in the hot folder.
+    pub(crate) relative: PathBuf,
+    /// What it is, or why it is nothing.
+    pub(crate) meaning: Result<Meaning, Reason>,
+    pub(crate) settle: Settle,
+    /// Its place in the order in which drops came.
+    number: u64,
+    pub(crate) block: Block,
+    /// What it was found to lack when it was read last.
+    pub(crate) lacks: Option<Reason>,
+    /// What was last told about it.
+    pub(crate) told: Option<Reason>,
+    /// It turned out to be more than a moment's work.
+    pub(crate) takes_long: bool,
+}
+
+/// What keeps a settled drop from being done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Block {
+    /// Nothing.
+    Free,
+    /// Something around the job failed: not before this moment, and after the next failure not for twice the pause.
+    Until { moment: Moment, pause: Duration, obstacle: Obstacle },
+    /// A pattern whose SKU has no surface.
+    UnknownSku,
+    /// A pattern whose SKU is about to get another surface.
+    PartUnderWay,
+    /// A companion that no part has asked for yet.
+    Unclaimed,
+}
+
+/// What was in the way of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Obstacle {
+    /// The newest part of the SKU was rejected.
+    RefusedPart,
+    /// There is no import folder.
+    NoImportFolder,
+    /// The settings may still be written.
+    SettingsBeingSaved,
+    Other,
+}
+
+/// All drops, by path.
+#[derive(Default)]
+pub(crate) struct Drops {
+    all: BTreeMap<PathBuf, Drop>,
+    /// Number of parts per SKU.
+    parts: BTreeMap<Sku, usize>,
+    /// What may belong to a part or pattern beside it.
+    companions: BTreeSet<PathBuf>,
+    /// Settings beside patterns, by their names without ending, folded: people do not mind how a name is spelled.
+    sidecars: BTreeMap<String, PathBuf>,
+    /// How many came so far.
+    count: u64,
+}
+
+fn is_bitmap(relative: &Path) -> bool {
+    relative.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bmp"))
+}
+
+/// The path without its ending, folded.
+fn folded_stem(path: &Path) -> String {
+    fold(&path.with_extension("").to_string_lossy())
+}
+
+impl Drops {
+    pub(crate) fn get(&self, path: &Path) -> Option<&Drop> {
+        self.all.get(path)
+    }
+
+    pub(crate) fn get_mut(&mut self, path: &Path) -> Option<&mut Drop> {
+        self.all.get_mut(path)
+    }
+
+    /// Something lies at `hot/relative`.
+    pub(crate) fn see(
+        &mut self,
+        hot: &Path,
+        relative: &Path,
+        found: Found,
+        writer: Writer,
+        now: Moment,
+        still_for: Duration,
+    ) {
+        let path = hot.join(relative);
+        let (stamp, is_file) = match found {
+            Found::File(stamp) => (stamp, true),
+            Found::Other(stamp) => (stamp, false),
+            Found::Folder => return,
+        };
+        if let Some(drop) = self.all.get_mut(&path) {
+            let changed = drop.settle.stamp() != stamp;
+            if changed && drop.takes_long {
+                (drop.takes_long, drop.told) = (false, None);
+            }
+            drop.settle.see(stamp, writer, now);
+            // Another file may do where the last one failed.
+            if changed && drop.block != Block::UnknownSku {
+                drop.block = Block::Free;
+            }
+            return;
+        }
+        let meaning = if is_file { meaning(relative) } else { Err(not_a_file()) };
+        let part = if let Ok(Meaning::Part(sku)) = &meaning { Some(sku.clone()) } else { None };
+        if meaning == Ok(Meaning::Companion) || is_picture(&relative.to_string_lossy()) {
+            self.companions.insert(path.clone());
+        }
+        if is_file && is_sidecar(relative) {
+            self.sidecars.insert(folded_stem(&path), path.clone());
+        }
+        if let Some(sku) = part {
+            *self.parts.entry(sku).or_default() += 1;
+        }
+        let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
+            Some(format) if !format.has_end_mark() => Ending::Unmarked,
+            // A length alone says little of a file that got its length first.
+            Some(MeshFormat::Stl | MeshFormat::Ply) => Ending::Short,
+            _ if is_sidecar(relative) || is_bitmap(relative) => Ending::Short,
+            _ => Ending::Marked,
+        };
+        let settle = Settle::new(stamp, writer, now, still_for).ending(ending);
+        let (number, block) = (self.count, Block::Free);
+        self.count += 1;
+        let drop = Drop {
+            relative: relative.into(),
+            meaning,
+            settle,
+            number,
+            block,
+            lacks: None,
+            told: None,
+            takes_long: false,
+        };
+        self.all.insert(path, drop);
+    }
+
+    /// What writers do may have gone unheard.
+    pub(crate) fn events_were_lost(&mut self) {
+        self.all.values_mut().for_each(|drop| drop.settle.events_were_lost());
+    }
+
+    /// The drop is gone from the hot folder.
+    pub(crate) fn forget(&mut self, path: &Path) {
+        let Some(drop) = self.all.remove(path) else { return };
+        self.companions.remove(path);
+        let stem = folded_stem(path);
+        if self.sidecars.get(&stem).is_some_and(|sidecar| sidecar == path) {
+            self.sidecars.remove(&stem);
+        }
+        if let Ok(Meaning::Part(sku)) = drop.meaning {
+            let left = self.parts.get(&sku).map_or(0, |count| count - 1);
+            if left == 0 {
+                self.parts.remove(&sku);
+            } else {
+                self.parts.insert(sku, left);
+            }
+        }
+    }
+
+    /// Forgets every drop that a listing did not find.
+    pub(crate) fn keep_only(&mut self, found: &BTreeSet<PathBuf>) {
+        let gone: Vec<_> = self.all.keys().filter(|path| !found.contains(*path)).cloned().collect();
+        gone.iter().for_each(|path| self.forget(path));
+    }
+
+    /// Whether a part for the SKU lies in the hot folder.
+    pub(crate) fn has_part(&self, sku: &Sku) -> bool {
+        self.parts.contains_key(sku)
+    }
+
+    /// What can be done now, each with its SKU: parts first, because patterns need them, then as they came.
+    /// What pauses after a failure is not overtaken by a newer drop with the same result, which it would undo later.
+    pub(crate) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<(Option<Sku>, PathBuf)> {
+        let pausing = self.all.values().filter(|drop| matches!(drop.block, Block::Until { .. }));
+        let mut held = BTreeMap::<Aim, u64>::new();
+        for drop in pausing.filter(|drop| self.due(drop, times).is_some_and(|due| due > now)) {
+            let Some(aim) = drop.aim() else { continue };
+            held.entry(aim).and_modify(|first| *first = drop.number.min(*first)).or_insert(drop.number);
+        }
+        let is_held = |drop: &Drop| {
+            !held.is_empty()
+                && drop.aim().and_then(|aim| held.get(&aim)).is_some_and(|first| *first < drop.number)
+        };
+        let mut ready: Vec<_> = self
+            .all
+            .iter()
+            .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now) && !is_held(drop))
+            .map(|(path, drop)| (rank(drop), drop.number, path, drop))
+            .collect();
+        ready.sort_by_key(|(rank, number, ..)| (*rank, *number));
+        ready.into_iter().map(|(.., path, drop)| (drop.sku().cloned(), path.clone())).collect()
+    }
+
+    /// The companions beside a drop that may still be written.
+    pub(crate) fn settling_beside(&self, path: &Path, now: Moment, times: &SettleTimes) -> BTreeSet<PathBuf> {
+        let beside = self.companions.iter().filter(|companion| companion.parent() == path.parent());
+        let settles = |companion: &&PathBuf| {
+            let drop = self.all.get(*companion);
+            drop.is_some_and(|drop| matches!(drop.settle.verdict(now, times), Verdict::Wait(_)))
+        };
+        beside.filter(settles).cloned().collect()
+    }
+
+    /// The settings beside a pattern, as far as they were seen, however their name is spelled.
+    pub(crate) fn sidecar_beside(&self, pattern: &Path) -> Option<PathBuf> {
+        self.sidecars.get(&folded_stem(pattern)).cloned()
+    }
+
+    /// What waits for its next try need not wait any longer.
+    pub(crate) fn free_all(&mut self) {
+        for drop in self.all.values_mut() {
+            if matches!(drop.block, Block::Until { .. } | Block::UnknownSku) {
+                drop.block = Block::Free;
+            }
+        }
+    }
+
+    /// When after `moment` the next drop can be done, if nothing else happens.
+    pub(crate) fn next_due(&self, moment: Moment, times: &SettleTimes) -> Option<Moment> {
+        self.all.values().filter_map(|drop| self.due(drop, times)).filter(|due| *due > moment).min()
+    }
+
+    /// Whether a drop is still to be read and only has to stand still for that.
+    pub(crate) fn any_settles(&self, now: Moment, times: &SettleTimes) -> bool {
+        self.all.values().any(|drop| drop.settle.is_settling(now, times))
+    }
+
+    /// When the drop can be done; `None` as long as something else must happen first.
+    fn due(&self, drop: &Drop, times: &SettleTimes) -> Option<Moment> {
+        let free = match &drop.block {
+            Block::Free => Moment::ZERO,
+            Block::Until { moment, .. } => *moment,
+            Block::UnknownSku | Block::Unclaimed => return None,
+            Block::PartUnderWay => match &drop.meaning {
+                Ok(Meaning::Pattern { sku, .. }) if self.has_part(sku) => return None,
+                _ => Moment::ZERO,
+            },
+        };
+        Some(free.max(drop.settle.due(times)))
+    }
+
+    /// The SKUs that patterns wait for.
+    pub(crate) fn awaited(&self) -> BTreeSet<Sku> {
+        let waiting = self.all.values().filter(|drop| drop.block == Block::UnknownSku);
+        let skus = waiting.filter_map(|drop| match &drop.meaning {
+            Ok(Meaning::Pattern { sku, .. }) => Some(sku.clone()),
+            _ => None,
+        });
+        skus.collect()
+    }
+
+    /// The SKU has a surface now: its patterns need not wait any longer.
+    pub(crate) fn release(&mut self, known: &Sku) {
+        for drop in self.all.values_mut().filter(|drop| drop.block == Block::UnknownSku) {
+            if matches!(&drop.meaning, Ok(Meaning::Pattern { sku, .. }) if sku == known) {
+                drop.block = Block::Free;
+            }
+        }
+    }
+
+    /// A companion came into the folder: what lacks one there is looked at again.
+    pub(crate) fn companion_came(&mut self, companion: &Path) {
+        let folder = companion.parent();
+        for (path, drop) in &mut self.all {
+            if path.parent() == folder && drop.sku().is_some() {
+                drop.settle.companion_came();
+            }
+        }
+    }
+
+    /// What still lies there: drops that wait for something else, and drops that are not whole.
+    pub(crate) fn left(&self) -> (Vec<Waiting>, Vec<Waiting>) {
+        let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
+        for drop in self.all.values() {
+            let (waits_for, reason) = drop.waits_for();
+            let kind = if waits_for == WaitsFor::Rest { &mut incomplete } else { &mut waiting };
+            kind.push(Waiting { drop: with_slashes(&drop.relative), reason, waits_for });
+        }
+        (waiting, incomplete)
+    }
+}
+
+/// What a drop changes when it is done: of several with one aim the newest counts in the end.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Aim {
+    /// The shape of a SKU.
+    Shape(Sku),
+    /// The drawing of this name.
+    Drawing(String),
+}
+
+impl Drop {
+    fn aim(&self) -> Option<Aim> {
+        match &self.meaning {
+            Ok(Meaning::Part(sku)) => Some(Aim::Shape(sku.clone())),
+            Ok(Meaning::Pattern { name, .. }) => Some(Aim::Drawing(delivered_as(name).to_lowercase())),
+            _ => None,
+        }
+    }
+
+    /// What it waits for, in words, too.
+    fn waits_for(&self) -> (WaitsFor, Reason) {
+        let told = || self.told.clone().unwrap_or_else(still_settling);
+        match (self.block, &self.lacks) {
+            (Block::Free, None) if self.takes_long => (WaitsFor::Turn, waits_for_turn()),
+            (Block::Free, lacks) => (WaitsFor::Rest, lacks.clone().unwrap_or_else(still_settling)),
+            (Block::Until { obstacle: Obstacle::RefusedPart, .. }, _) => (WaitsFor::AnotherDrop, told()),
+            (Block::Until { .. }, _) => (WaitsFor::Surroundings, told()),
+            (Block::UnknownSku | Block::PartUnderWay | Block::Unclaimed, _) => {
+                (WaitsFor::AnotherDrop, told())
+            }
+        }
+    }
+
+    /// It lacks something; returns whether that is news.
+    pub(crate) fn found_incomplete(&mut self, gap: Gap, reason: Reason) -> bool {
+        self.settle.found_incomplete(gap);
+        (self.block, self.lacks) = (Block::Free, Some(reason.clone()));
+        self.tell(reason)
+    }
+
+    /// It is whole, and more than a moment's work.
+    pub(crate) fn found_large(&mut self) {
+        (self.block, self.lacks, self.takes_long) = (Block::Free, None, true);
+    }
+
+    /// Something keeps it from being done; returns whether that is news.
+    pub(crate) fn wait(&mut self, block: Block, reason: Reason) -> bool {
+        self.block = block;
+        self.tell(reason)
+    }
+
+    fn tell(&mut self, reason: Reason) -> bool {
+        let is_news = self.told.as_ref() != Some(&reason);
+        self.told = Some(reason);
+        is_news
+    }
+
+    /// The SKU that it is a part or pattern of.
+    fn sku(&self) -> Option<&Sku> {
+        match &self.meaning {
+            Ok(Meaning::Part(sku) | Meaning::Pattern { sku, .. }) => Some(sku),
+            _ => None,
+        }
+    }
+}
+
+/// The order in which drops of one moment are done.
+fn rank(drop: &Drop) -> u8 {
+    match drop.meaning {
+        Ok(Meaning::Companion) => 0,
+        Ok(Meaning::Part(_)) => 1,
+        Ok(Meaning::Pattern { .. }) => 2,
+        Err(_) => 3,
+    }
+}
+
+fn not_a_file() -> Reason {
+    Reason::new("not-a-file", "This is a link or a device, not a file.", "Drop the file itself.")
+}
+
+/// A drop that was read and is more than a moment's work.
+fn waits_for_turn() -> Reason {
+    let what = "The file is whole and waits for its turn: large job.";
+    Reason::new("waits-for-turn", what, "Nothing: it is done after the large ones before it.")
+}
+
+fn still_settling() -> Reason {
+    let what = "The file may still be written, or its turn has not come.";
+    Reason::new("still-settling", what, "Nothing: it is looked at again.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hotfolder::seen::settle::Stamp;
+
+    #[test]
+    fn what_pauses_is_not_overtaken_by_a_newer_drop_with_the_same_result() {
+        let hot = Path::new("hot");
+        let at = Duration::from_secs;
+        let (still, open_ended) = (at(0), at(0));
+        let times = SettleTimes { still, open_ended, incomplete: at(9), incomplete_after_close: at(3) };
+        let mut drops = Drops::default();
+        for name in ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"] {
+            let stamp = Stamp { size: 1, modified: None, identity: 1 };
+            drops.see(hot, Path::new(name), Found::File(stamp), Writer::Closed, at(0), at(0));
+        }
+        for name in ["can.glb", "mug.png"] {
+            drops.get_mut(&hot.join(name)).unwrap().block =
+                Block::Until { moment: at(5), pause: at(1), obstacle: Obstacle::Other };
+        }
+        let ready = |now| drops.ready(at(now), &times).into_iter().map(|(_, path)| path).collect::<Vec<_>>();
+        assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
+        let all = ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"];
+        assert_eq!(ready(5), all.map(|name| hot.join(name)));
+    }
+
+    #[test]
+    fn a_large_drop_that_waits_for_its_turn_is_not_incomplete() {
+        let at = Duration::from_secs;
+        let mut drops = Drops::default();
+        let see = |drops: &mut Drops, size| {
+            let stamp = Stamp { size, modified: None, identity: 1 };
+            drops.see(
+                Path::new("hot"),
+                Path::new("can.dxf"),
+                Found::File(stamp),
+                Writer::Closed,
+                at(0),
+                at(0),
+            );
+            let (waiting, incomplete) = drops.left();
+            (waiting.len(), incomplete.len())
+        };
+        assert_eq!(see(&mut drops, 1), (0, 1));
+        drops.get_mut(Path::new("hot/can.dxf")).unwrap().found_large();
+        assert_eq!(see(&mut drops, 1), (1, 0));
+        assert_eq!(see(&mut drops, 2), (0, 1), "another file");
+    }
+}

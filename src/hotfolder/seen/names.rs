@@ -1,0 +1,282 @@
+//! What the name of a drop means.
+//!
+//! | in the hot folder | is |
+//! |---|---|
+//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and means nothing |
+//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this very name, as `.dxf` |
+//! | `<sku>/<anything>.glb` and so on | a part or a scan |
+//! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
+//! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they travel with that part |
+//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.png` or `.bmp` in the same folder, with which it travels |
+//!
+//! Extensions may be written in any case. Temporary and system names are never touched ([`is_ignored`]).
+
+use std::path::{Component, Path, PathBuf};
+
+use crate::config::Sku;
+use crate::formats::mesh::MeshFormat;
+use crate::formats::pattern::{is_drawing, is_picture};
+use crate::reason::Reason;
+
+/// Extensions of files that belong to a part, in lower case.
+const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
+
+/// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
+pub const CURRENT_PART: &str = "current-part.txt";
+
+/// Extension of the settings beside a pattern.
+pub(crate) const SIDECAR: &str = "toml";
+
+/// The longest file name that is taken, in bytes: file systems end at 255, and results need a suffix.
+const LONGEST_NAME: usize = 230;
+
+/// Endings of names that other programs use while they write, lock or keep a copy, in lower case.
+const IGNORED_ENDINGS: &[&str] = &[
+    "~",
+    ".tmp",
+    ".temp",
+    ".part",
+    ".partial",
+    ".crdownload",
+    ".download",
+    ".opdownload",
+    ".filepart",
+    ".!sync",
+    ".swp",
+    ".bak",
+    ".lock",
+    ".lck",
+    ".dwl",
+    ".dwl2",
+];
+
+/// Names of system files and folders, in lower case.
+const IGNORED_NAMES: &[&str] = &[
+    "thumbs.db",
+    "ehthumbs.db",
+    "desktop.ini",
+    "icon\r",
+    "$recycle.bin",
+    "#recycle",
+    "@eadir",
+    "lost+found",
+    "system volume information",
+];
+
+/// What a file in the hot folder is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Meaning {
+    /// The shape of a SKU.
+    Part(Sku),
+    /// A drawing for a SKU.
+    Pattern {
+        /// The SKU it is for.
+        sku: Sku,
+        /// What the pattern is called; the result bears this name, as a DXF file ([`delivered_as`]).
+        name: String,
+    },
+    /// A file that belongs to a part.
+    Companion,
+}
+
+/// The name in the import folder of the result of a pattern.
+pub fn delivered_as(pattern: &str) -> String {
+    match pattern.rsplit_once('.') {
+        Some((stem, _)) if is_picture(pattern) => format!("{stem}.dxf"),
+        _ => pattern.to_owned(),
+    }
+}
+
+/// Whether the name is a temporary, lock or system name, of a file or a folder, that is none of our business.
+pub fn is_ignored(name: &str) -> bool {
+    let name = name.to_lowercase();
+    name.starts_with(['.', '~'])
+        || IGNORED_ENDINGS.iter().any(|ending| name.ends_with(ending))
+        || IGNORED_NAMES.contains(&name.as_str())
+        || name.contains(".sync-conflict-")
+}
+
+/// Whether the file holds settings for the pattern beside it.
+pub(crate) fn is_sidecar(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
+}
+
+/// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
+pub(crate) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
+    pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
+}
+
+/// What the file at `relative` (to the hot folder: a name, or a SKU's folder and a name) is.
+///
+/// # Errors
+/// With the reason why it cannot be anything: unknown kind, a name that is no SKU, a name that cannot be delivered.
+pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
+    let mut parts = Vec::new();
+    for component in relative.components() {
+        match component {
+            Component::Normal(part) => parts.push(part.to_str().ok_or_else(unreadable_name)?),
+            _ => return Err(unreadable_name()),
+        }
+    }
+    let (folder, name) = match parts[..] {
+        [name] => (None, name),
+        [folder, name] => (Some(folder), name),
+        _ => return Err(unreadable_name()),
+    };
+    if name.len() + folder.map_or(0, |folder| folder.len() + 1) > LONGEST_NAME {
+        let length = name.len() as f64;
+        let reason = Reason::new("name-too-long", "The file's name is too long.", "Give it a shorter name.");
+        return Err(reason.with_number("length", length, "bytes", Some(LONGEST_NAME as f64)));
+    }
+    if let Some(character) = name.chars().find(|c| c.is_control() || r#"\:*?"<>|"#.contains(*c)) {
+        let what = format!("The file's name holds {character:?}, which not every file system can store.");
+        return Err(Reason::new(
+            "name-character",
+            what,
+            "Rename it without \\ : * ? \" < > | and control characters.",
+        ));
+    }
+    if name.eq_ignore_ascii_case(CURRENT_PART) {
+        let what = format!("{CURRENT_PART} is the name of isomark's own note in the archive.");
+        return Err(Reason::new("name-reserved", what, "Give the scan another name."));
+    }
+    let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
+    let extension = extension.to_lowercase();
+    // Nobody names a texture like a drawing for a SKU.
+    let is_companion = COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@');
+    if is_companion || extension == SIDECAR {
+        return Ok(Meaning::Companion);
+    }
+    let is_part = MeshFormat::from_name(name).is_some();
+    if !is_part && !is_drawing(name) {
+        return Err(unknown_kind(&extension));
+    }
+    let sku_name = folder.unwrap_or_else(|| stem.split('@').next().unwrap_or(stem));
+    let sku: Sku = sku_name.parse().map_err(|error: crate::config::BadSku| error.reason())?;
+    if is_part {
+        return Ok(Meaning::Part(sku));
+    }
+    let name = match folder {
+        Some(folder) if !names_sku(stem, &sku) => format!("{folder}@{name}"),
+        _ => name.to_owned(),
+    };
+    Ok(Meaning::Pattern { sku, name })
+}
+
+/// Whether a stem already says which SKU it is for.
+fn names_sku(stem: &str, sku: &Sku) -> bool {
+    stem.split('@').next().unwrap_or(stem).parse::<Sku>().as_ref() == Ok(sku)
+}
+
+fn unknown_kind(extension: &str) -> Reason {
+    let what = match extension {
+        "" => "A file without an extension is neither a part nor a pattern.".to_owned(),
+        other => format!("A .{other} file is neither a part nor a pattern."),
+    };
+    Reason::new(
+        "unknown-kind",
+        what,
+        format!("Export the part as {} and the pattern as .dxf, .png or .bmp.", MeshFormat::ENDINGS),
+    )
+}
+
+fn unreadable_name() -> Reason {
+    Reason::new(
+        "name-unreadable",
+        "The file's name is not readable text.",
+        "Rename it in plain letters and digits.",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn temporary_names_are_ignored() {
+        for name in [
+            ".x.dxf",
+            "~x.dxf",
+            "~$x.dxf",
+            "x.dxf~",
+            "x.dxf.tmp",
+            "x.part",
+            "x.DXF.crdownload",
+            "x.download",
+            ".syncthing.x.dxf.tmp",
+            "~syncthing~x.dxf.tmp",
+            "x.sync-conflict-20240101-120000-ABCDEFG.dxf",
+            "Thumbs.db",
+            ".DS_Store",
+            "desktop.ini",
+            ".~lock.x.dxf#",
+            "x.dwl2",
+        ] {
+            assert!(is_ignored(name), "{name}");
+        }
+        for name in ["x.dxf", "part.obj", "tmp.glb", "a~b.dxf", "readme.txt"] {
+            assert!(!is_ignored(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn names_say_what_a_file_is() {
+        let sku = |name: &str| name.parse::<Sku>().unwrap();
+        let pattern = |name: &str, called: &str| Meaning::Pattern { sku: sku(name), name: called.into() };
+        for (relative, expected) in [
+            ("can-500.glb", Meaning::Part(sku("can-500"))),
+            ("can-500@v2.OBJ", Meaning::Part(sku("can-500"))),
+            ("can.stl", Meaning::Part(sku("can"))),
+            ("can@scan-17.PLY", Meaning::Part(sku("can"))),
+            ("can/scan.csv", Meaning::Part(sku("can"))),
+            ("can-500.dxf", pattern("can-500", "can-500.dxf")),
+            ("can-500@date@2.DXF", pattern("can-500", "can-500@date@2.DXF")),
+            ("can/whatever.gltf", Meaning::Part(sku("can"))),
+            ("can/date.dxf", pattern("can", "can@date.dxf")),
+            ("can/CAN@date.dxf", pattern("can", "CAN@date.dxf")),
+            ("can/can.dxf", pattern("can", "can.dxf")),
+            ("can/canister.dxf", pattern("can", "can@canister.dxf")),
+            ("can.v2.dxf", pattern("can.v2", "can.v2.dxf")),
+            ("can.png", pattern("can", "can.png")),
+            ("can@logo.BMP", pattern("can", "can@logo.BMP")),
+            ("can/logo.png", pattern("can", "can@logo.png")),
+            ("can.bin", Meaning::Companion),
+            ("can.jpg", Meaning::Companion),
+            ("can/can.mtl", Meaning::Companion),
+        ] {
+            assert_eq!(meaning(Path::new(relative)).unwrap(), expected, "{relative}");
+        }
+    }
+
+    #[test]
+    fn results_are_dxf_files() {
+        for (pattern, delivered) in [
+            ("can.dxf", "can.dxf"),
+            ("can@a.DXF", "can@a.DXF"),
+            ("can@a.b.Png", "can@a.b.dxf"),
+            ("can.bmp", "can.dxf"),
+        ] {
+            assert_eq!(delivered_as(pattern), delivered);
+        }
+    }
+
+    #[test]
+    fn names_that_are_nothing_are_explained() {
+        let long = format!("{}.dxf", "x".repeat(240));
+        for (relative, code) in [
+            ("can.step", "unknown-kind"),
+            ("can@logo.jpg", "unknown-kind"),
+            ("can", "unknown-kind"),
+            ("@date.dxf", "sku-name"),
+            ("con.dxf", "sku-name"),
+            ("a@b/date.dxf", "sku-name"),
+            ("can@12:30.dxf", "name-character"),
+            ("../can.dxf", "name-unreadable"),
+            ("a/b/can.dxf", "name-unreadable"),
+            (&long, "name-too-long"),
+        ] {
+            assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
+        }
+        assert!(meaning(Path::new("can.step")).unwrap_err().remedy.contains(".glb, .gltf, .obj, .stl"));
+    }
+}

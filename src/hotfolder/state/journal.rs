@@ -1,0 +1,670 @@
+//! What the station must not forget, whatever happens to it: one line for each step that cannot be taken back.
+//!
+//! ```text
+//! state/journal.log
+//! 5b1c02aa {"at":"2026-03-01T12:34:56Z","did":"delivering","drop":"can@date.dxf", … }
+//! 09fe77d1 {"at":"2026-03-01T12:34:56Z","did":"delivered","drop":"can@date.dxf"}
+//! ```
+//!
+//! Each line begins with the first eight hexadecimal digits of the BLAKE3 hash of what follows, so that a line cut by
+//! a crash is known for what it is. Lines are only ever appended and flushed to the disk; when the journal has become
+//! long it is written anew, whole, with what still counts.
+//!
+//! # Exactly once
+//!
+//! A drawing lies flushed in the import folder under a name that importers ignore *before* the journal says
+//! `delivering`, and is renamed to its own name *after* that. So after a crash the folder decides: the temporary file is
+//! still there, then the drawing was not delivered; the drawing is there, then it was. When neither is there, the importer
+//! has taken the drawing away since, or somebody removed the temporary file before it was renamed, and nobody can know:
+//! the drawing is not delivered a second time, and is `uncertain` until somebody decides. A drop is known by its path and
+//! its [`Stamp`]: should another file bear its name by then, that is another drop.
+
+mod line;
+mod order;
+mod stage;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{BuildHasher, RandomState};
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use fs_err as fs;
+
+use super::DropId;
+use crate::config::{Sku, fold};
+use crate::files::{read_if_there, sync_folder, write_whole};
+use crate::hotfolder::clock;
+use crate::hotfolder::clock::Uptime;
+use crate::hotfolder::jobs::is_comparable;
+use crate::hotfolder::seen::folders::lies_at;
+use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
+
+pub(crate) use line::{Certainty, Import, Job, StampRecord};
+use line::{Line, Parsed, Record, parse, written};
+pub(crate) use order::Order;
+pub(crate) use stage::{OpenJob, Stage};
+
+const JOURNAL: &str = "journal.log";
+/// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
+const MOST_RESULTS: usize = 100_000;
+/// The journal is written anew when it has this many lines more than what still counts.
+const IDLE_LINES: usize = 20_000;
+
+/// A station that ends again and again within this time is ended from outside, and not by what it is at.
+const SHORTEST_LIFE: Duration = Duration::from_secs(60);
+
+/// The newest result of a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Delivered {
+    pub(crate) job: Job,
+    /// When it was delivered.
+    pub(crate) at: String,
+    /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
+    pub(crate) original: String,
+    pub(crate) import: Import,
+    /// Whether it is known to have been delivered.
+    pub(crate) certainty: Certainty,
+    /// Hash of the older result that BeamConstruct holds as long as this one is due there.
+    older: String,
+}
+
+impl Delivered {
+    /// Whether people mean it by this name: that of the drawing, or that of the drop.
+    pub(crate) fn is_called(&self, name: &str) -> bool {
+        [&self.job.name, &self.job.drop.to_string()].iter().any(|known| fold(known) == fold(name))
+    }
+
+    /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
+    /// outdated.
+    pub(crate) fn is_of_older_form(&self) -> bool {
+        !self.original.is_empty() && !is_comparable(&self.job.basis)
+    }
+
+    /// Hash of the result that the marking software has.
+    pub(crate) fn held(&self) -> &str {
+        if self.import == Import::Due { &self.older } else { &self.job.result }
+    }
+}
+
+/// A part that was rejected while an older shape of its SKU is known.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Refused {
+    pub(crate) drop: DropId,
+    /// Where it lies in the rejected folder, with `/`.
+    pub(crate) to: String,
+}
+
+/// The journal with what still counts of it.
+pub(crate) struct Journal {
+    folder: PathBuf,
+    tag: String,
+    /// Which folder was the state folder when the tag was written.
+    home: Option<Identity>,
+    /// Whether the tag is written.
+    tag_is_kept: bool,
+    /// Which folder is the hot folder.
+    hot: Option<Identity>,
+    /// Closed while the file is replaced, and opened again by the next line.
+    file: Option<std::fs::File>,
+    /// Length of the file up to the last whole line.
+    length: u64,
+    lines: usize,
+    open: BTreeMap<DropId, OpenJob>,
+    /// By their names, folded: on a Windows share two spellings are one file.
+    results: BTreeMap<String, Delivered>,
+    /// The folded names of the results of each SKU.
+    by_sku: BTreeMap<Sku, BTreeSet<String>>,
+    /// The folded names of the results that may not have been delivered.
+    uncertain: BTreeSet<String>,
+    refused: BTreeMap<String, Refused>,
+    at_work: BTreeMap<DropId, AtWork>,
+}
+
+/// A drop that a thread is at, or was at when the station ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct AtWork {
+    stamp: StampRecord,
+    /// How often the station ended meanwhile, without a word. What ends it comes from outside if that happens again and
+    /// again within [`SHORTEST_LIFE`] of one start of the machine; that counts as once.
+    deaths: u32,
+    /// When it was counted last, where the system tells.
+    last_death: Option<Uptime>,
+    under_way: bool,
+}
+
+impl Journal {
+    /// Reads the journal in the state folder, or begins one. Lines that are damaged are told and skipped.
+    ///
+    /// # Errors
+    /// When the folder cannot be read or written; `InvalidData` for a line that a newer version wrote.
+    pub(crate) fn open(folder: &Path) -> io::Result<Self> {
+        let bytes = read_if_there(&folder.join(JOURNAL))?.unwrap_or_default();
+        let mut journal = Self {
+            folder: folder.into(),
+            tag: String::new(),
+            home: None,
+            tag_is_kept: false,
+            hot: None,
+            file: None,
+            length: 0,
+            lines: 0,
+            open: BTreeMap::new(),
+            results: BTreeMap::new(),
+            by_sku: BTreeMap::new(),
+            uncertain: BTreeSet::new(),
+            refused: BTreeMap::new(),
+            at_work: BTreeMap::new(),
+        };
+        let (mut damaged, mut read) = (0, 0);
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            read += line.len() as u64;
+            match parse(line) {
+                Parsed::Good(line) => {
+                    journal.apply(&line.at, line.record);
+                    journal.length = read;
+                }
+                Parsed::Unknown => {
+                    let words = "a newer version of isomark wrote into it; start that one";
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, words));
+                }
+                Parsed::Damaged => damaged += 1,
+            }
+            journal.lines += 1;
+        }
+        if journal.tag.is_empty() {
+            journal.tag = if journal.lines > 0 { tag_of_older(folder) } else { new_tag() };
+        }
+        let home = home_of(folder);
+        if journal.home.is_some() && journal.home != home {
+            (journal.tag, journal.tag_is_kept) = (new_tag(), false);
+        }
+        journal.home = home;
+        // What follows the last good line was being written when the station ended.
+        let length = journal.length;
+        journal.file()?.set_len(length)?;
+        journal.length = length;
+        sync_folder(folder)?;
+        // Before the first file that bears it; on a full disk it is written with the first delivery.
+        if !journal.tag_is_kept
+            && let Err(error) = journal.keep_tag()
+        {
+            tracing::warn!("the journal cannot be written: {error}");
+        }
+        if let Err(error) = journal.count_deaths() {
+            tracing::warn!("the journal cannot be written: {error}");
+        }
+        if damaged > 0 {
+            tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
+        }
+        if journal.lines > 2 * journal.live() + 1000 {
+            journal.write_anew_if_possible();
+        }
+        Ok(journal)
+    }
+
+    /// What the station was at when it ended may be why it ended.
+    fn count_deaths(&mut self) -> io::Result<()> {
+        let now = clock::uptime();
+        let begun = self.at_work.iter().filter(|(_, at_work)| at_work.under_way);
+        let died = begun.map(|(drop, at_work)| {
+            let counts = counts(at_work, now.as_ref());
+            let deaths = at_work.deaths + u32::from(counts);
+            let last = if counts { now.clone() } else { at_work.last_death.clone() };
+            died(drop.clone(), at_work.stamp, deaths, last)
+        });
+        died.collect::<Vec<_>>().into_iter().try_for_each(|record| self.append(record, false))
+    }
+
+    fn keep_tag(&mut self) -> io::Result<()> {
+        self.append(Record::Tag { tag: self.tag.clone(), home: self.home }, true)
+    }
+
+    fn live(&self) -> usize {
+        self.open.len() + self.results.len() + self.refused.len() + self.at_work.len()
+    }
+
+    fn file(&mut self) -> io::Result<&mut std::fs::File> {
+        if self.file.is_none() {
+            let path = self.folder.join(JOURNAL);
+            let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+            // A file that was replaced without a word of it may have another length.
+            self.length = file.metadata()?.len();
+            self.file = Some(file.into_parts().0);
+        }
+        self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
+    }
+
+    /// Writes all that counts anew if the file is not there any more.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(crate) fn keep_in_place(&mut self) -> io::Result<()> {
+        match &self.file {
+            Some(file) if !lies_at(file, &self.folder.join(JOURNAL)) => self.write_anew(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Notes with the jobs that are begun from now on which folder is the hot folder.
+    pub(crate) fn hot_is(&mut self, identity: Option<Identity>) {
+        self.hot = identity;
+    }
+
+    /// A thread is at this drop.
+    pub(crate) fn began(&mut self, drop: &DropId, stamp: Stamp) -> io::Result<()> {
+        self.append(Record::Began { drop: drop.clone(), stamp: stamp.into() }, false)
+    }
+
+    /// No thread is at this drop any more; a line that says that it is done says so, too.
+    pub(crate) fn ended(&mut self, drop: &DropId) -> io::Result<()> {
+        if !self.at_work.contains_key(drop) {
+            return Ok(());
+        }
+        self.append(Record::Ended { drop: drop.clone() }, false)
+    }
+
+    /// The drops that the station was at when it ended without a word, and how often.
+    pub(crate) fn suspects(&self) -> BTreeMap<DropId, (StampRecord, u32)> {
+        let died = self.at_work.iter().filter(|(_, at_work)| at_work.deaths > 0);
+        died.map(|(drop, at_work)| (drop.clone(), (at_work.stamp, at_work.deaths))).collect()
+    }
+
+    /// The job that was begun on this very file.
+    pub(crate) fn begun(&self, drop: &DropId, stamp: Stamp) -> Option<&OpenJob> {
+        self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
+    }
+
+    /// The newest results that may not have been delivered.
+    pub(crate) fn uncertain(&self) -> impl Iterator<Item = &Delivered> {
+        self.uncertain.iter().filter_map(|name| self.results.get(name))
+    }
+
+    /// All jobs that were begun and not filed away.
+    pub(crate) fn all_begun(&self) -> Vec<(DropId, OpenJob)> {
+        self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
+    }
+
+    /// The newest result of a name, however it is spelled.
+    pub(crate) fn result(&self, name: &str) -> Option<&Delivered> {
+        self.results.get(&fold(name))
+    }
+
+    /// The newest results of a SKU that are as asked.
+    pub(crate) fn results_of(&self, sku: &Sku, asked: impl Fn(&Delivered) -> bool) -> Vec<Delivered> {
+        let names = self.by_sku.get(sku).into_iter().flatten();
+        let results = names.filter_map(|name| self.results.get(name));
+        results.filter(|result| asked(result)).cloned().collect()
+    }
+
+    /// Number of results whose basis an older version wrote.
+    pub(crate) fn of_older_form(&self) -> usize {
+        self.results.values().filter(|result| result.is_of_older_form()).count()
+    }
+
+    /// The SKUs of all results.
+    pub(crate) fn skus(&self) -> BTreeSet<Sku> {
+        self.by_sku.keys().cloned().collect()
+    }
+
+    /// Whether drawings of the SKU were delivered.
+    pub(crate) fn has_results(&self, sku: &Sku) -> bool {
+        self.by_sku.contains_key(sku)
+    }
+
+    /// Whether patterns wait because of the part at this place in the rejected folder.
+    pub(crate) fn holds_patterns_back(&self, rejected: &str) -> bool {
+        self.refused.values().any(|refused| refused.to == rejected)
+    }
+
+    /// What this station's temporary files bear in their names.
+    pub(crate) fn tag(&self) -> &str {
+        &self.tag
+    }
+
+    /// The part of the SKU that was rejected last, if none was taken since.
+    pub(crate) fn refused(&self, sku: &Sku) -> Option<&Refused> {
+        self.refused.get(sku.key())
+    }
+
+    /// The drawing lies flushed under its temporary name and is about to get its own.
+    pub(crate) fn delivering(&mut self, job: &Job, stamp: Stamp, import: Option<Identity>) -> io::Result<()> {
+        if !self.tag_is_kept {
+            self.keep_tag()?;
+        }
+        let (job, stamp, hot, tag) = (job.clone(), stamp.into(), self.hot, self.tag.clone());
+        self.append(Record::Delivering { job, stamp, import, hot, tag }, true)
+    }
+
+    /// The drawing bears its own name, as far as is known.
+    pub(crate) fn delivered(&mut self, drop: &DropId, certainty: Certainty) -> io::Result<()> {
+        self.append(Record::Delivered { drop: drop.clone(), certainty }, false)
+    }
+
+    /// The drawing was not given its own name.
+    pub(crate) fn cancelled(&mut self, drop: &DropId) -> io::Result<()> {
+        self.append(Record::Cancelled { drop: drop.clone() }, true)
+    }
+
+    /// The original is about to go to `to`, relative to the SKU's archive folder; `result` is the drawing that was made of
+    /// it, and whether it is known to have been delivered; `None` for a part.
+    pub(crate) fn filing(
+        &mut self,
+        drop: &DropId,
+        sku: &str,
+        stamp: Stamp,
+        to: &str,
+        result: Option<(&Job, Certainty)>,
+    ) -> io::Result<()> {
+        let record = Record::Filing {
+            drop: drop.clone(),
+            sku: sku.into(),
+            stamp: stamp.into(),
+            to: to.into(),
+            job: result.map(|(job, _)| job.clone()),
+            certainty: result.map(|(_, certainty)| certainty).unwrap_or_default(),
+            hot: self.hot,
+        };
+        self.append(record, true)
+    }
+
+    /// A drawing is done, its original filed away.
+    pub(crate) fn done(
+        &mut self,
+        job: &Job,
+        original: &str,
+        import: Import,
+        certainty: Certainty,
+    ) -> io::Result<()> {
+        let last = self.result(&job.name).filter(|_| import == Import::Due);
+        let older = last.map(|last| last.held().to_owned()).unwrap_or_default();
+        let (job, original) = (job.clone(), original.into());
+        self.append(Record::Done { job, original, import, older, certainty }, false)
+    }
+
+    /// Replaces the basis that an older version wrote in the results of these names, unless their drop is being done.
+    pub(crate) fn rebase(&mut self, bases: Vec<(&str, String)>) -> io::Result<()> {
+        for (name, basis) in bases {
+            let result = self.result(name).filter(|result| result.is_of_older_form());
+            let Some(result) = result.cloned() else { continue };
+            let Delivered { job, at, original, import, certainty, older } = result;
+            if self.open.contains_key(&job.drop) || self.at_work.contains_key(&job.drop) {
+                continue;
+            }
+            let job = Job { basis, ..job };
+            self.append_line(
+                Line { at, record: Record::Done { job, original, import, older, certainty } },
+                false,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Forgets that the original at this place in the SKU's archive folder lies there, before it is removed; `false` if it
+    /// is still needed.
+    pub(crate) fn let_original_go(&mut self, sku: &Sku, place: &str) -> io::Result<bool> {
+        let again = DropId::archived(sku, place);
+        let is_open = |open: &OpenJob| {
+            matches!(&open.stage, Stage::Filing { to, .. } if to == place)
+                && open.sku.parse::<Sku>().is_ok_and(|open| open == *sku)
+        };
+        if self.at_work.contains_key(&again)
+            || self.open.contains_key(&again)
+            || self.open.values().any(is_open)
+        {
+            return Ok(false);
+        }
+        let name = delivered_as(again.file_name());
+        let is_its_original = |result: &&Delivered| {
+            result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
+        };
+        let Some(result) = self.result(&name).filter(is_its_original).cloned() else { return Ok(true) };
+        let Delivered { job, at, import, certainty, older, .. } = result;
+        let is_needed = certainty == Certainty::Uncertain
+            || import == Import::Due
+            || self.open.contains_key(&job.drop)
+            || self.at_work.contains_key(&job.drop);
+        if is_needed {
+            return Ok(false);
+        }
+        let record = Record::Done { job, original: String::new(), import, older, certainty };
+        self.append_line(Line { at, record }, true)?;
+        Ok(true)
+    }
+
+    /// A part is done and filed away.
+    pub(crate) fn learned(&mut self, drop: &DropId, sku: &str, original: &str) -> io::Result<()> {
+        let record = Record::Learned { drop: drop.clone(), sku: sku.into(), original: original.into() };
+        self.append(record, false)
+    }
+
+    /// A drop lies in the rejected folder.
+    pub(crate) fn rejected(
+        &mut self,
+        drop: &DropId,
+        code: &str,
+        to: &str,
+        part_of: Option<&Sku>,
+    ) -> io::Result<()> {
+        let part_of = part_of.map(|sku| sku.as_str().to_owned());
+        let record = Record::Rejected { drop: drop.clone(), code: code.into(), to: to.into(), part_of };
+        // Without this line on the disk, patterns might go on with the older shape after a crash.
+        let keep = matches!(&record, Record::Rejected { part_of: Some(_), .. });
+        self.append(record, keep)
+    }
+
+    /// Appends a line; with `flush` it survives a power cut. What fails leaves the journal as it was.
+    fn append(&mut self, record: Record, flush: bool) -> io::Result<()> {
+        self.append_line(Line { at: clock::now(), record }, flush)
+    }
+
+    fn append_line(&mut self, line: Line, flush: bool) -> io::Result<()> {
+        let text = written(&line)?;
+        if let Err(error) = self.write(text.as_bytes(), flush) {
+            // A line cut by a full disk would spoil the next one.
+            if let Some(file) = &self.file {
+                file.set_len(self.length)?;
+                file.sync_data()?;
+            }
+            return Err(crate::files::named(error, "cannot write", &self.folder.join(JOURNAL)));
+        }
+        self.length += text.len() as u64;
+        self.lines += 1;
+        self.apply(&line.at, line.record);
+        if self.lines > self.live() + IDLE_LINES {
+            self.write_anew_if_possible();
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, bytes: &[u8], flush: bool) -> io::Result<()> {
+        self.file()?;
+        let end = self.length;
+        let file = self.file()?;
+        file.seek(SeekFrom::Start(end))?;
+        file.write_all(bytes)?;
+        if flush { file.sync_data() } else { Ok(()) }
+    }
+
+    fn write_anew_if_possible(&mut self) {
+        if let Err(error) = self.write_anew() {
+            tracing::warn!("the journal stays long: {error}");
+            self.lines = 0;
+        }
+    }
+
+    fn apply(&mut self, at: &str, record: Record) {
+        match record {
+            Record::Tag { tag, home } => (self.tag, self.home, self.tag_is_kept) = (tag, home, true),
+            Record::Delivering { job: result, stamp, import, hot, tag } => {
+                let (drop, sku) = (result.drop.clone(), result.sku.clone());
+                self.open.insert(
+                    drop,
+                    OpenJob { stamp, sku, hot, stage: Stage::Renaming { result, import, tag } },
+                );
+            }
+            Record::Delivered { drop, certainty } => {
+                self.open.entry(drop).and_modify(|open| open.delivered(certainty));
+            }
+            Record::Began { drop, stamp } => {
+                let same = self.at_work.get(&drop).filter(|at_work| at_work.stamp == stamp);
+                let (deaths, last_death) =
+                    same.map_or((0, None), |last| (last.deaths, last.last_death.clone()));
+                self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: true });
+            }
+            Record::Ended { drop } => {
+                self.at_work.remove(&drop);
+            }
+            Record::Died { drop, stamp, deaths, boot, uptime } => {
+                let last_death = uptime.map(|uptime| Uptime { boot, since: Duration::from_secs(uptime) });
+                self.at_work.insert(drop, AtWork { stamp, deaths, last_death, under_way: false });
+            }
+            Record::Cancelled { drop } => {
+                self.open.remove(&drop);
+            }
+            Record::Filing { drop, sku, stamp, to, job, certainty, hot } => {
+                let result = job.map(|job| (job, certainty));
+                match self.open.get_mut(&drop) {
+                    Some(open) if open.stamp.is_same(stamp) => open.filing(result, to),
+                    // What needs no delivery is filed without one.
+                    _ => {
+                        self.open
+                            .insert(drop, OpenJob { stamp, sku, hot, stage: Stage::Filing { result, to } });
+                    }
+                }
+            }
+            Record::Done { job, original, import, older, certainty } => {
+                self.open.remove(&job.drop);
+                self.at_work.remove(&job.drop);
+                self.forget(&job.name);
+                if let Ok(sku) = job.sku.parse::<Sku>() {
+                    self.by_sku.entry(sku).or_default().insert(fold(&job.name));
+                }
+                if certainty == Certainty::Uncertain {
+                    self.uncertain.insert(fold(&job.name));
+                }
+                let result = Delivered { at: at.into(), original, job, import, certainty, older };
+                self.results.insert(fold(&result.job.name), result);
+            }
+            Record::Learned { drop, sku, .. } => {
+                self.open.remove(&drop);
+                self.at_work.remove(&drop);
+                if let Ok(sku) = sku.parse::<Sku>() {
+                    self.refused.remove(sku.key());
+                }
+            }
+            Record::Rejected { drop, to, part_of, .. } => {
+                self.open.remove(&drop);
+                self.at_work.remove(&drop);
+                if let Some(Ok(sku)) = part_of.map(|sku| sku.parse::<Sku>()) {
+                    self.refused.insert(sku.key().to_owned(), Refused { drop, to });
+                }
+            }
+        }
+    }
+
+    fn forget(&mut self, name: &str) {
+        self.uncertain.remove(&fold(name));
+        let Some(result) = self.results.remove(&fold(name)) else { return };
+        let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
+        if let Some(names) = self.by_sku.get_mut(&sku) {
+            names.remove(&fold(name));
+            if names.is_empty() {
+                self.by_sku.remove(&sku);
+            }
+        }
+    }
+
+    /// Writes what still counts, whole, over the old journal.
+    fn write_anew(&mut self) -> io::Result<()> {
+        if self.results.len() > MOST_RESULTS {
+            let mut by_age: Vec<_> =
+                self.results.values().map(|r| (r.at.clone(), r.job.name.clone())).collect();
+            by_age.sort();
+            let surplus = by_age.len() - MOST_RESULTS;
+            by_age.into_iter().take(surplus).for_each(|(_, name)| self.forget(&name));
+        }
+        let mut lines = Vec::new();
+        for result in self.results.values() {
+            let Delivered { job, original, import, older, certainty, .. } = result.clone();
+            let record = Record::Done { job, original, import, older, certainty };
+            lines.push(Line { at: result.at.clone(), record });
+        }
+        let at = clock::now();
+        let home = home_of(&self.folder);
+        lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone(), home } });
+        let mut push = |record| lines.push(Line { at: at.clone(), record });
+        for (sku, refused) in &self.refused {
+            let Refused { drop, to } = refused.clone();
+            push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
+        }
+        for (drop, at_work) in &self.at_work {
+            let AtWork { stamp, deaths, ref last_death, under_way } = *at_work;
+            let drop = drop.clone();
+            push(died(drop.clone(), stamp, deaths, last_death.clone()));
+            if under_way {
+                push(Record::Began { drop, stamp });
+            }
+        }
+        self.open.iter().flat_map(|(drop, open)| open.records(drop)).for_each(push);
+        let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;
+        // Windows replaces no file that is open.
+        self.file = None;
+        write_whole(&self.folder, JOURNAL, text.as_bytes())?;
+        (self.lines, self.length, self.tag_is_kept) = (lines.len(), text.len() as u64, true);
+        self.home = home;
+        Ok(())
+    }
+}
+
+/// A tag that no other station has: two machines may call their state folders the same and deliver into one folder.
+fn new_tag() -> String {
+    // The standard library draws the keys of its hashers at random.
+    format!("{:08x}", RandomState::new().hash_one(clock::now()) as u32)
+}
+
+/// Which folder the state folder is, so that a copy of it is known for one.
+#[cfg(unix)]
+fn home_of(folder: &Path) -> Option<Identity> {
+    crate::hotfolder::seen::folders::identity(folder)
+}
+
+/// Which folder the state folder is, so that a copy of it is known for one: a copy lies elsewhere.
+#[cfg(not(unix))]
+fn home_of(folder: &Path) -> Option<Identity> {
+    let full = fs::canonicalize(folder).ok()?;
+    let hash = blake3::hash(fold(&full.to_string_lossy()).as_bytes());
+    hash.as_bytes().first_chunk().map(|bytes| Identity::from_le_bytes(*bytes))
+}
+
+/// The tag of stations whose journal has none, as older versions wrote it.
+fn tag_of_older(folder: &Path) -> String {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
+}
+
+/// Whether the end of the station that is found now is another one than the last that was counted. Where the system does not
+/// tell the time, only the first one is, so that no drop is rejected for it.
+fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
+    match (&at_work.last_death, now) {
+        // Counted by an older version, which knew another clock.
+        (None, Some(_)) => true,
+        (None, None) => at_work.deaths == 0,
+        // The machine was started anew, which no clock that jumps can feign.
+        (Some(last), Some(now))
+            if ![&last.boot, &now.boot].contains(&&String::new()) && last.boot != now.boot =>
+        {
+            true
+        }
+        (Some(last), Some(now)) => now.passed_since(last) >= SHORTEST_LIFE,
+        (Some(_), None) => false,
+    }
+}
+
+fn died(drop: DropId, stamp: StampRecord, deaths: u32, last: Option<Uptime>) -> Record {
+    let uptime = last.as_ref().map(|last| last.since.as_secs());
+    Record::Died { drop, stamp, deaths, boot: last.map(|last| last.boot).unwrap_or_default(), uptime }
+}
+
+#[cfg(test)]
+mod tests;

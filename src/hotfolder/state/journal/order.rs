@@ -1,0 +1,66 @@
+//! The order of what the journal tells, for those who only read it.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+use super::JOURNAL;
+use super::line::{Line, Parsed, Record, parse};
+use crate::config::{Sku, fold};
+use crate::files::read_if_there;
+
+/// In which order the journal tells what became of drops, in lines: clocks may be set back.
+#[derive(Default)]
+pub(crate) struct Order {
+    /// By where they lie in the rejected folder, with `/`.
+    rejected: BTreeMap<String, usize>,
+    /// By the result's folded name, with the key of its job and the place of its original.
+    delivered: BTreeMap<String, (usize, String, String)>,
+    /// By the SKU's key.
+    learned: BTreeMap<String, usize>,
+}
+
+impl Order {
+    /// Reads the journal in the state folder, also while a station writes it.
+    pub(crate) fn read(state: &Path) -> io::Result<Self> {
+        let bytes = read_if_there(&state.join(JOURNAL))?.unwrap_or_default();
+        let mut order = Self::default();
+        for (number, line) in bytes.split_inclusive(|byte| *byte == b'\n').enumerate() {
+            let Parsed::Good(Line { record, .. }) = parse(line) else { continue };
+            match record {
+                Record::Rejected { to, .. } => {
+                    order.rejected.insert(to, number);
+                }
+                Record::Done { job, original, .. } if !job.drop.is_archived() => {
+                    let last = order.delivered.entry(fold(&job.name)).or_default();
+                    // A line that repeats the one before it only notes an import by BeamServer, or a basis.
+                    if (&last.1, &last.2) != (&job.key, &original) {
+                        *last = (number, job.key, original);
+                    }
+                }
+                Record::Learned { sku, .. } => {
+                    if let Ok(sku) = sku.parse::<Sku>() {
+                        order.learned.insert(sku.key().to_owned(), number);
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(order)
+    }
+
+    /// The line that says that this was rejected; `None` when the journal has been written anew since.
+    pub(crate) fn rejected(&self, to: &str) -> Option<usize> {
+        self.rejected.get(to).copied()
+    }
+
+    /// The line by which a drawing of this name was done.
+    pub(crate) fn delivered(&self, name: &str) -> Option<usize> {
+        self.delivered.get(&fold(name)).map(|(number, ..)| *number)
+    }
+
+    /// The line by which the SKU's part was done.
+    pub(crate) fn learned(&self, sku: &Sku) -> Option<usize> {
+        self.learned.get(sku.key()).copied()
+    }
+}

@@ -1,0 +1,18 @@
+//! What is remembered: the journal, who runs the station, what it is at, and what people ask of it.
+
+mod drop_id;
+mod holder;
+mod lock;
+mod journal;
+pub(crate) mod requests;
+mod shares;
+pub mod status;
+
+pub(crate) use drop_id::{DropId, with_slashes};
+pub use holder::Holder;
+pub(crate) use journal::{Certainty, Delivered, Import, Job, Journal, OpenJob, Order, Stage, StampRecord};
+pub(crate) use lock::HotLock;
+pub use lock::StationLock;
+pub use requests::Request;
+pub(crate) use shares::Shares;
+pub(crate) use status::{StatusBoard, UncertainDrawing, UnderWay};

@@ -1,0 +1,132 @@
+//! Which folders of the station lie on shares and disks that can go away.
+//!
+//! ```text
+//! state/shares.json       for each folder that was seen on one: where it is and where that was mounted
+//! ```
+//!
+//! When a share goes, its mount point stays as an empty folder. What is put there is on the wrong disk, and hidden as soon
+//! as the share is back; so a folder that was once seen on a mounted share or disk is only used while it is on one.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::FolderPaths;
+use crate::files::{read_if_there, write_whole};
+use crate::hotfolder::api::JobError;
+use crate::hotfolder::seen::folders::{device_of, mount_of};
+use crate::reason::Reason;
+
+const FILE: &str = "shares.json";
+/// The code of the reason for which drops wait for a share.
+const SHARE_MISSING: &str = "share-missing";
+
+/// What was seen of the folders that others than this station own, or that may lie elsewhere.
+pub(crate) struct Shares {
+    state: PathBuf,
+    seen: Mutex<BTreeMap<String, Seen>>,
+    /// The device of each folder when it was looked at last and was there: as long as it is the same, nothing came or went.
+    devices: Mutex<BTreeMap<PathBuf, u64>>,
+}
+
+/// A folder as it was seen.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Seen {
+    folder: PathBuf,
+    /// The mount point that it lies at or below.
+    mount: PathBuf,
+}
+
+impl Shares {
+    /// What the state folder says was seen; what cannot be read is seen anew.
+    pub(crate) fn open(state: &Path) -> Self {
+        let text = read_if_there(&state.join(FILE)).ok().flatten().unwrap_or_default();
+        let seen = serde_json::from_slice(&text).unwrap_or_default();
+        Self { state: state.into(), seen: Mutex::new(seen), devices: Mutex::default() }
+    }
+
+    /// Sees to it that the folders which results and originals go to lie where they did; with `closely` also where one
+    /// disk is mounted at several places.
+    ///
+    /// # Errors
+    /// With the share or disk that is not mounted.
+    pub(crate) fn are_there(&self, folders: &FolderPaths, closely: bool) -> Result<(), JobError> {
+        let FolderPaths { import, archive, rejected, reports, .. } = folders;
+        let all = [("import", import), ("archive", archive), ("rejected", rejected), ("reports", reports)];
+        for (purpose, folder) in all {
+            let device = device_of(folder);
+            let last = self.devices().remove(folder);
+            if (closely || device.is_none() || last != device)
+                && let Some(mount) = mount_of(folder)
+            {
+                self.is_there(purpose, Seen { folder: folder.clone(), mount })?;
+            }
+            self.devices().extend(device.map(|device| (folder.clone(), device)));
+        }
+        Ok(())
+    }
+
+    fn devices(&self) -> MutexGuard<'_, BTreeMap<PathBuf, u64>> {
+        self.devices.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_there(&self, purpose: &str, now: Seen) -> Result<(), JobError> {
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        match seen.get(purpose) {
+            Some(before) if *before == now => return Ok(()),
+            Some(before) if before.folder == now.folder && before.mount.starts_with(&now.mount) => {
+                return Err(JobError::Retry(self.missing(purpose, before)));
+            }
+            // What lies on the machine's own disk goes away with the machine.
+            None if now.mount.parent().is_none() => return Ok(()),
+            _ => {}
+        }
+        seen.insert(purpose.into(), now);
+        let written = serde_json::to_string_pretty(&*seen).map_err(std::io::Error::other);
+        // Until it is written, it is known as long as the station runs.
+        if let Err(error) = written.and_then(|text| write_whole(&self.state, FILE, text.as_bytes())) {
+            tracing::warn!("it cannot be noted that the {purpose} folder is on a share: {error}");
+        }
+        Ok(())
+    }
+
+    fn missing(&self, purpose: &str, before: &Seen) -> Reason {
+        let Seen { folder, mount } = before;
+        let what = format!(
+            "The {purpose} folder {} lay on a share or disk that is not mounted at {} now.",
+            folder.display(),
+            mount.display()
+        );
+        let remedy = format!(
+            "Mount it. If it is to be a plain folder from now on, remove {}.",
+            self.state.join(FILE).display()
+        );
+        Reason::new(SHARE_MISSING, what, remedy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_on_a_share_is_used_only_while_it_is_on_one() {
+        let state = tempfile::tempdir().unwrap();
+        let see = |shares: &Shares, folder: &str, mount: &str| {
+            shares.is_there("import", Seen { folder: folder.into(), mount: mount.into() }).is_ok()
+        };
+        let shares = Shares::open(state.path());
+        assert!(see(&shares, "/srv/import", "/") && see(&shares, "/srv/import", "/srv"));
+        assert!(!see(&shares, "/srv/import", "/"));
+        let shares = Shares::open(state.path());
+        assert!(!see(&shares, "/srv/import", "/"), "it is known after a restart");
+        assert!(see(&shares, "/srv/import", "/srv/import"), "another share on top of it");
+        assert!(!see(&shares, "/srv/import", "/srv"));
+        assert!(see(&shares, "/home/import", "/"), "the settings name another folder");
+        assert!(see(&shares, "/srv/import", "/"), "and the old one again");
+        std::fs::remove_file(state.path().join(FILE)).unwrap();
+        assert!(see(&Shares::open(state.path()), "/srv/import", "/"));
+    }
+}
