@@ -26,6 +26,7 @@ use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
 use crate::hotfolder::jobs::{Executor, Keeper, Kept, Reprocessing, filing};
 use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, StopSignal, Watcher};
+use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
     Delivered, HotLock, Journal, Request, Shares, StationLock, StatusBoard, UncertainDrawing, requests,
 };
@@ -38,6 +39,8 @@ use threads::Threads;
 
 /// How long an incomplete file is waited for after its writer closed it: some programs write in two goes.
 const INCOMPLETE_AFTER_CLOSE: Duration = Duration::from_secs(3);
+/// How long the station looks at delivered drawings before it sees to its drops again.
+const LOOK: Duration = Duration::from_millis(20);
 /// The station wakes at least this often, to say that it is alive and to look for requests.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Events that may wait to be heard; when there are more, the folder is listed instead.
@@ -92,6 +95,15 @@ pub fn run(
             }
         }
         let keeper = &keeper;
+        scope.spawn(|| {
+            let kept_short = guarded(|| {
+                keeper.keep_journal_short(|| executor.journal());
+                Ok(())
+            });
+            if let Err(error) = kept_short {
+                tracing::error!("the journal is not kept short any more: {}", error.into_reason().what);
+            }
+        });
         let cleaning = scope.spawn(|| {
             // Without it nothing is removed, and all else goes on.
             let cleaned = guarded(|| {
@@ -139,6 +151,7 @@ pub fn run(
         }
         // What it removed is in the status.
         let _ = cleaning.join();
+        keeper.end();
         dispatcher.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
@@ -205,6 +218,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn work_until_done(&mut self, pulse: &mut dyn FnMut(Pulse)) {
         loop {
             let ends = self.stop.is_raised() || self.stopped.is_some();
+            let mut looks_on = false;
             if !ends {
                 self.refresh_settings();
                 if self.now() >= self.rounds.is_due() {
@@ -212,7 +226,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
                 self.look_at_parked();
                 self.take_requests();
-                self.look_for_outdated();
+                looks_on = self.look_for_outdated();
                 self.hand_out();
             }
             pulse(Pulse::Alive);
@@ -234,6 +248,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 // What is ready and cannot begin waits for a job to finish, which is heard.
                 due = self.drops.next_due(self.lanes.made, &self.times()).unwrap_or(due);
                 next = if self.lanes.stale { now } else { next.min(due) };
+            }
+            if looks_on {
+                next = now;
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
                 Ok(message) => self.hear(message),
@@ -379,8 +396,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn deliver_again(&mut self, name: Option<&str>) {
         let archive = self.folders().archive.clone();
         let is_meant = |result: &Delivered| name.is_none_or(|name| result.is_called(name));
-        let results: Vec<Delivered> =
-            self.executor.journal().uncertain().filter(|result| is_meant(result)).cloned().collect();
+        let results: Vec<Delivered> = self.executor.journal().uncertain().filter(is_meant).collect();
         if results.is_empty() {
             match name {
                 Some(name) => tracing::warn!("{name} is not uncertain, and is not delivered again"),
@@ -402,22 +418,27 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Which delivered drawings would be others today.
-    fn look_for_outdated(&mut self) {
-        let skus = self.reprocessing.take_unchecked(|| self.executor.journal().skus());
-        for sku in skus {
-            if self.drops.has_part(&sku) || self.threads.are_busy_with(&sku) {
-                // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
-                if self.mode == Mode::UntilStopped || self.threads.are_busy_with(&sku) {
-                    self.reprocessing.check(sku);
-                }
-                continue;
+    /// Looks for a moment which delivered drawings would be others today; whether there is more to look at.
+    fn look_for_outdated(&mut self) -> bool {
+        let (started, station) = (Instant::now(), self.settings.station().clone());
+        loop {
+            let is_held = |sku: &Sku| self.drops.has_part(sku) || self.threads.are_busy_with(sku);
+            let next = self.reprocessing.next_unchecked(|| self.executor.journal().skus(), is_held);
+            let Some(sku) = next else { break };
+            if started.elapsed() >= LOOK {
+                return true;
             }
-            let Ok(settings) = self.job_settings(&sku) else { continue };
-            let station = self.settings.station().clone();
-            self.reprocessing.look_at(self.executor, &station, &sku, &settings);
+            match self.job_settings(&sku) {
+                Ok(settings) => self.reprocessing.look_at(self.executor, &station, &sku, &settings),
+                Err(_) => self.reprocessing.leave(&sku),
+            }
+        }
+        // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
+        if self.mode == Mode::Once {
+            self.reprocessing.leave_all(|sku| !self.threads.are_busy_with(sku));
         }
         self.reprocessing.answer();
+        false
     }
 
     fn write_status(&mut self, alive: bool) {
@@ -438,8 +459,13 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let view = crate::hotfolder::state::status::View {
             drops: &self.drops,
             under_way: self.threads.under_way(now),
-            outdated: self.reprocessing.marked(),
-            uncertain: self.executor.journal().uncertain().map(UncertainDrawing::from).collect(),
+            outdated: self.reprocessing.marked(LISTED),
+            uncertain: self
+                .executor
+                .journal()
+                .uncertain()
+                .map(|result| UncertainDrawing::from(&result))
+                .collect(),
             kept,
             troubles,
             now,

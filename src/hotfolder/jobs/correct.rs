@@ -48,7 +48,7 @@ impl<C: Corrector> Executor<'_, C> {
         let started = Instant::now();
         let name = delivered_as(pattern);
         // The first spelling stays: where files are told apart by it, another one would be a second drawing.
-        let name = &*self.journal().result(&name).map_or(name, |last| last.job.name.clone());
+        let name = &*self.journal().result(&name).map_or(name, |last| last.job.name);
         let is_of_use = |kept: &Kept| {
             kept.stamp == task.stamp && (kept.asked || !is_missing_for_server(&task.station, name))
         };
@@ -122,7 +122,7 @@ impl<C: Corrector> Executor<'_, C> {
             pattern,
             result: String::new(),
         };
-        let last = self.journal().result(name).cloned();
+        let last = self.journal().result(name);
         if task.drop.is_archived() && last.as_ref().is_some_and(|last| last.job.pattern != result.pattern) {
             let what = "The original in the archive is another one than was delivered.";
             let remedy = "Drop the drawing that is to be marked.";

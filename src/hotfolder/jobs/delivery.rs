@@ -168,7 +168,7 @@ pub(crate) fn retry_command(station: &Station, name: &str) -> String {
 
 /// Whether the drawing in the import folder is the one that BeamConstruct holds.
 fn is_held(journal: &Journal, station: &Station, name: &str, drawing: &[u8]) -> bool {
-    let is_it = |last: &Delivered| last.held() == hash_of(drawing);
+    let is_it = |last: Delivered| last.held() == hash_of(drawing);
     station.delivery.kind == DeliveryKind::Beamserver && journal.result(name).is_some_and(is_it)
 }
 

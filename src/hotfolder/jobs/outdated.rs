@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::{Executor, is_comparable};
 use crate::config::{DeliveryKind, JobSettings, Outdated, Sku, Station, fold};
@@ -10,13 +11,14 @@ use crate::hotfolder::seen::Moment;
 use crate::hotfolder::state::{Delivered, DropId, Import};
 use crate::reason::Reason;
 
-/// SKUs that are looked at in one go: the station must stay responsive.
-const AT_ONCE: usize = 20;
+/// Results that are looked at in one go: the station must stay responsive.
+const SLICE: usize = 50;
 
 /// What is outdated, and what of it is to be corrected again.
 #[derive(Default)]
 pub(crate) struct Reprocessing {
-    unchecked: BTreeSet<Sku>,
+    /// The SKUs to look at, with how far that is.
+    unchecked: BTreeMap<Sku, Look>,
     /// Nothing was known of their parts when they were looked at.
     unknown: BTreeSet<Sku>,
     /// At the start and after a change of the station's settings every SKU counts.
@@ -25,6 +27,15 @@ pub(crate) struct Reprocessing {
     marked: BTreeMap<String, Marked>,
     /// What people asked to be corrected again: of one SKU or of all.
     asked: Vec<Option<Sku>>,
+}
+
+/// How far the results of a SKU were looked at.
+#[derive(Default)]
+struct Look {
+    /// The folded name of the last result.
+    after: Option<Arc<str>>,
+    /// How many were found outdated that were not before.
+    news: usize,
 }
 
 /// One outdated drawing.
@@ -62,7 +73,7 @@ impl Again {
 impl Reprocessing {
     /// The SKU's part or settings may be others now.
     pub(crate) fn check(&mut self, sku: Sku) {
-        self.unchecked.insert(sku);
+        self.unchecked.insert(sku, Look::default());
     }
 
     /// A job of the SKU is over, and may have found its part in the archive.
@@ -77,17 +88,30 @@ impl Reprocessing {
         self.all_checked = false;
     }
 
-    /// The SKUs to look at now.
-    pub(crate) fn take_unchecked(&mut self, all: impl FnOnce() -> BTreeSet<Sku>) -> Vec<Sku> {
+    /// The next SKU to look at that is not `held`.
+    pub(crate) fn next_unchecked(
+        &mut self,
+        all: impl FnOnce() -> BTreeSet<Sku>,
+        is_held: impl Fn(&Sku) -> bool,
+    ) -> Option<Sku> {
         if !std::mem::replace(&mut self.all_checked, true) {
-            self.unchecked.extend(all());
+            self.unchecked = all().into_iter().map(|sku| (sku, Look::default())).collect();
         }
-        let some: Vec<Sku> = self.unchecked.iter().take(AT_ONCE).cloned().collect();
-        self.unchecked.retain(|sku| !some.contains(sku));
-        some
+        self.unchecked.keys().find(|sku| !is_held(sku)).cloned()
     }
 
-    /// Marks what is outdated of the SKU, and lets it be corrected again if the station's settings say so.
+    /// The SKU cannot be looked at.
+    pub(crate) fn leave(&mut self, sku: &Sku) {
+        self.unchecked.remove(sku);
+    }
+
+    /// Nor can those.
+    pub(crate) fn leave_all(&mut self, these: impl Fn(&Sku) -> bool) {
+        self.unchecked.retain(|sku, _| !these(sku));
+    }
+
+    /// Marks what is outdated among the next results of the SKU, and lets it be corrected again if the station's settings
+    /// say so.
     pub(crate) fn look_at<C: Corrector>(
         &mut self,
         executor: &Executor<'_, C>,
@@ -95,69 +119,68 @@ impl Reprocessing {
         sku: &Sku,
         settings: &JobSettings,
     ) {
+        let Some(mut look) = self.unchecked.remove(sku) else { return };
+        // A cache that cannot be read now may be read later.
+        let Ok(part) = executor.identity(sku, settings) else {
+            self.unknown.insert(sku.clone());
+            return;
+        };
+        let (results, last) = executor.journal().results_of(sku, look.after.as_deref(), SLICE);
         let archive = station.folders.archive.join(sku.key());
-        executor.take_as_up_to_date(&station.folders, sku, settings);
-        let results = executor.journal().results_of(sku, |result| !result.original.is_empty());
-        let mut news = 0;
-        for result in results {
-            let name = result.job.name;
-            let original = archive.join(&result.original);
-            let settings = executor.settings_of_original(&original, settings);
-            let Ok(basis) = executor.basis(sku, &settings) else { continue };
-            let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
-            let key = fold(&name);
-            let is_outdated = match basis {
-                Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
-                // As long as its part is not known, it is what it was last found to be.
-                None => {
-                    self.unknown.insert(sku.clone());
-                    self.marked.contains_key(&key)
-                }
-            };
-            if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
-                continue;
-            }
-            if !is_outdated && !is_due {
-                self.forget(&name);
-                continue;
-            }
-            let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
-            let asked = station.delivery.outdated == Outdated::Correct;
-            let is_new = !self.marked.contains_key(&key);
-            news += usize::from(is_new && is_outdated);
-            if is_new && is_due {
-                tracing::info!("{name} is not in BeamConstruct yet");
-            }
-            let marked = self.marked.entry(key).or_insert(Marked {
-                again,
-                due: None,
-                under_way: false,
-                takes_long: false,
-                uncertain: false,
-                told: None,
-            });
-            if asked || is_due {
-                marked.due.get_or_insert(Moment::ZERO);
-            }
+        executor.rebase(&archive, &results, part.as_deref(), settings);
+        for result in results.into_iter().filter(|result| !result.original.is_empty()) {
+            let basis = part
+                .as_deref()
+                .map(|part| executor.basis_of_original(part, &archive.join(&result.original), settings));
+            look.news += usize::from(self.mark(station, sku, result, basis));
         }
-        if news > 0 {
-            let (drawings, them) = match news {
-                1 => (format!("1 delivered drawing of {sku} is"), "it"),
-                more => (format!("{more} delivered drawings of {sku} are"), "them"),
-            };
-            let outdated = format!("{drawings} outdated by a new part or new settings");
-            match station.delivery.outdated {
-                Outdated::Correct => {
-                    tracing::info!("{outdated}: isomark corrects {them} again from the archive");
-                }
-                Outdated::Mark => {
-                    let [station, name] =
-                        [&*station.file.to_string_lossy(), sku.as_str()].map(crate::reason::quoted);
-                    let command = format!("isomark retry {station} --outdated {name}");
-                    tracing::warn!("{outdated}: `{command}` corrects {them} again");
-                }
-            }
+        if last.is_some() {
+            look.after = last;
+            self.unchecked.insert(sku.clone(), look);
+        } else if look.news > 0 {
+            tell_of_outdated(station, sku, look.news);
         }
+    }
+
+    /// Marks a result if it is outdated or due, and forgets it otherwise; `basis` is what it would be made of today, if
+    /// the SKU's part is known. Whether it is outdated and was not before.
+    fn mark(&mut self, station: &Station, sku: &Sku, result: Delivered, basis: Option<String>) -> bool {
+        let name = result.job.name;
+        let key = fold(&name);
+        let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
+        let is_outdated = match basis {
+            Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
+            // As long as its part is not known, it is what it was last found to be.
+            None => {
+                self.unknown.insert(sku.clone());
+                self.marked.contains_key(&key)
+            }
+        };
+        if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
+            return false;
+        }
+        if !is_outdated && !is_due {
+            self.forget(&name);
+            return false;
+        }
+        let original = station.folders.archive.join(sku.key()).join(&result.original);
+        let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
+        let is_new = !self.marked.contains_key(&key);
+        if is_new && is_due {
+            tracing::info!("{name} is not in BeamConstruct yet");
+        }
+        let marked = self.marked.entry(key).or_insert(Marked {
+            again,
+            due: None,
+            under_way: false,
+            takes_long: false,
+            uncertain: false,
+            told: None,
+        });
+        if is_due || station.delivery.outdated == Outdated::Correct {
+            marked.due.get_or_insert(Moment::ZERO);
+        }
+        is_new && is_outdated
     }
 
     /// The next drawing to correct again whose SKU is free, and whether it takes long.
@@ -260,9 +283,26 @@ impl Reprocessing {
             && !self.marked.values().any(|m| m.under_way || m.due.is_some_and(|due| due <= now))
     }
 
-    /// The names of all outdated drawings, each with its SKU.
-    pub(crate) fn marked(&self) -> Vec<(String, Sku)> {
+    /// The number of outdated drawings, and the first `most` of them by name, each with its SKU.
+    pub(crate) fn marked(&self, most: usize) -> (usize, Vec<(String, Sku)>) {
+        let outdated = || self.marked.values().filter(|marked| !marked.uncertain);
         let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
-        self.marked.values().filter(|marked| !marked.uncertain).map(both).collect()
+        (outdated().count(), outdated().take(most).map(both).collect())
+    }
+}
+
+fn tell_of_outdated(station: &Station, sku: &Sku, count: usize) {
+    let (drawings, them) = match count {
+        1 => (format!("1 delivered drawing of {sku} is"), "it"),
+        more => (format!("{more} delivered drawings of {sku} are"), "them"),
+    };
+    let outdated = format!("{drawings} outdated by a new part or new settings");
+    match station.delivery.outdated {
+        Outdated::Correct => tracing::info!("{outdated}: isomark corrects {them} again from the archive"),
+        Outdated::Mark => {
+            let [station, name] = [&*station.file.to_string_lossy(), sku.as_str()].map(crate::reason::quoted);
+            let command = format!("isomark retry {station} --outdated {name}");
+            tracing::warn!("{outdated}: `{command}` corrects {them} again");
+        }
     }
 }

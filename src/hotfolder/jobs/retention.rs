@@ -1,4 +1,4 @@
-//! How long reports, archived originals and rejected drops are kept.
+//! How long reports, archived originals and rejected drops are kept, and how long the journal may become.
 //!
 //! A thread of its own looks through the folders, so that no drop waits for it. What it removes, nothing needs: the journal
 //! is asked first, and forgets an archived original before the file goes. So a crash between the two leaves a file that the
@@ -23,11 +23,13 @@ use crate::hotfolder::clock;
 use crate::hotfolder::seen::names::CURRENT_PART;
 use crate::hotfolder::seen::{is_sidecar, sidecar_of};
 use crate::hotfolder::state::status::Kept;
-use crate::hotfolder::state::{Journal, with_slashes};
+use crate::hotfolder::state::{Journal, keep_short, with_slashes};
 use crate::printable::on_one_line;
 
 /// Time between two passes over the folders.
 const PAUSE: Duration = Duration::from_secs(3600);
+/// Time between two looks at the length of the journal.
+const JOURNAL_PAUSE: Duration = Duration::from_secs(1);
 /// Of what may go for want of space, so many are remembered in one pass: the oldest.
 const MOST_REMEMBERED: usize = 10_000;
 
@@ -78,6 +80,15 @@ impl Keeper {
     /// What was kept and removed last, once the folders were looked through.
     pub(crate) fn kept(&self) -> Option<Kept> {
         self.shared().kept.clone()
+    }
+
+    /// Writes the journal anew whenever it has become long, until the station ends.
+    pub(crate) fn keep_journal_short<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>) {
+        while !self.ends.load(Ordering::Acquire) {
+            keep_short(&journal);
+            let goes_on = |_: &mut Shared| !self.ends.load(Ordering::Acquire);
+            drop(self.wake.wait_timeout_while(self.shared(), JOURNAL_PAUSE, goes_on));
+        }
     }
 
     /// Passes over the folders at the start, after each change of the settings and then every hour, until the station

@@ -1,6 +1,7 @@
 //! Which shape a SKU has now: from the cache, from the archive, or from another station that shares the cache.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{MutexGuard, PoisonError};
 
 use super::{Executor, basis, filing, intake};
@@ -11,6 +12,9 @@ use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
 use crate::hotfolder::seen::folders;
 use crate::hotfolder::state::Delivered;
 use crate::reason::Reason;
+
+/// Results that are looked at while no other job can use the journal.
+const SLICE: usize = 200;
 
 impl<C: Corrector> Executor<'_, C> {
     fn shapes(&self) -> MutexGuard<'_, BTreeMap<Sku, (JobSettings, String)>> {
@@ -42,24 +46,53 @@ impl<C: Corrector> Executor<'_, C> {
         changed
     }
 
+    /// What the SKU's part is known by; `None` as long as it is not known.
+    pub(crate) fn identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
+        guarded(|| self.corrector.part_identity(sku, settings))
+    }
+
     /// The basis of a drawing of the SKU that is made now; `None` as long as its part is not known.
     pub(crate) fn basis(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
-        let part = guarded(|| self.corrector.part_identity(sku, settings))?;
-        Ok(part.map(|part| basis::basis(&part, settings)))
+        Ok(self.identity(sku, settings)?.map(|part| basis::basis(&part, settings)))
+    }
+
+    /// The basis that the drawing of an archived original has today.
+    pub(crate) fn basis_of_original(&self, part: &str, original: &Path, settings: &JobSettings) -> String {
+        basis::basis(part, &self.settings_of_original(original, settings))
     }
 
     /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now:
     /// what changes from now on outdates them.
     pub(crate) fn take_as_up_to_date(&self, folders: &FolderPaths, sku: &Sku, settings: &JobSettings) {
+        let Ok(part) = self.identity(sku, settings) else { return };
         let archive = folders.archive.join(sku.key());
-        let older = self.journal().results_of(sku, Delivered::is_of_older_form);
-        let present = |result: &Delivered| {
-            let settings = self.settings_of_original(&archive.join(&result.original), settings);
-            self.basis(sku, &settings).ok().flatten()
-        };
-        let bases = older.iter().filter_map(|result| Some((&*result.job.name, present(result)?)));
-        let bases: Vec<_> = bases.collect();
-        tell_trouble(self.journal().rebase(bases));
+        let mut last = None;
+        loop {
+            let (results, next) = self.journal().results_of(sku, last.as_deref(), SLICE);
+            if next.is_none() {
+                return;
+            }
+            self.rebase(&archive, &results, part.as_deref(), settings);
+            last = next;
+        }
+    }
+
+    /// The same for some of them; `part` is what the SKU's part is known by.
+    pub(crate) fn rebase(
+        &self,
+        archive: &Path,
+        results: &[Delivered],
+        part: Option<&str>,
+        settings: &JobSettings,
+    ) {
+        let Some(part) = part else { return };
+        let older = results.iter().filter(|result| result.is_of_older_form());
+        let present =
+            |result: &Delivered| self.basis_of_original(part, &archive.join(&result.original), settings);
+        let bases: Vec<_> = older.map(|result| (&*result.job.name, present(result))).collect();
+        if !bases.is_empty() {
+            tell_trouble(self.journal().rebase(bases));
+        }
     }
 
     /// Says how many delivered drawings have a basis that an older version wrote.

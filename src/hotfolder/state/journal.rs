@@ -21,19 +21,22 @@
 
 mod line;
 mod order;
+mod results;
+mod rewriting;
 mod stage;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{BuildHasher, RandomState};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use fs_err as fs;
 
 use super::DropId;
 use crate::config::{Sku, fold};
-use crate::files::{read_if_there, sync_folder, write_whole};
+use crate::files::sync_folder;
 use crate::hotfolder::clock;
 use crate::hotfolder::clock::Uptime;
 use crate::hotfolder::jobs::is_comparable;
@@ -43,6 +46,9 @@ use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 pub(crate) use line::{Certainty, Import, Job, StampRecord};
 use line::{Line, Parsed, Record, parse, written};
 pub(crate) use order::Order;
+use results::Results;
+use rewriting::NewJournal;
+pub(crate) use rewriting::keep_short;
 pub(crate) use stage::{OpenJob, Stage};
 
 const JOURNAL: &str = "journal.log";
@@ -81,6 +87,12 @@ impl Delivered {
         !self.original.is_empty() && !is_comparable(&self.job.basis)
     }
 
+    /// The line that tells it.
+    fn line(self) -> Line {
+        let Self { job, at, original, import, certainty, older } = self;
+        Line { at, record: Record::Done { job, original, import, older, certainty } }
+    }
+
     /// Hash of the result that the marking software has.
     pub(crate) fn held(&self) -> &str {
         if self.import == Import::Due { &self.older } else { &self.job.result }
@@ -111,12 +123,9 @@ pub(crate) struct Journal {
     length: u64,
     lines: usize,
     open: BTreeMap<DropId, OpenJob>,
-    /// By their names, folded: on a Windows share two spellings are one file.
-    results: BTreeMap<String, Delivered>,
-    /// The folded names of the results of each SKU.
-    by_sku: BTreeMap<Sku, BTreeSet<String>>,
-    /// The folded names of the results that may not have been delivered.
-    uncertain: BTreeSet<String>,
+    results: Results,
+    /// The folded names of the results that came while the journal is written anew.
+    changed: Option<BTreeSet<Arc<str>>>,
     refused: BTreeMap<String, Refused>,
     at_work: BTreeMap<DropId, AtWork>,
 }
@@ -139,7 +148,12 @@ impl Journal {
     /// # Errors
     /// When the folder cannot be read or written; `InvalidData` for a line that a newer version wrote.
     pub(crate) fn open(folder: &Path) -> io::Result<Self> {
-        let bytes = read_if_there(&folder.join(JOURNAL))?.unwrap_or_default();
+        let mut file = match std::fs::File::open(folder.join(JOURNAL)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            file => Some(BufReader::new(
+                file.map_err(|error| crate::files::named(error, "cannot read", &folder.join(JOURNAL)))?,
+            )),
+        };
         let mut journal = Self {
             folder: folder.into(),
             tag: String::new(),
@@ -150,16 +164,20 @@ impl Journal {
             length: 0,
             lines: 0,
             open: BTreeMap::new(),
-            results: BTreeMap::new(),
-            by_sku: BTreeMap::new(),
-            uncertain: BTreeSet::new(),
+            results: Results::default(),
+            changed: None,
             refused: BTreeMap::new(),
             at_work: BTreeMap::new(),
         };
         let (mut damaged, mut read) = (0, 0);
-        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+        let mut line = Vec::new();
+        while let Some(file) = &mut file {
+            line.clear();
+            if file.read_until(b'\n', &mut line)? == 0 {
+                break;
+            }
             read += line.len() as u64;
-            match parse(line) {
+            match parse(&line) {
                 Parsed::Good(line) => {
                     journal.apply(&line.at, line.record);
                     journal.length = read;
@@ -276,8 +294,8 @@ impl Journal {
     }
 
     /// The newest results that may not have been delivered.
-    pub(crate) fn uncertain(&self) -> impl Iterator<Item = &Delivered> {
-        self.uncertain.iter().filter_map(|name| self.results.get(name))
+    pub(crate) fn uncertain(&self) -> impl Iterator<Item = Delivered> {
+        self.results.uncertain()
     }
 
     /// All jobs that were begun and not filed away.
@@ -286,30 +304,34 @@ impl Journal {
     }
 
     /// The newest result of a name, however it is spelled.
-    pub(crate) fn result(&self, name: &str) -> Option<&Delivered> {
-        self.results.get(&fold(name))
+    pub(crate) fn result(&self, name: &str) -> Option<Delivered> {
+        self.results.get(name)
     }
 
-    /// The newest results of a SKU that are as asked.
-    pub(crate) fn results_of(&self, sku: &Sku, asked: impl Fn(&Delivered) -> bool) -> Vec<Delivered> {
-        let names = self.by_sku.get(sku).into_iter().flatten();
-        let results = names.filter_map(|name| self.results.get(name));
-        results.filter(|result| asked(result)).cloned().collect()
+    /// At most `most` of the newest results of a SKU, in the order of their folded names behind that of `after`, with the
+    /// last one's folded name: there may be a hundred thousand.
+    pub(crate) fn results_of(
+        &self,
+        sku: &Sku,
+        after: Option<&str>,
+        most: usize,
+    ) -> (Vec<Delivered>, Option<Arc<str>>) {
+        self.results.of_sku(sku, after, most)
     }
 
     /// Number of results whose basis an older version wrote.
     pub(crate) fn of_older_form(&self) -> usize {
-        self.results.values().filter(|result| result.is_of_older_form()).count()
+        self.results.iter().filter(Delivered::is_of_older_form).count()
     }
 
     /// The SKUs of all results.
     pub(crate) fn skus(&self) -> BTreeSet<Sku> {
-        self.by_sku.keys().cloned().collect()
+        self.results.skus().cloned().collect()
     }
 
     /// Whether drawings of the SKU were delivered.
     pub(crate) fn has_results(&self, sku: &Sku) -> bool {
-        self.by_sku.contains_key(sku)
+        self.results.has_any_of(sku)
     }
 
     /// Whether patterns wait because of the part at this place in the rejected folder.
@@ -385,8 +407,7 @@ impl Journal {
     /// Replaces the basis that an older version wrote in the results of these names, unless their drop is being done.
     pub(crate) fn rebase(&mut self, bases: Vec<(&str, String)>) -> io::Result<()> {
         for (name, basis) in bases {
-            let result = self.result(name).filter(|result| result.is_of_older_form());
-            let Some(result) = result.cloned() else { continue };
+            let Some(result) = self.result(name).filter(Delivered::is_of_older_form) else { continue };
             let Delivered { job, at, original, import, certainty, older } = result;
             if self.open.contains_key(&job.drop) || self.at_work.contains_key(&job.drop) {
                 continue;
@@ -415,10 +436,10 @@ impl Journal {
             return Ok(false);
         }
         let name = delivered_as(again.file_name());
-        let is_its_original = |result: &&Delivered| {
+        let is_its_original = |result: &Delivered| {
             result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
         };
-        let Some(result) = self.result(&name).filter(is_its_original).cloned() else { return Ok(true) };
+        let Some(result) = self.result(&name).filter(is_its_original) else { return Ok(true) };
         let Delivered { job, at, import, certainty, older, .. } = result;
         let is_needed = certainty == Certainty::Uncertain
             || import == Import::Due
@@ -471,9 +492,6 @@ impl Journal {
         self.length += text.len() as u64;
         self.lines += 1;
         self.apply(&line.at, line.record);
-        if self.lines > self.live() + IDLE_LINES {
-            self.write_anew_if_possible();
-        }
         Ok(())
     }
 
@@ -536,15 +554,11 @@ impl Journal {
             Record::Done { job, original, import, older, certainty } => {
                 self.open.remove(&job.drop);
                 self.at_work.remove(&job.drop);
-                self.forget(&job.name);
-                if let Ok(sku) = job.sku.parse::<Sku>() {
-                    self.by_sku.entry(sku).or_default().insert(fold(&job.name));
-                }
-                if certainty == Certainty::Uncertain {
-                    self.uncertain.insert(fold(&job.name));
-                }
                 let result = Delivered { at: at.into(), original, job, import, certainty, older };
-                self.results.insert(fold(&result.job.name), result);
+                let name = self.results.insert(&result);
+                if let Some(changed) = &mut self.changed {
+                    changed.insert(name);
+                }
             }
             Record::Learned { drop, sku, .. } => {
                 self.open.remove(&drop);
@@ -563,56 +577,57 @@ impl Journal {
         }
     }
 
-    fn forget(&mut self, name: &str) {
-        self.uncertain.remove(&fold(name));
-        let Some(result) = self.results.remove(&fold(name)) else { return };
-        let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
-        if let Some(names) = self.by_sku.get_mut(&sku) {
-            names.remove(&fold(name));
-            if names.is_empty() {
-                self.by_sku.remove(&sku);
-            }
+    /// Forgets the oldest results when there are too many.
+    fn forget_surplus(&mut self) {
+        let surplus = self.results.len().saturating_sub(MOST_RESULTS);
+        if surplus == 0 {
+            return;
         }
+        let mut by_age: Vec<_> = self.results.iter().map(|result| (result.at, result.job.name)).collect();
+        by_age.sort();
+        by_age.into_iter().take(surplus).for_each(|(_, name)| self.results.remove(&name));
     }
 
     /// Writes what still counts, whole, over the old journal.
     fn write_anew(&mut self) -> io::Result<()> {
-        if self.results.len() > MOST_RESULTS {
-            let mut by_age: Vec<_> =
-                self.results.values().map(|r| (r.at.clone(), r.job.name.clone())).collect();
-            by_age.sort();
-            let surplus = by_age.len() - MOST_RESULTS;
-            by_age.into_iter().take(surplus).for_each(|(_, name)| self.forget(&name));
+        self.forget_surplus();
+        let mut new = NewJournal::begin(&self.folder)?;
+        for result in self.results.iter() {
+            new.put(&result.line())?;
         }
-        let mut lines = Vec::new();
-        for result in self.results.values() {
-            let Delivered { job, original, import, older, certainty, .. } = result.clone();
-            let record = Record::Done { job, original, import, older, certainty };
-            lines.push(Line { at: result.at.clone(), record });
-        }
+        self.replace_by(new)
+    }
+
+    /// The lines of all that counts but the results.
+    fn lines_but_results(&self) -> Vec<Line> {
         let at = clock::now();
-        let home = home_of(&self.folder);
-        lines.push(Line { at: at.clone(), record: Record::Tag { tag: self.tag.clone(), home } });
-        let mut push = |record| lines.push(Line { at: at.clone(), record });
+        let tag = Record::Tag { tag: self.tag.clone(), home: home_of(&self.folder) };
+        let mut records = vec![tag];
         for (sku, refused) in &self.refused {
             let Refused { drop, to } = refused.clone();
-            push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
+            records.push(Record::Rejected { drop, to, code: String::new(), part_of: Some(sku.clone()) });
         }
         for (drop, at_work) in &self.at_work {
             let AtWork { stamp, deaths, ref last_death, under_way } = *at_work;
             let drop = drop.clone();
-            push(died(drop.clone(), stamp, deaths, last_death.clone()));
+            records.push(died(drop.clone(), stamp, deaths, last_death.clone()));
             if under_way {
-                push(Record::Began { drop, stamp });
+                records.push(Record::Began { drop, stamp });
             }
         }
-        self.open.iter().flat_map(|(drop, open)| open.records(drop)).for_each(push);
-        let text: String = lines.iter().map(written).collect::<io::Result<_>>()?;
+        records.extend(self.open.iter().flat_map(|(drop, open)| open.records(drop)));
+        records.into_iter().map(|record| Line { at: at.clone(), record }).collect()
+    }
+
+    /// Puts a new journal, which has all results, in the place of this one.
+    fn replace_by(&mut self, mut new: NewJournal) -> io::Result<()> {
+        for line in self.lines_but_results() {
+            new.put(&line)?;
+        }
         // Windows replaces no file that is open.
         self.file = None;
-        write_whole(&self.folder, JOURNAL, text.as_bytes())?;
-        (self.lines, self.length, self.tag_is_kept) = (lines.len(), text.len() as u64, true);
-        self.home = home;
+        (self.lines, self.length) = new.keep(&self.folder)?;
+        (self.home, self.tag_is_kept) = (home_of(&self.folder), true);
         Ok(())
     }
 }

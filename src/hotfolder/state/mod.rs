@@ -10,7 +10,9 @@ pub mod status;
 
 pub(crate) use drop_id::{DropId, with_slashes};
 pub use holder::Holder;
-pub(crate) use journal::{Certainty, Delivered, Import, Job, Journal, OpenJob, Order, Stage, StampRecord};
+pub(crate) use journal::{
+    Certainty, Delivered, Import, Job, Journal, OpenJob, Order, Stage, StampRecord, keep_short,
+};
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;
 pub use requests::Request;

@@ -27,7 +27,7 @@ const LONGEST_INTERVAL: Duration = Duration::from_secs(10);
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 const HOUR: Duration = Duration::from_secs(3600);
 /// Entries of a list that are written out; the rest is counted.
-const LISTED: usize = 500;
+pub(crate) const LISTED: usize = 500;
 const ERRORS: usize = 20;
 
 /// A station as it was at one moment.
@@ -245,7 +245,8 @@ pub(crate) struct StatusBoard {
 pub(crate) struct View<'a> {
     pub(crate) drops: &'a Drops,
     pub(crate) under_way: Vec<UnderWay>,
-    pub(crate) outdated: Vec<(String, Sku)>,
+    /// How many there are, and the first [`LISTED`].
+    pub(crate) outdated: (usize, Vec<(String, Sku)>),
     pub(crate) uncertain: Vec<UncertainDrawing>,
     pub(crate) kept: Option<Kept>,
     pub(crate) troubles: Vec<String>,
@@ -333,7 +334,9 @@ impl StatusBoard {
         // What waits goes on waiting while it is tried again; what is read for the first time lacks nothing yet.
         waiting.retain(|drop| drop.waits_for != WaitsFor::Turn || !running(drop));
         let incomplete = incomplete.into_iter().filter(|drop| !running(drop)).collect();
-        let outdated = view.outdated.iter();
+        let (count, outdated) = &view.outdated;
+        let outdated =
+            outdated.iter().map(|(name, sku)| OutdatedDrawing { name: name.clone(), sku: sku.to_string() });
         Status {
             schema: SCHEMA.into(),
             station: self.station.clone(),
@@ -347,11 +350,7 @@ impl StatusBoard {
             under_way: view.under_way.clone(),
             waiting: waits(waiting),
             incomplete: waits(incomplete),
-            outdated: listed(
-                outdated
-                    .map(|(name, sku)| OutdatedDrawing { name: name.clone(), sku: sku.to_string() })
-                    .collect(),
-            ),
+            outdated: Listed { count: *count, first: outdated.collect() },
             uncertain: listed(view.uncertain.clone()),
             rejections: self.rejections.iter().cloned().collect(),
             kept: view.kept.clone(),

@@ -33,8 +33,9 @@ impl Order {
                 }
                 Record::Done { job, original, .. } if !job.drop.is_archived() => {
                     let last = order.delivered.entry(fold(&job.name)).or_default();
-                    // A line that repeats the one before it only notes an import by BeamServer, or a basis.
-                    if (&last.1, &last.2) != (&job.key, &original) {
+                    // A line that repeats the one before it only notes an import by BeamServer, a basis, or that the
+                    // original was removed.
+                    if last.1 != job.key || (last.2 != original && !original.is_empty()) {
                         *last = (number, job.key, original);
                     }
                 }

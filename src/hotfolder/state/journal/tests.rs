@@ -1,5 +1,6 @@
 use super::line::checksum;
 use super::*;
+use std::sync::Mutex;
 
 fn id(drop: &str) -> DropId {
     DropId::from(drop.to_owned())
@@ -21,9 +22,7 @@ fn job(name: &str, key: &str) -> Job {
 const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
 
 /// Everything that counts, for comparison.
-fn state(
-    journal: &Journal,
-) -> (BTreeMap<DropId, OpenJob>, BTreeMap<String, Delivered>, BTreeMap<String, Refused>) {
+fn state(journal: &Journal) -> (BTreeMap<DropId, OpenJob>, Results, BTreeMap<String, Refused>) {
     (journal.open.clone(), journal.results.clone(), journal.refused.clone())
 }
 
@@ -48,7 +47,7 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
     }
     assert!(journal.begun(&id("b.dxf"), STAMP).is_some());
     assert!(journal.begun(&id("b.dxf"), Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
-    assert_eq!(journal.results_of(&sku, |_| true).len(), 1);
+    assert_eq!(journal.results_of(&sku, None, 9).0.len(), 1);
     assert_eq!(journal.uncertain().count(), 1);
     drop(journal);
     let whole = fs::read(folder.path().join(JOURNAL)).unwrap();
@@ -232,7 +231,8 @@ fn a_journal_that_was_replaced_goes_on_at_its_end() {
     fs::write(folder.path().join(JOURNAL), line).unwrap();
     journal.done(&job("c.dxf", "1"), "c.dxf", Import::ByFolder, Certainty::Certain).unwrap();
     let journal = Journal::open(folder.path()).unwrap();
-    assert_eq!(journal.results.keys().collect::<Vec<_>>(), ["a.dxf", "c.dxf"]);
+    let names: Vec<_> = journal.results.iter().map(|result| result.job.name).collect();
+    assert_eq!(names, ["a.dxf", "c.dxf"]);
 }
 
 #[test]
@@ -243,6 +243,9 @@ fn a_long_journal_is_written_anew_with_what_counts() {
         journal.done(&job("a.dxf", &round.to_string()), "a.dxf", Import::Done, Certainty::Certain).unwrap();
     }
     journal.delivering(&job("b.dxf", "x"), STAMP, Some(7)).unwrap();
+    let journal = Mutex::new(journal);
+    keep_short(|| journal.lock().unwrap());
+    let mut journal = journal.into_inner().unwrap();
     journal.done(&job("a.dxf", "last"), "a.dxf", Import::Due, Certainty::Certain).unwrap();
     let before = state(&journal);
     assert!(journal.lines < 100 && journal.length < 10_000, "{} lines", journal.lines);
@@ -251,6 +254,40 @@ fn a_long_journal_is_written_anew_with_what_counts() {
     let journal = Journal::open(folder.path()).unwrap();
     assert_eq!(journal.result("a.dxf"), before.1.get("a.dxf"));
     assert!(journal.begun(&id("b.dxf"), STAMP).unwrap().is_delivered());
+}
+
+#[test]
+fn what_comes_while_the_journal_is_written_anew_is_not_lost() {
+    const RESULTS: usize = 3000;
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    let name = |number: usize| format!("{number:05}.dxf");
+    let done = |journal: &mut Journal, number: usize, key: &str| {
+        let name = name(number);
+        journal.done(&job(&name, key), &name, Import::ByFolder, Certainty::Certain).unwrap();
+    };
+    for number in 0..RESULTS {
+        done(&mut journal, number, "old");
+    }
+    journal.lines += IDLE_LINES + 2;
+    let journal = Mutex::new(journal);
+    // A job is done each time when the journal is free.
+    let turn = std::cell::Cell::new(0);
+    keep_short(|| {
+        let mut guard = journal.lock().unwrap();
+        let number = turn.replace(turn.get() + 1);
+        if number > 1 {
+            done(&mut guard, number * 100, "new");
+            done(&mut guard, RESULTS + number, "new");
+        }
+        guard
+    });
+    let journal = journal.into_inner().unwrap();
+    assert!(turn.get() > 10 && journal.lines < 2 * RESULTS, "{} turns, {} lines", turn.get(), journal.lines);
+    let expected = state(&journal);
+    drop(journal);
+    assert_eq!(state(&Journal::open(folder.path()).unwrap()), expected);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
 }
 
 /// What an older version wrote as the basis of a drawing tells nothing.
@@ -268,19 +305,19 @@ fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
     // A drop that is being done again must not be taken for done.
     journal.delivering(&job("busy.dxf", "2"), STAMP, Some(7)).unwrap();
     assert_eq!(journal.of_older_form(), 2);
-    let before = journal.result("a.dxf").cloned().unwrap();
+    let before = journal.result("a.dxf").unwrap();
     let text = |basis: &str| basis.to_owned();
     let bases = || ["a.dxf", "busy.dxf", "lost.dxf", "none.dxf"].map(|name| (name, text("v2:77"))).to_vec();
     journal.rebase(bases()).unwrap();
     let after = Delivered { job: Job { basis: text("v2:77"), ..before.job.clone() }, ..before };
     for mut journal in [journal, Journal::open(folder.path()).unwrap()] {
-        assert_eq!(journal.result("a.dxf"), Some(&after));
+        assert_eq!(journal.result("a.dxf").as_ref(), Some(&after));
         assert_eq!(journal.result("busy.dxf").unwrap().job.basis, "b");
         assert!(journal.begun(&id("busy.dxf"), STAMP).is_some());
         assert_eq!(journal.result("lost.dxf").unwrap().job.basis, "b");
         // It is not replaced a second time.
         journal.rebase(vec![("a.dxf", text("v2:88"))]).unwrap();
-        assert_eq!(journal.result("a.dxf"), Some(&after));
+        assert_eq!(journal.result("a.dxf").as_ref(), Some(&after));
     }
 }
 

@@ -1,0 +1,275 @@
+//! The newest result of each name. A station remembers a hundred thousand of them, so each is packed into one block of
+//! bytes, in which hashes take half of the digits that they are written with.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Bound::{Excluded, Unbounded};
+use std::sync::Arc;
+
+use super::line::{Certainty, Import, Job};
+use super::{Delivered, DropId};
+use crate::config::{Sku, fold};
+
+/// Results by their names, folded: on a Windows share two spellings are one file.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Results {
+    all: BTreeMap<Arc<str>, Packed>,
+    by_sku: BTreeMap<Sku, BTreeSet<Arc<str>>>,
+    uncertain: BTreeSet<Arc<str>>,
+}
+
+impl Results {
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<Delivered> {
+        self.all.get(&*fold(name))?.unpack()
+    }
+
+    /// Takes in a result in the place of an older one of its name; returns the name, folded.
+    pub(super) fn insert(&mut self, result: &Delivered) -> Arc<str> {
+        self.remove(&result.job.name);
+        let name: Arc<str> = fold(&result.job.name).into();
+        if let Ok(sku) = result.job.sku.parse::<Sku>() {
+            self.by_sku.entry(sku).or_default().insert(name.clone());
+        }
+        if result.certainty == Certainty::Uncertain {
+            self.uncertain.insert(name.clone());
+        }
+        self.all.insert(name.clone(), Packed::of(result));
+        name
+    }
+
+    pub(super) fn remove(&mut self, name: &str) {
+        let name = fold(name);
+        self.uncertain.remove(&*name);
+        let Some(sku) =
+            self.all.remove(&*name).and_then(|result| result.unpack()?.job.sku.parse::<Sku>().ok())
+        else {
+            return;
+        };
+        if let Some(names) = self.by_sku.get_mut(&sku) {
+            names.remove(&*name);
+            if names.is_empty() {
+                self.by_sku.remove(&sku);
+            }
+        }
+    }
+
+    /// All results in the order of their folded names.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Delivered> {
+        self.all.values().filter_map(Packed::unpack)
+    }
+
+    /// At most `most` results behind a folded name, with the last one's.
+    pub(super) fn after(&self, name: Option<&str>, most: usize) -> (Vec<Delivered>, Option<Arc<str>>) {
+        let start = name.map_or(Unbounded, Excluded);
+        let some: Vec<_> = self.all.range::<str, _>((start, Unbounded)).take(most).collect();
+        let last = some.last().map(|(name, _)| Arc::clone(name));
+        (some.into_iter().filter_map(|(_, result)| result.unpack()).collect(), last)
+    }
+
+    /// At most `most` results of a SKU behind a folded name, with the last one's.
+    pub(super) fn of_sku(
+        &self,
+        sku: &Sku,
+        after: Option<&str>,
+        most: usize,
+    ) -> (Vec<Delivered>, Option<Arc<str>>) {
+        let Some(names) = self.by_sku.get(sku) else { return (Vec::new(), None) };
+        let start = after.map_or(Unbounded, Excluded);
+        let some: Vec<_> = names.range::<str, _>((start, Unbounded)).take(most).collect();
+        let results = some.iter().filter_map(|name| self.all.get(*name)?.unpack()).collect();
+        (results, some.last().map(|name| Arc::clone(name)))
+    }
+
+    pub(super) fn uncertain(&self) -> impl Iterator<Item = Delivered> {
+        self.uncertain.iter().filter_map(|name| self.all.get(name)?.unpack())
+    }
+
+    /// The SKUs that there are results of.
+    pub(super) fn skus(&self) -> impl Iterator<Item = &Sku> {
+        self.by_sku.keys()
+    }
+
+    pub(super) fn has_any_of(&self, sku: &Sku) -> bool {
+        self.by_sku.contains_key(sku)
+    }
+}
+
+/// A result in one block of bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Packed(Box<[u8]>);
+
+/// How a text is packed.
+const TEXT: u8 = 0;
+/// Two lower-case hexadecimal digits a byte.
+const HEXADECIMAL: u8 = 1;
+/// It is the result's name.
+const NAME: u8 = 2;
+
+impl Packed {
+    fn of(result: &Delivered) -> Self {
+        let Delivered { job, at, original, import, certainty, older } = result;
+        let Job { drop, sku, name, key, basis, pattern, result } = job;
+        let import = match import {
+            Import::ByFolder => 0,
+            Import::Due => 1,
+            Import::Done => 2,
+        };
+        let mut bytes = vec![import, u8::from(*certainty == Certainty::Uncertain)];
+        put(&mut bytes, name, "");
+        // What stands before the hash in a basis names its form.
+        let (form, hash) = basis.rsplit_once(':').map_or(("", &**basis), |(form, hash)| (form, hash));
+        bytes.push(u8::from(basis.contains(':')));
+        for text in [&drop.to_string(), sku, key, form, hash, pattern, result, at, original, older] {
+            put(&mut bytes, text, name);
+        }
+        Self(bytes.into())
+    }
+
+    /// The result; always there, because nobody else packs any.
+    fn unpack(&self) -> Option<Delivered> {
+        let mut bytes = &*self.0;
+        let import = match take(&mut bytes, 1)? {
+            [0] => Import::ByFolder,
+            [1] => Import::Due,
+            _ => Import::Done,
+        };
+        let certainty = if take(&mut bytes, 1)? == [0] { Certainty::Certain } else { Certainty::Uncertain };
+        let name = text(&mut bytes, "")?;
+        let has_form = take(&mut bytes, 1)? == [1];
+        let mut next = || text(&mut bytes, &name);
+        let (drop, sku, key, form, hash) = (DropId::from(next()?), next()?, next()?, next()?, next()?);
+        let (pattern, result, at, original, older) = (next()?, next()?, next()?, next()?, next()?);
+        let basis = if has_form { format!("{form}:{hash}") } else { hash };
+        let job = Job { drop, sku, name, key, basis, pattern, result };
+        Some(Delivered { job, at, original, import, certainty, older })
+    }
+}
+
+fn put(bytes: &mut Vec<u8>, text: &str, name: &str) {
+    let is_hexadecimal =
+        text.len() % 2 == 0 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+    let value = |digit: u8| if digit.is_ascii_digit() { digit - b'0' } else { digit - b'a' + 10 };
+    if text == name && !name.is_empty() {
+        bytes.push(NAME);
+    } else if is_hexadecimal {
+        bytes.push(HEXADECIMAL);
+        put_length(bytes, text.len() / 2);
+        bytes.extend(text.as_bytes().chunks_exact(2).map(|pair| value(pair[0]) << 4 | value(pair[1])));
+    } else {
+        bytes.push(TEXT);
+        put_length(bytes, text.len());
+        bytes.extend(text.as_bytes());
+    }
+}
+
+/// Seven bits a byte, the low ones first; the last byte is below 128.
+fn put_length(bytes: &mut Vec<u8>, mut length: usize) {
+    while length >= 128 {
+        bytes.push((length % 128) as u8 + 128);
+        length /= 128;
+    }
+    bytes.push(length as u8);
+}
+
+fn take<'b>(bytes: &mut &'b [u8], count: usize) -> Option<&'b [u8]> {
+    let (taken, rest) = bytes.split_at_checked(count)?;
+    *bytes = rest;
+    Some(taken)
+}
+
+fn text(bytes: &mut &[u8], name: &str) -> Option<String> {
+    let kind = *take(bytes, 1)?.first()?;
+    if kind == NAME {
+        return Some(name.to_owned());
+    }
+    let (mut length, mut factor) = (0, 1);
+    loop {
+        let byte = usize::from(*take(bytes, 1)?.first()?);
+        length += byte % 128 * factor;
+        if byte < 128 {
+            break;
+        }
+        factor *= 128;
+    }
+    let content = take(bytes, length)?;
+    match kind {
+        HEXADECIMAL => Some(content.iter().map(|byte| format!("{byte:02x}")).collect()),
+        _ => String::from_utf8(content.to_vec()).ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn result(words: &[String; 9], import: Import, certainty: Certainty) -> Delivered {
+        let [drop, sku, name, key, basis, pattern, result, original, older] = words.clone();
+        let job = Job { drop: DropId::from(drop), sku, name, key, basis, pattern, result };
+        Delivered { job, at: "2026-03-01T12:34:56Z".into(), original, import, certainty, older }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_packed_comes_back(
+            words in proptest::array::uniform9("(|[0-9a-f]{32}|v[0-9]:[0-9a-f]{64}|archive:can/[a-c(). 0-9/]{1,9}|.{0,200}|:+)"),
+            import in proptest::sample::select(vec![Import::ByFolder, Import::Due, Import::Done]),
+            certain in any::<bool>(),
+            same in any::<bool>(),
+        ) {
+            let certainty = if certain { Certainty::Certain } else { Certainty::Uncertain };
+            let mut words = words;
+            if same {
+                words[7] = words[2].clone();
+            }
+            let meant = result(&words, import, certainty);
+            prop_assert_eq!(Packed::of(&meant).unpack(), Some(meant));
+        }
+    }
+
+    #[test]
+    fn a_usual_result_takes_a_quarter_of_its_line() {
+        let hash = |byte: &str| byte.repeat(32);
+        let words = ["mug@date.dxf", "mug", "mug@date.dxf", &hash("ab")[..32], &format!("v2:{}", hash("cd"))];
+        let rest = [&*hash("01"), &*hash("ef"), "mug@date.dxf", ""];
+        let words: Vec<String> = words.into_iter().chain(rest).map(str::to_owned).collect();
+        let packed = Packed::of(&result(&words.try_into().unwrap(), Import::ByFolder, Certainty::Certain));
+        assert!(packed.0.len() < 180, "{} bytes", packed.0.len());
+    }
+
+    #[test]
+    fn results_are_found_by_name_by_sku_and_in_slices() {
+        let mut results = Results::default();
+        let named = |name: &str, sku: &str, certainty| {
+            let mut words: [String; 9] = Default::default();
+            (words[1], words[2]) = (sku.into(), name.into());
+            result(&words, Import::ByFolder, certainty)
+        };
+        for name in ["a.dxf", "C.dxf", "b.dxf"] {
+            results.insert(&named(name, "Can", Certainty::Certain));
+        }
+        results.insert(&named("d.dxf", "mug", Certainty::Uncertain));
+        results.insert(&named("c.dxf", "mug", Certainty::Certain));
+        let (can, mug): (Sku, Sku) = ("can".parse().unwrap(), "mug".parse().unwrap());
+        let names = |(results, last): (Vec<Delivered>, Option<Arc<str>>)| {
+            (
+                results.into_iter().map(|result| result.job.name).collect::<Vec<_>>(),
+                last.map(|last| last.to_string()),
+            )
+        };
+        let some = |names: &[&str], last: &str| {
+            (names.iter().map(|name| name.to_string()).collect(), Some(last.to_owned()))
+        };
+        assert_eq!(names(results.of_sku(&can, None, 9)), some(&["a.dxf", "b.dxf"], "b.dxf"));
+        assert_eq!(names(results.of_sku(&mug, Some("c.dxf"), 9)), some(&["d.dxf"], "d.dxf"));
+        assert_eq!(names(results.after(None, 3)), some(&["a.dxf", "b.dxf", "c.dxf"], "c.dxf"));
+        assert_eq!(names(results.after(Some("d.dxf"), 3)), (vec![], None));
+        assert_eq!(results.uncertain().count(), 1);
+        results.remove("D.dxf");
+        results.remove("c.dxf");
+        assert!(!results.has_any_of(&mug) && results.uncertain().count() == 0 && results.len() == 2);
+    }
+}
