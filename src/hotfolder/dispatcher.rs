@@ -24,7 +24,7 @@ use crate::config::{ConfigError, FolderPaths, JobSettings, LiveSettings, LogSett
 use crate::diff;
 use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
-use crate::hotfolder::jobs::{Executor, Keeper, Kept, Reprocessing, filing};
+use crate::hotfolder::jobs::{Executor, Keeper, Reprocessing, Unfiled, filing};
 use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, StopSignal, Watcher};
 use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
@@ -132,7 +132,7 @@ pub fn run(
             lanes: Lanes::new(executor.journal().suspects()),
             started: Instant::now(),
             rounds: Rounds::default(),
-            kept: BTreeMap::new(),
+            unfiled: BTreeMap::new(),
             settings_changes: 0,
             late: Late::default(),
             next_look_at_parked: Moment::ZERO,
@@ -203,7 +203,7 @@ struct Dispatcher<'a, C> {
     started: Instant,
     rounds: Rounds,
     /// Patterns whose result is delivered while report or original could not be filed yet.
-    kept: BTreeMap<PathBuf, Kept>,
+    unfiled: BTreeMap<PathBuf, Unfiled>,
     /// How often the settings changed so far.
     settings_changes: u64,
     late: Late,
@@ -221,7 +221,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let mut looks_on = false;
             if !ends {
                 self.refresh_settings();
-                if self.now() >= self.rounds.is_due() {
+                if self.now() >= self.rounds.due() {
                     self.list();
                 }
                 self.look_at_parked();
@@ -239,7 +239,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let mut due = Moment::MAX;
             // A station that ends does neither.
             if !ends {
-                next = next.min(self.rounds.is_due());
+                next = next.min(self.rounds.due());
             }
             if !ends && !self.executor.parking.is_empty() {
                 next = next.min(self.next_look_at_parked.max(now));
@@ -253,7 +253,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 next = now;
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
-                Ok(message) => self.hear(message),
+                Ok(message) => self.drain_events(message),
                 // Something may have settled or healed.
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.lanes.stale = true,
             }
@@ -273,12 +273,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 );
             }
             Err(StationError::Lock { source, .. }) => {
-                return self.trouble(format!("the state folder {state} cannot be made anew: {source}"));
+                return self
+                    .rounds
+                    .trouble(format!("the state folder {state} cannot be made anew: {source}"));
             }
             Err(error) => return self.stopped = Some(error.reason()),
         }
         if let Err(error) = self.executor.journal().keep_in_place() {
-            self.trouble(format!("the journal was removed and cannot be written anew: {error}"));
+            self.rounds.trouble(format!("the journal was removed and cannot be written anew: {error}"));
         }
     }
 
@@ -357,7 +359,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     self.status.follow(station);
                     self.keeper.follow(station);
                     self.reprocessing.check_all();
-                    self.rounds.is_due_now();
+                    self.rounds.make_due();
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;

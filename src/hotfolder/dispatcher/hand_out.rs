@@ -10,7 +10,7 @@ use crate::config::{ConfigError, JobSettings};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::Corrector;
-use crate::hotfolder::jobs::{Again, Task, Work};
+use crate::hotfolder::jobs::{Recorrection, Task, Work};
 use crate::hotfolder::seen::{Block, Found, Gap, Meaning, Obstacle, Stamp, Verdict, delivered_as, folders};
 use crate::hotfolder::state::DropId;
 use crate::reason::Reason;
@@ -73,9 +73,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = matches!(drop.block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
-        let chance =
-            Chance { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
-        self.start(path, (id, relative), work, stamp, chance);
+        let attempt =
+            Attempt { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
+        self.start(path, (id, relative), work, stamp, attempt);
     }
 
     fn start(
@@ -84,14 +84,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         (drop, relative): (DropId, PathBuf),
         work: Work,
         stamp: Stamp,
-        chance: Chance,
+        attempt: Attempt,
     ) {
         let settings = match work.sku().map(|sku| self.job_settings(sku)) {
             None => JobSettings::default(),
             Some(Ok(settings)) => settings,
             Some(Err(error)) => {
                 if let Work::CorrectAgain { sku, name } = &work {
-                    return self.correct_again_later(sku, &delivered_as(name), error.reason());
+                    return self.postpone_recorrection(sku, &delivered_as(name), error.reason());
                 }
                 let obstacle = match error {
                     ConfigError::BeingSaved { .. } => Obstacle::SettingsBeingSaved,
@@ -108,26 +108,26 @@ impl<C: Corrector> Dispatcher<'_, C> {
             station: self.settings.station().clone(),
             settings,
             stamp,
-            last_chance: chance.last_chance,
+            last_chance: attempt.last_chance,
             // Nothing waits for what is done alone.
-            pace: if chance.large || chance.alone { Pace::Any } else { Pace::Quick },
-            doomed: chance.doomed,
+            pace: if attempt.large || attempt.alone { Pace::Any } else { Pace::Quick },
+            doomed: attempt.doomed,
             settling: self.drops.settling_beside(path, self.now(), &self.times()),
-            waits_for_import: chance.waits_for_import,
-            kept: self.kept.remove(path),
+            waits_for_import: attempt.waits_for_import,
+            unfiled: self.unfiled.remove(path),
             sidecar: self.drops.sidecar_beside(path),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {
             if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
         }
         let mut running = Running::of(&task, self.now());
-        (running.large, running.alone) = (chance.large, chance.alone);
+        (running.large, running.alone) = (attempt.large, attempt.alone);
         running.companions_came = self.late.companions_came;
         running.settings_changes = self.settings_changes;
         self.threads.begin(task, running);
     }
 
-    fn correct_again(&mut self, again: Again, takes_long: bool, large_too: bool) {
+    fn correct_again(&mut self, again: Recorrection, takes_long: bool, large_too: bool) {
         let look = folders::look(&again.original);
         let Ok(Some(Found::File(stamp))) = look else {
             tracing::warn!("{} cannot be corrected again: its original is not in the archive", again.name);
@@ -141,13 +141,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         // The archived original bears the pattern's name.
         let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let work = Work::CorrectAgain { sku: again.sku, name };
-        let chance = Chance { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
-        self.start(&again.original, (drop, PathBuf::new()), work, stamp, chance);
+        let attempt =
+            Attempt { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
+        self.start(&again.original, (drop, PathBuf::new()), work, stamp, attempt);
     }
 }
 
 /// What is known of a drop's chances before it is read.
-struct Chance {
+struct Attempt {
     last_chance: bool,
     doomed: Option<Reason>,
     waits_for_import: bool,

@@ -29,8 +29,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     /// Lists the hot folder: whatever events said or did not say, this is how it is.
     pub(super) fn list(&mut self) {
         let now = self.now();
-        self.rounds.complaints.next_round();
-        self.rounds.troubles.clear();
+        self.rounds.begin();
         self.settings.refresh_skus();
         self.tell_settings_events();
         self.late.forget_before(now);
@@ -50,7 +49,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         self.rounds.rests_until = listed + REST_AFTER_LISTING * (listed - begun);
         match listing {
             Ok(listing) => self.take_in(listing),
-            Err(error) => return self.trouble(format!("the hot folder cannot be listed: {error}")),
+            Err(error) => return self.rounds.trouble(format!("the hot folder cannot be listed: {error}")),
         }
         if folders_are_there {
             self.close_what_was_interrupted();
@@ -72,7 +71,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     hot.display(),
                     network.as_secs_f64()
                 );
-                self.tell_once(words);
+                self.rounds.warn_once(words);
                 (Backend::Poll, network)
             }
             Backend::Auto => (Backend::Native, watch.rescan),
@@ -91,7 +90,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 _ => None,
             });
         if let Some(reason) = &trouble {
-            self.trouble(reason.on_one_line());
+            self.rounds.trouble(reason.on_one_line());
         }
         trouble.is_none()
     }
@@ -120,21 +119,21 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn take_in(&mut self, listing: folders::Listing) {
         let hot = self.folders().hot.clone();
         for error in &listing.unseen {
-            self.trouble(format!("something in the hot folder cannot be looked at: {error}"));
+            self.rounds.trouble(format!("something in the hot folder cannot be looked at: {error}"));
         }
         for folder in &listing.too_deep {
-            self.trouble(format!(
+            self.rounds.trouble(format!(
                 "nobody looks into {}, a folder in a SKU's folder: move its files up into that",
                 folder.display()
             ));
         }
         let mut found = BTreeSet::new();
         for (path, what) in listing.drops {
-            self.see(&hot, &path, what, Writer::Unknown);
+            self.observe(&hot, &path, what, Writer::Unknown);
             found.insert(path);
         }
         self.drops.keep_only(&found);
-        self.kept.retain(|path, _| found.contains(path));
+        self.unfiled.retain(|path, _| found.contains(path));
     }
 
     /// Patterns go on whose SKU has a surface by now; what is wrong with that is told when their turn comes.
@@ -169,7 +168,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let Self { executor, threads, rounds, .. } = self;
         let mut journal = executor.journal();
         let is_at_work = |drop: &DropId| threads.are_at(drop);
-        let complain = |words| rounds.complaints.tell(words);
+        let complain = |words| rounds.warn_once(words);
         recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
         if !std::mem::replace(&mut rounds.swept, true) {
             recovery::sweep(&station.folders, &journal);
@@ -212,23 +211,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     );
                 }
                 Err(error) => {
-                    self.tell_once(format!("{} stays there: {error}", place.display()));
+                    self.rounds.warn_once(format!("{} stays there: {error}", place.display()));
                 }
             }
         }
     }
 
-    /// Something is wrong with the hot folder itself.
-    pub(super) fn trouble(&mut self, words: String) {
-        self.rounds.trouble(words);
-    }
-
-    pub(super) fn tell_once(&mut self, words: String) {
-        self.rounds.complaints.tell(words);
-    }
-
     /// Takes in what was signalled, beginning with `first`.
-    pub(super) fn hear(&mut self, first: Message) {
+    pub(super) fn drain_events(&mut self, first: Message) {
         // For each path when it was first named, which is the order of the drops, and what its writer did last.
         let (mut hints, mut overflow) = (BTreeMap::new(), false);
         let (mut next, mut turn) = (Some(first), 0);
@@ -261,18 +251,18 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let mut hints: Vec<_> = hints.into_iter().collect();
         hints.sort_by_key(|(_, (turn, _))| *turn);
         for (path, (_, writer)) in hints {
-            self.hint(&hot, &path, writer);
+            self.apply_event(&hot, &path, writer);
         }
         if overflow {
             self.drops.events_were_lost();
-            self.rounds.is_due_now();
+            self.rounds.make_due();
         }
     }
 
     /// Looks at one path that an event named.
-    pub(super) fn hint(&mut self, hot: &Path, path: &Path, writer: Writer) {
+    pub(super) fn apply_event(&mut self, hot: &Path, path: &Path, writer: Writer) {
         let Ok(relative) = path.strip_prefix(hot) else {
-            self.rounds.is_due_now();
+            self.rounds.make_due();
             return;
         };
         let depth = relative.components().count();
@@ -289,17 +279,17 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 // A whole folder was renamed into place, so its files are whole, too.
                 let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
                 for (path, what) in entries {
-                    self.see(hot, &path, what, Writer::Renamed);
+                    self.observe(hot, &path, what, Writer::Renamed);
                 }
             }
             Ok(Some(Found::File(_) | Found::Other(_))) if depth == 0 => {}
-            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.see(hot, path, what, writer),
+            Ok(Some(what @ (Found::File(_) | Found::Other(_)))) => self.observe(hot, path, what, writer),
             Ok(None) if depth > 0 => self.drops.forget(path),
-            Ok(_) | Err(_) => self.rounds.is_due_now(),
+            Ok(_) | Err(_) => self.rounds.make_due(),
         }
     }
 
-    pub(super) fn see(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
+    pub(super) fn observe(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
         let still_for = match (self.mode, what) {
             // There is no later look, so the file's own time must tell how long it has stood still.
             (Mode::Once, Found::File(Stamp { modified: Some(modified), .. })) => {

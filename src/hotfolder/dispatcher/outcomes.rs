@@ -18,7 +18,7 @@ const FIRST_PAUSE: Duration = Duration::from_millis(250);
 /// The longest pause between two tries, so that a healed folder is noticed soon.
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 /// Delivered drawings whose reports and previews are held in memory until they can be filed.
-const MOST_KEPT: usize = 200;
+const MOST_UNFILED: usize = 200;
 
 impl<C: Corrector> Dispatcher<'_, C> {
     /// A job is over.
@@ -31,7 +31,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             self.reprocessing.check_if_unknown(sku);
         }
         if let Work::CorrectAgain { sku, name } = &running.work {
-            return self.finished_again(sku, &delivered_as(name), outcome);
+            return self.finished_recorrection(sku, &delivered_as(name), outcome);
         }
         // Whatever else happened may let other drops go on.
         self.lanes.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
@@ -103,10 +103,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             Outcome::PartRefused(reason) => self.retry_later(path, Obstacle::RefusedPart, reason),
             Outcome::NoImportFolder(reason) => self.retry_later(path, Obstacle::NoImportFolder, reason),
-            Outcome::Retry(reason, kept) => {
-                // Without what is kept, the journal says how far the job came, and it is worked through again.
-                if let Some(kept) = kept.filter(|_| self.kept.len() < MOST_KEPT) {
-                    self.kept.insert(path.into(), *kept);
+            Outcome::Retry(reason, unfiled) => {
+                // Without it, the journal says how far the job came, and it is worked through again.
+                if let Some(unfiled) = unfiled.filter(|_| self.unfiled.len() < MOST_UNFILED) {
+                    self.unfiled.insert(path.into(), *unfiled);
                 }
                 self.retry_later(path, Obstacle::Other, reason);
             }
@@ -119,7 +119,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    pub(super) fn finished_again(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
+    pub(super) fn finished_recorrection(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
         match outcome {
             Outcome::Delivered | Outcome::Repeated => {
                 self.tally.delivered += 1;
@@ -134,12 +134,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.reprocessing.check(sku.clone());
             }
             // It stays marked: other settings may do.
-            Outcome::Rejected(_) => self.reprocessing.again_later(name, self.now(), true),
+            Outcome::Rejected(_) => self.reprocessing.postpone(name, self.now(), true),
             Outcome::Retry(reason, _)
             | Outcome::NoImportFolder(reason)
             | Outcome::PartRefused(reason)
             | Outcome::NoSurface(reason) => {
-                self.correct_again_later(sku, name, reason);
+                self.postpone_recorrection(sku, name, reason);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
             // Somebody asked for it, and nothing else would deliver it.
@@ -148,7 +148,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             {
                 let what = "A part came, or the original in the archive changed, while it was corrected.";
                 let remedy = "Nothing: it is tried again. With `--once`, ask for it again.";
-                self.correct_again_later(sku, name, Reason::new("correction-overtaken", what, remedy));
+                self.postpone_recorrection(sku, name, Reason::new("correction-overtaken", what, remedy));
             }
             // The part may come to nothing, and then it is as outdated as before.
             Outcome::PartCame => {
@@ -163,9 +163,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 
     /// An archived original cannot be corrected again now.
-    pub(super) fn correct_again_later(&mut self, sku: &Sku, name: &str, reason: Reason) {
+    pub(super) fn postpone_recorrection(&mut self, sku: &Sku, name: &str, reason: Reason) {
         let (now, once) = (self.now(), self.mode == Mode::Once);
-        self.reprocessing.again_later(name, now + LONGEST_PAUSE, once);
+        self.reprocessing.postpone(name, now + LONGEST_PAUSE, once);
         if self.reprocessing.is_news(name, &reason) {
             tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
         }
@@ -215,7 +215,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let hot = self.folders().hot.clone();
         match folders::look(path) {
             Ok(Some(what)) => {
-                self.see(&hot, path, what, Writer::Unknown);
+                self.observe(&hot, path, what, Writer::Unknown);
             }
             _ => self.drops.forget(path),
         }

@@ -12,47 +12,43 @@ pub(super) struct Rounds {
     pub(super) rests_until: Moment,
     pub(super) hot_is_missing: bool,
     pub(super) troubles: Vec<String>,
-    pub(super) complaints: Complaints,
+    /// What is wrong in each listing, told when it begins, and in which round it was last heard of; what is healed and
+    /// comes back is told again.
+    warned: BTreeMap<String, u64>,
+    number: u64,
     /// What crashes left behind was removed.
     pub(super) swept: bool,
 }
 
 impl Rounds {
-    pub(super) fn is_due(&self) -> Moment {
+    /// Begins another round: what the last one did not find any more has healed.
+    pub(super) fn begin(&mut self) {
+        self.warned.retain(|_, number| *number == self.number);
+        self.number += 1;
+        self.troubles.clear();
+    }
+
+    /// When it is due.
+    pub(super) fn due(&self) -> Moment {
         self.next.max(self.rests_until)
     }
 
     /// Only a listing tells what there is.
-    pub(super) fn is_due_now(&mut self) {
+    pub(super) fn make_due(&mut self) {
         self.next = Moment::ZERO;
     }
 
     /// Something is wrong with the hot folder itself.
     pub(super) fn trouble(&mut self, words: String) {
-        self.complaints.tell(words.clone());
+        self.warn_once(words.clone());
         self.troubles.push(words);
     }
-}
 
-/// What is wrong in each listing, told when it begins; what is healed and comes back is told again.
-#[derive(Default)]
-pub(super) struct Complaints {
-    /// Each with the round in which it was last heard of.
-    told: BTreeMap<String, u64>,
-    round: u64,
-}
-
-impl Complaints {
-    pub(super) fn tell(&mut self, words: String) {
-        if !self.told.contains_key(&words) {
+    /// Something is wrong that stays so.
+    pub(super) fn warn_once(&mut self, words: String) {
+        if !self.warned.contains_key(&words) {
             tracing::warn!("{words}");
         }
-        self.told.insert(words, self.round);
-    }
-
-    /// What the last round did not find any more has healed.
-    pub(super) fn next_round(&mut self) {
-        self.told.retain(|_, round| *round == self.round);
-        self.round += 1;
+        self.warned.insert(words, self.number);
     }
 }

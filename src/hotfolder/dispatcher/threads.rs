@@ -141,7 +141,7 @@ impl Running {
             alone: false,
             companions_came: 0,
             settings_changes: 0,
-            was_delivered: task.kept.is_some(),
+            was_delivered: task.unfiled.is_some(),
             is_spare: false,
         }
     }

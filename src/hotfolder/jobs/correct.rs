@@ -7,7 +7,7 @@ use super::delivery::{self, How};
 use super::finish::{Ready, is_missing_for_server};
 use super::intake::Read;
 use super::resume::{Inputs, Original, Resume};
-use super::{Broken, Executor, Kept, Outcome, Task, filing, recovery};
+use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold};
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, Delivery, JobError};
@@ -42,19 +42,19 @@ impl<C: Corrector> Executor<'_, C> {
         task: &Task,
         sku: &Sku,
         pattern: &str,
-        kept: Option<Kept>,
+        unfiled: Option<Unfiled>,
         slot: &mut Option<Read>,
-    ) -> Result<Outcome, Broken> {
+    ) -> Result<Outcome, EarlyEnd> {
         let started = Instant::now();
         let name = delivered_as(pattern);
         // The first spelling stays: where files are told apart by it, another one would be a second drawing.
         let name = &*self.journal().result(&name).map_or(name, |last| last.job.name);
-        let is_of_use = |kept: &Kept| {
-            kept.stamp == task.stamp && (kept.asked || !is_missing_for_server(&task.station, name))
+        let is_of_use = |unfiled: &Unfiled| {
+            unfiled.stamp == task.stamp && (unfiled.asked || !is_missing_for_server(&task.station, name))
         };
-        if let Some(kept) = kept.filter(is_of_use) {
+        if let Some(unfiled) = unfiled.filter(is_of_use) {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
-            return self.finish(&Ready { task, sku, pattern, name, read }, kept);
+            return self.finish(&Ready { task, sku, pattern, name, read }, unfiled);
         }
         self.expect_surface(task, sku)?;
         let read = &*slot.insert(self.read(task, Some(pattern))?);
@@ -81,28 +81,28 @@ impl<C: Corrector> Executor<'_, C> {
             )?,
         };
         drawing.tell(how, &made.summary, previous.as_deref());
-        let kept = drawing.kept(how, made, before.map(|before| before.import));
-        self.finish(&drawing.ready, kept)
+        let unfiled = drawing.unfiled(how, made, before.map(|before| before.import));
+        self.finish(&drawing.ready, unfiled)
     }
 
     /// Without a surface a pattern waits.
-    fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), Broken> {
+    fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), EarlyEnd> {
         // The shape that settings give by its sizes is never that of a file.
         let is_from_file = task.settings.part.figure.is_none();
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
-            return Err(Broken::Outcome(Outcome::PartRefused(reason)));
+            return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
             let what = format!("The pattern waits for a part: no surface of {sku} is known.");
             let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
-            return Err(Broken::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
+            return Err(EarlyEnd::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
         }
         self.note_shape(sku, &task.settings, false);
         Ok(())
     }
 
     /// Gathers what the drawing is made of.
-    fn prepare<'a>(&self, ready: Ready<'a>, started: Instant) -> Result<Correction<'a>, Broken> {
+    fn prepare<'a>(&self, ready: Ready<'a>, started: Instant) -> Result<Correction<'a>, EarlyEnd> {
         let Ready { task, sku, name, read, .. } = ready;
         let settings = match &read.sidecar {
             Some((path, text)) => {
@@ -183,11 +183,11 @@ impl<C: Corrector> Executor<'_, C> {
         &self,
         drawing: &mut Correction,
         was_delivered: bool,
-    ) -> Result<(Delivery, Option<Vec<u8>>), Broken> {
+    ) -> Result<(Delivery, Option<Vec<u8>>), EarlyEnd> {
         let Ready { task, sku, name, read, .. } = drawing.ready;
         let folders = &task.station.folders;
         let import_is_there = || match folders.import_trouble() {
-            Some(reason) => Err(Broken::Outcome(Outcome::NoImportFolder(reason))),
+            Some(reason) => Err(EarlyEnd::Outcome(Outcome::NoImportFolder(reason))),
             None => Ok(()),
         };
         // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.
@@ -206,7 +206,7 @@ impl<C: Corrector> Executor<'_, C> {
         self.shares.are_there(folders, false)?;
         // Files that are dropped together come one after the other, the drawing first perhaps.
         if !was_delivered && self.overtaken().contains(sku) {
-            return Err(Broken::Outcome(Outcome::PartCame));
+            return Err(EarlyEnd::Outcome(Outcome::PartCame));
         }
         Ok((made, previous))
     }
@@ -214,13 +214,13 @@ impl<C: Corrector> Executor<'_, C> {
 
 impl Before {
     /// What is left to be done when the report cannot be made any more.
-    fn without_report(self, task: &Task) -> Kept {
+    fn without_report(self, task: &Task) -> Unfiled {
         tracing::warn!(
             "part or settings changed since the station was interrupted while it delivered {}: \
              it has no report of its own",
             self.result.name
         );
-        Kept {
+        Unfiled {
             stamp: task.stamp,
             job: self.result,
             certainty: self.certainty,
@@ -272,7 +272,7 @@ impl Correction<'_> {
     }
 
     /// What is left to be done with the drawing; its preview is drawn. `import` is what an interrupted job left.
-    fn kept(&self, how: How, mut made: Delivery, import: Option<Import>) -> Kept {
+    fn unfiled(&self, how: How, mut made: Delivery, import: Option<Import>) -> Unfiled {
         let Ready { task, name, .. } = self.ready;
         (made.drawing, made.check) = (Vec::new(), None);
         let import = match (import, &self.last) {
@@ -287,7 +287,7 @@ impl Correction<'_> {
             guarded(|| Ok(draw())).map_err(trouble).ok()
         });
         let (job, certainty) = (self.result.clone(), how.certainty());
-        Kept { stamp: task.stamp, job, certainty, delivery: made, preview, import, asked: false }
+        Unfiled { stamp: task.stamp, job, certainty, delivery: made, preview, import, asked: false }
     }
 }
 

@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::intake::{self, Intake, Read};
-use super::{Broken, End, Outcome, Task, Work, filing};
+use super::{EarlyEnd, End, Outcome, Task, Work, filing};
 use crate::config::{JobSettings, Sku};
 use crate::files::read_if_there;
 use crate::hotfolder::api::{Corrector, JobError, PartLearned};
@@ -32,7 +32,7 @@ pub(crate) struct Executor<'a, C> {
     pub(super) overtaken: Mutex<BTreeSet<Sku>>,
     /// Archived parts that cannot be fitted with these settings.
     pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
-    pub(super) beamserver: beamserver::Turns,
+    pub(super) beamserver: beamserver::Gate,
     pub(crate) shares: Shares,
     pub(crate) parking: Parking,
     /// The name of the surface that each SKU was last seen to have under these settings.
@@ -46,7 +46,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             journal: Mutex::new(journal),
             overtaken: Mutex::default(),
             unfit_archive: Mutex::default(),
-            beamserver: beamserver::Turns::new(stop),
+            beamserver: beamserver::Gate::new(stop),
             shares,
             parking: Parking::default(),
             shapes: Mutex::default(),
@@ -86,10 +86,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
     }
 
     fn attempt(&self, mut task: Task) -> End {
-        let kept = task.kept.take();
+        let unfiled = task.unfiled.take();
         let mut read = None;
         if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders, false) {
-            return End { outcome: Outcome::Retry(reason, kept.map(Box::new)), went_along: Vec::new() };
+            return End { outcome: Outcome::Retry(reason, unfiled.map(Box::new)), went_along: Vec::new() };
         }
         let attempt = match (&task.doomed, &task.work) {
             (Some(reason), _) | (None, Work::Reject(reason)) => {
@@ -97,20 +97,20 @@ impl<'a, C: Corrector> Executor<'a, C> {
             }
             (None, Work::Learn(sku)) => self.learn(&task, sku, &mut read),
             (None, Work::Correct { sku, name } | Work::CorrectAgain { sku, name }) => {
-                self.correct(&task, sku, name, kept, &mut read)
+                self.correct(&task, sku, name, unfiled, &mut read)
             }
         };
         let ended = match attempt {
-            Err(Broken::Error(JobError::Rejected(reason))) => {
-                self.reject(&task, read.as_ref(), reason).map_err(Broken::Error)
+            Err(EarlyEnd::Error(JobError::Rejected(reason))) => {
+                self.reject(&task, read.as_ref(), reason).map_err(EarlyEnd::Error)
             }
             attempt => attempt,
         };
         let outcome = match ended {
-            Ok(outcome) | Err(Broken::Outcome(outcome)) => outcome,
-            Err(Broken::Error(JobError::Stop(reason))) => Outcome::Stop(reason),
-            Err(Broken::Error(JobError::TakesLong)) => Outcome::TakesLong,
-            Err(Broken::Error(JobError::Retry(reason) | JobError::Rejected(reason))) => {
+            Ok(outcome) | Err(EarlyEnd::Outcome(outcome)) => outcome,
+            Err(EarlyEnd::Error(JobError::Stop(reason))) => Outcome::Stop(reason),
+            Err(EarlyEnd::Error(JobError::TakesLong)) => Outcome::TakesLong,
+            Err(EarlyEnd::Error(JobError::Retry(reason) | JobError::Rejected(reason))) => {
                 Outcome::Retry(reason, None)
             }
         };
@@ -118,7 +118,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         End { outcome, went_along: went_along.into_iter().map(|companion| companion.path).collect() }
     }
 
-    fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, Broken> {
+    fn learn(&self, task: &Task, sku: &Sku, slot: &mut Option<Read>) -> Result<Outcome, EarlyEnd> {
         let started = Instant::now();
         let read = &*slot.insert(self.read(task, None)?);
         self.take_as_up_to_date(&task.station.folders, sku, &task.settings);
@@ -145,7 +145,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         Ok(Outcome::Learned { absent: read.absent.clone(), place })
     }
 
-    pub(super) fn read(&self, task: &Task, name: Option<&str>) -> Result<Read, Broken> {
+    pub(super) fn read(&self, task: &Task, name: Option<&str>) -> Result<Read, EarlyEnd> {
         let own_name = task.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let intake = Intake {
             path: &task.path,

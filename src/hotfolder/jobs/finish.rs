@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::filing::{Beside, Content, Original};
 use super::intake::Read;
-use super::{Broken, Executor, Kept, Outcome, Task, Work, delivery, filing, recovery};
+use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
@@ -28,42 +28,42 @@ pub(crate) struct Ready<'a> {
 
 impl<C: Corrector> Executor<'_, C> {
     /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
-    pub(crate) fn finish(&self, ready: &Ready, mut kept: Kept) -> Result<Outcome, Broken> {
-        match self.finish_steps(ready, &mut kept) {
-            Ok(()) => Ok(match kept.certainty {
+    pub(crate) fn finish(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
+        match self.finish_steps(ready, &mut unfiled) {
+            Ok(()) => Ok(match unfiled.certainty {
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
             }),
-            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(kept)))),
+            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(unfiled)))),
             Err(error) => Err(error.into()),
         }
     }
 
-    fn finish_steps(&self, ready: &Ready, kept: &mut Kept) -> Result<(), JobError> {
+    fn finish_steps(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
         let Task { station, .. } = ready.task;
-        if station.delivery.kind == DeliveryKind::Beamserver && !kept.asked {
-            let imported = self.import(station, ready.name, kept);
+        if station.delivery.kind == DeliveryKind::Beamserver && !unfiled.asked {
+            let imported = self.import(station, ready.name, unfiled);
             if matches!(imported, Err(JobError::Rejected(_))) {
-                delivery::take_back(&station.folders, &mut self.journal(), &kept.job)?;
+                delivery::take_back(&station.folders, &mut self.journal(), &unfiled.job)?;
             }
             let story = imported?;
             delivery::forget_previous(&station.folders, ready.name);
             tracing::info!("{} {story}", ready.name);
-            (kept.import, kept.asked) = (Import::Done, true);
+            (unfiled.import, unfiled.asked) = (Import::Done, true);
         }
         let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
-        if !kept.delivery.report.is_empty() {
-            let report = &kept.delivery.report;
+        if !unfiled.delivery.report.is_empty() {
+            let report = &unfiled.delivery.report;
             filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
         }
-        if let Some(preview) = &kept.preview {
+        if let Some(preview) = &unfiled.preview {
             filing::write_report(folders, sku, name, filing::PREVIEW, preview).map_err(folder_trouble)?;
         }
-        self.file_original(ready, &kept.job, kept.import, kept.certainty)
+        self.file_original(ready, &unfiled.job, unfiled.import, unfiled.certainty)
     }
 
     /// Sees to it that BeamConstruct holds the drawing.
-    fn import(&self, station: &Station, name: &str, kept: &Kept) -> Result<String, JobError> {
+    fn import(&self, station: &Station, name: &str, unfiled: &Unfiled) -> Result<String, JobError> {
         let import = &station.folders.import;
         let for_server = |name: &str| beamserver::sendable(&station.delivery.path_for_server(import, name));
         let trial_name = delivery::trial_name(&self.journal());
@@ -71,12 +71,12 @@ impl<C: Corrector> Executor<'_, C> {
         let drawing = beamserver::Drawing {
             name,
             path: for_server(name)?,
-            size: kept.delivery.size,
+            size: unfiled.delivery.size,
             trial: (&trial_name, for_server(&trial_name)?),
-            is_known: kept.import == Import::Done,
+            is_known: unfiled.import == Import::Done,
         };
         let lay_out = || fs_err::copy(import.join(name), &trial).map(drop).map_err(folder_trouble);
-        self.beamserver.talk(|stop| {
+        self.beamserver.exclusive(|stop| {
             let imported = beamserver::import(&station.delivery, &drawing, stop, lay_out);
             delivery::remove_quietly(&trial);
             imported

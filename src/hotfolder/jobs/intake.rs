@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::filing::{Beside, Content, Original};
-use super::{Broken, Outcome};
+use super::{EarlyEnd, Outcome};
 use crate::files::is_plain;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::{Companion, Completeness, DroppedFile, JobError};
@@ -55,7 +55,7 @@ pub(crate) struct Intake<'a> {
 pub(crate) fn read(
     intake: &Intake,
     completeness: impl FnOnce(&str, &[u8]) -> Result<Completeness, JobError>,
-) -> Result<Read, Broken> {
+) -> Result<Read, EarlyEnd> {
     if intake.stamp.size > LARGEST_DROP {
         return Err(JobError::Rejected(too_large(intake.stamp.size)).into());
     }
@@ -66,7 +66,7 @@ pub(crate) fn read(
         return Err(if unchanged {
             JobError::Retry(unsteady()).into()
         } else {
-            Broken::Outcome(Outcome::Changed)
+            EarlyEnd::Outcome(Outcome::Changed)
         });
     };
     match completeness(intake.own_name, &bytes)? {
@@ -76,7 +76,7 @@ pub(crate) fn read(
         }
         Completeness::CutShort(reason) => {
             let reason = reason.in_file(intake.own_name);
-            Err(Broken::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, anew: false }))
+            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, anew: false }))
         }
     }
 }
@@ -87,7 +87,7 @@ fn with_companions(
     mut file: DroppedFile,
     stamp: Stamp,
     named: &[Companion],
-) -> Result<Read, Broken> {
+) -> Result<Read, EarlyEnd> {
     let (mut companions, mut absent) = (Vec::new(), Vec::new());
     let mut missing: Option<(Reason, bool)> = None;
     for companion in named.iter().filter(|companion| is_plain(&companion.name)) {
@@ -138,7 +138,7 @@ fn with_companions(
         Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
         Some((reason, _)) => {
             let gap = Gap::Companion;
-            Err(Broken::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
+            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
         }
     }
 }

@@ -17,6 +17,6 @@ mod outdated;
 
 pub(crate) use basis::is_comparable;
 pub(crate) use executor::Executor;
-pub(crate) use outdated::{Again, Reprocessing};
+pub(crate) use outdated::{Recorrection, Reprocessing};
 pub(crate) use retention::Keeper;
-pub(crate) use task::{Broken, End, Kept, Outcome, Task, Work};
+pub(crate) use task::{EarlyEnd, End, Outcome, Task, Unfiled, Work};

@@ -40,7 +40,7 @@ struct Look {
 
 /// One outdated drawing.
 struct Marked {
-    again: Again,
+    again: Recorrection,
     /// When it is corrected again; `None` until somebody asks for it.
     due: Option<Moment>,
     under_way: bool,
@@ -52,9 +52,15 @@ struct Marked {
     told: Option<String>,
 }
 
+impl Marked {
+    fn new(again: Recorrection) -> Self {
+        Self { again, due: None, under_way: false, takes_long: false, uncertain: false, told: None }
+    }
+}
+
 /// An archived pattern that is to be corrected again.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Again {
+pub(crate) struct Recorrection {
     pub(crate) sku: Sku,
     /// The name of the result.
     pub(crate) name: String,
@@ -64,7 +70,7 @@ pub(crate) struct Again {
     place: String,
 }
 
-impl Again {
+impl Recorrection {
     pub(crate) fn drop(&self) -> DropId {
         DropId::archived(&self.sku, &self.place)
     }
@@ -164,19 +170,12 @@ impl Reprocessing {
             return false;
         }
         let original = station.folders.archive.join(sku.key()).join(&result.original);
-        let again = Again { sku: sku.clone(), name: name.clone(), original, place: result.original };
+        let again = Recorrection { sku: sku.clone(), name: name.clone(), original, place: result.original };
         let is_new = !self.marked.contains_key(&key);
         if is_new && is_due {
             tracing::info!("{name} is not in BeamConstruct yet");
         }
-        let marked = self.marked.entry(key).or_insert(Marked {
-            again,
-            due: None,
-            under_way: false,
-            takes_long: false,
-            uncertain: false,
-            told: None,
-        });
+        let marked = self.marked.entry(key).or_insert_with(|| Marked::new(again));
         if is_due || station.delivery.outdated == Outdated::Correct {
             marked.due.get_or_insert(Moment::ZERO);
         }
@@ -189,7 +188,7 @@ impl Reprocessing {
         now: Moment,
         busy: &BTreeSet<Sku>,
         large_too: bool,
-    ) -> Option<(Again, bool)> {
+    ) -> Option<(Recorrection, bool)> {
         let is_due =
             |marked: &Marked| marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku);
         let next = self
@@ -208,7 +207,7 @@ impl Reprocessing {
     }
 
     /// It could not be done; `never` in a station that stops as soon as it can.
-    pub(crate) fn again_later(&mut self, name: &str, moment: Moment, never: bool) {
+    pub(crate) fn postpone(&mut self, name: &str, moment: Moment, never: bool) {
         if let Some(marked) = self.marked.get_mut(&fold(name)) {
             marked.under_way = false;
             marked.due = (!never).then_some(moment);
@@ -243,15 +242,8 @@ impl Reprocessing {
         if self.marked.get(&key).is_some_and(|marked| marked.under_way) {
             return;
         }
-        let again = Again { sku, name, original: archive.join(&place), place };
-        let marked = Marked {
-            again,
-            due: Some(Moment::ZERO),
-            under_way: false,
-            takes_long: false,
-            uncertain: true,
-            told: None,
-        };
+        let again = Recorrection { sku, name, original: archive.join(&place), place };
+        let marked = Marked { due: Some(Moment::ZERO), uncertain: true, ..Marked::new(again) };
         self.marked.insert(key, marked);
     }
 

@@ -14,7 +14,7 @@ use crate::config::FolderPaths;
 use crate::files::make_folder;
 use crate::hotfolder::seen::folders::move_new;
 use crate::hotfolder::seen::{Meaning, meaning};
-use crate::hotfolder::state::{Order, with_slashes};
+use crate::hotfolder::state::{JournalPositions, with_slashes};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -41,7 +41,7 @@ pub fn return_rejected(
 ) -> std::io::Result<(Vec<String>, Vec<Reason>)> {
     let mut reasons = Vec::new();
     collect(&folders.rejected, 0, &mut reasons)?;
-    let order = Order::read(&folders.state)?;
+    let order = JournalPositions::read(&folders.state)?;
     // Of a drop that was rejected several times the newest counts; an older one would undo it.
     let mut newest = BTreeMap::new();
     for reason in reasons {
@@ -154,7 +154,7 @@ fn place_number(file: &Path) -> u64 {
 /// anew without the rejection, the report, or the note of the SKU's part, is newer.
 fn done_since(
     folders: &FolderPaths,
-    order: &Order,
+    order: &JournalPositions,
     drop: &str,
     rejected: Option<usize>,
     rejected_at: Option<SystemTime>,

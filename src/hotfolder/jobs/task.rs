@@ -35,7 +35,7 @@ pub(crate) struct Task {
     /// The drawing waited for the import folder before, so there is no need to work it through again until it is there.
     pub(crate) waits_for_import: bool,
     /// What was delivered while report or original could not be filed.
-    pub(crate) kept: Option<Kept>,
+    pub(crate) unfiled: Option<Unfiled>,
     /// The settings that were seen beside the drop.
     pub(crate) sidecar: Option<PathBuf>,
 }
@@ -76,7 +76,7 @@ impl Work {
 }
 
 /// A delivered drawing whose report or original could not be filed yet.
-pub(crate) struct Kept {
+pub(crate) struct Unfiled {
     pub(crate) stamp: Stamp,
     pub(crate) job: Job,
     pub(crate) certainty: Certainty,
@@ -122,18 +122,18 @@ pub(crate) enum Outcome {
     /// There is no import folder.
     NoImportFolder(Reason),
     /// Something around the job fails.
-    Retry(Reason, Option<Box<Kept>>),
+    Retry(Reason, Option<Box<Unfiled>>),
     /// Nothing can be done any more.
     Stop(Reason),
 }
 
 /// How a job ended before its end.
-pub(crate) enum Broken {
+pub(crate) enum EarlyEnd {
     Error(JobError),
     Outcome(Outcome),
 }
 
-impl From<JobError> for Broken {
+impl From<JobError> for EarlyEnd {
     fn from(error: JobError) -> Self {
         Self::Error(error)
     }

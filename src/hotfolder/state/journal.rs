@@ -45,7 +45,7 @@ use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 
 pub(crate) use line::{Certainty, Import, Job, StampRecord};
 use line::{Line, Parsed, Record, parse, written};
-pub(crate) use order::Order;
+pub(crate) use order::JournalPositions;
 use results::Results;
 use rewriting::NewJournal;
 pub(crate) use rewriting::keep_short;

@@ -11,7 +11,7 @@ use crate::files::read_if_there;
 
 /// In which order the journal tells what became of drops, in lines: clocks may be set back.
 #[derive(Default)]
-pub(crate) struct Order {
+pub(crate) struct JournalPositions {
     /// By where they lie in the rejected folder, with `/`.
     rejected: BTreeMap<String, usize>,
     /// By the result's folded name, with the key of its job and the place of its original.
@@ -20,7 +20,7 @@ pub(crate) struct Order {
     learned: BTreeMap<String, usize>,
 }
 
-impl Order {
+impl JournalPositions {
     /// Reads the journal in the state folder, also while a station writes it.
     pub(crate) fn read(state: &Path) -> io::Result<Self> {
         let bytes = read_if_there(&state.join(JOURNAL))?.unwrap_or_default();

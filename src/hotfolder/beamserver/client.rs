@@ -1,26 +1,7 @@
-//! A client of BeamServer: imports a drawing into BeamConstruct, sees to it that it has its true size, and removes the
-//! older drawing of the same name. It knows no command that starts marking: that is a person's decision.
-//!
-//! BeamServer (OpenAPC manual, 7.10) takes one ASCII command a line on TCP and answers with a line: `OK`, the value
-//! that was asked for, or `ERROR a b` with two numbers. It talks to one client at a time, so each delivery connects
-//! and lets go again.
-//!
-//! | step | commands |
-//! |---|---|
-//! | what is there | `CmdListName n`, `CmdListUID n` for n = 0, 1 … until an error |
-//! | import | `CmdImport <path>` |
-//! | find it | the list again: an element of this name that was not there before |
-//! | its size | `CmdSelEntName \<name>`, `CmdGetSizeX`, `CmdGetSizeY`, in 1/10000 mm |
-//! | remove it, or an older one | `CmdDeleteEnt <id>` |
-//!
-//! Elements are selected by name alone, so that the size of a drawing cannot be asked for as long as an older one of its
-//! name is there. A drawing that replaces one is therefore imported twice: for trial under a name of its own, and only
-//! if its size is right in place of the older one. A drawing of a wrong size is removed, so that it cannot be marked.
+//! The commands of BeamServer, one talk at a time.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::path::Path;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::config::DeliverySettings;
@@ -29,10 +10,6 @@ use crate::hotfolder::seen::StopSignal;
 use crate::reason::Reason;
 
 const CONNECT: Duration = Duration::from_secs(3);
-/// How long somebody who waits for his turn goes on waiting for one and the same other.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// How long nobody tries to talk to a server that did not answer.
-const REST: Duration = Duration::from_secs(2);
 /// How often somebody who waits for an answer looks whether the station is to stop.
 const LOOK: Duration = Duration::from_millis(50);
 /// How long a talk may still take when the station is to stop: a server that is well is done by then.
@@ -53,7 +30,6 @@ const NO_SUCH_ELEMENT: i64 = 7;
 const BAD_INPUT: i64 = 16;
 /// Its first numbers for a file that cannot be opened or read.
 const UNREADABLE_FILE: [i64; 2] = [19, 21];
-
 const CHECK_THE_SERVER: &str = "Check that `delivery.address` is that of BeamServer, and start BeamServer again: it is tried again. \
                                 If it answers like this for ever, report it with the version of BeamConstruct.";
 
@@ -71,152 +47,8 @@ impl From<JobError> for TalkError {
     }
 }
 
-/// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
-/// answer is told so at once, so that its thread can do something else.
-pub(crate) struct Turns {
-    line: Mutex<Line>,
-    free: Condvar,
-    /// A station that is to stop does not wait for a server that answers slowly.
-    stop: StopSignal,
-}
-
-#[derive(Default)]
-struct Line {
-    /// Since when somebody talks to it.
-    busy_since: Option<Instant>,
-    /// Why nobody could the last time, and until when nobody tries again.
-    silent: Option<(Reason, Instant)>,
-}
-
-impl Turns {
-    pub(crate) fn new(stop: StopSignal) -> Self {
-        Self { line: Mutex::default(), free: Condvar::new(), stop }
-    }
-
-    fn line(&self) -> MutexGuard<'_, Line> {
-        self.line.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Talks to BeamServer when it is one's turn.
-    ///
-    /// # Errors
-    /// To be tried again when the turn does not come soon; else what `talk` says.
-    pub(crate) fn talk<T>(
-        &self,
-        talk: impl FnOnce(&StopSignal) -> Result<T, TalkError>,
-    ) -> Result<T, JobError> {
-        let _turn = self.turn()?;
-        let said = talk(&self.stop);
-        self.line().silent = match &said {
-            Err(TalkError::Ill(reason)) => Some((reason.clone(), Instant::now() + REST)),
-            _ => None,
-        };
-        said.map_err(|error| match error {
-            TalkError::Ill(reason) => JobError::Retry(reason),
-            TalkError::Job(error) => error,
-        })
-    }
-
-    fn turn(&self) -> Result<Turn<'_>, JobError> {
-        let mut line = self.line();
-        loop {
-            let now = Instant::now();
-            if let Some((reason, until)) = &line.silent
-                && (line.busy_since.is_some() || now < *until)
-            {
-                return Err(JobError::Retry(reason.clone()));
-            }
-            let Some(since) = line.busy_since else { break };
-            let left = PATIENCE.saturating_sub(now.duration_since(since));
-            if left.is_zero() {
-                let what = "BeamServer is at another drawing.";
-                return Err(JobError::Retry(Reason::new(
-                    "beamserver-busy",
-                    what,
-                    "Nothing: it is tried again.",
-                )));
-            }
-            line = self.free.wait_timeout(line, left).unwrap_or_else(PoisonError::into_inner).0;
-        }
-        line.busy_since = Some(Instant::now());
-        Ok(Turn(self))
-    }
-}
-
-/// Somebody's turn, until it is dropped.
-struct Turn<'a>(&'a Turns);
-
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.0.line().busy_since = None;
-        self.0.free.notify_one();
-    }
-}
-
-/// A drawing in the import folder that BeamConstruct is to hold.
-pub(crate) struct Drawing<'a> {
-    /// Its file's name, and that of its element.
-    pub(crate) name: &'a str,
-    /// Its path as BeamServer knows it.
-    pub(crate) path: String,
-    /// Width and height, mm, if they are known.
-    pub(crate) size: Option<[f64; 2]>,
-    /// Name and path of the same for trial.
-    pub(crate) trial: (&'a str, String),
-    /// It was imported before: it is done if it is still there.
-    pub(crate) is_known: bool,
-}
-
-/// A path that can be sent to BeamServer.
-///
-/// # Errors
-/// Rejects what is not ASCII.
-pub(crate) fn sendable(path: &Path) -> Result<String, JobError> {
-    let ascii = path.to_str().filter(|path| path.is_ascii() && !path.contains(['\r', '\n']));
-    ascii.map(str::to_owned).ok_or_else(|| {
-        let what = format!("BeamServer takes ASCII paths only, and {} is none.", path.display());
-        let remedy = "Name SKU, drawing and folder in plain letters.";
-        JobError::Rejected(Reason::new("beamserver-path", what, remedy))
-    })
-}
-
-/// Imports the drawing under its name; returns what was done, as words for the log. `lay_out` puts the file for trial
-/// where its path says.
-pub(crate) fn import(
-    delivery: &DeliverySettings,
-    drawing: &Drawing<'_>,
-    stop: &StopSignal,
-    lay_out: impl FnOnce() -> Result<(), JobError>,
-) -> Result<String, TalkError> {
-    let mut server = Server::connect(delivery, stop)?;
-    let name = drawing.name;
-    let (trial, trial_path) = &drawing.trial;
-    let before = server.elements(name)?;
-    if drawing.is_known && before.len() == 1 {
-        return Ok("is in BeamConstruct".into());
-    }
-    // An interruption may have left one.
-    server.elements(trial)?.iter().try_for_each(|left| server.delete(left))?;
-    if let Some(size) = drawing.size.filter(|_| !before.is_empty()) {
-        lay_out()?;
-        let tried = server.import_new(trial, trial_path, &[])?;
-        server.verify(trial, name, size).map_err(|error| server.take_back(&tried, error))?;
-        server.delete(&tried)?;
-    }
-    let new = server.import_new(name, &drawing.path, &before)?;
-    before.iter().try_for_each(|old| server.delete(old))?;
-    let mut story = "imported into BeamConstruct".to_owned();
-    if !before.is_empty() {
-        story += ", in place of the older one";
-    }
-    if let Some(size) = drawing.size {
-        server.verify(name, name, size).map_err(|error| server.take_back(&new, error))?;
-        story += &format!(", {:.3} x {:.3} mm as it should be", size[0], size[1]);
-    }
-    Ok(story)
-}
-
-struct Server<'a> {
+/// A talk with BeamServer.
+pub(super) struct Server<'a> {
     stream: TcpStream,
     /// What came after the last answer.
     rest: Vec<u8>,
@@ -229,7 +61,7 @@ struct Server<'a> {
 }
 
 impl<'a> Server<'a> {
-    fn connect(delivery: &DeliverySettings, stop: &'a StopSignal) -> Result<Self, TalkError> {
+    pub(super) fn connect(delivery: &DeliverySettings, stop: &'a StopSignal) -> Result<Self, TalkError> {
         let address = delivery.address.clone();
         let failed = |error: std::io::Error| {
             let what = format!("BeamServer at {address} cannot be reached: {error}.");
@@ -343,7 +175,12 @@ impl<'a> Server<'a> {
     }
 
     /// Imports a file; returns the id of its element, the only one of this name that was not there before.
-    fn import_new(&mut self, name: &str, path: &str, before: &[String]) -> Result<String, TalkError> {
+    pub(super) fn import_new(
+        &mut self,
+        name: &str,
+        path: &str,
+        before: &[String],
+    ) -> Result<String, TalkError> {
         self.order(&format!("CmdImport {path}"))?;
         let mut new = self.elements(name)?;
         new.retain(|id| !before.contains(id));
@@ -361,7 +198,7 @@ impl<'a> Server<'a> {
     }
 
     /// Compares the size of the only element of this name with that of the drawing, mm.
-    fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), TalkError> {
+    pub(super) fn verify(&mut self, element: &str, drawing: &str, size: [f64; 2]) -> Result<(), TalkError> {
         self.order(&format!("CmdSelEntName \\{element}"))?;
         for (axis, expected) in ["X", "Y"].into_iter().zip(size) {
             let found = self.number(&format!("CmdGetSize{axis}"))? / PER_MILLIMETRE;
@@ -373,7 +210,7 @@ impl<'a> Server<'a> {
     }
 
     /// Removes an element, unless somebody did before.
-    fn delete(&mut self, id: &str) -> Result<(), TalkError> {
+    pub(super) fn delete(&mut self, id: &str) -> Result<(), TalkError> {
         let command = format!("CmdDeleteEnt {id}");
         match self.ask(&command)? {
             Ok(answer) => done(&command, answer),
@@ -383,7 +220,7 @@ impl<'a> Server<'a> {
     }
 
     /// Removes an element that was not verified, as nobody is to mark it; returns why it was not.
-    fn take_back(&mut self, id: &str, error: TalkError) -> TalkError {
+    pub(super) fn take_back(&mut self, id: &str, error: TalkError) -> TalkError {
         // The talk may be at its end, and the station to stop.
         self.end = Instant::now() + LAST_WORDS;
         match (error, self.delete(id)) {
@@ -401,7 +238,7 @@ impl<'a> Server<'a> {
     }
 
     /// The ids of the elements that bear the name, with the separator that BeamConstruct puts before it or without.
-    fn elements(&mut self, name: &str) -> Result<Vec<String>, TalkError> {
+    pub(super) fn elements(&mut self, name: &str) -> Result<Vec<String>, TalkError> {
         let mut ids = Vec::new();
         for index in 0..MOST_ELEMENTS {
             let element = match self.ask(&format!("CmdListName {index}"))? {
