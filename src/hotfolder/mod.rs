@@ -45,7 +45,8 @@
 //! | a job ends with | and its drop |
 //! |---|---|
 //! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Rejected` | is done |
-//! | `Outcome::Changed`, `Outcome::Incomplete` | is `Block::Free` and settles again |
+//! | `Outcome::Changed` | is looked at again, as it is now |
+//! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large ones |
 //! | `Outcome::NoSurface` | is `Block::UnknownSku` |
 //! | `Outcome::PartCame` | is `Block::PartUnderWay` |

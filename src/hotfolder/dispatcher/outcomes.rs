@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::Dispatcher;
+use super::threads::Running;
 use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
 use crate::hotfolder::jobs::{Outcome, Work, filing};
 use crate::hotfolder::seen::{
-    Block, Moment, Obstacle, Writer, delivered_as, folders, is_sidecar, sidecar_of,
+    Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_sidecar, sidecar_of,
 };
 use crate::hotfolder::state::with_slashes;
 use crate::reason::Reason;
@@ -52,23 +53,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     self.tally.delivered += 1;
                     self.status.delivered();
                 }
-                if let Work::Correct { sku, name } = &running.work {
-                    self.reprocessing.forget(&delivered_as(name));
-                    // Nobody found it outdated as long as it was under way.
-                    if running.was_delivered || running.settings_changes != self.settings_changes {
-                        self.reprocessing.check(sku.clone());
-                    }
-                    // Settings that went along and lie there are others.
-                    let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
-                    if let Some(sidecar) = sidecar_of(path).filter(is_late) {
-                        self.late.expect_sidecar(&sidecar, self.now());
-                        // It may have come while the job was at its end.
-                        if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
-                            self.companion(&sidecar);
-                        }
-                    }
-                }
-                self.done(path);
+                self.drawing_is_done(path, &running, went_along);
             }
             Outcome::Repeated => {
                 self.tally.repeated += 1;
@@ -80,21 +65,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.done(path);
             }
             Outcome::Changed => self.look_again(path),
-            Outcome::Incomplete { gap, reason, anew } => {
-                let now = self.now();
-                let Some(drop) = self.drops.get_mut(path).filter(|_| same) else { return };
-                if anew {
-                    drop.settle.wait_anew(now);
-                }
-                let what = reason.what.clone();
-                if drop.found_incomplete(gap, reason) {
-                    tracing::info!("{} is not complete yet: {what}", running.drop);
-                }
-                if running.companions_came != self.late.companions_came {
-                    // What it lacks may have come while it was read.
-                    drop.settle.companion_came();
-                }
+            Outcome::Incomplete { gap, reason, anew } if same => {
+                self.found_incomplete(path, &running, gap, reason, anew);
             }
+            Outcome::Incomplete { .. } => {}
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
             Outcome::PartCame => {
                 if let Some(sku) = running.sku() {
@@ -116,6 +90,44 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
+        }
+    }
+
+    /// A drawing lies in the import folder, or may lie there.
+    fn drawing_is_done(&mut self, path: &Path, running: &Running, went_along: &[PathBuf]) {
+        if let Work::Correct { sku, name } = &running.work {
+            self.reprocessing.forget(&delivered_as(name));
+            // Nobody found it outdated as long as it was under way.
+            if running.was_delivered || running.settings_changes != self.settings_changes {
+                self.reprocessing.check(sku.clone());
+            }
+            // Settings that went along and lie there are others.
+            let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
+            if let Some(sidecar) = sidecar_of(path).filter(is_late) {
+                self.late.expect_sidecar(&sidecar, self.now());
+                // It may have come while the job was at its end.
+                if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
+                    self.companion(&sidecar);
+                }
+            }
+        }
+        self.done(path);
+    }
+
+    /// A drop lacks something; `anew` when that is on its way.
+    fn found_incomplete(&mut self, path: &Path, running: &Running, gap: Gap, reason: Reason, anew: bool) {
+        let now = self.now();
+        let Some(drop) = self.drops.get_mut(path) else { return };
+        if anew {
+            drop.settle.wait_anew(now);
+        }
+        let what = reason.what.clone();
+        if drop.found_incomplete(gap, reason) {
+            tracing::info!("{} is not complete yet: {what}", running.drop);
+        }
+        if running.companions_came != self.late.companions_came {
+            // What it lacks may have come while it was read.
+            drop.settle.companion_came();
         }
     }
 

@@ -16,8 +16,8 @@
 //! `delivering`, and is renamed to its own name *after* that. So after a crash the folder decides: the temporary file is
 //! still there, then the drawing was not delivered; the drawing is there, then it was. When neither is there, the importer
 //! has taken the drawing away since, or somebody removed the temporary file before it was renamed, and nobody can know:
-//! the drawing is not delivered a second time, and is `uncertain` until somebody decides. A drop is known by its path and
-//! its [`Stamp`]: should another file bear its name by then, that is another drop.
+//! the drawing is not delivered a second time, and is `uncertain` until somebody decides (`jobs::resume`). A drop is known
+//! by its path and its [`Stamp`]: should another file bear its name by then, that is another drop.
 
 mod line;
 mod order;
