@@ -7,8 +7,9 @@ use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder sees it.
 ///
-/// The hot folder calls it from several threads, for one job of a SKU at a time. A panic inside rejects the job and the
-/// next call follows on the same value, so an implementation keeps no half-changed state between calls.
+/// The hot folder calls it from several threads, for one part of a SKU at a time or for several of its drawings. A panic
+/// inside rejects the job and the next call follows on the same value, so an implementation keeps no half-changed state
+/// between calls.
 pub trait Corrector: Sync {
     /// Whether the bytes of a part or pattern are whole, and which files it names.
     fn completeness(&self, name: &str, bytes: &[u8]) -> Completeness;

@@ -1,8 +1,8 @@
 //! The station at work: hears, lists, hands out jobs to its threads, and takes in what became of them.
 //!
-//! One thread knows all drops and decides; the jobs themselves are done by others ([`Executor`]). Jobs of one SKU are
-//! done one after the other, parts first and then in the order in which the drops came; jobs of different SKUs side by
-//! side. Every job that is not known to be large begins as a quick one, and is given up as soon as what it reads turns out
+//! One thread knows all drops and decides; the jobs themselves are done by others ([`Executor`]). A part is fitted while no
+//! other job of its SKU is done. Drawings are done side by side, of one SKU, too; those with one result one after the other,
+//! in the order in which the drops came. Every job that is not known to be large begins as a quick one, and is given up as soon as what it reads turns out
 //! to be more than a moment's work; then it waits for its turn among the large ones, which never take all threads. So a
 //! small one has to wait for small ones at most.
 

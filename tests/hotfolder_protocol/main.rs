@@ -39,6 +39,8 @@ struct Seen {
     holding: AtomicUsize,
     /// The patterns that were corrected, in their order.
     corrected: Mutex<Vec<String>>,
+    /// The parts that were learned, in their order.
+    learned: Mutex<Vec<String>>,
     /// The files beside the parts that were learned, in their order.
     siblings: Mutex<Vec<BTreeMap<String, Vec<u8>>>>,
     /// How often the station woke up.
@@ -108,6 +110,7 @@ impl Corrector for Pretender {
     ) -> Result<PartLearned, JobError> {
         self.seen.siblings.lock().unwrap().push(part.siblings.clone());
         let surface = self.obey(&part.bytes, pace)?;
+        self.seen.learned.lock().unwrap().push(part.name.clone());
         self.surfaces.lock().unwrap().insert(sku.clone(), surface);
         Ok(PartLearned { summary: "fine".into(), report: Some(b"{}".to_vec()) })
     }

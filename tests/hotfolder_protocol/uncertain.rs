@@ -134,3 +134,21 @@ fn a_drawing_that_lies_in_the_import_folder_is_known_to() {
     line.once();
     assert!(uncertain(&line).is_empty() && line.path("archive/can/can.dxf").exists());
 }
+
+/// A full disk may take the line that it was delivered; what lies in the import folder by then is somebody else's.
+#[test]
+fn what_was_about_to_be_filed_was_delivered() {
+    let mut line = delivered();
+    let journal = line.text("state/journal.log").unwrap();
+    let lines = journal.split_inclusive('\n').filter(|line| !line.contains("\"did\":\"delivered\""));
+    let kept: String = lines.take_while(|line| !line.contains("\"did\":\"done\"")).collect();
+    assert!(kept.contains("\"did\":\"delivering\"") && kept.ends_with('\n'));
+    assert!(kept.lines().last().unwrap().contains("\"did\":\"filing\""), "{kept}");
+    fs::write(line.path("state/journal.log"), kept).unwrap();
+    fs::rename(line.path("archive/can/can.dxf"), line.path("hot/can.dxf")).unwrap();
+    fs::write(line.path("import/can.dxf"), "of somebody else").unwrap();
+    line.once();
+    assert_eq!(line.text("import/can.dxf").unwrap(), "of somebody else", "it is not delivered twice");
+    assert!(line.path("archive/can/can.dxf").exists() && !line.path("hot/can.dxf").exists());
+    assert!(uncertain(&line).is_empty());
+}

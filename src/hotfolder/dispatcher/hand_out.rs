@@ -1,4 +1,4 @@
-//! Which job is done next: each SKU in its order, large ones never on all threads.
+//! Which job is done next: what makes one result in its order, large ones never on all threads.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use super::Dispatcher;
 use super::lanes::{LARGE, is_large};
 use super::outcomes::part_under_way;
 use super::threads::Running;
-use crate::config::{ConfigError, JobSettings};
+use crate::config::{ConfigError, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::Corrector;
@@ -34,7 +34,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         while self.threads.have_room(self.now()) {
             let large_too = self.threads.have_room_for_large();
-            let next = self.reprocessing.next(self.now(), &self.threads.busy(), large_too);
+            let may_make = |sku: &Sku, result: &str| self.threads.may_make(sku, result);
+            let next = self.reprocessing.next(self.now(), may_make, large_too);
             let Some((again, takes_long)) = next else { break };
             self.correct_again(again, takes_long, large_too);
         }

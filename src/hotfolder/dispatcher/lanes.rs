@@ -1,11 +1,11 @@
 //! What can be done now, in the order in which it is to be done.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 
 use super::threads::Threads;
-use crate::config::Sku;
-use crate::hotfolder::seen::{Drop, Drops, Moment, SettleTimes};
+use crate::config::{Sku, fold};
+use crate::hotfolder::seen::{Drop, Drops, Meaning, Moment, SettleTimes, delivered_as};
 use crate::hotfolder::state::{DropId, StampRecord};
 
 /// A drop of this size or more is a large job, bytes: reading it alone takes longer than a moment.
@@ -51,16 +51,25 @@ impl Lanes {
         }
     }
 
-    /// The first drop whose SKU is free and that is small enough for the threads that are left.
+    /// The next drop that no job or earlier drop stands in the way of, and that is small enough for the threads that are
+    /// left; of a SKU with the fewest jobs, so that many drawings of one hold up no other.
     pub(super) fn next(&mut self, drops: &Drops, threads: &Threads) -> Option<PathBuf> {
-        let large_too = threads.have_room_for_large();
-        let is_next = |sku: &Option<Sku>, lane: &VecDeque<PathBuf>| {
-            let is_large = lane.front().and_then(|first| drops.get(first)).is_some_and(is_large);
-            sku.as_ref().is_none_or(|sku| !threads.are_busy_with(sku)) && (large_too || !is_large)
-        };
-        let sku = self.lanes.iter().find(|(sku, lane)| is_next(sku, lane))?.0.clone();
+        let mut next: Option<(usize, Option<Sku>, usize)> = None;
+        for (sku, lane) in &self.lanes {
+            let jobs = sku.as_ref().map_or(0, |sku| threads.jobs_of(sku).count());
+            if next.as_ref().is_some_and(|(fewest, ..)| *fewest <= jobs) {
+                continue;
+            }
+            if let Some(index) = first_free(lane, drops, threads) {
+                next = Some((jobs, sku.clone(), index));
+                if jobs == 0 {
+                    break;
+                }
+            }
+        }
+        let (_, sku, index) = next?;
         let lane = self.lanes.get_mut(&sku)?;
-        let path = lane.pop_front();
+        let path = lane.remove(index);
         if lane.is_empty() {
             self.lanes.remove(&sku);
         }
@@ -85,6 +94,31 @@ impl Lanes {
     pub(super) fn survived(&mut self, drop: &DropId) {
         self.suspected.remove(drop);
     }
+}
+
+/// The first drop of a lane that can begin: a part when its SKU is free, a drawing when no job and no earlier drop of the
+/// SKU makes the result of its name.
+fn first_free(lane: &VecDeque<PathBuf>, drops: &Drops, threads: &Threads) -> Option<usize> {
+    let large_too = threads.have_room_for_large();
+    let mut held = BTreeSet::new();
+    for (index, drop) in lane.iter().enumerate().filter_map(|(index, path)| Some((index, drops.get(path)?))) {
+        let fits = large_too || !is_large(drop);
+        match &drop.meaning {
+            Ok(Meaning::Pattern { sku, name }) => {
+                let result = fold(&delivered_as(name));
+                if fits && !held.contains(&result) && threads.may_make(sku, &result) {
+                    return Some(index);
+                }
+                held.insert(result);
+            }
+            // What follows is made for the shape that it has.
+            Ok(Meaning::Part(sku)) => {
+                return (fits && threads.jobs_of(sku).next().is_none()).then_some(index);
+            }
+            Ok(Meaning::Companion) | Err(_) => return fits.then_some(index),
+        }
+    }
+    None
 }
 
 /// Whether a drop is known to be more than a moment's work.

@@ -1,12 +1,12 @@
 //! The threads that do the jobs, and what each is at.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use crate::config::Sku;
+use crate::config::{Sku, fold};
 use crate::hotfolder::api::Corrector;
 use crate::hotfolder::error::guarded;
 use crate::hotfolder::jobs::{End, Executor, Outcome, Task, Work};
@@ -81,13 +81,18 @@ impl Threads {
         self.running.values().any(|running| running.drop == *drop)
     }
 
-    /// The SKUs of all jobs.
-    pub(super) fn busy(&self) -> BTreeSet<Sku> {
-        self.running.values().filter_map(|running| running.sku().cloned()).collect()
+    /// The jobs of a SKU.
+    pub(super) fn jobs_of<'t>(&'t self, sku: &'t Sku) -> impl Iterator<Item = &'t Running> {
+        self.running.values().filter(move |running| running.sku() == Some(sku))
+    }
+
+    /// Whether the result of this folded name may be made now: no job fits a part of the SKU, and none makes that result.
+    pub(super) fn may_make(&self, sku: &Sku, result: &str) -> bool {
+        self.jobs_of(sku).all(|running| running.work.result().is_some_and(|made| fold(&made) != result))
     }
 
     pub(super) fn are_busy_with(&self, sku: &Sku) -> bool {
-        self.running.values().any(|running| running.sku() == Some(sku))
+        self.jobs_of(sku).next().is_some()
     }
 
     /// What people are shown of the jobs; what is only rejected is over at once.

@@ -15,6 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::intake::{self, Intake, Read};
+use super::surfaces::Restoring;
 use super::{EarlyEnd, End, Outcome, Task, Work, filing};
 use crate::config::{JobSettings, Sku};
 use crate::files::read_if_there;
@@ -30,6 +31,7 @@ pub(crate) struct Executor<'a, C> {
     pub(crate) journal: Mutex<Journal>,
     /// SKUs for which a part came while a drawing of them was being corrected.
     pub(super) overtaken: Mutex<BTreeSet<Sku>>,
+    pub(super) restoring: Restoring,
     /// Archived parts that cannot be fitted with these settings.
     pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     pub(super) beamserver: beamserver::Gate,
@@ -45,6 +47,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             corrector,
             journal: Mutex::new(journal),
             overtaken: Mutex::default(),
+            restoring: Restoring::default(),
             unfit_archive: Mutex::default(),
             beamserver: beamserver::Gate::new(stop),
             shares,

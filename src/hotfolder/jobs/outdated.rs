@@ -182,19 +182,19 @@ impl Reprocessing {
         is_new && is_outdated
     }
 
-    /// The next drawing to correct again whose SKU is free, and whether it takes long.
+    /// The next drawing to correct again whose result, by its folded name, may be made, and whether it takes long.
     pub(crate) fn next(
         &mut self,
         now: Moment,
-        busy: &BTreeSet<Sku>,
+        may_make: impl Fn(&Sku, &str) -> bool,
         large_too: bool,
     ) -> Option<(Recorrection, bool)> {
-        let is_due =
-            |marked: &Marked| marked.due.is_some_and(|due| due <= now) && !busy.contains(&marked.again.sku);
-        let next = self
-            .marked
-            .values_mut()
-            .find(|marked| !marked.under_way && (large_too || !marked.takes_long) && is_due(marked))?;
+        let is_due = |name: &str, marked: &Marked| {
+            marked.due.is_some_and(|due| due <= now) && may_make(&marked.again.sku, name)
+        };
+        let (_, next) = self.marked.iter_mut().find(|(name, marked)| {
+            !marked.under_way && (large_too || !marked.takes_long) && is_due(name, marked)
+        })?;
         next.under_way = true;
         Some((next.again.clone(), next.takes_long))
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::hotfolder::api::{Delivery, JobError};
-use crate::hotfolder::seen::{Gap, Stamp, folders, sidecar_of};
+use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
 use crate::reason::Reason;
 
@@ -71,6 +71,14 @@ impl Work {
         match self {
             Self::Learn(sku) | Self::Correct { sku, .. } | Self::CorrectAgain { sku, .. } => Some(sku),
             Self::Reject(_) => None,
+        }
+    }
+
+    /// The name of the result that it makes.
+    pub(crate) fn result(&self) -> Option<String> {
+        match self {
+            Self::Correct { name, .. } | Self::CorrectAgain { name, .. } => Some(delivered_as(name)),
+            Self::Learn(_) | Self::Reject(_) => None,
         }
     }
 }

@@ -20,6 +20,7 @@
 //! by its path and its [`Stamp`]: should another file bear its name by then, that is another drop.
 
 mod line;
+mod new_journal;
 mod order;
 mod results;
 mod rewriting;
@@ -35,23 +36,22 @@ use std::time::Duration;
 use fs_err as fs;
 
 use super::DropId;
-use crate::config::{Sku, fold};
+use crate::config::Sku;
 use crate::files::sync_folder;
 use crate::hotfolder::clock;
 use crate::hotfolder::clock::Uptime;
-use crate::hotfolder::jobs::is_comparable;
 use crate::hotfolder::seen::folders::lies_at;
 use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 
 pub(crate) use line::{Certainty, Import, Job, StampRecord};
-use line::{Line, Parsed, Record, parse, written};
+use line::{JOURNAL, Line, Parsed, Record, parse, written};
+use new_journal::NewJournal;
 pub(crate) use order::JournalPositions;
+pub(crate) use results::Delivered;
 use results::Results;
-use rewriting::NewJournal;
 pub(crate) use rewriting::keep_short;
 pub(crate) use stage::{OpenJob, Stage};
 
-const JOURNAL: &str = "journal.log";
 /// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
 const MOST_RESULTS: usize = 100_000;
 /// The journal is written anew when it has this many lines more than what still counts.
@@ -59,45 +59,6 @@ const IDLE_LINES: usize = 20_000;
 
 /// A station that ends again and again within this time is ended from outside, and not by what it is at.
 const SHORTEST_LIFE: Duration = Duration::from_secs(60);
-
-/// The newest result of a name.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Delivered {
-    pub(crate) job: Job,
-    /// When it was delivered.
-    pub(crate) at: String,
-    /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
-    pub(crate) original: String,
-    pub(crate) import: Import,
-    /// Whether it is known to have been delivered.
-    pub(crate) certainty: Certainty,
-    /// Hash of the older result that BeamConstruct holds as long as this one is due there.
-    older: String,
-}
-
-impl Delivered {
-    /// Whether people mean it by this name: that of the drawing, or that of the drop.
-    pub(crate) fn is_called(&self, name: &str) -> bool {
-        [&self.job.name, &self.job.drop.to_string()].iter().any(|known| fold(known) == fold(name))
-    }
-
-    /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
-    /// outdated.
-    pub(crate) fn is_of_older_form(&self) -> bool {
-        !self.original.is_empty() && !is_comparable(&self.job.basis)
-    }
-
-    /// The line that tells it.
-    fn line(self) -> Line {
-        let Self { job, at, original, import, certainty, older } = self;
-        Line { at, record: Record::Done { job, original, import, older, certainty } }
-    }
-
-    /// Hash of the result that the marking software has.
-    pub(crate) fn held(&self) -> &str {
-        if self.import == Import::Due { &self.older } else { &self.job.result }
-    }
-}
 
 /// A part that was rejected while an older shape of its SKU is known.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -9,6 +9,9 @@ use crate::hotfolder::seen::folders::Identity;
 use crate::hotfolder::seen::settle::Stamp;
 use crate::hotfolder::state::drop_id::DropId;
 
+/// The file in the state folder.
+pub(super) const JOURNAL: &str = "journal.log";
+
 /// What one drawing was made of and became.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Job {

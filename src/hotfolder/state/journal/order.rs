@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use super::JOURNAL;
-use super::line::{Line, Parsed, Record, parse};
+use super::line::{JOURNAL, Line, Parsed, Record, parse};
 use crate::config::{Sku, fold};
 use crate::files::read_if_there;
 

@@ -5,9 +5,49 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound::{Excluded, Unbounded};
 use std::sync::Arc;
 
-use super::line::{Certainty, Import, Job};
-use super::{Delivered, DropId};
+use super::line::{Certainty, Import, Job, Line, Record};
 use crate::config::{Sku, fold};
+use crate::hotfolder::jobs::is_comparable;
+use crate::hotfolder::state::DropId;
+
+/// The newest result of a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Delivered {
+    pub(crate) job: Job,
+    /// When it was delivered.
+    pub(crate) at: String,
+    /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
+    pub(crate) original: String,
+    pub(crate) import: Import,
+    /// Whether it is known to have been delivered.
+    pub(crate) certainty: Certainty,
+    /// Hash of the older result that BeamConstruct holds as long as this one is due there.
+    pub(super) older: String,
+}
+
+impl Delivered {
+    /// Whether people mean it by this name: that of the drawing, or that of the drop.
+    pub(crate) fn is_called(&self, name: &str) -> bool {
+        [&self.job.name, &self.job.drop.to_string()].iter().any(|known| fold(known) == fold(name))
+    }
+
+    /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
+    /// outdated.
+    pub(crate) fn is_of_older_form(&self) -> bool {
+        !self.original.is_empty() && !is_comparable(&self.job.basis)
+    }
+
+    /// The line that tells it.
+    pub(super) fn line(self) -> Line {
+        let Self { job, at, original, import, certainty, older } = self;
+        Line { at, record: Record::Done { job, original, import, older, certainty } }
+    }
+
+    /// Hash of the result that the marking software has.
+    pub(crate) fn held(&self) -> &str {
+        if self.import == Import::Due { &self.older } else { &self.job.result }
+    }
+}
 
 /// Results by their names, folded: on a Windows share two spellings are one file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -150,7 +190,7 @@ impl Packed {
 
 fn put(bytes: &mut Vec<u8>, text: &str, name: &str) {
     let is_hexadecimal =
-        text.len() % 2 == 0 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        text.len().is_multiple_of(2) && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
     let value = |digit: u8| if digit.is_ascii_digit() { digit - b'0' } else { digit - b'a' + 10 };
     if text == name && !name.is_empty() {
         bytes.push(NAME);

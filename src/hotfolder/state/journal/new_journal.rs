@@ -1,0 +1,51 @@
+//! A journal that is written beside the old one and then put in its place.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::line::{JOURNAL, Line, written};
+use crate::files::{in_full, named, sync_folder, temporary};
+
+/// What is written before it is flushed: the last flush, for which jobs wait, is to be a short one, bytes.
+const FLUSHED: u64 = 1 << 20;
+
+/// A journal that is being written beside the old one.
+pub(super) struct NewJournal {
+    file: tempfile::NamedTempFile,
+    lines: usize,
+    length: u64,
+    flushed: u64,
+}
+
+impl NewJournal {
+    pub(super) fn begin(folder: &Path) -> io::Result<Self> {
+        Ok(Self { file: temporary(folder)?, lines: 0, length: 0, flushed: 0 })
+    }
+
+    pub(super) fn put(&mut self, line: &Line) -> io::Result<()> {
+        let text = written(line)?;
+        self.file.write_all(text.as_bytes())?;
+        self.lines += 1;
+        self.length += text.len() as u64;
+        if self.length - self.flushed >= FLUSHED {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Flushes what was written so far.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.file.as_file().sync_data()?;
+        self.flushed = self.length;
+        Ok(())
+    }
+
+    /// Gives it the journal's name; returns its lines and its length in bytes.
+    pub(super) fn keep(self, folder: &Path) -> io::Result<(usize, u64)> {
+        let place = folder.join(JOURNAL);
+        self.file.as_file().sync_all()?;
+        self.file.persist(in_full(&place)).map_err(|error| named(error.error, "cannot write", &place))?;
+        sync_folder(folder)?;
+        Ok((self.lines, self.length))
+    }
+}
