@@ -527,3 +527,28 @@ fn the_first_check_of_a_real_machine_arrives_as_the_operator_expects() {
         }
     }
 }
+
+#[test]
+fn a_drawing_that_new_settings_leave_as_it_is_is_not_delivered_again() {
+    let station = Station::new();
+    let settings = station.desk.text("station.toml") + "[delivery]\noutdated = \"correct\"\n";
+    station.desk.write("station.toml", &settings);
+    station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
+    station.copy_into(&drawing("abc"), "mouse@date.dxf");
+    station.once();
+    // The marking software took it.
+    fs::remove_file(station.path("import/mouse@date.dxf")).unwrap();
+    // A DXF has no threshold.
+    station.desk.write("station.toml", settings.clone() + "[pattern]\nthreshold_percent = 30\n");
+    let said = station.once();
+    assert!(said.out.starts_with("0 delivered"), "{said:?}");
+    assert!(
+        said.err.contains("mouse@date.dxf is the same with what changed, and is not delivered again"),
+        "{said:?}"
+    );
+    assert!(station.import().is_empty());
+    assert!(!station.once().err.contains("outdated"), "it is up to date from now on");
+    station.desk.write("station.toml", settings + "[correction]\ntolerance_mm = 0.05\n");
+    assert!(station.once().out.starts_with("1 delivered"));
+    assert_eq!(station.import(), ["mouse@date.dxf"]);
+}

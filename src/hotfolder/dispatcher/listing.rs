@@ -39,10 +39,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
             tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
             self.reprocessing.check(sku);
         }
+        self.reprocessing.check_unreadable();
         let folders_are_there = self.folders_are_there();
         if !self.hot_is_there(backend) || !self.holds_hot() {
             return;
         }
+        self.executor.parking.hot_is(folders::identity(&self.folders().hot));
         let begun = self.now();
         let listing = folders::list(&self.folders().hot);
         let listed = self.now();

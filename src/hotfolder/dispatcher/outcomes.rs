@@ -133,11 +133,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
     pub(super) fn finished_recorrection(&mut self, sku: &Sku, name: &str, outcome: Outcome) {
         match outcome {
-            Outcome::Delivered | Outcome::Repeated => {
+            Outcome::Delivered => {
                 self.tally.delivered += 1;
                 self.status.delivered();
                 self.reprocessing.forget(name);
             }
+            Outcome::Repeated => self.reprocessing.forget(name),
             // The journal lists it, as it did or does from now on.
             Outcome::Uncertain => self.reprocessing.forget(name),
             // It was asked for once; from now on it is outdated or not, as any other.

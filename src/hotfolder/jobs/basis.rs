@@ -9,6 +9,11 @@ pub(crate) fn basis(part: &str, settings: &JobSettings) -> String {
     format!("{}{}", form(), &blake3::hash(text.as_bytes()).to_hex()[..32])
 }
 
+/// The basis of a drawing of which nobody knows what part it was made of: whatever it would be made of today is another one.
+pub(crate) fn of_unknown_part() -> String {
+    format!("{}unknown", form())
+}
+
 /// Whether a basis has the form that [`basis`] gives it, so that one that differs stands for a drawing that is outdated.
 /// Older versions wrote a bare hash.
 pub(crate) fn is_comparable(basis: &str) -> bool {
@@ -32,6 +37,7 @@ mod tests {
         assert_eq!(usual, "v2:473135cea57ca503e0d956de7fc0b43d");
         assert_eq!(basis("ab12", &everything()), "v2:c7b83a88fb37c3df8ecf2205279ac9a6");
         assert_ne!(basis("ab13", &JobSettings::default()), usual);
+        assert!(is_comparable(&of_unknown_part()));
         assert!(is_comparable(&usual) && !is_comparable(&usual[3..]) && !is_comparable(""));
     }
 }

@@ -69,6 +69,9 @@ impl<C: Corrector> Executor<'_, C> {
             return Ok(Outcome::Repeated);
         }
         let (mut made, previous) = self.make(&mut drawing, before.is_some())?;
+        if before.is_none() && self.stays_as_delivered(&drawing)? {
+            return Ok(Outcome::Repeated);
+        }
         let how = match &before {
             Some(before) => How::BeforeTheCrash(before.certainty),
             None => delivery::deliver(
@@ -174,6 +177,23 @@ impl<C: Corrector> Executor<'_, C> {
             ),
         }
         drawing.result.result.clone_from(&last.job.result);
+        self.file_original(&drawing.ready, &drawing.result, last.import, last.certainty)?;
+        Ok(true)
+    }
+
+    /// Notes that a drawing which was corrected again is what was delivered, if it is: an importer that took it would mark a
+    /// second one. Returns whether it is.
+    fn stays_as_delivered(&self, drawing: &Correction) -> Result<bool, JobError> {
+        let is_the_same = |last: &&Delivered| {
+            last.job.result == drawing.result.result
+                && last.certainty == Certainty::Certain
+                && last.import != Import::Due
+        };
+        let Some(last) = drawing.last.as_ref().filter(is_the_same) else { return Ok(false) };
+        if !drawing.ready.task.drop.is_archived() {
+            return Ok(false);
+        }
+        tracing::info!("{} is the same with what changed, and is not delivered again", drawing.ready.name);
         self.file_original(&drawing.ready, &drawing.result, last.import, last.certainty)?;
         Ok(true)
     }

@@ -24,7 +24,6 @@ use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_who
 use crate::formats::pattern::is_drawing;
 use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
 use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
-use crate::hotfolder::seen::parked::stays_gone;
 use crate::hotfolder::seen::{Filed, Found, Parking, Stamp, is_sidecar};
 use crate::hotfolder::state::with_slashes;
 use crate::printable::on_one_line;
@@ -166,7 +165,7 @@ pub(crate) fn remove_copied(
     match (look(original.path)?, filed) {
         (Some(_), Some(filed)) => parking.take_away(folders, original.path, &filed)?,
         (Some(_), None) => {}
-        (None, _) => stays_gone(folders, original.path)?,
+        (None, _) => parking.stays_gone(folders, original.path)?,
     }
     companions_follow(folders, parking, original, copy);
     Ok(())
@@ -282,7 +281,7 @@ pub(crate) fn put_away(
     let filed = match original.content {
         Content::Read(bytes, stamp) => {
             if there.is_none() {
-                stays_gone(folders, original.path)?;
+                parking.stays_gone(folders, original.path)?;
             }
             if !holds_copy(target, original) {
                 write_new(target, bytes, stamp.modified)?;

@@ -21,6 +21,8 @@ pub(crate) struct Reprocessing {
     unchecked: BTreeMap<Sku, Look>,
     /// Nothing was known of their parts when they were looked at.
     unknown: BTreeSet<Sku>,
+    /// What is known of their parts could not be read.
+    unreadable: BTreeSet<Sku>,
     /// At the start and after a change of the station's settings every SKU counts.
     all_checked: bool,
     /// By the names of the results, folded.
@@ -89,6 +91,11 @@ impl Reprocessing {
         }
     }
 
+    /// A cache that could not be read may be there again.
+    pub(crate) fn check_unreadable(&mut self) {
+        std::mem::take(&mut self.unreadable).into_iter().for_each(|sku| self.check(sku));
+    }
+
     /// The settings of all may be others now.
     pub(crate) fn check_all(&mut self) {
         self.all_checked = false;
@@ -126,9 +133,8 @@ impl Reprocessing {
         settings: &JobSettings,
     ) {
         let Some(mut look) = self.unchecked.remove(sku) else { return };
-        // A cache that cannot be read now may be read later.
         let Ok(part) = executor.identity(sku, settings) else {
-            self.unknown.insert(sku.clone());
+            self.unreadable.insert(sku.clone());
             return;
         };
         let (results, last) = executor.journal().results_of(sku, look.after.as_deref(), SLICE);

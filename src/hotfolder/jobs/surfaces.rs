@@ -91,8 +91,9 @@ impl<C: Corrector> Executor<'_, C> {
         basis::basis(part, &self.settings_of_original(original, settings))
     }
 
-    /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now:
-    /// what changes from now on outdates them.
+    /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now, before
+    /// a part is learned: what changes from now on outdates them. Where nobody knows the part that they were made of, the
+    /// new one does.
     pub(crate) fn take_as_up_to_date(&self, folders: &FolderPaths, sku: &Sku, settings: &JobSettings) {
         let Ok(part) = self.identity(sku, settings) else { return };
         let archive = folders.archive.join(sku.key());
@@ -102,7 +103,13 @@ impl<C: Corrector> Executor<'_, C> {
             if next.is_none() {
                 return;
             }
-            self.rebase(&archive, &results, part.as_deref(), settings);
+            if part.is_some() {
+                self.rebase(&archive, &results, part.as_deref(), settings);
+            } else {
+                let older = results.iter().filter(|result| result.is_of_older_form());
+                let bases = older.map(|result| (&*result.job.name, basis::of_unknown_part())).collect();
+                tell_trouble(self.journal().rebase(bases));
+            }
             last = next;
         }
     }

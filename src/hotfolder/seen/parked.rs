@@ -23,8 +23,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use fs_err as fs;
 
-use super::folders::{content_hash, is_on_network, look, move_new, open};
-use super::{Found, Stamp};
+use super::folders::{content_hash, identity, is_on_network, look, move_new, open};
+use super::{Found, Identity, Stamp};
 use crate::config::FolderPaths;
 use crate::files::sync_folder;
 use crate::hotfolder::clock;
@@ -49,6 +49,8 @@ pub(crate) struct Filed {
 #[derive(Default)]
 pub(crate) struct Parking {
     all: Mutex<Vec<Parked>>,
+    /// Which folder the hot folder is.
+    hot: Mutex<Option<Identity>>,
 }
 
 /// One of them.
@@ -171,16 +173,16 @@ impl Parking {
     /// where it is.
     ///
     /// # Errors
-    /// As [`stays_gone`]; and when it cannot be moved; on Windows also as long as somebody has it open to write.
+    /// As [`Self::stays_gone`]; and when it cannot be moved; on Windows also as long as somebody has it open to write.
     pub(crate) fn take_away(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
         if cfg!(windows) {
-            return remove_alone(folders, path, filed);
+            return self.remove_alone(folders, path, filed);
         }
         match look(path)? {
             Some(Found::File(stamp)) if stamp == filed.stamp => {}
             // Another drop by now.
             Some(_) => return Ok(()),
-            None => return stays_gone(folders, path),
+            None => return self.stays_gone(folders, path),
         }
         let relative = path.strip_prefix(&folders.hot).ok().map(Path::to_path_buf);
         let relative = relative.unwrap_or_else(|| PathBuf::from(path.file_name().unwrap_or_default()));
@@ -190,7 +192,7 @@ impl Parking {
             let folder = match set_aside(path, &base, &relative, &signature) {
                 Ok(folder) => folder,
                 Err(error) if error.kind() == ErrorKind::NotFound && look(path)?.is_none() => {
-                    return stays_gone(folders, path);
+                    return self.stays_gone(folders, path);
                 }
                 Err(error) => {
                     trouble = error;
@@ -220,6 +222,44 @@ impl Parking {
             return sync_folder(path.parent().unwrap_or(path));
         }
         Err(crate::files::named(trouble, "cannot take away", path))
+    }
+
+    /// Removes a file that nobody has open to write, if it is what was filed. Only Windows makes that certain.
+    fn remove_alone(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
+        // As long as this is open, nobody can open it to write.
+        let _alone = match open(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.stays_gone(folders, path),
+            opened => opened?,
+        };
+        let is_filed = look(path)? == Some(Found::File(filed.stamp))
+            && (filed.stamp.size > READ_AT_THE_END || content_hash(path)? == filed.hash);
+        if is_filed { fs::remove_file(path) } else { Ok(()) }
+    }
+
+    /// Which folder the hot folder is, as it was seen last.
+    pub(crate) fn hot_is(&self, identity: Option<Identity>) {
+        *self.hot.lock().unwrap_or_else(PoisonError::into_inner) = identity;
+    }
+
+    /// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
+    /// with it and would be done twice.
+    ///
+    /// # Errors
+    /// `NotFound` when the hot folder is gone, too, or another one, such as the place of a share that is not connected;
+    /// `Interrupted` when it is back.
+    pub(crate) fn stays_gone(&self, folders: &FolderPaths, drop: &Path) -> io::Result<()> {
+        let hot = &folders.hot;
+        let known = *self.hot.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = identity(hot);
+        if now.is_none() || known.is_some_and(|known| Some(known) != now) {
+            let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
+            return Err(io::Error::new(ErrorKind::NotFound, words));
+        }
+        if look(drop)?.is_some() {
+            let words = format!("the hot folder {} was gone for a moment", hot.display());
+            return Err(io::Error::new(ErrorKind::Interrupted, words));
+        }
+        Ok(())
     }
 
     /// Whether a file was written again that is about to go back.
@@ -370,36 +410,6 @@ fn places(folders: &FolderPaths) -> [PathBuf; 4] {
 fn boot() -> String {
     let boot = clock::uptime().map(|uptime| uptime.boot).unwrap_or_default();
     blake3::hash(boot.as_bytes()).to_hex()[..8].to_owned()
-}
-
-/// Removes a file that nobody has open to write, if it is what was filed. Only Windows makes that certain.
-fn remove_alone(folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
-    // As long as this is open, nobody can open it to write.
-    let _alone = match open(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return stays_gone(folders, path),
-        opened => opened?,
-    };
-    let is_filed = look(path)? == Some(Found::File(filed.stamp))
-        && (filed.stamp.size > READ_AT_THE_END || content_hash(path)? == filed.hash);
-    if is_filed { fs::remove_file(path) } else { Ok(()) }
-}
-
-/// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
-/// with it and would be done twice.
-///
-/// # Errors
-/// `NotFound` when the hot folder is gone, too; `Interrupted` when it is back.
-pub(crate) fn stays_gone(folders: &FolderPaths, drop: &Path) -> io::Result<()> {
-    let hot = &folders.hot;
-    if !hot.is_dir() {
-        let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
-        return Err(io::Error::new(io::ErrorKind::NotFound, words));
-    }
-    if look(drop)?.is_some() {
-        let words = format!("the hot folder {} was gone for a moment", hot.display());
-        return Err(io::Error::new(io::ErrorKind::Interrupted, words));
-    }
-    Ok(())
 }
 
 /// Renames a file into a folder of its own; returns that folder.
@@ -613,6 +623,10 @@ mod tests {
         fs::create_dir_all(&folders.hot).unwrap();
         parking.take_away(&folders, &path, &filed).unwrap();
         assert!(parking.is_empty());
+        // An empty folder stands where the share was.
+        parking.hot_is(identity(&folder.path().join("elsewhere")));
+        let gone = parking.take_away(&folders, &path, &filed).unwrap_err();
+        assert_eq!(gone.kind(), ErrorKind::NotFound);
     }
 
     #[cfg(not(windows))]
