@@ -29,7 +29,7 @@ use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
 /// Version of the files' format and of the fit itself: raised whenever either changes.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 /// Magic, version, hash of the body.
 const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;

@@ -50,13 +50,31 @@ impl CurvedTriangle {
     /// The patch over `corners` (mm) with their unit `normals`; a zero normal, or one that leans more than 60° from
     /// the facet, is replaced by the facet's.
     pub fn new(corners: [Point3<f64>; 3], normals: [Vector3<f64>; 3]) -> Self {
+        Self::beside_edges(corners, normals, [None; 3])
+    }
+
+    /// The same beside edges of the part: for each side that is one, from corner to next corner, the unit directions in which
+    /// the edge runs at its ends. The patches on both sides of an edge then meet in it.
+    pub fn beside_edges(
+        corners: [Point3<f64>; 3],
+        normals: [Vector3<f64>; 3],
+        edges: [Option<[Vector3<f64>; 2]>; 3],
+    ) -> Self {
         let [a, b, c] = corners;
         let facet = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         // Only the tangent plane counts, so normals of a part that was turned inside out serve as well.
         let normals =
             normals.map(|normal| if normal.dot(&facet).abs() < LEAST_AGREEMENT { facet } else { normal });
-        let edge =
-            |from: usize, to: usize| handle([corners[from], corners[to]], [normals[from], normals[to]]);
+        let edge = |from: usize, to: usize| {
+            let side = if to == (from + 1) % 3 { from } else { to };
+            match edges[side] {
+                Some([first, last]) if side == from => {
+                    edge_handle(corners[to] - corners[from], [first, last])
+                }
+                Some([first, last]) => edge_handle(corners[to] - corners[from], [-last, -first]),
+                None => handle([corners[from], corners[to]], [normals[from], normals[to]]),
+            }
+        };
         let edges = [edge(0, 1), edge(1, 0), edge(1, 2), edge(2, 1), edge(2, 0), edge(0, 2)];
         // The middle point makes the patch exact for quadratics: b111 = E + (E − V)/2, and V has no bulge.
         let middle = edges.iter().sum::<Vector3<f64>>() / 4.0;
@@ -151,10 +169,20 @@ fn handle(ends: [Point3<f64>; 2], normals: [Vector3<f64>; 2]) -> Vector3<f64> {
         let change = (share - 1.0) * (1.0 - across).powi(ALONG_POWER);
         tangent += turn * (tangent.dot(&turn) / turn.norm_squared() * change);
     }
-    // Handles of this length make an edge of constant curvature, as on cylinders, cones and spheres, nearly a circular
-    // arc; the paper's are shorter by this factor. A straight edge stays straight.
-    let half_turn = (normals[0].dot(&normals[1]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
-    tangent * (2.0 / (3.0 * (1.0 + half_turn) * half_turn)) - along / 3.0
+    tangent * arc_share(normals) - along / 3.0
+}
+
+/// The same for an edge of the part that runs in known directions at its ends.
+fn edge_handle(along: Vector3<f64>, directions: [Vector3<f64>; 2]) -> Vector3<f64> {
+    directions[0] * (along.dot(&directions[0]) * arc_share(directions)) - along / 3.0
+}
+
+/// Handles of this length, against the projected side, make an edge of constant curvature, as on cylinders, cones and spheres,
+/// nearly a circular arc; the paper's are shorter by this factor. A straight edge stays straight. The normals or the
+/// directions at its ends tell how far it turns.
+fn arc_share(ends: [Vector3<f64>; 2]) -> f64 {
+    let half_turn = (ends[0].dot(&ends[1]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
+    2.0 / (3.0 * (1.0 + half_turn) * half_turn)
 }
 
 fn gradient(normal: &Vector3<f64>) -> Vector2<f64> {

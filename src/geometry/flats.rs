@@ -37,15 +37,14 @@ struct Planes {
     are_slivers: Vec<bool>,
 }
 
-/// Corrects the normals that are `estimated` at vertices where facets of very different width continue each other, and
+/// Corrects the normals that are `estimated` at vertices of the `chosen` triangles ([`round_bent_ones`]) where facets of very different width continue each other, and
 /// returns for each triangle how far the part may be from the curved patch that the normals make of it, mm: where those of the
 /// file are not what the narrow facets lead to; nothing where they are everywhere.
 ///
 /// A normal is led to as the direction that meets the chords to the vertices round it as obliquely as their normals do from
 /// the other end, in the least-squares sense, short chords first. A vertex without a neighbour between facets that are
 /// alike takes the normal of its widest plane, if that is more than one triangle.
-pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<f64> {
-    let Some(chosen) = round_bent_ones(mesh) else { return Vec::new() };
+pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<f64> {
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
     let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
@@ -264,7 +263,7 @@ impl Planes {
 
 /// For each triangle whether it is of interest: one that its normals bend by more than [`PLAIN`], or one within two vertices
 /// of such a one.
-fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
+pub(super) fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
     let bends = |triangle: usize| {
         let (points, normals) = mesh.corners(triangle);
         (0..3).any(|corner| {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::curved_triangle::{CurvedTriangle, Hit};
+use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::space::{Extents, View, ViewPoint};
@@ -14,6 +14,9 @@ pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 /// Two sides of the part whose meshes are not joined continue each other where their heights differ by less than this
 /// share of the distance between nodes from what their slopes say.
 const OFFSET: f64 = 0.1;
+
+/// Nodes round an edge of the part are within so many steps of its height, unless something hides it.
+const NEAR: f64 = 4.0;
 
 /// What lies under a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,6 +138,7 @@ impl FacingPart {
         let hits = self.hits(grid);
         let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
         self.mark_edges(&field, &hits, &mut is_at_edge);
+        self.mark_creases(&field, &mut is_at_edge);
         PartSamples { field, is_at_edge, doubts: self.doubts(&hits) }
     }
 
@@ -142,7 +146,7 @@ impl FacingPart {
     fn hits(&self, grid: &Grid) -> Vec<Option<(u32, Hit)>> {
         let mut hits: Vec<Option<(u32, Hit)>> = vec![None; grid.count()];
         for triangle in 0..self.mesh.triangles.len() {
-            let (points, normals) = self.mesh.corners(triangle);
+            let points = self.mesh.corners(triangle).0;
             let extents = Extents::of(points.map(|point| point.coords.xy()));
             // An edge between normals 90° apart bulges by less than a quarter of its length.
             let grown = extents.grown(extents.size().norm() * 0.25);
@@ -151,7 +155,7 @@ impl FacingPart {
             if in_columns.is_empty() || in_rows.is_empty() {
                 continue;
             }
-            let patch = CurvedTriangle::new(points, normals);
+            let patch = self.mesh.patch(triangle);
             let bulge = patch.largest_bulge();
             let near = extents.grown(bulge);
             for row in in_rows {
@@ -181,6 +185,24 @@ impl FacingPart {
             return Vec::new();
         }
         hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()
+    }
+
+    /// Marks the nodes round the edges of the part that only its facets tell: such an edge may end in the middle of a smooth
+    /// side.
+    fn mark_creases(&self, field: &HeightField, is_at_edge: &mut [bool]) {
+        for crease in self.mesh.creases.iter().filter(|crease| crease.is_sharp) {
+            let [from, to] = self.mesh.ends(crease.side as usize);
+            let count = ((to - from).xy().norm() / field.grid.step * 2.0).ceil().max(1.0) as usize;
+            for index in 0..=count {
+                let at = from + (to - from) * (index as f64 / count as f64);
+                let Some((column, row, _)) = field.grid.cell(ViewPoint::new(at.x, at.y)) else { continue };
+                for node in field.grid.cell_nodes(column, row) {
+                    // Others hide the edge.
+                    let is_near = |height: f64| (height - at.z).abs() < NEAR * field.grid.step;
+                    is_at_edge[node] |= matches!(field.nodes[node], Node::Surface(height) if is_near(height));
+                }
+            }
+        }
     }
 
     /// For each node whether it and a neighbour lie on two smooth sides of the part that do not continue each other.

@@ -1,12 +1,17 @@
 //! A mesh that knows where it is smooth: one vertex with one normal where facets continue each other, several where
 //! they meet at an edge of the part.
 
+mod creases;
 mod joining;
+mod long_sides;
+mod sections;
 
 use nalgebra::{Point3, Vector3};
 
+use super::curved_triangle::CurvedTriangle;
+
 /// Facets that meet at a larger angle than this, rad, are taken for the two sides of an edge of the part when the file
-/// has no normals. CAD tessellations turn by up to 28.6° (0.5 rad) from facet to facet of one face; chamfers by 45°.
+/// has no normals; at a smaller one where they stand alone (`creases`). CAD tessellations turn by up to 28.6° (0.5 rad) from facet to facet of one face; chamfers by 45°.
 pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
 /// Normals of the file that differ by more than this, rad, at one place are those of two sides of an edge of the part.
@@ -31,6 +36,19 @@ pub struct SmoothMesh {
     /// For each triangle how far the part may be from the surface that the normals make of it, mm: where they round an edge of
     /// the facets, or contradict one another (`flats`); empty where there is no doubt.
     pub doubts: Vec<f64>,
+    /// Edges of the part that the facets alone tell, from both of their sides, in rising order of these.
+    pub(super) creases: Vec<Crease>,
+}
+
+/// One side of an edge of the part.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Crease {
+    /// 3·t + k: from corner k of triangle t to the next.
+    pub(super) side: u32,
+    /// Unit directions of the edge at both ends of the side: where the tangent planes on its two sides meet.
+    directions: [Vector3<f64>; 2],
+    /// Whether the two sides of the part meet at more than [`NORMAL_TOLERANCE`] at an end.
+    pub(super) is_sharp: bool,
 }
 
 impl SmoothMesh {
@@ -41,5 +59,24 @@ impl SmoothMesh {
             corners.map(|index| self.positions[index as usize]),
             corners.map(|index| self.normals[index as usize]),
         )
+    }
+
+    /// The patch over a triangle.
+    pub(super) fn patch(&self, triangle: usize) -> CurvedTriangle {
+        let (corners, normals) = self.corners(triangle);
+        let mut edges = [None; 3];
+        if !self.creases.is_empty() {
+            let first = self.creases.partition_point(|crease| (crease.side as usize) < triangle * 3);
+            let creases =
+                self.creases[first..].iter().take_while(|crease| crease.side as usize / 3 == triangle);
+            creases.for_each(|crease| edges[crease.side as usize % 3] = Some(crease.directions));
+        }
+        CurvedTriangle::beside_edges(corners, normals, edges)
+    }
+
+    /// The ends of a side, mm.
+    pub(super) fn ends(&self, side: usize) -> [Point3<f64>; 2] {
+        let corners = self.triangles[side / 3];
+        [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
     }
 }

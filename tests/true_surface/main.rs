@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 #![allow(clippy::print_stdout, reason = "the table of the figures")]
 
+mod edges;
 mod exact_maps;
 mod forms;
 mod shading;

@@ -2,9 +2,11 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{CREASE_ANGLE, NORMAL_TOLERANCE, SmoothMesh};
+use super::creases::{Facing, Steps, matters};
+use super::long_sides;
+use super::sections::Facets;
+use super::{CREASE_ANGLE, Crease, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
-use crate::geometry::curved_triangle::CurvedTriangle;
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::refined_normal;
@@ -14,17 +16,24 @@ use crate::geometry::space::View;
 /// round is more likely then.
 const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 
+/// Tangent planes that meet at a smaller angle than this, rad, are one.
+const SAME_PLANE: f64 = 0.02;
+/// An edge that leaves its side further than this, as a cosine, is damage.
+const LEAST_ALONG: f64 = 0.5;
+/// An edge that leaves its side by less than this, mm, is straight.
+const LEAST_BEND: f64 = 1e-5;
+
 impl SmoothMesh {
     /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
     /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
-    /// less than [`CREASE_ANGLE`].
+    /// less than [`CREASE_ANGLE`] and the steps beside them show that they are those of a curved face (`creases`).
     ///
     /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
     /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
     /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
-    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; and
-    /// where a wide facet continues in narrow ones, as a flat side in its fillet, those that the narrow ones lead to
-    /// (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; at
+    /// right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
+    /// in its fillet, those that the narrow ones lead to (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
@@ -48,7 +57,21 @@ impl SmoothMesh {
 
         let mut vertex_sets = DisjointSets::new(places.len() * 3);
         let mut region_sets = DisjointSets::new(places.len());
-        let (mut rounded, mut edges) = (Vec::new(), Vec::new());
+        let (mut rounded, mut edges, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+        let mut sharp = Vec::new();
+        // The corners at the ends of two sides that face each other, those at one place together.
+        let facing_corners = |side: usize, other: usize| {
+            let (here, there) = (side / 3, other / 3);
+            let ends = [side, here * 3 + (side + 1 - here * 3) % 3];
+            let facing = [other, there * 3 + (other + 1 - there * 3) % 3];
+            let place = |corner: usize| places[corner / 3][corner % 3];
+            // Neighbours that are wound alike run along their common side in opposite directions.
+            let wound_alike = place(ends[0]) != place(other);
+            let facing = if wound_alike { [facing[1], facing[0]] } else { facing };
+            ([(ends[0], facing[0]), (ends[1], facing[1])], wound_alike)
+        };
+        // The facet whose sides are looked at.
+        let mut known = (usize::MAX, Vector3::zeros());
         for side in 0..opposite.len() {
             let other = opposite[side] as usize;
             // Each pair once; NONE is larger than any side.
@@ -56,42 +79,56 @@ impl SmoothMesh {
                 continue;
             }
             let (here, there) = (side / 3, other / 3);
-            let ends = [side, here * 3 + (side + 1 - here * 3) % 3];
-            let facing = [other, there * 3 + (other + 1 - there * 3) % 3];
-            let place = |corner: usize| places[corner / 3][corner % 3];
-            // Neighbours that are wound alike run along their common side in opposite directions.
-            let facing = if place(ends[0]) == place(facing[0]) { facing } else { [facing[1], facing[0]] };
-            let pairs = [(ends[0], facing[0]), (ends[1], facing[1])];
+            let (pairs, wound_alike) = facing_corners(side, other);
             let normal = &given_normal;
             let is_given =
                 |&(a, b): &(usize, usize)| normal(a) != Vector3::zeros() && normal(b) != Vector3::zeros();
             let have_normals = pairs.iter().all(is_given);
             let agree = || pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal);
-            let meets_within = |angle: f64| {
-                let wound_alike = place(ends[0]) != place(other);
-                let cosine = facet(here).dot(&facet(there));
-                (if wound_alike { cosine } else { -cosine }) >= angle.cos()
+            let mut meet = || {
+                if known.0 != here {
+                    known = (here, facet(here));
+                }
+                let cosine = known.1.dot(&facet(there));
+                if wound_alike { cosine } else { -cosine }
             };
-            let is_smooth = match have_normals {
-                true if only_shades => agree() && meets_within(SHADED_CREASE_ANGLE),
-                true => agree(),
-                false => meets_within(CREASE_ANGLE),
+            let is_smooth = if have_normals && !only_shades {
+                agree()
+            } else {
+                let angle = if have_normals { SHADED_CREASE_ANGLE } else { CREASE_ANGLE };
+                let cosine = meet();
+                let is_smooth = cosine >= angle.cos() && (!have_normals || agree());
+                let step = [side as u32, other as u32];
+                if !is_smooth {
+                    sharp.push(step);
+                    continue;
+                }
+                if wound_alike && matters(cosine, || [points(here), points(there)], side % 3) {
+                    steps.push(step);
+                    continue;
+                }
+                true
             };
             if is_smooth {
                 let meets_flatly = || meet_within(points(here), points(there), SHADED_CREASE_ANGLE);
-                if have_normals && !meets_flatly() && !meets_within(SHADED_CREASE_ANGLE) {
-                    rounded.extend([ends[0], ends[1]]);
+                if have_normals && !meets_flatly() && meet() < SHADED_CREASE_ANGLE.cos() {
+                    rounded.extend([pairs[0].0, pairs[1].0]);
                 }
                 pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
                 region_sets.join(here, there);
             } else {
-                edges.push(side);
+                edges.push([side as u32, other as u32]);
             }
         }
-
-        for side in edges {
-            let other = std::mem::replace(&mut opposite[side], NONE);
-            opposite[other as usize] = NONE;
+        cut(&mut opposite, &edges);
+        cut(&mut opposite, &sharp);
+        let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
+        let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases();
+        cut(&mut opposite, &creases);
+        for &[side, other] in steps.iter().filter(|step| opposite[step[0] as usize] != NONE) {
+            let (pairs, _) = facing_corners(side as usize, other as usize);
+            pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
+            region_sets.join(side as usize / 3, other as usize / 3);
         }
 
         let (vertices, count) = vertex_sets.numbered();
@@ -111,8 +148,12 @@ impl SmoothMesh {
             regions,
             continued: opposite,
             doubts: Vec::new(),
+            creases: Vec::new(),
         };
         smooth.complete_normals();
+        let beside = creases.iter().chain(&sharp);
+        smooth.creases = smooth
+            .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
         smooth
     }
@@ -147,7 +188,44 @@ impl SmoothMesh {
             };
             self.normals = (0..self.normals.len()).map(estimated).collect();
         }
-        self.doubts = flats::lead_across(self, &is_missing);
+        if let Some(chosen) = flats::round_bent_ones(self) {
+            if is_missing.contains(&true) {
+                long_sides::straighten(self, &is_missing, &chosen);
+            }
+            self.doubts = flats::lead_across(self, &is_missing, &chosen);
+        }
+    }
+
+    /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
+    /// both ends are given.
+    fn edges_between(&self, edges: impl Iterator<Item = [(usize, usize); 2]>) -> Vec<Crease> {
+        let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
+        let normals = |(one, other): (usize, usize)| [one, other].map(|corner| self.normals[vertex(corner)]);
+        let mut creases = Vec::new();
+        for ends in edges {
+            let [from, to] = ends.map(|end| self.positions[vertex(end.0)]);
+            let (along, normals) = (to - from, ends.map(normals));
+            let directions = normals.map(|normals| edge_direction(normals, along));
+            let is_sharp = normals.iter().any(|[one, other]| one.dot(other) < NORMAL_TOLERANCE.cos());
+            let ends_within = self.regions[ends[0].0 / 3] == self.regions[ends[0].1 / 3];
+            let is_straight =
+                directions.iter().all(|direction| direction.cross(&along).norm() < 4.0 * LEAST_BEND);
+            if is_straight && !ends_within {
+                continue;
+            }
+            // Each side runs from one of its two corners to the next.
+            let side = |one: usize, other: usize| match (one % 3 + 1) % 3 == other % 3 {
+                true => Crease { side: one as u32, directions, is_sharp },
+                false => {
+                    let directions = [-directions[1], -directions[0]];
+                    Crease { side: other as u32, directions, is_sharp }
+                }
+            };
+            let [first, last] = ends;
+            creases.extend([side(first.0, last.0), side(first.1, last.1)]);
+        }
+        creases.sort_unstable_by_key(|crease| crease.side);
+        creases
     }
 
     /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
@@ -162,12 +240,31 @@ impl SmoothMesh {
         for triangle in 0..self.triangles.len() {
             let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize]);
             if is_rounded || self.doubts[triangle] > 0.0 {
-                let (corners, normals) = self.corners(triangle);
-                let bulge = CurvedTriangle::new(corners, normals).largest_bulge();
+                let bulge = self.patch(triangle).largest_bulge();
                 self.doubts[triangle] = if is_rounded { bulge } else { self.doubts[triangle].min(bulge) };
             }
         }
     }
+}
+
+/// The unit direction in which two tangent planes meet, along a side of the mesh; where they are one, that of the side within it.
+fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>) -> Vector3<f64> {
+    let meet = one.cross(&other);
+    let within = |normal: Vector3<f64>| along - normal * along.dot(&normal);
+    let direction = match meet.norm() {
+        angle if angle > SAME_PLANE => meet * meet.dot(&along).signum(),
+        _ => within((one + other).try_normalize(0.0).unwrap_or(one)),
+    };
+    let straight = along.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    match direction.try_normalize(0.0) {
+        Some(direction) if direction.dot(&straight) > LEAST_ALONG => direction,
+        _ => straight,
+    }
+}
+
+/// Parts what continues across the `edges`.
+fn cut(continued: &mut [u32], edges: &[Facing]) {
+    edges.iter().flatten().for_each(|&side| continued[side as usize] = NONE);
 }
 
 /// Whether two facets that are wound alike meet at less than an angle below 90°, rad, without a root for each.

@@ -1,0 +1,346 @@
+//! Edges of a part that are no sharper than the steps between facets of a curved face: told by what the facets beside them do.
+//!
+//! A step between two facets of a curved face comes with steps of the same kind before and after it. An edge of the part
+//! stands alone, as a ridge between two flat sides or the mitre of two fillets does. A section through the facets at right
+//! angles to the step shows it: its corner at the step is compared with the next ones on both sides.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Point3, Vector3};
+
+use super::sections::{Facets, turn};
+use crate::geometry::adjacency::{NONE, facet_normal};
+
+/// A step stands out where it turns by so many times what the steps beside it explain, and by [`LEAST`] more.
+const STANDS_OUT: f64 = 4.0;
+const LEAST: f64 = 2.0 * PI / 180.0;
+/// The same for a step that continues an edge, which is known to be one.
+const STILL_STANDS_OUT: f64 = 2.0;
+/// And for an edge that is one because its facets meet at a large angle.
+const SHARP_STANDS_OUT: f64 = 2.5;
+/// An edge runs out in a step that turns by at least the first of these shares of what is explained, and by shares between the
+/// other two of the step before it.
+const RUNS_OUT: f64 = 0.4;
+const FADES: [f64; 2] = [0.25, 0.6];
+/// An edge does not bend by more than this from one step to the next, rad.
+const STRAIGHT: f64 = 35.0 * PI / 180.0;
+/// An edge that ends within a smooth side has at least so many steps, and is so many times as long as the facets beside it are
+/// high: single steps that stand out are accidents of a coarse mesh.
+const LEAST_STEPS: usize = 3;
+const LEAST_LENGTH: f64 = 4.0;
+/// A step is not looked at where it would bend a smooth surface by less than this, mm.
+const PLAIN: f64 = 2e-3;
+/// Lengths of which one is so many times the other are not those of one curve that was cut evenly.
+const UNEVEN: f64 = 2.5;
+/// A corner of the section that turns by less than this share of the step is none.
+const NO_CORNER: f64 = 0.25;
+/// Where along a step the sections run besides its middle.
+const CUTS: [f64; 2] = [0.3, 0.7];
+/// Steps looked at round one place at most: edges do not meet by the hundred.
+const MOST_AT_PLACE: usize = 64;
+
+/// Two facing sides, the smaller number first.
+pub(super) type Facing = [u32; 2];
+
+/// The facets of a mesh and the steps between them that may be edges.
+pub(super) struct Steps<'a> {
+    /// Continued across all that is not known to be an edge.
+    pub(super) facets: Facets<'a>,
+    /// For each triangle the numbers of the places of its corners: the same for all vertices at one place.
+    pub(super) places: &'a [[u32; 3]],
+    /// What may be an edge, in rising order.
+    pub(super) steps: &'a [Facing],
+    /// Known edges.
+    pub(super) edges: &'a [Facing],
+}
+
+/// What the section through a step shows.
+struct Measured {
+    /// The angle between the facets, rad.
+    turn: f64,
+    /// What the corners beside it explain of that, rad.
+    explained: f64,
+    /// Mean height of the facets over the step, mm.
+    height: f64,
+    /// Whether there is nothing beside it that could explain anything: the part ends on both sides.
+    is_alone: bool,
+}
+
+/// The section on one side of a step up to its third corner: lengths between the corners, mm, and how far they turn, rad.
+struct Beside {
+    lengths: [f64; 3],
+    turns: [f64; 2],
+    /// How many of the lengths are known.
+    count: usize,
+    goes_on: bool,
+}
+
+/// Whether a step between facets of a curved surface, whose normals meet at a `cosine`, would matter; `side` is that of the
+/// first facet.
+pub(super) fn matters(cosine: f64, facets: impl Fn() -> [[Point3<f64>; 3]; 2], side: usize) -> bool {
+    let squared_turn = 2.0 - 2.0 * cosine;
+    let limit = (8.0 * PLAIN).powi(2);
+    let beside = {
+        let [one, _] = facets();
+        (one[(side + 2) % 3] - one[side]).norm_squared()
+    };
+    if squared_turn * beside <= limit {
+        return false;
+    }
+    let [one, other] = facets();
+    let length = (one[(side + 1) % 3] - one[side]).norm_squared();
+    let doubled_area = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a)).norm_squared();
+    squared_turn * doubled_area(one).min(doubled_area(other)) > limit * length
+}
+
+impl Measured {
+    fn stands_out(&self, times: f64) -> bool {
+        self.turn > times * self.explained + LEAST
+    }
+}
+
+impl Steps<'_> {
+    /// Those of the steps that are edges of the part, in rising order.
+    pub(super) fn creases(&self) -> Vec<Facing> {
+        if self.steps.is_empty() {
+            return Vec::new();
+        }
+        let measured: Vec<Option<Measured>> = self.steps.iter().map(|&step| self.measure(step)).collect();
+        let ends = self.by_place(self.steps);
+        let mut is_crease = self.chains(&measured, &ends);
+        let found = self.steps.iter().zip(&is_crease).filter(|(_, is_crease)| **is_crease);
+        let sharp = self.edges.iter().filter(|&&edge| {
+            let place = |end: usize| at_place(&ends, self.end_places(edge[0])[end]).next().is_some();
+            let stands_out = |measured: Measured| measured.stands_out(SHARP_STANDS_OUT);
+            (place(0) || place(1)) && self.measure(edge).is_some_and(stands_out)
+        });
+        let mut front: Vec<Facing> = found.map(|(step, _)| *step).chain(sharp.copied()).collect();
+        while let Some(known) = front.pop() {
+            let before = self.angle(known);
+            for place in self.end_places(known[0]) {
+                for number in at_place(&ends, place) {
+                    let Some(step) = &measured[number] else { continue };
+                    let goes_on = step.turn > STILL_STANDS_OUT * step.explained;
+                    let runs_out = step.turn > RUNS_OUT * step.explained && step.turn < FADES[1] * before;
+                    if is_crease[number]
+                        || step.turn < FADES[0] * before
+                        || !(goes_on || runs_out)
+                        || !self.runs_on(place, known[0], self.steps[number][0])
+                    {
+                        continue;
+                    }
+                    is_crease[number] = true;
+                    if goes_on {
+                        front.push(self.steps[number]);
+                    }
+                }
+            }
+        }
+        self.steps.iter().zip(is_crease).filter(|(_, is_crease)| *is_crease).map(|(step, _)| *step).collect()
+    }
+
+    /// For each step whether it stands out together with others that continue it: from edge to edge of the part, from a known
+    /// edge straight on, or over a long way.
+    fn chains(&self, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> Vec<bool> {
+        let stands_out = |(number, step): (usize, &Option<Measured>)| {
+            step.as_ref().is_some_and(|step| {
+                step.stands_out(STANDS_OUT) && !(step.is_alone && self.is_crossed(number, measured, ends))
+            })
+        };
+        let stands_out: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
+        let mut is_crease = vec![false; self.steps.len()];
+        if !stands_out.contains(&true) {
+            return is_crease;
+        }
+        let continued = self.facets.continued;
+        let borders = (0..continued.len() as u32).filter(|&side| continued[side as usize] == NONE);
+        let mut at_border: Vec<u32> = borders.flat_map(|side| self.end_places(side)).collect();
+        at_border.sort_unstable();
+        at_border.dedup();
+        let edges = self.by_place(self.edges);
+        let mut is_met = vec![false; self.steps.len()];
+        let mut chain = Vec::new();
+        for first in (0..self.steps.len()).filter(|&number| stands_out[number]) {
+            if std::mem::replace(&mut is_met[first], true) {
+                continue;
+            }
+            chain.clear();
+            chain.push(first);
+            let (mut at, mut length, mut height) = (0, 0.0, 0.0);
+            let (mut is_closed, mut continues_edge) = (true, false);
+            while at < chain.len() {
+                let number = chain[at];
+                at += 1;
+                let side = self.steps[number][0];
+                let [from, to] = self.facets.ends(side as usize);
+                length += (to - from).norm();
+                height += measured[number].as_ref().map_or(0.0, |step| step.height);
+                for place in self.end_places(side) {
+                    let mut goes_on = false;
+                    for next in at_place(ends, place).filter(|&next| next != number && stands_out[next]) {
+                        if self.runs_on(place, side, self.steps[next][0]) {
+                            goes_on = true;
+                            if !std::mem::replace(&mut is_met[next], true) {
+                                chain.push(next);
+                            }
+                        }
+                    }
+                    let mut known = at_place(&edges, place).map(|edge| self.edges[edge][0]);
+                    continues_edge |= known.any(|edge| self.runs_on(place, side, edge));
+                    is_closed &= goes_on || at_border.binary_search(&place).is_ok();
+                }
+            }
+            let count = chain.len();
+            let is_long = count >= LEAST_STEPS && length * count as f64 > LEAST_LENGTH * height;
+            if is_closed || continues_edge || is_long {
+                chain.iter().for_each(|&number| is_crease[number] = true);
+            }
+        }
+        is_crease
+    }
+
+    /// Whether another step that turns by a notable share of one meets it at an end and does not continue it, as on a small cap.
+    fn is_crossed(&self, number: usize, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> bool {
+        let side = self.steps[number][0];
+        let turn = |number: usize| measured[number].as_ref().map_or(0.0, |step| step.turn);
+        self.end_places(side).into_iter().any(|place| {
+            at_place(ends, place).any(|other| {
+                other != number
+                    && STANDS_OUT * turn(other) > turn(number)
+                    && !self.runs_on(place, side, self.steps[other][0])
+            })
+        })
+    }
+
+    /// The places at the ends of each of the `sides`, with its index, in order of the places.
+    fn by_place(&self, sides: &[Facing]) -> Vec<(u32, u32)> {
+        let ends = sides.iter().zip(0..).flat_map(|(side, index)| {
+            let [one, other] = self.end_places(side[0]);
+            [(one, index), (other, index)]
+        });
+        let mut ends: Vec<(u32, u32)> = ends.collect();
+        ends.sort_unstable();
+        ends
+    }
+
+    fn end_places(&self, side: u32) -> [u32; 2] {
+        let (places, first) = (self.places[side as usize / 3], side as usize % 3);
+        [places[first], places[(first + 1) % 3]]
+    }
+
+    /// Whether two sides that meet at a place nearly continue each other there.
+    fn runs_on(&self, place: u32, one: u32, other: u32) -> bool {
+        let away = |side: u32| {
+            let [from, to] = self.facets.ends(side as usize);
+            if self.end_places(side)[0] == place { to - from } else { from - to }
+        };
+        (-away(one)).angle(&away(other)) < STRAIGHT
+    }
+
+    /// The angle between the facets at two facing sides, rad.
+    fn angle(&self, facing: Facing) -> f64 {
+        let [one, other] = facing.map(|side| facet_normal(self.facets.corners(side as usize / 3)));
+        one.angle(&other)
+    }
+
+    /// What the sections show of a step: the one in its middle, or, where the step stands out there, of several the one that
+    /// explains most.
+    fn measure(&self, step: Facing) -> Option<Measured> {
+        let middle = self.measure_at(step, 0.5);
+        if middle.as_ref().is_some_and(|middle| !middle.stands_out(STILL_STANDS_OUT)) {
+            return middle;
+        }
+        let left = |step: &Measured| step.turn - STANDS_OUT * step.explained;
+        let others = CUTS.iter().filter_map(|&share| self.measure_at(step, share));
+        others.chain(middle).min_by(|one, other| left(one).total_cmp(&left(other)))
+    }
+
+    fn measure_at(&self, step: Facing, share: f64) -> Option<Measured> {
+        let [from, to] = self.facets.ends(step[0] as usize);
+        let along = (to - from).try_normalize(0.0)?;
+        let start = from + (to - from) * share;
+        let [one, other] = step.map(|side| self.first_piece(side, start, along));
+        let (one, other) = (one?, other?);
+        let turned = turn(-one, other, along).abs();
+        let beside = step.map(|side| self.beside(side, start, along, turned * NO_CORNER));
+        let known = beside.each_ref().map(Beside::explains);
+        // What nothing is known of is like the other side.
+        let like = |side: usize| {
+            let lengths = [side, 1 - side].map(|side| beside[side].lengths[0]);
+            known[1 - side].map_or(0.0, |explained| explained * (lengths[0] / lengths[1]).min(1.0))
+        };
+        let explained = [0, 1].map(|side| known[side].unwrap_or_else(|| like(side)));
+        let height = (one.norm() + other.norm()) / 2.0;
+        Some(Measured {
+            turn: turned,
+            explained: explained[0] + explained[1],
+            height,
+            is_alone: known == [None; 2],
+        })
+    }
+
+    fn first_piece(&self, side: u32, start: Point3<f64>, across: Vector3<f64>) -> Option<Vector3<f64>> {
+        let mut first = None;
+        self.facets.section_from(side as usize, start, across, |piece| {
+            first = Some(piece);
+            false
+        });
+        first
+    }
+
+    /// The section from a step on; what turns by less than `least` is no corner, rad.
+    fn beside(&self, side: u32, start: Point3<f64>, across: Vector3<f64>, least: f64) -> Beside {
+        let (mut lengths, mut turns, mut count) = ([0.0; 3], [0.0; 2], 0);
+        let mut last: Option<Vector3<f64>> = None;
+        let goes_on = self.facets.section_from(side as usize, start, across, |piece| {
+            let turned = last.replace(piece).map_or(f64::INFINITY, |last| turn(last, piece, across).abs());
+            if !(turned <= least) {
+                if count == lengths.len() {
+                    return false;
+                }
+                if count > 0 {
+                    turns[count - 1] = turned;
+                }
+                count += 1;
+            }
+            lengths[count - 1] += piece.norm();
+            true
+        });
+        Beside { lengths, turns, count, goes_on }
+    }
+}
+
+/// The indices that belong to a place.
+fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
+    let first = ends.partition_point(|end| end.0 < place);
+    let here = ends[first..].iter().take_while(move |end| end.0 == place);
+    here.take(MOST_AT_PLACE).map(|end| end.1 as usize)
+}
+
+impl Beside {
+    /// What the corners explain of the step at the section's start, rad: on a curve that is cut evenly half of the next one, and
+    /// where lengths differ much the shorter piece is the curved one. `None` where the section ends before a corner.
+    fn explains(&self) -> Option<f64> {
+        let is_even = |one: f64, other: f64| one < UNEVEN * other && other < UNEVEN * one;
+        let ([first, second, third], [near, far]) = (self.lengths, self.turns);
+        if self.count < 2 {
+            return self.goes_on.then_some(0.0);
+        }
+        let has_far = self.count > 2;
+        // What the far corner shows of the second piece's own curvature.
+        let of_second = match has_far {
+            true if is_even(second, third) => Some(far * second / (second + third)),
+            true if third > second => Some(far),
+            _ => None,
+        };
+        let explained = match of_second {
+            _ if is_even(first, second) => near * (first / (first + second)).max(0.5),
+            Some(of_second) => (near - of_second).max(0.0),
+            None if first > second => 0.0,
+            None => near,
+        };
+        let is_evenly_cut = has_far && is_even(first, second) && is_even(second, third);
+        let by_far = if is_evenly_cut { far * first / (second + third) } else { 0.0 };
+        Some(explained.max(by_far))
+    }
+}

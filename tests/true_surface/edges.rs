@@ -1,0 +1,258 @@
+//! Edges that are no sharper than the facets of a coarse curved face, and fillets that end in them: from vertices alone.
+
+use isomark::formats::mesh::{self, MeshFormat, MeshOptions, Shape};
+use isomark::geometry::height_field::{FacingPart, Grid, Node, PartSamples};
+use isomark::geometry::mesh::TriMesh;
+use isomark::geometry::space::{View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use nalgebra::Point3;
+
+use super::forms::{ALL, Normals};
+
+/// A fitted surface that leaves more than this under the ink is warned of, mm: a fifth of the usual `max_residual_mm`.
+const WARNED: f64 = 0.02;
+/// Half the width of the FreeCAD boxes, mm.
+const HALF: f64 = 25.0;
+
+fn bare(points: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> TriMesh {
+    TriMesh::new(points, Vec::new(), triangles).unwrap()
+}
+
+/// The same with three vertices of its own for each triangle, as STL has them.
+fn taken_apart(mesh: &TriMesh) -> TriMesh {
+    let points: Vec<_> = mesh.triangles().iter().flat_map(|&triangle| mesh.corners(triangle)).collect();
+    let count = u32::try_from(mesh.triangles().len()).unwrap();
+    bare(points, (0..count).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect())
+}
+
+fn sample(name: &str) -> TriMesh {
+    let path = format!("{}/tests/data/parts/shaded/{name}", env!("CARGO_MANIFEST_DIR"));
+    let bytes = fs_err::read(path).unwrap();
+    let none = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    let format = MeshFormat::from_name(name).unwrap();
+    let reading = mesh::read(&bytes, format, &MeshOptions::default(), none).unwrap();
+    let Shape::Mesh(mesh) = reading.shape else { panic!("a mesh was read") };
+    mesh
+}
+
+fn sampled(mesh: &TriMesh) -> PartSamples {
+    let part = FacingPart::new(mesh, &View::top());
+    let size = part.extents().size();
+    part.sample(&Grid::over(&part.extents(), size.x.max(size.y) / 144.0))
+}
+
+/// The largest distance between the sampled and the true height, and where, mm: at the nodes for which there is a true one.
+fn largest_miss(samples: &PartSamples, height: impl Fn(f64, f64) -> Option<f64>) -> (f64, ViewPoint) {
+    let field = &samples.field;
+    let columns = field.size().0;
+    let misses = field.nodes().iter().enumerate().filter_map(|(index, node)| {
+        let at = field.position(index % columns, index / columns);
+        let height = height(at.x, at.y)?;
+        Some(match node {
+            Node::Surface(sampled) => ((sampled - height).abs(), at),
+            _ => (f64::INFINITY, at),
+        })
+    });
+    misses.max_by(|one, other| one.0.total_cmp(&other.0)).unwrap()
+}
+
+/// How far the fillet of a flat side lies below it, mm, so far from the part's middle; `None` where it is steeper than 60°.
+fn fillet_drop(radius: f64, from_middle: f64) -> Option<f64> {
+    let beyond = (from_middle.abs() - HALF + radius).max(0.0);
+    (beyond < 0.86 * radius).then(|| radius - (radius * radius - beyond * beyond).sqrt())
+}
+
+/// Two fillets that meet in a mitre.
+fn mitred(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
+    move |x, y| Some(30.0 - fillet_drop(radius, x)?.max(fillet_drop(radius, y)?))
+}
+
+/// Two fillets that meet in a corner of a ball.
+fn rounded(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
+    move |x, y| {
+        let beyond = [x, y].map(|along: f64| (along.abs() - HALF + radius).max(0.0));
+        Some(30.0 - fillet_drop(radius, HALF - radius + beyond[0].hypot(beyond[1]))?)
+    }
+}
+
+/// The top of a box with mitred fillets in so many strips, whose quadrangles are cut one way or the other.
+fn mitred_top(radius: f64, strips: u32, is_flipped: bool) -> TriMesh {
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for ring in 0..=strips {
+        let angle = std::f64::consts::FRAC_PI_2 * f64::from(ring) / f64::from(strips);
+        let (half, z) = (HALF - radius + radius * angle.sin(), 30.0 - radius + radius * angle.cos());
+        points.extend(
+            [[-half, -half], [half, -half], [half, half], [-half, half]].map(|[x, y]| Point3::new(x, y, z)),
+        );
+        if ring == 0 {
+            triangles.extend([[0, 1, 2], [0, 2, 3]]);
+            continue;
+        }
+        for side in 0..4 {
+            let [a, b] = [side, (side + 1) % 4].map(|corner| 4 * (ring - 1) + corner);
+            let [c, d] = [b + 4, a + 4];
+            let halves = if is_flipped { [[d, c, a], [c, b, a]] } else { [[d, c, b], [d, b, a]] };
+            triangles.extend(halves);
+        }
+    }
+    bare(points, triangles)
+}
+
+#[test]
+fn mitred_fillets_are_cylinders_that_meet_in_an_edge() {
+    let mut failures = Vec::new();
+    let mut check = |name: &str, radius: f64, mesh: &TriMesh, limit: f64| {
+        let (miss, at) = largest_miss(&sampled(mesh), mitred(radius));
+        if !(miss <= limit) {
+            failures.push(format!("{name}: {miss:.4} mm at ({:.1}, {:.1})", at.x, at.y));
+        }
+    };
+    check("FreeCAD", 5.0, &sample("fc020-top-fillets.stl"), 0.005);
+    for radius in [2.0, 5.0, 10.0] {
+        for strips in [4, 6, 7, 16] {
+            for is_flipped in [false, true] {
+                let mesh = mitred_top(radius, strips, is_flipped);
+                let limit = if strips == 4 { 0.03 } else { 0.01 };
+                check(&format!("R {radius} in {strips}, flipped {is_flipped}"), radius, &mesh, limit);
+                check(&format!("R {radius} in {strips}, apart"), radius, &taken_apart(&mesh), limit);
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn lines_over_mitred_fillets_are_true_or_warned_of() {
+    let surface = FittedSurface::of_part(
+        &FacingPart::new(&sample("fc020-top-fillets.stl"), &View::top()),
+        &FitOptions::default(),
+    )
+    .unwrap();
+    let truth = mitred(5.0);
+    for x in [18.0, 20.0, 21.0, 22.0, 23.0, 24.0] {
+        for step in -60..=60 {
+            // A line along the fillet, and one across its mitre.
+            for (x, y) in [(x, 0.25 * f64::from(step)), (x, x + 0.05 * f64::from(step))] {
+                let Some(height) = truth(x, y) else { continue };
+                let at = ViewPoint::new(x, y);
+                let miss = (surface.sampled_height(at).unwrap() - height).abs();
+                let is_warned_of = surface.difference(at).abs().max(surface.doubt(at)) > WARNED;
+                assert!(miss <= 0.03 || is_warned_of, "{miss} mm at ({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
+fn fillets_run_straight_into_their_corners() {
+    let (miss, at) = largest_miss(&sampled(&sample("fc020-fillets.obj")), rounded(5.0));
+    assert!(miss <= 0.03, "{miss} mm at {at:?}");
+}
+
+/// A ridge along y at x = 0 whose sides fall off by an angle, in degrees, together, on a base that bends by `bend` (1/mm).
+struct Ridge {
+    degrees: f64,
+    bend: f64,
+}
+
+impl Ridge {
+    fn height(&self, x: f64) -> f64 {
+        -(self.degrees.to_radians() / 2.0).tan() * x.abs() - self.bend * x * x / 2.0
+    }
+
+    /// Over rows of vertices at these x, in so many cells along 60 mm.
+    fn mesh(&self, columns: &[f64], rows: u32) -> TriMesh {
+        let width = u32::try_from(columns.len()).unwrap();
+        let points = (0..=rows).flat_map(|row| {
+            columns
+                .iter()
+                .map(move |&x| Point3::new(x, 60.0 * f64::from(row) / f64::from(rows) - 30.0, self.height(x)))
+        });
+        let cells = (0..rows).flat_map(|row| (1..width).map(move |column| row * width + column));
+        let triangles = cells.flat_map(|corner| {
+            let above = corner + width;
+            [[corner - 1, corner, above], [corner - 1, above, above - 1]]
+        });
+        bare(points.collect(), triangles.collect())
+    }
+}
+
+fn every(step: f64) -> Vec<f64> {
+    let count = (25.0 / step) as i32;
+    (-count..=count).map(|index| step * f64::from(index)).collect()
+}
+
+#[test]
+fn ridges_are_sharp_however_flat_they_are() {
+    let mut failures = Vec::new();
+    for degrees in [8.0, 20.0, 30.0] {
+        let flat = [vec![-25.0, 0.0, 25.0], vec![-25.0, -10.0, 0.0, 12.0, 25.0], every(1.0)];
+        let cases = flat.into_iter().flat_map(|columns| [1, 12].map(|rows| (0.0, columns.clone(), rows)));
+        let curved = [0.01, 1.0 / 300.0, -0.005]
+            .into_iter()
+            .flat_map(|bend| [(bend, every(1.0), 6), (bend, every(4.0), 6)]);
+        for (bend, columns, rows) in cases.chain(curved) {
+            let ridge = Ridge { degrees, bend };
+            let name = format!("{degrees}° on {bend}/mm, {} columns, {rows} rows", columns.len());
+            // Estimated normals at the rims of curved sides are known from one side only.
+            let half = if bend == 0.0 { 25.0 } else { 20.0 };
+            for mesh in [ridge.mesh(&columns, rows), taken_apart(&ridge.mesh(&columns, rows))] {
+                let height = |x: f64, _| (x.abs() <= half).then(|| ridge.height(x));
+                let (miss, at) = largest_miss(&sampled(&mesh), height);
+                if !(miss <= 0.005) {
+                    failures.push(format!("{name}: {miss:.4} mm at {at:?}"));
+                }
+                let surface =
+                    FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default())
+                        .unwrap();
+                let across = (-40..=40).map(|step| ViewPoint::new(0.1 * f64::from(step), 1.3));
+                let seen = across.map(|at| surface.difference(at).abs()).fold(0.0, f64::max);
+                if degrees >= 20.0 && seen <= WARNED {
+                    failures.push(format!("{name}: the fit leaves {seen:.4} mm only"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn no_edges_are_seen_on_round_parts() {
+    for form in ALL {
+        for sag in [0.02, 0.1, 0.5] {
+            let samples = sampled(&form.mesh(sag, Normals::Missing));
+            let field = &samples.field;
+            let columns = field.size().0;
+            for (index, is_at_edge) in samples.is_at_edge.iter().enumerate() {
+                let at = field.position(index % columns, index / columns);
+                let is_inside = at.x.abs() < 18.0 && at.y.abs() < 18.0;
+                assert!(!(is_inside && *is_at_edge), "{} with a sag of {sag} mm, at {at:?}", form.name);
+            }
+            assert!(samples.doubts.iter().all(|doubt| *doubt == 0.0), "{} {sag}", form.name);
+        }
+    }
+}
+
+#[test]
+fn coarse_prisms_are_cylinders() {
+    for sides in [10, 12, 16, 24, 64] {
+        for rings in [1, 3] {
+            let (mut points, mut triangles) = (Vec::new(), Vec::new());
+            for ring in 0..=rings {
+                for side in 0..sides {
+                    let angle = std::f64::consts::TAU * f64::from(side) / f64::from(sides);
+                    let y = 80.0 * f64::from(ring) / f64::from(rings) - 40.0;
+                    points.push(Point3::new(30.0 * angle.sin(), y, 30.0 * angle.cos()));
+                    if ring > 0 {
+                        let [a, b] = [side, (side + 1) % sides].map(|side| (ring - 1) * sides + side);
+                        triangles.extend([[a, b, b + sides], [a, b + sides, a + sides]]);
+                    }
+                }
+            }
+            let height = |x: f64, y: f64| (x.abs() < 22.0 && y.abs() < 39.0).then(|| (900.0 - x * x).sqrt());
+            let (miss, at) = largest_miss(&sampled(&bare(points, triangles)), height);
+            let limit = if sides < 16 { 0.02 } else { 0.002 };
+            assert!(miss < limit, "{sides} sides, {rings} rings: {miss} mm at {at:?}");
+        }
+    }
+}
