@@ -204,6 +204,7 @@ impl Projection<'_> {
             highest: f64::NEG_INFINITY,
             field: Extents::EMPTY,
             largest_difference: 0.0,
+            largest_difference_at: ViewPoint::new(0.0, 0.0),
             largest_doubt: 0.0,
             largest_doubt_at: ViewPoint::new(0.0, 0.0),
         };
@@ -228,8 +229,10 @@ impl Projection<'_> {
             }
             exposure.lowest = exposure.lowest.min(landing.z);
             exposure.highest = exposure.highest.max(landing.z);
-            exposure.largest_difference =
-                exposure.largest_difference.max(self.surface.difference(view).abs());
+            let difference = self.surface.difference(view).abs();
+            if difference > exposure.largest_difference {
+                (exposure.largest_difference, exposure.largest_difference_at) = (difference, view);
+            }
             let doubt = self.surface.doubt(view);
             if doubt > exposure.largest_doubt {
                 (exposure.largest_doubt, exposure.largest_doubt_at) = (doubt, view);
@@ -290,6 +293,8 @@ pub struct Exposure {
     pub field: Extents,
     /// Largest distance between the sampled part and the fitted surface, mm.
     pub largest_difference: f64,
+    /// Where that is.
+    pub largest_difference_at: ViewPoint,
     /// Farthest that the part may be from its samples, mm; see [`FittedSurface::doubt`].
     pub largest_doubt: f64,
     /// Where that is.

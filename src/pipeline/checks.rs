@@ -412,20 +412,22 @@ fn residual(
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
     let (largest, limit) = (seen.largest_difference, settings.correction.max_residual);
+    let at = seen.largest_difference_at;
     if largest > limit {
         return Err(Reason::new(
             "surface-not-met",
             "The fitted surface does not meet the part under the drawing: an edge, a groove or a coarse mesh lies there.",
             "Place the drawing beside the edge, export a finer mesh, or raise `max_residual_mm`.",
         )
+        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("distance to the part", largest, "mm", Some(limit)));
     }
     if largest > limit / 5.0 {
         notices.push(Notice::warning(
             "surface-loose",
             format!(
-                "the fitted surface leaves up to {largest:.4} mm under the ink (largest anywhere {:.4} mm)",
-                surface.residual.largest
+                "the fitted surface leaves up to {largest:.4} mm under the ink, near ({:.1}, {:.1}) mm (largest anywhere {:.4} mm)",
+                at.x, at.y, surface.residual.largest
             ),
         ));
     }

@@ -408,3 +408,28 @@ fn ezdxf_finds_nothing_to_repair_in_any_version() {
         }
     }
 }
+
+#[test]
+fn a_flat_ridge_under_the_ink_is_warned_of_with_its_place() {
+    let desk = Desk::new();
+    // Two flat sides that meet at 20°, along y at x = 2 mm.
+    desk.write(
+        "roof.obj",
+        "v -23 -30 -4.408\nv 2 -30 0\nv 27 -30 -4.408\nv -23 30 -4.408\nv 2 30 0\nv 27 30 -4.408\n\
+         f 1 2 5 4\nf 2 3 6 5\n",
+    );
+    desk.write(
+        "line.dxf",
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n0\n\
+         10\n-15\n20\n1\n11\n15\n21\n1\n0\nENDSEC\n0\nEOF\n",
+    );
+    let options = "--part-unit mm --part-up z --place 0,1";
+    let report = desk.correct(
+        &desk.path("roof.obj").to_string_lossy(),
+        &desk.path("line.dxf").to_string_lossy(),
+        options,
+    );
+    let loose = report["notices"].as_array().unwrap().iter().find(|notice| notice["code"] == "surface-loose");
+    let text = loose.unwrap()["message"].as_str().unwrap();
+    assert!(text.contains("near (2.") || text.contains("near (1."), "{text}");
+}
