@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder per SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v3/                 format version: another one is another folder
+//! <cache>/v4/                 format version: another one is another folder
 //! └── <sku>/
 //!     ├── current.toml        the part last learned for the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
