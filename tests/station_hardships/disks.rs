@@ -263,6 +263,7 @@ fn drawings_wait_for_the_share_with_the_import_folder() {
     let mut trial = Trial::new(station);
     trial.station.rename_into("trough@first.dxf", square(0).as_bytes());
     trial.waits_for("a drawing", |trial| trial.taken.len() == 1);
+    trial.waits_for("its original in the archive", |trial| trial.in_hot() == 0);
     trial.taken.clear();
     let point = disk.0.clone();
     drop(disk);

@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::intake::{self, Intake, Read};
-use super::surfaces::Restoring;
+use super::restoring::Restoring;
 use super::{EarlyEnd, End, Outcome, Task, Work, filing};
 use crate::config::{JobSettings, Sku};
 use crate::files::read_if_there;

@@ -9,6 +9,7 @@ mod intake;
 mod resume;
 mod delivery;
 pub(crate) mod recovery;
+mod restoring;
 mod executor;
 mod surfaces;
 mod finish;

@@ -1,8 +1,8 @@
 //! Which shape a SKU has now: from the cache, from the archive, or from another station that shares the cache.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{MutexGuard, PoisonError};
 
 use super::{Executor, basis, filing, intake};
 use crate::config::{FolderPaths, JobSettings, Sku};
@@ -12,36 +12,6 @@ use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
 use crate::hotfolder::seen::folders;
 use crate::hotfolder::state::Delivered;
 use crate::reason::Reason;
-
-/// The SKUs whose surface a thread is restoring.
-#[derive(Default)]
-pub(super) struct Restoring {
-    skus: Mutex<BTreeSet<Sku>>,
-    over: Condvar,
-}
-
-/// As long as it lives, no other thread restores the surface of the SKU.
-struct Claim<'r> {
-    restoring: &'r Restoring,
-    sku: &'r Sku,
-}
-
-impl Restoring {
-    /// Waits until nobody else restores the surface of the SKU.
-    fn claim<'r>(&'r self, sku: &'r Sku) -> Claim<'r> {
-        let skus = self.skus.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_claimed = |skus: &mut BTreeSet<Sku>| skus.contains(sku);
-        self.over.wait_while(skus, is_claimed).unwrap_or_else(PoisonError::into_inner).insert(sku.clone());
-        Claim { restoring: self, sku }
-    }
-}
-
-impl Drop for Claim<'_> {
-    fn drop(&mut self) {
-        self.restoring.skus.lock().unwrap_or_else(PoisonError::into_inner).remove(self.sku);
-        self.restoring.over.notify_all();
-    }
-}
 
 /// Results that are looked at while no other job can use the journal.
 const SLICE: usize = 200;

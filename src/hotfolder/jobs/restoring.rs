@@ -1,0 +1,36 @@
+//! One thread at a time restores the surface of a SKU, while others correct its drawings.
+
+use std::collections::BTreeSet;
+use std::sync::{Condvar, Mutex, PoisonError};
+
+use crate::config::Sku;
+
+/// The SKUs whose surface a thread is restoring.
+#[derive(Default)]
+pub(super) struct Restoring {
+    skus: Mutex<BTreeSet<Sku>>,
+    over: Condvar,
+}
+
+/// As long as it lives, no other thread restores the surface of the SKU.
+pub(super) struct Claim<'r> {
+    restoring: &'r Restoring,
+    sku: &'r Sku,
+}
+
+impl Restoring {
+    /// Waits until nobody else restores the surface of the SKU.
+    pub(super) fn claim<'r>(&'r self, sku: &'r Sku) -> Claim<'r> {
+        let skus = self.skus.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_claimed = |skus: &mut BTreeSet<Sku>| skus.contains(sku);
+        self.over.wait_while(skus, is_claimed).unwrap_or_else(PoisonError::into_inner).insert(sku.clone());
+        Claim { restoring: self, sku }
+    }
+}
+
+impl Drop for Claim<'_> {
+    fn drop(&mut self) {
+        self.restoring.skus.lock().unwrap_or_else(PoisonError::into_inner).remove(self.sku);
+        self.restoring.over.notify_all();
+    }
+}
