@@ -6,6 +6,7 @@ use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::Point3;
+use std::collections::BTreeMap;
 
 use super::forms::{ALL, Normals};
 
@@ -28,9 +29,8 @@ fn taken_apart(mesh: &TriMesh) -> TriMesh {
 fn sample(name: &str) -> TriMesh {
     let path = format!("{}/tests/data/parts/shaded/{name}", env!("CARGO_MANIFEST_DIR"));
     let bytes = fs_err::read(path).unwrap();
-    let none = &mut |_: &str| Err(std::io::ErrorKind::NotFound.into());
     let format = MeshFormat::from_name(name).unwrap();
-    let reading = mesh::read(&bytes, format, &MeshOptions::default(), none).unwrap();
+    let reading = mesh::read(&bytes, format, &MeshOptions::default(), &BTreeMap::new()).unwrap();
     let Shape::Mesh(mesh) = reading.shape else { panic!("a mesh was read") };
     mesh
 }
