@@ -85,7 +85,7 @@ pub fn run(
     let (tasks, taken) = sync_channel(count);
     // Memory that a thread had stays with it, so these only take what the others cannot.
     let (spare_tasks, taken_by_spare) = sync_channel(count);
-    let keeper = Keeper::new(&station);
+    let keeper = Keeper::new(&station, &state, stop.clone());
     let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
     std::thread::scope(|scope| {
         for taken in [&taken, &taken_by_spare] {
@@ -95,24 +95,13 @@ pub fn run(
             }
         }
         let keeper = &keeper;
+        // Their threads end with this one, however that ends.
+        let _ends = keeper.ends_with_this();
         scope.spawn(|| {
-            let kept_short = guarded(|| {
-                keeper.keep_journal_short(|| executor.journal());
-                Ok(())
-            });
-            if let Err(error) = kept_short {
-                tracing::error!("the journal is not kept short any more: {}", error.into_reason().what);
-            }
+            goes_on(|| keeper.keep_journal_short(|| executor.journal()), "keeps the journal short")
         });
         let cleaning = scope.spawn(|| {
-            // Without it nothing is removed, and all else goes on.
-            let cleaned = guarded(|| {
-                keeper.run(|| executor.journal(), mode == Mode::Once);
-                Ok(())
-            });
-            if let Err(error) = cleaned {
-                tracing::error!("old files are not removed any more: {}", error.into_reason().what);
-            }
+            goes_on(|| keeper.run(|| executor.journal(), mode == Mode::Once), "removes old files");
         });
         let mut dispatcher = Dispatcher {
             settings,
@@ -146,7 +135,7 @@ pub fn run(
         pulse(Pulse::Ready);
         dispatcher.work_until_done(pulse);
         pulse(Pulse::Stopping);
-        if mode == Mode::UntilStopped || stop.is_raised() {
+        if mode == Mode::UntilStopped || stop.is_raised() || dispatcher.stopped.is_some() {
             keeper.end();
         }
         // What it removed is in the status.
@@ -169,6 +158,19 @@ pub fn run(
             None => Ok(Tally { waiting, incomplete, uncertain, ..tally }),
         }
     })
+}
+
+/// Does what a station can do without: a panic there ends nothing else.
+fn goes_on(work: impl FnOnce(), what: &str) {
+    let work = || {
+        work();
+        Ok(())
+    };
+    if guarded(work).is_err() {
+        tracing::error!(
+            "isomark no longer {what}, for a fault of its own: start the station again, and report this"
+        );
+    }
 }
 
 /// The drawings that may not have been delivered, each with the time when it was filed.
@@ -424,10 +426,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn look_for_outdated(&mut self) -> bool {
         let (started, station) = (Instant::now(), self.settings.station().clone());
         loop {
-            let is_held = |sku: &Sku| self.drops.has_part(sku) || self.threads.are_busy_with(sku);
+            let is_held = |sku: &Sku| self.drops.has_part(sku) || self.threads.are_fitting(sku);
             let next = self.reprocessing.next_unchecked(|| self.executor.journal().skus(), is_held);
             let Some(sku) = next else { break };
             if started.elapsed() >= LOOK {
+                self.reprocessing.answer();
                 return true;
             }
             match self.job_settings(&sku) {
@@ -437,7 +440,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
         if self.mode == Mode::Once {
-            self.reprocessing.leave_all(|sku| !self.threads.are_busy_with(sku));
+            self.reprocessing.leave_all(|sku| !self.threads.are_fitting(sku));
         }
         self.reprocessing.answer();
         false

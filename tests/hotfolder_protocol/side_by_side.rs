@@ -105,25 +105,75 @@ fn drawings_of_one_result_keep_their_order_and_no_other_waits_for_them() {
         line.rename_into(&format!("can@{number}.dxf"), "pattern");
         line.rename_into(&format!("mug@{number}.dxf"), "pattern");
     }
-    // Another file with the result of the one that is held, and a part that must not come between.
-    line.drop("can/0.dxf", "pattern");
+    // Another file with the result of the one that is held.
+    line.drop("can/0.dxf", "second");
     let of = |line: &Line, sku: &str| line.import().iter().filter(|name| name.starts_with(sku)).count();
     line.waits_for("the other SKU", |line| of(line, "mug") == order.len());
     line.waits_for("the other drawings of the SKU", |line| of(line, "can") == order.len());
-    assert!(!line.import().contains(&"can@0.dxf".to_owned()), "{:?}", line.import());
+    let made =
+        |line: &Line| line.seen.corrected.lock().unwrap().iter().filter(|made| *made == "can@0.dxf").count();
+    assert_eq!(made(&line), 0, "neither of the two is made");
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    assert_eq!((made(&line), line.text("import/can@0.dxf").unwrap().as_str()), (2, "second on part at 0"));
+}
+
+#[test]
+fn a_part_waits_for_the_drawings_of_its_sku_that_are_being_made() {
+    let line = Line::running();
+    for part in ["can.glb", "mug.glb"] {
+        line.drop(part, "part");
+    }
+    line.waits_for_empty_hot();
+    line.rename_into("can@0.dxf", "hold");
+    line.waits_for("the job that is held", |line| line.seen.holding.load(Ordering::SeqCst) == 1);
     line.rename_into("can.glb", "another part");
     line.rename_into("can@5.dxf", "pattern");
-    // Neither the part nor what waits for it begins as long as a drawing of the SKU is being made.
-    line.drop("mug@last.dxf", "pattern");
-    line.waits_for("a later drop", |line| line.import().contains(&"mug@last.dxf".to_owned()));
-    assert!(!line.import().contains(&"can@5.dxf".to_owned()), "{:?}", line.import());
+    line.rename_into("mug@last.dxf", "pattern");
+    line.waits_for("another SKU", |line| line.import() == ["mug@last.dxf"]);
     assert_eq!(line.seen.learned.lock().unwrap().len(), 2);
     line.seen.released.store(true, Ordering::SeqCst);
     line.waits_for_empty_hot();
-    let corrected = line.seen.corrected.lock().unwrap();
-    let made = |name: &str| corrected.iter().filter(|made| *made == name).count();
-    assert!(made("can@0.dxf") >= 2, "the later file replaced the earlier one: {corrected:?}");
     assert_eq!(line.seen.learned.lock().unwrap().len(), 3);
+    for (name, made) in [("can@0.dxf", "held"), ("can@5.dxf", "pattern")] {
+        assert_eq!(line.text(&format!("import/{name}")).unwrap(), format!("{made} on another part at 0"));
+    }
+}
+
+/// Drawings that are corrected again keep no part of their SKU waiting: most of that work would be for nothing.
+#[test]
+fn a_part_comes_before_drawings_that_are_to_be_corrected_again() {
+    const DRAWINGS: usize = 40;
+    let mut line = Line::new();
+    fs::write(
+        line.path("station.toml"),
+        SETTINGS.to_owned() + "jobs = 2\n[delivery]\noutdated = \"correct\"\n",
+    )
+    .unwrap();
+    line.start(Mode::UntilStopped);
+    line.seen.released.store(true, Ordering::SeqCst);
+    for part in ["can.glb", "mug.glb"] {
+        line.drop(part, "part");
+    }
+    line.waits_for_empty_hot();
+    for number in 0..DRAWINGS {
+        line.rename_into(&format!("can@{number}.dxf"), "hold");
+    }
+    line.waits_for_empty_hot();
+    line.seen.released.store(false, Ordering::SeqCst);
+    line.seen.holding.store(0, Ordering::SeqCst);
+    line.rename_into("can.glb", "second part");
+    line.waits_for("drawings that are corrected again", |line| line.seen.holding.load(Ordering::SeqCst) == 2);
+    line.rename_into("can.glb", "third part");
+    line.rename_into("mug@last.dxf", "pattern");
+    line.waits_for("another SKU", |line| line.import().contains(&"mug@last.dxf".to_owned()));
+    line.seen.released.store(true, Ordering::SeqCst);
+    let is_new = |line: &Line, number: usize| {
+        line.text(&format!("import/can@{number}.dxf")).is_some_and(|text| text == "held on third part at 0")
+    };
+    line.waits_for("all on the newest part", |line| (0..DRAWINGS).all(|number| is_new(line, number)));
+    let made = line.seen.corrected.lock().unwrap().iter().filter(|name| name.starts_with("can")).count();
+    assert!(made <= 2 * DRAWINGS + 4, "{made} corrections of {DRAWINGS} drawings");
 }
 
 /// What is ready and cannot begin is no reason to look again and again.

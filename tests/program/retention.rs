@@ -77,12 +77,14 @@ fn old_files_go_and_what_is_needed_stays() {
         ["reports_days", "archive_days", "rejected_days"].map(|key| format!("{key} = {MOMENT}\n")).concat();
     add(&station, &format!("[retention]\n{old}"));
     // What is old is left alone where isomark did not put it.
-    for foreign in ["reports/note.txt", "reports/mouse/note.txt", "archive/note.txt", "archive/foreign/a.dxf"]
-    {
+    let foreign = ["reports/note.txt", "reports/mouse/note.txt", "archive/note.txt", "archive/foreign/a.dxf"];
+    let beside = ["archive/mouse/mouse@foreign.dxf", "archive/mouse/mouse.step", "archive/plate/old.glb"];
+    for foreign in foreign.into_iter().chain(beside) {
         station.desk.write(foreign, "mine");
     }
-    let originals = ["mouse/current-part.txt", "mouse/mouse.obj"];
-    let parts = ["plate/current-part.txt", "plate/fc020-gui.bin", "plate/plate.gltf"];
+    let originals =
+        ["mouse/current-part.txt", "mouse/mouse.obj", "mouse/mouse.step", "mouse/mouse@foreign.dxf"];
+    let parts = ["plate/current-part.txt", "plate/fc020-gui.bin", "plate/old.glb", "plate/plate.gltf"];
     let left = [&["foreign/a.dxf"], &originals[..], &["note.txt"], &parts[..]].concat();
     runs_until(&station, "old files go", |station| {
         let [archive, reports, rejected] =
@@ -137,7 +139,7 @@ fn the_oldest_go_when_the_folders_are_too_large() {
         archive.contains(&"mouse/mouse@first.dxf".into())
             && archive.contains(&"mouse/mouse@second.toml".into())
     );
-    assert!(said.err.contains("more than `max_gb`"), "{said:?}");
+    assert!(said.err.contains("raise `max_gb`"), "{said:?}");
     let status = station.desk.isomark(&["status", "station.toml"]);
     assert!(status.out.contains("trouble: ") && status.out.contains("max_gb"), "{status:?}");
     assert_eq!(kept(&station)["too_much"], true);

@@ -543,7 +543,7 @@ fn a_drawing_that_new_settings_leave_as_it_is_is_not_delivered_again() {
     let said = station.once();
     assert!(said.out.starts_with("0 delivered"), "{said:?}");
     assert!(
-        said.err.contains("mouse@date.dxf is the same with what changed, and is not delivered again"),
+        said.err.contains("mouse@date.dxf comes out as it was delivered, and is not delivered again"),
         "{said:?}"
     );
     assert!(station.import().is_empty());

@@ -10,7 +10,7 @@ use crate::config::{ConfigError, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::Corrector;
-use crate::hotfolder::jobs::{Recorrection, Task, Work};
+use crate::hotfolder::jobs::{Outcome, Recorrection, Task, Work};
 use crate::hotfolder::seen::{Block, Found, Gap, Meaning, Obstacle, Stamp, Verdict, delivered_as, folders};
 use crate::hotfolder::state::DropId;
 use crate::reason::Reason;
@@ -129,6 +129,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 
     fn correct_again(&mut self, again: Recorrection, takes_long: bool, large_too: bool) {
+        // The part comes first, and the drawing may be another one then.
+        if self.drops.has_part(&again.sku) {
+            return self.finished_recorrection(&again.sku, &again.name, Outcome::PartCame);
+        }
         let look = folders::look(&again.original);
         let Ok(Some(Found::File(stamp))) = look else {
             tracing::warn!("{} cannot be corrected again: its original is not in the archive", again.name);

@@ -1,6 +1,7 @@
 //! What can be done now, in the order in which it is to be done.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::ops::Bound::{Excluded, Included, Unbounded};
 use std::path::PathBuf;
 
 use super::threads::Threads;
@@ -18,6 +19,8 @@ pub(super) struct Lanes {
     suspects: VecDeque<PathBuf>,
     /// These drops, and how often that happened, as the journal counts.
     suspected: BTreeMap<DropId, (StampRecord, u32)>,
+    /// The lane that was served last.
+    last: Option<Sku>,
     /// What was due by this moment is in the lanes.
     pub(super) made: Moment,
     /// Something happened since they were made.
@@ -27,7 +30,7 @@ pub(super) struct Lanes {
 impl Lanes {
     pub(super) fn new(suspected: BTreeMap<DropId, (StampRecord, u32)>) -> Self {
         let (lanes, suspects) = (BTreeMap::new(), VecDeque::new());
-        Self { lanes, suspects, suspected, made: Moment::ZERO, stale: true }
+        Self { lanes, suspects, suspected, last: None, made: Moment::ZERO, stale: true }
     }
 
     pub(super) fn are_empty(&self) -> bool {
@@ -52,10 +55,12 @@ impl Lanes {
     }
 
     /// The next drop that no job or earlier drop stands in the way of, and that is small enough for the threads that are
-    /// left; of a SKU with the fewest jobs, so that many drawings of one hold up no other.
+    /// left; of a SKU with the fewest jobs, one SKU after the other, so that many drawings of one hold up no other.
     pub(super) fn next(&mut self, drops: &Drops, threads: &Threads) -> Option<PathBuf> {
         let mut next: Option<(usize, Option<Sku>, usize)> = None;
-        for (sku, lane) in &self.lanes {
+        let (behind, before) = (Excluded(&self.last), Included(&self.last));
+        let in_turn = self.lanes.range((behind, Unbounded)).chain(self.lanes.range((Unbounded, before)));
+        for (sku, lane) in in_turn {
             let jobs = sku.as_ref().map_or(0, |sku| threads.jobs_of(sku).count());
             if next.as_ref().is_some_and(|(fewest, ..)| *fewest <= jobs) {
                 continue;
@@ -73,6 +78,7 @@ impl Lanes {
         if lane.is_empty() {
             self.lanes.remove(&sku);
         }
+        self.last = sku;
         path
     }
 
@@ -115,7 +121,10 @@ fn first_free(lane: &VecDeque<PathBuf>, drops: &Drops, threads: &Threads) -> Opt
             Ok(Meaning::Part(sku)) => {
                 return (fits && threads.jobs_of(sku).next().is_none()).then_some(index);
             }
-            Ok(Meaning::Companion) | Err(_) => return fits.then_some(index),
+            // It needs no thread.
+            Ok(Meaning::Companion) => return Some(index),
+            Err(_) if fits => return Some(index),
+            Err(_) => {}
         }
     }
     None

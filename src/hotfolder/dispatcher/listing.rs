@@ -172,7 +172,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let is_at_work = |drop: &DropId| threads.are_at(drop);
         let complain = |words| rounds.warn_once(words);
         recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
-        if !std::mem::replace(&mut rounds.swept, true) {
+        // What a job has just written is not in the journal yet.
+        if threads.are_idle() && !std::mem::replace(&mut rounds.swept, true) {
             recovery::sweep(&station.folders, &journal);
         }
     }

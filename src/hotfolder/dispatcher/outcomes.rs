@@ -159,8 +159,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::PartCame | Outcome::Changed | Outcome::Incomplete { .. } | Outcome::Learned { .. }
                 if self.reprocessing.is_uncertain(name) =>
             {
-                let what = "A part came, or the original in the archive changed, while it was corrected.";
-                let remedy = "Nothing: it is tried again. With `--once`, ask for it again.";
+                let what = "A part came, or its original in the archive changed, while isomark corrected it.";
+                let remedy = "Wait: isomark tries it again. With `--once`, run `isomark retry` again.";
                 self.postpone_recorrection(sku, name, Reason::new("correction-overtaken", what, remedy));
             }
             // The part may come to nothing, and then it is as outdated as before.

@@ -86,6 +86,11 @@ impl Threads {
         self.running.values().filter(move |running| running.sku() == Some(sku))
     }
 
+    /// Whether a job fits a part of the SKU.
+    pub(super) fn are_fitting(&self, sku: &Sku) -> bool {
+        self.jobs_of(sku).any(|running| matches!(running.work, Work::Learn(_)))
+    }
+
     /// Whether the result of this folded name may be made now: no job fits a part of the SKU, and none makes that result.
     pub(super) fn may_make(&self, sku: &Sku, result: &str) -> bool {
         self.jobs_of(sku).all(|running| running.work.result().is_some_and(|made| fold(&made) != result))

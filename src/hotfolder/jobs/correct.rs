@@ -162,7 +162,7 @@ impl<C: Corrector> Executor<'_, C> {
             last.job.key == drawing.result.key
                 && delivery.repeat == Repeat::Never
                 && !task.drop.is_archived()
-                && (delivery.kind == DeliveryKind::Folder || last.import == Import::Done)
+                && is_imported(task, last)
         }) else {
             return Ok(false);
         };
@@ -187,13 +187,13 @@ impl<C: Corrector> Executor<'_, C> {
         let is_the_same = |last: &&Delivered| {
             last.job.result == drawing.result.result
                 && last.certainty == Certainty::Certain
-                && last.import != Import::Due
+                && is_imported(drawing.ready.task, last)
         };
         let Some(last) = drawing.last.as_ref().filter(is_the_same) else { return Ok(false) };
         if !drawing.ready.task.drop.is_archived() {
             return Ok(false);
         }
-        tracing::info!("{} is the same with what changed, and is not delivered again", drawing.ready.name);
+        tracing::info!("{} comes out as it was delivered, and is not delivered again", drawing.ready.name);
         self.file_original(&drawing.ready, &drawing.result, last.import, last.certainty)?;
         Ok(true)
     }
@@ -217,6 +217,11 @@ impl<C: Corrector> Executor<'_, C> {
         if task.station.delivery.kind == DeliveryKind::Beamserver {
             beamserver::sendable(&task.station.delivery.path_for_server(&folders.import, name))?;
         }
+        // Files that are dropped together come one after the other, the drawing first perhaps.
+        let part_came = || !was_delivered && self.overtaken().contains(sku);
+        if part_came() {
+            return Err(EarlyEnd::Outcome(Outcome::PartCame));
+        }
         let previous = filing::delivered_before(folders, name).map_err(folder_trouble)?;
         let made = guarded(|| {
             self.corrector.correct(sku, &read.file, previous.as_deref(), &drawing.settings, task.pace)
@@ -224,8 +229,7 @@ impl<C: Corrector> Executor<'_, C> {
         drawing.result.result = delivery::hash_of(&made.drawing);
         import_is_there()?;
         self.shares.are_there(folders, false)?;
-        // Files that are dropped together come one after the other, the drawing first perhaps.
-        if !was_delivered && self.overtaken().contains(sku) {
+        if part_came() {
             return Err(EarlyEnd::Outcome(Outcome::PartCame));
         }
         Ok((made, previous))
@@ -309,6 +313,11 @@ impl Correction<'_> {
         let (job, certainty) = (self.result.clone(), how.certainty());
         Unfiled { stamp: task.stamp, job, certainty, delivery: made, preview, import, asked: false }
     }
+}
+
+/// Whether nobody has to see to it that the marking software gets the last result.
+fn is_imported(task: &Task, last: &Delivered) -> bool {
+    task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done
 }
 
 /// Whether two drops are one; of what was corrected again from the archive, only the pattern's name is known.

@@ -1,9 +1,9 @@
 //! One job, from a drop that is ready to its outcome, in a thread of its own.
 //!
 //! ```text
-//! read ─▶ correct ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
-//!                                                                      │
-//!              journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, preview
+//! read ─▶ correct ─▶ write, read back ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
+//!                                                                                           │
+//!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, preview
 //! ```
 //!
 //! Whatever ends the program between two steps, the drop and the journal together say how far it came, and the next

@@ -81,7 +81,7 @@ impl Recorrection {
 impl Reprocessing {
     /// The SKU's part or settings may be others now.
     pub(crate) fn check(&mut self, sku: Sku) {
-        self.unchecked.insert(sku, Look::default());
+        self.unchecked.entry(sku).or_default().after = None;
     }
 
     /// A job of the SKU is over, and may have found its part in the archive.
@@ -140,7 +140,14 @@ impl Reprocessing {
         let (results, last) = executor.journal().results_of(sku, look.after.as_deref(), SLICE);
         let archive = station.folders.archive.join(sku.key());
         executor.rebase(&archive, &results, part.as_deref(), settings);
-        for result in results.into_iter().filter(|result| !result.original.is_empty()) {
+        for result in results {
+            if result.original.is_empty() {
+                // It was removed, and nothing can be corrected again.
+                if !self.is_uncertain(&result.job.name) {
+                    self.forget(&result.job.name);
+                }
+                continue;
+            }
             let basis = part
                 .as_deref()
                 .map(|part| executor.basis_of_original(part, &archive.join(&result.original), settings));
@@ -255,10 +262,15 @@ impl Reprocessing {
 
     /// Lets what was asked for be corrected again, once it is known what is outdated.
     pub(crate) fn answer(&mut self) {
-        if !self.unchecked.is_empty() || !self.all_checked {
+        if !self.all_checked {
             return;
         }
-        for sku in std::mem::take(&mut self.asked) {
+        let unchecked = &self.unchecked;
+        let is_known = |sku: &mut Option<Sku>| match sku {
+            Some(sku) => !unchecked.contains_key(sku),
+            None => unchecked.is_empty(),
+        };
+        for sku in self.asked.extract_if(.., is_known).collect::<Vec<_>>() {
             let is_meant = |marked: &&mut Marked| {
                 !marked.uncertain && sku.as_ref().is_none_or(|sku| marked.again.sku == *sku)
             };

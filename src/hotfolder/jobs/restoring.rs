@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, PoisonError};
 
 use crate::config::Sku;
+use crate::formats::Pace;
+use crate::hotfolder::api::JobError;
 
 /// The SKUs whose surface a thread is restoring.
 #[derive(Default)]
@@ -20,11 +22,17 @@ pub(super) struct Claim<'r> {
 
 impl Restoring {
     /// Waits until nobody else restores the surface of the SKU.
-    pub(super) fn claim<'r>(&'r self, sku: &'r Sku) -> Claim<'r> {
+    ///
+    /// # Errors
+    /// [`JobError::TakesLong`] for a quick job that would have to wait: it is not to keep a thread from others.
+    pub(super) fn claim<'r>(&'r self, sku: &'r Sku, pace: Pace) -> Result<Claim<'r>, JobError> {
         let skus = self.skus.lock().unwrap_or_else(PoisonError::into_inner);
+        if pace == Pace::Quick && skus.contains(sku) {
+            return Err(JobError::TakesLong);
+        }
         let is_claimed = |skus: &mut BTreeSet<Sku>| skus.contains(sku);
         self.over.wait_while(skus, is_claimed).unwrap_or_else(PoisonError::into_inner).insert(sku.clone());
-        Claim { restoring: self, sku }
+        Ok(Claim { restoring: self, sku })
     }
 }
 

@@ -1,28 +1,29 @@
 //! How long reports, archived originals and rejected drops are kept, and how long the journal may become.
 //!
-//! A thread of its own looks through the folders, so that no drop waits for it. What it removes, nothing needs: the journal
-//! is asked first, and forgets an archived original before the file goes. So a crash between the two leaves a file that the
-//! next pass removes, and never a result whose original is missing without a word.
+//! A thread of its own looks through the folders, so that no drop waits for it. It removes only what a station filed: reports
+//! by their endings, rejected drops by their reasons, of a SKU's archive the drawings that the journal knows and what lies in
+//! numbered folders. The journal is asked first, and forgets an archived original before the file goes.
 
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ffi::OsString;
 use std::fs::Metadata;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use fs_err as fs;
 
-use super::filing::{PREVIEW, REPORT, current_part};
+use super::filing::{PREVIEW, REPORT, current_part_note};
 use super::rejected::{self, REASON};
 use crate::config::{FolderPaths, Retention, Sku, Station};
+use crate::files::read_if_there;
 use crate::formats::pattern::is_drawing;
 use crate::hotfolder::clock;
 use crate::hotfolder::seen::names::CURRENT_PART;
-use crate::hotfolder::seen::{is_sidecar, sidecar_of};
-use crate::hotfolder::state::status::Kept;
+use crate::hotfolder::seen::{Meaning, StopSignal, is_sidecar, meaning, sidecar_of};
+use crate::hotfolder::state::status::{Kept, Status};
 use crate::hotfolder::state::{Journal, keep_short, with_slashes};
 use crate::printable::on_one_line;
 
@@ -30,6 +31,9 @@ use crate::printable::on_one_line;
 const PAUSE: Duration = Duration::from_secs(3600);
 /// Time between two looks at the length of the journal.
 const JOURNAL_PAUSE: Duration = Duration::from_secs(1);
+/// A station that did not run for longer than this may have a clock that was set forward: it removes nothing for a day.
+const LONGEST_REST: Duration = Duration::from_secs(30 * 86_400);
+const DAY: Duration = Duration::from_secs(86_400);
 /// Of what may go for want of space, so many are remembered in one pass: the oldest.
 const MOST_REMEMBERED: usize = 10_000;
 
@@ -38,6 +42,20 @@ pub(crate) struct Keeper {
     shared: Mutex<Shared>,
     wake: Condvar,
     ends: AtomicBool,
+    stop: StopSignal,
+    /// When the station was started, by the clock that is set and by the one that is not.
+    started: (SystemTime, Instant),
+    /// Whether the clock is about where it was when the station ran last.
+    clock_is_known: bool,
+}
+
+/// Ends the keeper's work when it goes.
+pub(crate) struct Ends<'k>(&'k Keeper);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
 }
 
 struct Shared {
@@ -48,10 +66,35 @@ struct Shared {
 }
 
 impl Keeper {
-    pub(crate) fn new(station: &Station) -> Self {
+    pub(crate) fn new(station: &Station, state: &Path, stop: StopSignal) -> Self {
         let (folders, retention) = (station.folders.clone(), station.retention.clone());
         let shared = Shared { folders, retention, is_new: true, kept: None };
-        Self { shared: Mutex::new(shared), wake: Condvar::new(), ends: AtomicBool::new(false) }
+        let now = SystemTime::now();
+        let last = Status::read(state).ok().flatten().map(|status| status.at);
+        let earliest = clock::timestamp(now.checked_sub(LONGEST_REST).unwrap_or(SystemTime::UNIX_EPOCH));
+        let clock_is_known = last.as_ref().is_some_and(|last| *last >= earliest);
+        if let Some(last) = last.filter(|_| !clock_is_known) {
+            tracing::warn!(
+                "removing no old files for a day: the station ran last at {last}, if the clock is right"
+            );
+        }
+        Self {
+            shared: Mutex::new(shared),
+            wake: Condvar::new(),
+            ends: AtomicBool::new(false),
+            stop,
+            started: (now, Instant::now()),
+            clock_is_known,
+        }
+    }
+
+    /// Ends the keeper's work when what it returns goes.
+    pub(crate) fn ends_with_this(&self) -> Ends<'_> {
+        Ends(self)
+    }
+
+    fn has_ended(&self) -> bool {
+        self.ends.load(Ordering::Acquire) || self.stop.is_raised()
     }
 
     fn shared(&self) -> MutexGuard<'_, Shared> {
@@ -84,9 +127,9 @@ impl Keeper {
 
     /// Writes the journal anew whenever it has become long, until the station ends.
     pub(crate) fn keep_journal_short<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>) {
-        while !self.ends.load(Ordering::Acquire) {
+        while !self.has_ended() {
             keep_short(&journal);
-            let goes_on = |_: &mut Shared| !self.ends.load(Ordering::Acquire);
+            let goes_on = |_: &mut Shared| !self.has_ended();
             drop(self.wake.wait_timeout_while(self.shared(), JOURNAL_PAUSE, goes_on));
         }
     }
@@ -100,9 +143,13 @@ impl Keeper {
                 shared.is_new = false;
                 (shared.folders.clone(), shared.retention.clone())
             };
-            let mut pass = Pass::new(&folders, &retention, SystemTime::now(), &self.ends);
+            let (started, running) = (self.started.0, self.started.1.elapsed());
+            let has_ended = || self.has_ended();
+            // A clock that is set forward makes nothing old.
+            let mut pass = Pass::new(&folders, &retention, started + running, &has_ended);
+            pass.removes = self.clock_is_known || running >= DAY;
             pass.run(&journal);
-            if !self.ends.load(Ordering::Acquire) {
+            if !self.has_ended() {
                 pass.report();
                 let last = self.shared().kept.replace(pass.kept.clone());
                 if let Some(trouble) = &pass.kept.trouble
@@ -112,7 +159,7 @@ impl Keeper {
                 }
             }
             let shared = self.shared();
-            let stays = |shared: &mut Shared| !shared.is_new && !self.ends.load(Ordering::Acquire);
+            let stays = |shared: &mut Shared| !shared.is_new && !self.has_ended();
             let waited = match once {
                 true => shared,
                 false => {
@@ -123,7 +170,7 @@ impl Keeper {
                 }
             };
             drop(waited);
-            if once || self.ends.load(Ordering::Acquire) {
+            if once || self.has_ended() {
                 return;
             }
         }
@@ -135,7 +182,9 @@ struct Pass<'a> {
     folders: &'a FolderPaths,
     retention: &'a Retention,
     now: SystemTime,
-    ends: &'a AtomicBool,
+    has_ended: &'a dyn Fn() -> bool,
+    /// Whether anything is removed.
+    removes: bool,
     kept: Kept,
     /// The oldest of what may go for want of space; the youngest of them goes from here first.
     oldest: BinaryHeap<Aged>,
@@ -167,7 +216,7 @@ impl<'a> Pass<'a> {
         folders: &'a FolderPaths,
         retention: &'a Retention,
         now: SystemTime,
-        ends: &'a AtomicBool,
+        has_ended: &'a dyn Fn() -> bool,
     ) -> Self {
         let days = |kept: Option<Duration>| kept.map(|kept| kept.as_secs_f64() / 86_400.0);
         let kept = Kept {
@@ -182,7 +231,8 @@ impl<'a> Pass<'a> {
             folders,
             retention,
             now,
-            ends,
+            has_ended,
+            removes: true,
             kept,
             oldest: BinaryHeap::new(),
             are_more: false,
@@ -207,7 +257,7 @@ impl<'a> Pass<'a> {
     }
 
     fn ends(&self) -> bool {
-        self.ends.load(Ordering::Acquire)
+        (self.has_ended)()
     }
 
     fn is_too_much(&self) -> bool {
@@ -217,7 +267,7 @@ impl<'a> Pass<'a> {
     fn make_room<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) -> bool {
         let mut removed = false;
         for aged in std::mem::take(&mut self.oldest).into_sorted_vec() {
-            if !self.is_too_much() || self.ends() {
+            if !self.is_too_much() || !self.removes || self.ends() {
                 break;
             }
             if self.remove(&aged.what, aged.bytes, journal) {
@@ -239,7 +289,7 @@ impl<'a> Pass<'a> {
         let bytes = files.iter().map(Metadata::len).sum();
         let Some(at) = files.iter().filter_map(filed_at).max() else { return };
         let is_over = |limit: Duration| self.now.duration_since(at).is_ok_and(|age| age > limit);
-        if limit.is_some_and(is_over) && self.remove(&what, bytes, journal) {
+        if self.removes && limit.is_some_and(is_over) && self.remove(&what, bytes, journal) {
             return;
         }
         self.kept.bytes += bytes;
@@ -338,8 +388,8 @@ impl<'a> Pass<'a> {
     ) -> io::Result<bool> {
         let Some(drop) = rejected::drop_of(reason) else { return Ok(false) };
         let place = with_slashes(drop.strip_prefix(&self.folders.rejected).unwrap_or(&drop));
-        // As long as it lies there, patterns wait for a good part.
-        if journal().holds_patterns_back(&place) {
+        // As long as it lies there, patterns wait for a good part, also at another station that shares the folder.
+        if journal().holds_patterns_back(&place) || self.is_newer_than_the_part(&drop) {
             return Ok(false);
         }
         let beside = entries(reason.parent().unwrap_or(reason));
@@ -364,7 +414,14 @@ impl<'a> Pass<'a> {
             if !folder.join(CURRENT_PART).is_file() && !journal().has_results(&sku) {
                 continue;
             }
-            let current = current_part(self.folders, &sku);
+            let current = match current_part(self.folders, &sku) {
+                Ok(current) => current,
+                // Nobody can know what its surface comes from.
+                Err(error) => {
+                    self.trouble.get_or_insert(error);
+                    continue;
+                }
+            };
             let (numbered, files): (Vec<_>, Vec<_>) =
                 entries(&folder).into_iter().partition(|(_, is_folder)| *is_folder);
             self.look_at_originals(&sku, &folder, files, current.as_deref(), journal);
@@ -392,22 +449,26 @@ impl<'a> Pass<'a> {
             |file: &Path| drawings.get(file.file_stem().unwrap_or_default()).copied().unwrap_or(0);
         let top = self.folders.archive.join(sku.key());
         for (file, _) in files {
-            if self.ends() {
+            // A folder that nobody may write into is not emptied in the journal either.
+            if self.ends() || self.trouble.is_some() {
                 return;
             }
             let is_drawing = is_drawing(&file.to_string_lossy());
-            let is_note = file.file_name().is_some_and(|name| name == CURRENT_PART);
-            // What lies beside the part that the surface comes from may be a file that it needs.
-            let is_of_current = current.is_some_and(|part| part.parent() == Some(folder)) && !is_drawing;
             // The settings of a drawing go with it.
-            let goes_along = is_sidecar(&file) && drawings_of(&file) > 0;
-            if is_note || is_of_current || goes_along {
+            if is_sidecar(&file) && drawings_of(&file) == 1 {
+                continue;
+            }
+            // What lies beside the part that the surface comes from may be a file that it needs; and in the SKU's own folder
+            // may lie parts and files of other people.
+            let is_of_current = current.is_some_and(|part| part.parent() == Some(folder));
+            if !is_drawing && (is_of_current || folder == top) {
                 self.kept.bytes += fs::symlink_metadata(&file).map_or(0, |metadata| metadata.len());
                 continue;
             }
             let place = with_slashes(file.strip_prefix(&top).unwrap_or(&file));
             let sidecar = sidecar_of(&file).filter(|_| is_drawing && drawings_of(&file) == 1);
-            let files: Vec<Metadata> = fs::symlink_metadata(&file).into_iter().collect();
+            let all = [Some(&file), sidecar.as_ref()].into_iter().flatten();
+            let files: Vec<Metadata> = all.filter_map(|file| fs::symlink_metadata(file).ok()).collect();
             self.found(
                 What::Original { sku: sku.clone(), place, sidecar },
                 &files,
@@ -425,17 +486,28 @@ impl<'a> Pass<'a> {
         journal: &impl Fn() -> MutexGuard<'j, Journal>,
     ) -> io::Result<bool> {
         let file = self.folders.archive.join(sku.key()).join(place);
+        let is_drawing = is_drawing(&file.to_string_lossy());
         // Another part may have become the SKU's since.
-        if current_part(self.folders, sku).is_some_and(|part| part == file) {
+        let is_of_current = |part: PathBuf| part == file || (!is_drawing && part.parent() == file.parent());
+        if current_part(self.folders, sku)?.is_some_and(is_of_current) {
             return Ok(false);
         }
-        if !journal().let_original_go(sku, place)? {
-            return Ok(false);
+        let removed = journal().remove_original(sku, place, || gone(&file))?;
+        if removed {
+            sidecar.map_or(Ok(()), gone)?;
+            remove_if_empty(&file);
         }
-        gone(&file)?;
-        sidecar.map_or(Ok(()), gone)?;
-        remove_if_empty(&file);
-        Ok(true)
+        Ok(removed)
+    }
+
+    /// Whether a rejected part came after the one that its SKU's surface comes from.
+    fn is_newer_than_the_part(&self, rejected: &Path) -> bool {
+        let relative = rejected.strip_prefix(&self.folders.rejected).unwrap_or(rejected);
+        let is_numbered = |part: &Component| is_numbered(Path::new(part.as_os_str()));
+        let relative: PathBuf = relative.components().filter(|part| !is_numbered(part)).collect();
+        let Ok(Meaning::Part(sku)) = meaning(&relative) else { return false };
+        let filed = |file: &Path| fs::symlink_metadata(file).ok().and_then(|metadata| filed_at(&metadata));
+        filed(&current_part_note(self.folders, &sku)).is_some_and(|note| filed(rejected) > Some(note))
     }
 
     fn report(&mut self) {
@@ -448,15 +520,27 @@ impl<'a> Pass<'a> {
             );
         }
         if let Some(error) = &self.trouble {
-            self.kept.trouble = Some(format!("old files could not be removed: {error}"));
+            self.kept.trouble =
+                Some(format!("isomark cannot remove old files: {error}; let it write into that folder"));
         } else if self.kept.too_much {
             self.kept.trouble = Some(format!(
-                "reports, archive and rejected take {:.3} GB, more than `max_gb` under `[retention]`, and nothing else may be \
-                 removed: raise it, set `archive_days`, or move originals elsewhere",
+                "raise `max_gb` under `[retention]`, set `archive_days`, or move originals elsewhere: reports, archive and \
+                 rejected take {:.3} GB, more than `max_gb`, and isomark may remove nothing else",
                 self.kept.bytes as f64 / 1e9
             ));
         }
     }
+}
+
+/// The archived part that the SKU's surface comes from, if there is one.
+///
+/// # Errors
+/// When the note of it cannot be read.
+fn current_part(folders: &FolderPaths, sku: &Sku) -> io::Result<Option<PathBuf>> {
+    let note = current_part_note(folders, sku);
+    let Some(bytes) = read_if_there(&note)? else { return Ok(None) };
+    let text = String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
+    Ok(Some(note.with_file_name(text.trim_end())))
 }
 
 /// Removes a file; one that is gone already is removed.
@@ -540,10 +624,10 @@ mod tests {
         place(archive, "can/can@a.dxf", "0");
         fs::create_dir_all(state).unwrap();
         let journal = Mutex::new(Journal::open(state).unwrap());
-        let ends = AtomicBool::new(false);
+        let has_ended = || false;
         let removed_after = |days: u64| {
             let now = SystemTime::now() + Duration::from_secs(days * 86_400);
-            let mut pass = Pass::new(&station.folders, &station.retention, now, &ends);
+            let mut pass = Pass::new(&station.folders, &station.retention, now, &has_ended);
             pass.run(&|| journal.lock().unwrap());
             pass.kept.removed
         };

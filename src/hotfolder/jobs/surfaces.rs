@@ -145,7 +145,7 @@ impl<C: Corrector> Executor<'_, C> {
             return Ok(true);
         }
         // Drawings of one SKU are done side by side, and one of them fits the part.
-        let _claim = self.restoring.claim(sku);
+        let _claim = self.restoring.claim(sku, pace)?;
         if is_known()? {
             return Ok(true);
         }

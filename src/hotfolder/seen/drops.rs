@@ -311,7 +311,7 @@ impl Drop {
     fn aim(&self) -> Option<Aim> {
         match &self.meaning {
             Ok(Meaning::Part(sku)) => Some(Aim::Shape(sku.clone())),
-            Ok(Meaning::Pattern { name, .. }) => Some(Aim::Drawing(delivered_as(name).to_lowercase())),
+            Ok(Meaning::Pattern { name, .. }) => Some(Aim::Drawing(fold(&delivered_as(name)))),
             _ => None,
         }
     }

@@ -221,6 +221,8 @@ impl Journal {
     pub(crate) fn keep_in_place(&mut self) -> io::Result<()> {
         match &self.file {
             Some(file) if !lies_at(file, &self.folder.join(JOURNAL)) => self.write_anew(),
+            // It was put in its place and has not been opened since.
+            None if !self.folder.join(JOURNAL).exists() => self.write_anew(),
             _ => Ok(()),
         }
     }
@@ -382,9 +384,17 @@ impl Journal {
         Ok(())
     }
 
-    /// Forgets that the original at this place in the SKU's archive folder lies there, before it is removed; `false` if it
-    /// is still needed.
-    pub(crate) fn let_original_go(&mut self, sku: &Sku, place: &str) -> io::Result<bool> {
+    /// Lets `remove` remove the original at this place in the SKU's archive folder, and forgets that it lies there; returns
+    /// `false` if it is still needed, or is nothing that this station filed. No job begins on it meanwhile.
+    ///
+    /// # Errors
+    /// When the journal cannot be written, or `remove` fails; the original is known as before then.
+    pub(crate) fn remove_original(
+        &mut self,
+        sku: &Sku,
+        place: &str,
+        remove: impl FnOnce() -> io::Result<()>,
+    ) -> io::Result<bool> {
         let again = DropId::archived(sku, place);
         let is_open = |open: &OpenJob| {
             matches!(&open.stage, Stage::Filing { to, .. } if to == place)
@@ -396,21 +406,26 @@ impl Journal {
         {
             return Ok(false);
         }
-        let name = delivered_as(again.file_name());
         let is_its_original = |result: &Delivered| {
             result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
         };
-        let Some(result) = self.result(&name).filter(is_its_original) else { return Ok(true) };
-        let Delivered { job, at, import, certainty, older, .. } = result;
-        let is_needed = certainty == Certainty::Uncertain
-            || import == Import::Due
-            || self.open.contains_key(&job.drop)
-            || self.at_work.contains_key(&job.drop);
+        let Some(result) = self.result(&delivered_as(again.file_name())).filter(is_its_original) else {
+            // Only numbered folders are surely made by a station.
+            return if place.contains('/') { remove().map(|()| true) } else { Ok(false) };
+        };
+        let is_needed = result.certainty == Certainty::Uncertain
+            || result.import == Import::Due
+            || self.open.contains_key(&result.job.drop)
+            || self.at_work.contains_key(&result.job.drop);
         if is_needed {
             return Ok(false);
         }
-        let record = Record::Done { job, original: String::new(), import, older, certainty };
-        self.append_line(Line { at, record }, true)?;
+        let gone = Delivered { original: String::new(), ..result.clone() };
+        self.append_line(gone.line(), false)?;
+        if let Err(error) = remove() {
+            self.append_line(result.line(), false)?;
+            return Err(error);
+        }
         Ok(true)
     }
 
@@ -538,15 +553,14 @@ impl Journal {
         }
     }
 
-    /// Forgets the oldest results when there are too many.
+    /// Forgets the oldest results when there are too many, and none that somebody has still to see to.
     fn forget_surplus(&mut self) {
         let surplus = self.results.len().saturating_sub(MOST_RESULTS);
-        if surplus == 0 {
-            return;
+        if surplus > 0 {
+            let mut by_age: Vec<_> = self.results.iter().filter_map(age).collect();
+            by_age.sort();
+            by_age.into_iter().take(surplus).for_each(|(_, name)| self.results.remove(&name));
         }
-        let mut by_age: Vec<_> = self.results.iter().map(|result| (result.at, result.job.name)).collect();
-        by_age.sort();
-        by_age.into_iter().take(surplus).for_each(|(_, name)| self.results.remove(&name));
     }
 
     /// Writes what still counts, whole, over the old journal.
@@ -591,6 +605,12 @@ impl Journal {
         (self.home, self.tag_is_kept) = (home_of(&self.folder), true);
         Ok(())
     }
+}
+
+/// When a result was delivered, with its name; nothing of one that may not be forgotten.
+fn age(result: Delivered) -> Option<(String, String)> {
+    let is_over = result.certainty == Certainty::Certain && result.import != Import::Due;
+    is_over.then_some((result.at, result.job.name))
 }
 
 /// A tag that no other station has: two machines may call their state folders the same and deliver into one folder.

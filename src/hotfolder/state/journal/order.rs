@@ -34,7 +34,9 @@ impl JournalPositions {
                     let last = order.delivered.entry(fold(&job.name)).or_default();
                     // A line that repeats the one before it only notes an import by BeamServer, a basis, or that the
                     // original was removed.
-                    if last.1 != job.key || (last.2 != original && !original.is_empty()) {
+                    if last.1 == job.key && original.is_empty() {
+                        last.2.clear();
+                    } else if (&last.1, &last.2) != (&job.key, &original) {
                         *last = (number, job.key, original);
                     }
                 }

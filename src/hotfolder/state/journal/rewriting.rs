@@ -5,7 +5,7 @@ use std::io;
 use std::sync::MutexGuard;
 
 use super::new_journal::NewJournal;
-use super::{IDLE_LINES, Journal};
+use super::{IDLE_LINES, Journal, MOST_RESULTS, age};
 
 /// Results that are written while nobody else can use the journal: less than a millisecond.
 const SLICE: usize = 200;
@@ -31,10 +31,38 @@ pub(crate) fn keep_short<'j>(journal: impl Fn() -> MutexGuard<'j, Journal>) {
     }
 }
 
+/// As [`Journal::forget_surplus`], slice by slice.
+fn forget_surplus<'j>(journal: &impl Fn() -> MutexGuard<'j, Journal>) {
+    let surplus = journal().results.len().saturating_sub(MOST_RESULTS);
+    if surplus == 0 {
+        return;
+    }
+    let (mut by_age, mut last) = (Vec::new(), None);
+    loop {
+        let (results, next) = journal().results.after(last.as_deref(), SLICE);
+        by_age.extend(results.into_iter().filter_map(age));
+        if next.is_none() {
+            break;
+        }
+        last = next;
+    }
+    by_age.sort();
+    by_age.truncate(surplus);
+    for slice in by_age.chunks(SLICE) {
+        let mut journal = journal();
+        for (at, name) in slice {
+            // One that came meanwhile is not old.
+            if journal.results.get(name).is_some_and(|result| result.at == *at) {
+                journal.results.remove(name);
+            }
+        }
+    }
+}
+
 fn rewrite<'j>(journal: &impl Fn() -> MutexGuard<'j, Journal>) -> io::Result<()> {
+    forget_surplus(journal);
     let mut new = {
         let mut journal = journal();
-        journal.forget_surplus();
         journal.changed = Some(BTreeSet::new());
         NewJournal::begin(&journal.folder)?
     };

@@ -77,7 +77,7 @@ fn an_original_goes_only_when_nothing_needs_it() {
         ("busy.dxf", Import::ByFolder, Certainty::Certain),
     ] {
         journal.filing(&id(name), "Can", STAMP, name, Some((&job(name, "1"), certainty))).unwrap();
-        assert!(!journal.let_original_go(&sku, name).unwrap(), "{name} is being filed");
+        assert!(!journal.remove_original(&sku, name, || Ok(())).unwrap(), "{name} is being filed");
         journal.done(&job(name, "1"), name, import, certainty).unwrap();
     }
     journal.began(&DropId::archived(&sku, "busy.dxf"), STAMP).unwrap();
@@ -88,13 +88,18 @@ fn an_original_goes_only_when_nothing_needs_it() {
         ("busy.dxf", false),
         ("done.dxf", false),
         ("(2)/done.dxf", true),
-        ("never-seen.dxf", true),
+        ("never-seen.dxf", false),
+        ("(2)/never-seen.step", true),
     ] {
-        assert_eq!(journal.let_original_go(&sku, place).unwrap(), goes, "{place}");
+        assert_eq!(journal.remove_original(&sku, place, || Ok(())).unwrap(), goes, "{place}");
     }
     journal.cancelled(&id("done.dxf")).unwrap();
     let at = journal.result("done.dxf").unwrap().at.clone();
-    assert!(journal.let_original_go(&sku, "done.dxf").unwrap());
+    let before = state(&journal);
+    let full = || Err(io::ErrorKind::StorageFull.into());
+    assert!(journal.remove_original(&sku, "done.dxf", full).is_err());
+    assert_eq!(state(&journal), before, "what could not be removed is known as before");
+    assert!(journal.remove_original(&sku, "done.dxf", || Ok(())).unwrap());
     drop(journal);
     let journal = Journal::open(folder.path()).unwrap();
     let result = journal.result("done.dxf").unwrap();
