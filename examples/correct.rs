@@ -4,20 +4,16 @@
 
 use std::fs;
 
-use isomark::config::JobSettings;
-use isomark::formats::mesh::PartFile;
-use isomark::pipeline::{PatternInput, Pipeline};
-use isomark::preview::svg;
+use isomark::{Corrector, Drawing, Part, Settings};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (part, drawing) = (fs::read("examples/parts/mouse.glb")?, fs::read("examples/patterns/letters.dxf")?);
-    let (sku, settings) = ("mouse".parse()?, JobSettings::default());
-    let pipeline = Pipeline::new(None);
-    let learned = pipeline.learn(&sku, &PartFile::alone("mouse.glb", part), &settings.part)?;
-    let input = PatternInput { name: "letters.dxf", bytes: &drawing, previous: None };
-    let corrected = pipeline.correct(&sku, &learned, input, &settings, true)?;
-    fs::write("target/letters-on-mouse.dxf", &corrected.dxf)?;
-    fs::write("target/letters-on-mouse.svg", svg(&corrected.preview.unwrap_or_default()))?;
-    println!("{}", corrected.report.summary());
+    let part = Part::open("examples/parts/mouse.glb")?;
+    let drawing = Drawing::open("examples/patterns/letters.dxf")?;
+    let settings = Settings::default();
+    let surface = Corrector::new().fit(&part, &settings)?;
+    let result = surface.correct(&drawing, &settings)?;
+    fs::write("target/letters-on-mouse.dxf", result.dxf())?;
+    fs::write("target/letters-on-mouse.svg", result.picture())?;
+    println!("{}", result.report().summary());
     Ok(())
 }

@@ -27,7 +27,30 @@
 //! [`Pipeline`](pipeline::Pipeline) walks the whole way, with the [`Cache`](cache::Cache) and the
 //! [`Report`](report::Report); [`hotfolder::run`] does it for every drop.
 //!
-//! # An example
+//! # The front door
+//!
+//! [`Part`], [`Drawing`], [`Settings`] and [`Corrector`] are all that most programs need; everything behind them can be
+//! reached in its module.
+//!
+//! ```
+//! use isomark::{Corrector, Drawing, Part, Settings};
+//!
+//! # fn main() -> Result<(), isomark::Error> {
+//! let part = Part::open("examples/parts/mouse.glb")?;
+//! let drawing = Drawing::open("examples/patterns/letters.dxf")?;
+//! let settings = Settings::default().facing("+z")?.place(0.0, 8.0);
+//! let surface = Corrector::new().fit(&part, &settings)?;
+//! let result = surface.correct(&drawing, &settings)?;
+//! assert!(result.dxf().starts_with(b"999"));
+//! assert!(result.report().quality.after.length_error_mm < 0.1);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The features `cli` (the program `isomark`) and `station` (the hot folder) are on by default. Without them the library
+//! needs no command line, no thread and no watching of folders: `isomark = { version = "0.1", default-features = false }`.
+//!
+//! # An example from inside
 //!
 //! On a can of radius 30 mm, 15 mm of a line lie round an angle of 0.5 rad, so the laser must go to x = 30·sin 0.5 mm.
 //!
@@ -121,6 +144,7 @@
 //! | [`diff`] | what changed between two drawings, in words | `geometry`, `printable` |
 //! | [`report`] | one job's story in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
 //! | [`pipeline`] | the corridor: read, sample, fit, map, bend, check, write | all above but `files` |
+//! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `geometry` |
 //! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |
 //! | [`cli`] | what can be typed | all above but `preview` |
 //!
@@ -148,5 +172,10 @@ pub mod preview;
 pub mod diff;
 pub mod report;
 pub mod pipeline;
+mod front;
+#[cfg(feature = "station")]
 pub mod hotfolder;
+#[cfg(feature = "cli")]
 pub mod cli;
+
+pub use front::{Correction, Corrector, Drawing, Error, Part, Settings, Surface};

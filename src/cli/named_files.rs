@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::outcome::{Exit, Failure, Outcome};
 use crate::cache::Cache;
 use crate::config::Station;
-use crate::formats::mesh::{self, Buffer, MeshFormat, MeshReadError, PartFile};
+use crate::formats::mesh::PartFile;
 use crate::reason::Reason;
 
 /// The content of a file that the user named.
@@ -110,16 +110,10 @@ pub(super) fn name_of(path: &Path) -> Result<String, Failure> {
 
 /// A part with the files beside it that it needs.
 pub(super) fn read_part(path: &Path) -> Result<PartFile, Failure> {
-    let mut part = PartFile::alone(name_of(path)?, read_file(path)?);
-    let Some(format) = MeshFormat::from_name(&part.name) else { return Ok(part) };
-    let refused = |error: MeshReadError| Failure::rejected(error.reason().in_file(&part.name));
-    let buffers = mesh::named_files(&part.bytes, format).map_err(refused)?.buffers;
-    let read = |buffer: Buffer| match crate::files::read_beside(path, &buffer.name) {
-        Ok(bytes) => Ok((buffer.name, bytes)),
-        Err(error) => Err(refused(MeshReadError::BufferMissing { name: buffer.name, kind: error.kind() })),
-    };
-    part.siblings = buffers.into_iter().map(read).collect::<Result<_, _>>()?;
-    Ok(part)
+    let name = name_of(path)?;
+    let read = |buffer: &str| crate::files::read_beside(path, buffer);
+    PartFile::with_buffers(name.clone(), read_file(path)?, read)
+        .map_err(|error| Failure::rejected(error.reason().in_file(name)))
 }
 
 /// The station's settings, if one is named.

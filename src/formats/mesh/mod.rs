@@ -53,6 +53,29 @@ impl PartFile {
     pub fn alone(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), bytes: bytes.into(), siblings: BTreeMap::new() }
     }
+
+    /// A part with the buffers that it names; `read` gives the content of the file of a plain name beside it.
+    ///
+    /// # Errors
+    /// When the names of the buffers cannot be read or lead elsewhere, or `read` fails.
+    pub fn with_buffers(
+        name: impl Into<String>,
+        bytes: impl Into<Vec<u8>>,
+        mut read: impl FnMut(&str) -> std::io::Result<Vec<u8>>,
+    ) -> Result<Self, MeshReadError> {
+        let mut part = Self::alone(name, bytes);
+        let Some(format) = MeshFormat::from_name(&part.name) else { return Ok(part) };
+        for Buffer { name, .. } in named_files(&part.bytes, format)?.buffers {
+            let content = read(&name);
+            let missing = |error: std::io::Error| MeshReadError::BufferMissing {
+                name: name.clone(),
+                kind: error.kind(),
+            };
+            let content = content.map_err(missing)?;
+            part.siblings.insert(name, content);
+        }
+        Ok(part)
+    }
 }
 
 /// Reads a part; `siblings` are the contents of files beside it, by their names, which only a `.gltf` needs.

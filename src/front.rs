@@ -1,0 +1,276 @@
+//! The front door for programs: a part, a drawing and settings in, a corrected drawing out.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::cache::Cache;
+use crate::config::{ConfigError, JobSettings, Sku, Verify, parse_facing};
+use crate::files::read_beside;
+use crate::formats::mesh::PartFile;
+use crate::geometry::space::ViewPoint;
+use crate::pipeline::{self, LearnedPart, PatternInput, Pipeline, PipelineError};
+use crate::preview;
+use crate::reason::Reason;
+use crate::report::Report;
+
+/// A part to be marked: a glTF, GLB, OBJ, STL or PLY file, or a scan, with the files beside it that it needs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part(PartFile);
+
+impl Part {
+    /// Reads a part and the buffers beside it.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or the part names a buffer that is not a plain file beside it.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let (name, bytes) = named_content(path)?;
+        let read = |buffer: &str| read_beside(path, buffer);
+        let part = PartFile::with_buffers(name.clone(), bytes, read);
+        Ok(Self(part.map_err(|error| error.reason().in_file(name))?))
+    }
+
+    /// A part in memory, under the file name that tells its format; a `.gltf` with buffers beside it needs
+    /// [`with_buffer`](Self::with_buffer), too.
+    pub fn from_bytes(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self(PartFile::alone(name, bytes))
+    }
+
+    /// The same part with a buffer that it names.
+    #[must_use]
+    pub fn with_buffer(mut self, name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        self.0.siblings.insert(name.into(), bytes.into());
+        self
+    }
+}
+
+/// A drawing: a DXF file, or a PNG or BMP picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Drawing {
+    name: String,
+    bytes: Vec<u8>,
+}
+
+impl Drawing {
+    /// Reads a drawing.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let (name, bytes) = named_content(path.as_ref())?;
+        Ok(Self { name, bytes })
+    }
+
+    /// A drawing in memory, under the file name that tells its format.
+    pub fn from_bytes(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { name: name.into(), bytes: bytes.into() }
+    }
+}
+
+/// How a part is seen and a drawing is placed and corrected; [`Default`] is what `isomark correct` does without options.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Settings(JobSettings);
+
+impl Settings {
+    /// The side of the part that faces the laser: `+z` (default), `-z`, `+x`, `-x`, `+y`, `-y`, or a direction `X,Y,Z`.
+    ///
+    /// # Errors
+    /// When the text names no side.
+    pub fn facing(mut self, side: &str) -> Result<Self, Error> {
+        self.0.part.facing = parse_facing(side).map_err(|error| {
+            Reason::new("settings-choice", format!("The {error}."), "Name a side such as `-y`.")
+        })?;
+        Ok(self)
+    }
+
+    /// Where the middle of the drawing lands in the view of the part, mm.
+    #[must_use]
+    pub fn place(mut self, x: f64, y: f64) -> Self {
+        self.0.placement.place = Some(ViewPoint::new(x, y));
+        self
+    }
+
+    /// Turns the drawing about its middle, degrees counter-clockwise.
+    #[must_use]
+    pub fn rotate(mut self, degrees: f64) -> Self {
+        self.0.placement.rotate = degrees.to_radians();
+        self
+    }
+
+    /// These settings with those of a text in TOML, as a SKU's file holds them: `[part]`, `[fixture]`, `[pattern]`,
+    /// `[placement]`, `[correction]`.
+    ///
+    /// # Errors
+    /// When anything in the text is wrong, with its line.
+    pub fn with_toml(&self, text: &str) -> Result<Self, Error> {
+        Ok(Self(self.0.overridden_by(Path::new("settings"), text)?))
+    }
+
+    /// All settings, for what has no method here: the field, the lens, the output.
+    pub fn job(&mut self) -> &mut JobSettings {
+        &mut self.0
+    }
+}
+
+impl From<JobSettings> for Settings {
+    fn from(settings: JobSettings) -> Self {
+        Self(settings)
+    }
+}
+
+/// Fits parts.
+#[derive(Debug, Clone)]
+pub struct Corrector {
+    pipeline: Pipeline,
+}
+
+impl Corrector {
+    /// A corrector that keeps nothing on the disk.
+    pub fn new() -> Self {
+        Self { pipeline: Pipeline::new(None) }
+    }
+
+    /// A corrector that keeps fitted surfaces in a folder, as a station does.
+    pub fn keeping(folder: impl Into<PathBuf>) -> Self {
+        Self { pipeline: Pipeline::new(Some(Cache::new(folder.into()))) }
+    }
+
+    /// Reads, samples and fits a part as the settings show it to the laser; drawings for it need no more of that.
+    ///
+    /// # Errors
+    /// When the part cannot be read or has no surface to mark, or the folder of surfaces fails.
+    pub fn fit(&self, part: &Part, settings: &Settings) -> Result<Surface, Error> {
+        let Part(part) = part;
+        let stem = Path::new(&part.name).file_stem().unwrap_or_default().to_string_lossy();
+        let sku: Sku = stem.parse().or_else(|_| "part".parse()).map_err(|error: crate::config::BadSku| error.reason())?;
+        let learned = self.pipeline.learn(&sku, part, &settings.0.part)?;
+        Ok(Surface { pipeline: self.pipeline.clone(), sku, learned })
+    }
+}
+
+impl Default for Corrector {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A fitted part, ready for drawings.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    pipeline: Pipeline,
+    sku: Sku,
+    learned: LearnedPart,
+}
+
+impl Surface {
+    /// Corrects a drawing, so that on the part every length is as it was drawn; a second reader checks the result, as
+    /// `isomark correct` does. The settings of the part are those that it was fitted with.
+    ///
+    /// # Errors
+    /// When the drawing cannot be read, does not lie on the part, or cannot be marked there.
+    pub fn correct(&self, drawing: &Drawing, settings: &Settings) -> Result<Correction, Error> {
+        let input = PatternInput { name: &drawing.name, bytes: &drawing.bytes, previous: None };
+        let mut corrected = self.pipeline.correct(&self.sku, &self.learned, input, &settings.0, true)?;
+        if corrected.is_to_be_read_back(Verify::default()) {
+            let dxf = std::mem::take(&mut corrected.dxf);
+            let same = corrected.read_back(&dxf);
+            corrected.dxf = dxf;
+            same?;
+        }
+        Ok(Correction(corrected))
+    }
+}
+
+/// A corrected drawing with its report.
+#[derive(Debug)]
+pub struct Correction(pipeline::Corrected);
+
+impl Correction {
+    /// The corrected drawing, a DXF file.
+    pub fn dxf(&self) -> &[u8] {
+        &self.0.dxf
+    }
+
+    /// How true every length, area and angle is, what was read, and what a person should know.
+    pub fn report(&self) -> &Report {
+        &self.0.report
+    }
+
+    /// A picture of the part with the drawing before and after, as SVG.
+    pub fn picture(&self) -> Vec<u8> {
+        self.0.preview.as_ref().map(|picture| preview::svg(picture).into()).unwrap_or_default()
+    }
+}
+
+/// Why a drawing was not corrected.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The part, the drawing or the settings cannot be used; trying again changes nothing.
+    #[error("{0}")]
+    Rejected(Reason),
+    /// A file cannot be read, or the folder of surfaces cannot be used.
+    #[error("{0}")]
+    Environment(io::Error),
+}
+
+impl Error {
+    /// The reason that people are shown, with its code, its place and what to do.
+    pub fn reason(&self) -> Reason {
+        match self {
+            Self::Rejected(reason) => reason.clone(),
+            Self::Environment(error) => {
+                let remedy = "Check that the file or folder exists and may be read or written.";
+                Reason::new("environment", format!("{error}."), remedy)
+            }
+        }
+    }
+}
+
+impl From<Reason> for Error {
+    fn from(reason: Reason) -> Self {
+        Self::Rejected(reason)
+    }
+}
+
+impl From<ConfigError> for Error {
+    fn from(error: ConfigError) -> Self {
+        Self::Rejected(error.reason())
+    }
+}
+
+impl From<PipelineError> for Error {
+    fn from(error: PipelineError) -> Self {
+        match error {
+            PipelineError::Rejected(reason) => Self::Rejected(reason),
+            PipelineError::Environment(error) => Self::Environment(error),
+            // Nobody is in a hurry here.
+            error @ PipelineError::TakesLong => {
+                Self::Rejected(Reason::new("takes-long", format!("{error}."), "Try again."))
+            }
+        }
+    }
+}
+
+/// A file's name and content.
+fn named_content(path: &Path) -> Result<(String, Vec<u8>), Error> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok((name, fs_err::read(path).map_err(Error::Environment)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_that_an_integrator_holds_goes_to_other_threads() {
+        fn goes<T: Send + Sync>() {}
+        goes::<Part>();
+        goes::<Drawing>();
+        goes::<Settings>();
+        goes::<Corrector>();
+        goes::<Surface>();
+        goes::<Correction>();
+        goes::<Error>();
+    }
+}
