@@ -93,6 +93,7 @@ fn write_over(folder: &Path, name: &str, bytes: &[u8], flush: Flush) -> io::Resu
 ///
 /// # Errors
 /// `AlreadyExists` when the name is taken; else as [`write_whole`].
+#[cfg(feature = "station")]
 pub(crate) fn write_new(path: &Path, bytes: &[u8], modified: Option<SystemTime>) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut file = temporary(folder)?;
@@ -105,6 +106,7 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8], modified: Option<SystemTime>)
 ///
 /// # Errors
 /// `AlreadyExists` when the name is taken.
+#[cfg(feature = "station")]
 pub(crate) fn keep_new(
     file: tempfile::NamedTempFile,
     path: &Path,
@@ -230,6 +232,7 @@ pub fn is_plain(name: &str) -> bool {
 ///
 /// # Errors
 /// When it cannot be made.
+#[cfg(feature = "station")]
 pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
     match fs::create_dir(folder) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(()),

@@ -142,7 +142,10 @@ impl Corrector {
     pub fn fit(&self, part: &Part, settings: &Settings) -> Result<Surface, Error> {
         let Part(part) = part;
         let stem = Path::new(&part.name).file_stem().unwrap_or_default().to_string_lossy();
-        let sku: Sku = stem.parse().or_else(|_| "part".parse()).map_err(|error: crate::config::BadSku| error.reason())?;
+        let sku: Sku = stem
+            .parse()
+            .or_else(|_| "part".parse())
+            .map_err(|error: crate::config::BadSku| error.reason())?;
         let learned = self.pipeline.learn(&sku, part, &settings.0.part)?;
         Ok(Surface { pipeline: self.pipeline.clone(), sku, learned })
     }

@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::printable::on_one_line;
 
+#[cfg(feature = "station")]
 mod shell;
 
+#[cfg(feature = "station")]
 pub(crate) use shell::quoted;
 
 /// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.

@@ -133,8 +133,9 @@ fn every_module_knows_only_what_it_may() {
 fn the_table_has_the_order_of_the_crate_and_no_arrow_back() {
     let names: Vec<&str> = MODULES.iter().map(|(name, _)| *name).collect();
     let library = include_str!("../src/lib.rs").lines();
-    let declared: Vec<&str> =
-        library.filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';')).collect();
+    let declared: Vec<&str> = library
+        .filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'))
+        .collect();
     assert_eq!(declared, names, "src/lib.rs and MODULES name the same modules in the same order");
     for (index, (name, knows)) in MODULES.iter().enumerate() {
         for known in *knows {

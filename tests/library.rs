@@ -23,8 +23,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// The settings of this repository's profiles, so that the dependencies it has built are used.
 fn profiles() -> String {
     let manifest = include_str!("../Cargo.toml");
-    manifest.split_once("[profile.dev]").map(|(_, rest)| format!("[profile.dev]{rest}")).unwrap()
-        .split_once("[lints").unwrap().0.to_owned()
+    manifest
+        .split_once("[profile.dev]")
+        .map(|(_, rest)| format!("[profile.dev]{rest}"))
+        .unwrap()
+        .split_once("[lints")
+        .unwrap()
+        .0
+        .to_owned()
 }
 
 #[test]
@@ -42,13 +48,18 @@ fn ten_lines_without_default_features_make_the_bytes_of_the_program() {
     fs::write(folder.join("src/main.rs"), PROGRAM).unwrap();
     fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
     let target = Path::new(env!("CARGO_BIN_EXE_isomark")).ancestors().nth(2).unwrap();
-    let [part, drawing] = ["parts/mouse.glb", "patterns/letters.dxf"].map(|name| root.join("examples").join(name));
+    let [part, drawing] =
+        ["parts/mouse.glb", "patterns/letters.dxf"].map(|name| root.join("examples").join(name));
     let cargo = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO"));
         command.args(arguments).current_dir(&folder).env("CARGO_TARGET_DIR", target);
         command
     };
-    let run = cargo(&["run", "--offline", "--quiet", "--"]).args([&part, &drawing]).arg("outside.dxf").output().unwrap();
+    let run = cargo(&["run", "--offline", "--quiet", "--"])
+        .args([&part, &drawing])
+        .arg("outside.dxf")
+        .output()
+        .unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     // Neither a command line nor a watcher of folders comes along.
     let tree = cargo(&["tree", "--offline", "--edges", "normal", "--prefix", "none"]).output().unwrap();

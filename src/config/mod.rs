@@ -31,6 +31,7 @@ pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement,
 };
+#[cfg(feature = "station")]
 pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
