@@ -2,6 +2,7 @@
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Component, Path};
+#[cfg(feature = "station")]
 use std::time::SystemTime;
 
 use fs_err as fs;

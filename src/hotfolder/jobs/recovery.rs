@@ -202,8 +202,7 @@ fn leftover_sidecar_follows(folders: &FolderPaths, parking: &Parking, drop: &Dro
     }
 }
 
-/// Removes what crashes left behind: this station's temporary files in the import folder that no job needs any more,
-/// and old ones in its own folders.
+/// Removes what crashes left behind in the import folder: this station's temporary files that no job needs any more.
 pub(crate) fn sweep(folders: &FolderPaths, journal: &Journal) {
     let ours = format!("{TEMPORARY_START}{}-", journal.tag());
     let needed: Vec<PathBuf> =
@@ -216,6 +215,10 @@ pub(crate) fn sweep(folders: &FolderPaths, journal: &Journal) {
             remove_quietly(&path);
         }
     }
+}
+
+/// Removes the old temporary files that crashes left behind in the station's own folders.
+pub(crate) fn sweep_own(folders: &FolderPaths) {
     let FolderPaths { archive, rejected, cache, reports, state, .. } = folders;
     for own in [archive, rejected, cache, reports, state] {
         sweep_below(own, 0);

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant, SystemTime};
 use fs_err as fs;
 
 use super::filing::{PREVIEW, REPORT, current_part_note};
+use super::recovery::sweep_own;
 use super::rejected::{self, REASON};
 use crate::config::{FolderPaths, Retention, Sku, Station};
 use crate::files::read_if_there;
@@ -27,6 +28,8 @@ use crate::hotfolder::state::status::{Kept, Status};
 use crate::hotfolder::state::{Journal, keep_short, with_slashes};
 use crate::printable::on_one_line;
 
+/// Time between the start of a station and its first pass over the folders.
+const FIRST_PAUSE: Duration = Duration::from_secs(60);
 /// Time between two passes over the folders.
 const PAUSE: Duration = Duration::from_secs(3600);
 /// Time between two looks at the length of the journal.
@@ -134,10 +137,20 @@ impl Keeper {
         }
     }
 
-    /// Passes over the folders at the start, after each change of the settings and then every hour, until the station
-    /// ends; only `once` in one that ends by itself.
+    /// Passes over the folders a while after the start, after each change of the settings and then every hour, until the
+    /// station ends; only `once`, and at the start, in one that ends by itself.
     pub(crate) fn run<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>, once: bool) {
+        let folders = self.shared().folders.clone();
+        sweep_own(&folders);
+        if !once {
+            // What lies in the hot folder comes first.
+            let stays = |_: &mut Shared| !self.has_ended();
+            drop(self.wake.wait_timeout_while(self.shared(), FIRST_PAUSE, stays));
+        }
         loop {
+            if self.has_ended() {
+                return;
+            }
             let (folders, retention) = {
                 let mut shared = self.shared();
                 shared.is_new = false;
@@ -392,9 +405,9 @@ impl<'a> Pass<'a> {
         if journal().holds_patterns_back(&place) || self.is_newer_than_the_part(&drop) {
             return Ok(false);
         }
-        let beside = entries(reason.parent().unwrap_or(reason));
+        let mut beside = files(reason.parent().unwrap_or(reason));
         let is_reason = |path: &Path| path.to_string_lossy().ends_with(REASON);
-        if beside.iter().filter(|(path, _)| is_reason(path)).count() == 1 {
+        if !beside.any(|path| path != reason && is_reason(&path)) {
             rejected::companions_of(&drop).iter().try_for_each(|companion| gone(companion))?;
         }
         gone(&drop)?;
@@ -422,12 +435,9 @@ impl<'a> Pass<'a> {
                     continue;
                 }
             };
-            let (numbered, files): (Vec<_>, Vec<_>) =
-                entries(&folder).into_iter().partition(|(_, is_folder)| *is_folder);
-            self.look_at_originals(&sku, &folder, files, current.as_deref(), journal);
-            for (inner, _) in numbered.into_iter().filter(|(path, _)| is_numbered(path)) {
-                let files = entries(&inner).into_iter().filter(|(_, is_folder)| !is_folder).collect();
-                self.look_at_originals(&sku, &inner, files, current.as_deref(), journal);
+            self.look_at_originals(&sku, &folder, current.as_deref(), journal);
+            for (inner, _) in entries(&folder).filter(|(path, is_folder)| *is_folder && is_numbered(path)) {
+                self.look_at_originals(&sku, &inner, current.as_deref(), journal);
             }
         }
     }
@@ -437,18 +447,21 @@ impl<'a> Pass<'a> {
         &mut self,
         sku: &Sku,
         folder: &Path,
-        files: Vec<(PathBuf, bool)>,
         current: Option<&Path>,
         journal: &impl Fn() -> MutexGuard<'j, Journal>,
     ) {
-        let mut drawings: BTreeMap<OsString, usize> = BTreeMap::new();
-        for (file, _) in files.iter().filter(|(file, _)| is_drawing(&file.to_string_lossy())) {
-            *drawings.entry(file.file_stem().unwrap_or_default().to_owned()).or_default() += 1;
+        let stem = |file: &Path| file.file_stem().unwrap_or_default().to_owned();
+        // How many drawings each sidecar belongs to.
+        let mut drawings: BTreeMap<OsString, usize> =
+            files(folder).filter(|file| is_sidecar(file)).map(|file| (stem(&file), 0)).collect();
+        if !drawings.is_empty() {
+            for file in files(folder).filter(|file| is_drawing(&file.to_string_lossy())) {
+                drawings.entry(stem(&file)).and_modify(|count| *count += 1);
+            }
         }
-        let drawings_of =
-            |file: &Path| drawings.get(file.file_stem().unwrap_or_default()).copied().unwrap_or(0);
+        let drawings_of = |file: &Path| drawings.get(&stem(file)).copied().unwrap_or(0);
         let top = self.folders.archive.join(sku.key());
-        for (file, _) in files {
+        for file in files(folder) {
             // A folder that nobody may write into is not emptied in the journal either.
             if self.ends() || self.trouble.is_some() {
                 return;
@@ -468,10 +481,10 @@ impl<'a> Pass<'a> {
             let place = with_slashes(file.strip_prefix(&top).unwrap_or(&file));
             let sidecar = sidecar_of(&file).filter(|_| is_drawing && drawings_of(&file) == 1);
             let all = [Some(&file), sidecar.as_ref()].into_iter().flatten();
-            let files: Vec<Metadata> = all.filter_map(|file| fs::symlink_metadata(file).ok()).collect();
+            let seen: Vec<Metadata> = all.filter_map(|file| fs::symlink_metadata(file).ok()).collect();
             self.found(
                 What::Original { sku: sku.clone(), place, sidecar },
-                &files,
+                &seen,
                 self.retention.archive,
                 journal,
             );
@@ -551,15 +564,19 @@ fn gone(file: &Path) -> io::Result<()> {
     }
 }
 
-/// The files and folders in a folder, each with whether it is a folder; links and devices are neither.
-fn entries(folder: &Path) -> Vec<(PathBuf, bool)> {
+/// The files and folders in a folder, each with whether it is a folder; links and devices are neither. One after the other:
+/// there may be a hundred thousand.
+fn entries(folder: &Path) -> impl Iterator<Item = (PathBuf, bool)> + use<> {
     let kind = |entry: fs::DirEntry| {
         let kind = entry.file_type().ok()?;
         (kind.is_dir() || kind.is_file()).then(|| (entry.path(), kind.is_dir()))
     };
-    let mut entries: Vec<_> = fs::read_dir(folder).into_iter().flatten().flatten().filter_map(kind).collect();
-    entries.sort();
-    entries
+    fs::read_dir(folder).into_iter().flatten().flatten().filter_map(kind)
+}
+
+/// The files in a folder.
+fn files(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+    entries(folder).filter(|(_, is_folder)| !is_folder).map(|(path, _)| path)
 }
 
 /// Whether a folder bears a number, such as `(2)`: it holds what bears a name that was taken.
@@ -632,7 +649,9 @@ mod tests {
             pass.kept.removed
         };
         assert_eq!([364, 366, 40_000].map(removed_after), [0, 2, 0]);
-        assert!(entries(&reports.join("can")).is_empty() && entries(&rejected.join("can")).is_empty());
-        assert_eq!(entries(&archive.join("can")).len(), 3);
+        assert_eq!(
+            [reports, rejected, archive].map(|folder| entries(&folder.join("can")).count()),
+            [0, 0, 3]
+        );
     }
 }

@@ -284,7 +284,7 @@ impl Journal {
 
     /// Number of results whose basis an older version wrote.
     pub(crate) fn of_older_form(&self) -> usize {
-        self.results.iter().filter(Delivered::is_of_older_form).count()
+        self.results.of_older_form()
     }
 
     /// The SKUs of all results.

@@ -55,6 +55,8 @@ pub(super) struct Results {
     all: BTreeMap<Arc<str>, Packed>,
     by_sku: BTreeMap<Sku, BTreeSet<Arc<str>>>,
     uncertain: BTreeSet<Arc<str>>,
+    /// Number of results whose basis an older version wrote.
+    of_older_form: usize,
 }
 
 impl Results {
@@ -76,6 +78,7 @@ impl Results {
         if result.certainty == Certainty::Uncertain {
             self.uncertain.insert(name.clone());
         }
+        self.of_older_form += usize::from(result.is_of_older_form());
         self.all.insert(name.clone(), Packed::of(result));
         name
     }
@@ -83,11 +86,9 @@ impl Results {
     pub(super) fn remove(&mut self, name: &str) {
         let name = fold(name);
         self.uncertain.remove(&*name);
-        let Some(sku) =
-            self.all.remove(&*name).and_then(|result| result.unpack()?.job.sku.parse::<Sku>().ok())
-        else {
-            return;
-        };
+        let Some(result) = self.all.remove(&*name).and_then(|result| result.unpack()) else { return };
+        self.of_older_form -= usize::from(result.is_of_older_form());
+        let Ok(sku) = result.job.sku.parse::<Sku>() else { return };
         if let Some(names) = self.by_sku.get_mut(&sku) {
             names.remove(&*name);
             if names.is_empty() {
@@ -125,6 +126,10 @@ impl Results {
 
     pub(super) fn uncertain(&self) -> impl Iterator<Item = Delivered> {
         self.uncertain.iter().filter_map(|name| self.all.get(name)?.unpack())
+    }
+
+    pub(super) fn of_older_form(&self) -> usize {
+        self.of_older_form
     }
 
     /// The SKUs that there are results of.
