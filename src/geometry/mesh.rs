@@ -106,6 +106,13 @@ impl TriMesh {
         Self { normals_only_shade: true, ..self }
     }
 
+    /// The same mesh with some of its triangles wound the other way round; one flag for each triangle.
+    pub(super) fn with_reversed(mut self, is_reversed: &[bool]) -> Self {
+        let chosen = self.triangles.iter_mut().zip(is_reversed).filter(|(_, reversed)| **reversed);
+        chosen.for_each(|(corners, _)| corners.swap(1, 2));
+        self
+    }
+
     /// Whether the normals tell edges only.
     pub fn normals_only_shade(&self) -> bool {
         self.normals_only_shade

@@ -6,6 +6,7 @@ pub mod space;
 pub mod mesh;
 pub mod point_cloud;
 mod adjacency;
+pub mod winding;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

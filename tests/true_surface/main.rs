@@ -9,6 +9,7 @@ mod edges;
 mod exact_maps;
 mod forms;
 mod shading;
+mod winding;
 
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;

@@ -16,7 +16,8 @@ pub(super) type IndexedTriangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// The mesh welded by position, if its normals only repeat the facets; otherwise nothing.
 ///
-/// Such normals are those of each triangle's plane, and differ where neighbouring facets of one curved surface meet.
+/// Such normals are those of each triangle's plane, whichever way round it runs, and differ where neighbouring facets of one
+/// curved surface meet.
 /// `normal(triangle, corner)` gives the file's. Curved surfaces so finely cut that both readings agree within 1.2° keep
 /// their normals.
 pub(super) fn weld_facets(
@@ -28,6 +29,7 @@ pub(super) fn weld_facets(
     for (triangle, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|index| positions[index as usize]);
         let facet = (b - a).cross(&(c - a));
+        let facet = if facet.dot(&normal(triangle, 0)) < 0.0 { -facet } else { facet };
         let is_own = |corner| is_within(SAME_NORMAL, facet, normal(triangle, corner));
         if !(is_own(0) && is_own(1) && is_own(2)) {
             patience = patience.checked_sub(1)?;

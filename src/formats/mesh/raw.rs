@@ -9,6 +9,7 @@ use crate::formats::Pace;
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading;
+use crate::geometry::winding::{self, Winding};
 use crate::reason::Notice;
 
 /// Most triangles a part may have; a million is already finer than any marking needs.
@@ -74,16 +75,17 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
-        let shape =
-            match self.is_scan {
-                true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
-                false => Shape::Mesh(TriMesh::new(self.positions, self.normals, self.triangles).map_err(
-                    |error| match error {
-                        MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
-                        _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
-                    },
-                )?),
-            };
+        let (shape, winding) = match self.is_scan {
+            true => (Shape::Scan(PointCloud::new(self.positions, self.normals)), Winding::default()),
+            false => {
+                let mesh = TriMesh::new(self.positions, self.normals, self.triangles);
+                let (mesh, winding) = winding::made_alike(mesh.map_err(|error| match error {
+                    MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
+                    _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+                })?);
+                (Shape::Mesh(mesh), winding)
+            }
+        };
         let shape = match shape {
             Shape::Mesh(mesh) if shading::only_shade(&mesh) => {
                 self.normals_found = NormalsFound::Averaged;
@@ -99,6 +101,7 @@ impl RawPart {
             return Err(MeshReadError::NoPoints { missing: self.missing });
         }
         self.notices.extend(verdict.notices);
+        self.notices.extend(winding_notices(&winding, triangles));
         if !self.is_scan {
             self.notices.extend(self.normals_found.notice());
         }
@@ -119,6 +122,26 @@ impl RawPart {
         };
         Ok(PartReading { shape, facts })
     }
+}
+
+fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
+    let reversed = (winding.reversed > 0).then(|| {
+        let message = format!(
+            "{} of {triangles} triangles ran the other way round than their neighbours and were reversed; the file has no \
+             normals that could tell the outside",
+            winding.reversed
+        );
+        Notice::note("winding-made-alike", message)
+    });
+    let contradiction = winding.contradiction.map(|at| {
+        let message = format!(
+            "the part has only one side, as a Möbius strip: its triangles cannot all run alike, so the surface is not known near \
+             ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh, or keep the ink away from there",
+            at.x, at.y, at.z
+        );
+        Notice::warning("winding-contradicts", message)
+    });
+    reversed.into_iter().chain(contradiction)
 }
 
 /// Refuses more work than the pace allows, where `moment` of it is a moment's.

@@ -26,7 +26,8 @@ const LEAST_BEND: f64 = 1e-5;
 impl SmoothMesh {
     /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
     /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
-    /// less than [`CREASE_ANGLE`] and the steps beside them show that they are those of a curved face (`creases`).
+    /// less than [`CREASE_ANGLE`], run the same way round (see [`winding`](crate::geometry::winding)) and the steps beside them
+    /// show that they are those of a curved face (`creases`).
     ///
     /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
     /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
@@ -97,13 +98,14 @@ impl SmoothMesh {
             } else {
                 let angle = if have_normals { SHADED_CREASE_ANGLE } else { CREASE_ANGLE };
                 let cosine = meet();
-                let is_smooth = cosine >= angle.cos() && (!have_normals || agree());
+                // Estimates over facets that run in opposite ways would cancel out.
+                let is_smooth = wound_alike && cosine >= angle.cos() && (!have_normals || agree());
                 let step = [side as u32, other as u32];
                 if !is_smooth {
                     sharp.push(step);
                     continue;
                 }
-                if wound_alike && matters(cosine, || [points(here), points(there)], side % 3) {
+                if matters(cosine, || [points(here), points(there)], side % 3) {
                     steps.push(step);
                     continue;
                 }

@@ -1,0 +1,261 @@
+//! Which way round the triangles run is of no account.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use isomark::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, UpAxis};
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::mesh::TriMesh;
+use isomark::geometry::shapes;
+use isomark::geometry::space::{View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use isomark::reason::Severity;
+use nalgebra::{Point3, Vector3};
+
+use super::forms::{ALL, Normals, SPHERE};
+use super::largest_miss;
+
+/// Every so many of a hundred triangles, spread without a pattern.
+fn is_chosen(triangle: usize, percent: usize) -> bool {
+    triangle.wrapping_mul(0x9E37_79B9) % 10_007 * 100 / 10_007 < percent
+}
+
+/// An OBJ file with some per cent of the triangles reversed; with a normal for each vertex or none.
+fn obj(mesh: &TriMesh, percent: usize, normals: &[Vector3<f64>]) -> String {
+    let mut text = String::new();
+    for at in mesh.positions() {
+        writeln!(text, "v {:.9} {:.9} {:.9}", at.x, at.y, at.z).unwrap();
+    }
+    for normal in normals {
+        writeln!(text, "vn {:.9} {:.9} {:.9}", normal.x, normal.y, normal.z).unwrap();
+    }
+    for (triangle, corners) in mesh.triangles().iter().enumerate() {
+        let [a, b, c] = corners.map(|vertex| match normals.is_empty() {
+            true => format!("{}", vertex + 1),
+            false => format!("{0}//{0}", vertex + 1),
+        });
+        let (b, c) = if is_chosen(triangle, percent) { (c, b) } else { (b, c) };
+        writeln!(text, "f {a} {b} {c}").unwrap();
+    }
+    text
+}
+
+/// A binary STL file with some per cent of the triangles reversed; the normals follow.
+fn stl(mesh: &TriMesh, percent: usize) -> Vec<u8> {
+    let mut bytes = vec![0; 80];
+    bytes.extend(u32::try_from(mesh.triangles().len()).unwrap().to_le_bytes());
+    for (triangle, &corners) in mesh.triangles().iter().enumerate() {
+        let [a, b, c] = mesh.corners(corners);
+        let (b, c) = if is_chosen(triangle, percent) { (c, b) } else { (b, c) };
+        let normal = Point3::from((b - a).cross(&(c - a)).normalize());
+        let values = [normal, a, b, c].into_iter().flat_map(|point| [point.x, point.y, point.z]);
+        values.for_each(|value| bytes.extend((value as f32).to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn read(name: &str, bytes: &[u8]) -> PartReading {
+    let options =
+        MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..MeshOptions::default() };
+    mesh::read(bytes, MeshFormat::from_name(name).unwrap(), &options, &BTreeMap::new()).unwrap()
+}
+
+fn fitted(reading: &PartReading) -> FittedSurface {
+    let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
+    FittedSurface::of_part(&part, &FitOptions::default()).unwrap()
+}
+
+fn has_notice(reading: &PartReading, code: &str) -> bool {
+    reading.facts.notices.iter().any(|notice| notice.code == code)
+}
+
+#[test]
+fn reversed_triangles_leave_the_surface_as_it_is() {
+    for form in ALL {
+        let mesh = form.mesh(0.1, Normals::Missing);
+        let margins = match form.counts(0.1) {
+            [_, 1] => [0.01, 0.01],
+            counts => counts.map(|count| 1.0 / f64::from(count)),
+        };
+        for percent in [0, 20, 50, 100] {
+            for (name, bytes) in
+                [("a.obj", obj(&mesh, percent, &[]).into_bytes()), ("a.stl", stl(&mesh, percent))]
+            {
+                let reading = read(name, &bytes);
+                let (miss, at) = largest_miss(&form, &fitted(&reading), margins);
+                assert!(miss < 0.005, "{} {name} {percent} %: {miss} mm at {at:?}", form.name);
+                assert_eq!(
+                    has_notice(&reading, "winding-made-alike"),
+                    percent % 100 > 0,
+                    "{name} {percent} %"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn reversed_triangles_of_a_finely_cut_free_form_leave_it_as_it_is() {
+    let mesh = shapes::graph(25.0, 0.5, shapes::mouse);
+    for percent in [20, 50] {
+        let reading = read("a.obj", obj(&mesh, percent, &[]).as_bytes());
+        let surface = fitted(&reading);
+        for (row, column) in (-18..=18).flat_map(|row| (-18..=18).map(move |column| (row, column))) {
+            let (x, y) = (f64::from(column), f64::from(row));
+            let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::mouse(x, y);
+            assert!(off.abs() < 0.005, "{percent} % at ({x}, {y}): {off} mm");
+        }
+    }
+}
+
+#[test]
+fn the_number_of_reversed_triangles_is_reported() {
+    let mesh = shapes::graph(10.0, 2.0, shapes::sphere);
+    let triangles = mesh.triangles().len();
+    let reversed = (0..triangles).filter(|&triangle| is_chosen(triangle, 20)).count();
+    let reading = read("a.obj", obj(&mesh, 20, &[]).as_bytes());
+    let notice = reading.facts.notices.iter().find(|notice| notice.code == "winding-made-alike").unwrap();
+    assert!(
+        notice.message.starts_with(&format!("{reversed} of {triangles} triangles")),
+        "{}",
+        notice.message
+    );
+    assert_eq!(notice.severity, Severity::Note);
+}
+
+/// A sphere of radius 10 mm whose pole triangles have three corners.
+fn ball() -> TriMesh {
+    let (rings, columns) = (12u32, 24u32);
+    let angle = |index: u32, count: u32, whole: f64| whole * f64::from(index) / f64::from(count);
+    let mut points = vec![Point3::new(0.0, 0.0, 10.0), Point3::new(0.0, 0.0, -10.0)];
+    let mut triangles = Vec::new();
+    for ring in 1..rings {
+        let polar = angle(ring, rings, std::f64::consts::PI);
+        for column in 0..columns {
+            let turn = angle(column, columns, std::f64::consts::TAU);
+            points.push(Point3::new(
+                10.0 * polar.sin() * turn.cos(),
+                10.0 * polar.sin() * turn.sin(),
+                10.0 * polar.cos(),
+            ));
+            let here = |ring: u32, column: u32| 2 + (ring - 1) * columns + column % columns;
+            if ring == 1 {
+                triangles.push([0, here(1, column), here(1, column + 1)]);
+            } else {
+                let [a, b] = [here(ring - 1, column), here(ring - 1, column + 1)];
+                let [c, d] = [here(ring, column), here(ring, column + 1)];
+                triangles.extend([[a, c, d], [a, d, b]]);
+            }
+            if ring == rings - 1 {
+                triangles.push([1, here(ring, column + 1), here(ring, column)]);
+            }
+        }
+    }
+    TriMesh::new(points, Vec::new(), triangles).unwrap()
+}
+
+/// Positive where the outside of a closed mesh is outside, mm³.
+fn volume(mesh: &TriMesh) -> f64 {
+    let of = |&corners: &[u32; 3]| {
+        let [a, b, c] = mesh.corners(corners).map(|corner| corner.coords);
+        a.dot(&b.cross(&c)) / 6.0
+    };
+    mesh.triangles().iter().map(of).sum()
+}
+
+#[test]
+fn the_outside_of_a_closed_body_is_outside() {
+    let whole = volume(&ball());
+    assert!(whole > 4000.0, "the ball itself is right: {whole} mm³");
+    for percent in [20, 50, 80] {
+        let reading = read("a.stl", &stl(&ball(), percent));
+        let turned = volume(reading.shape.mesh().unwrap());
+        assert!((turned / whole - 1.0).abs() < 1e-6, "{percent} %: {turned} mm³ for {whole} mm³");
+        let top = fitted(&reading).nurbs.height(ViewPoint::new(1.0, 2.0));
+        assert!((top - 95.0f64.sqrt()).abs() < 0.01, "{percent} %: {top} mm");
+    }
+}
+
+#[test]
+fn normals_of_the_file_decide() {
+    let exact = SPHERE.mesh(0.1, Normals::Exact);
+    for percent in [20, 50] {
+        let reading = read("a.obj", obj(&exact, percent, exact.normals()).as_bytes());
+        assert_eq!(reading.facts.normals, NormalsFound::Smooth);
+        assert!(!has_notice(&reading, "winding-made-alike"));
+        let (miss, at) = largest_miss(&SPHERE, &fitted(&reading), [0.01, 0.01]);
+        assert!(miss < 0.005, "{percent} %: {miss} mm at {at:?}");
+    }
+}
+
+/// Facets' own normals that all point outwards, while half of the triangles run the other way round.
+#[test]
+fn normals_of_facets_are_known_as_such_whichever_way_round_these_run() {
+    let mesh = SPHERE.mesh(0.1, Normals::Missing);
+    let mut text = String::new();
+    for (triangle, &corners) in mesh.triangles().iter().enumerate() {
+        let [a, b, c] = mesh.corners(corners);
+        let normal = (b - a).cross(&(c - a)).normalize();
+        for at in [a, b, c] {
+            writeln!(text, "v {:.9} {:.9} {:.9}", at.x, at.y, at.z).unwrap();
+        }
+        writeln!(text, "vn {:.9} {:.9} {:.9}", normal.x, normal.y, normal.z).unwrap();
+        let [first, n] = [triangle * 3 + 1, triangle + 1];
+        let (second, third) =
+            if is_chosen(triangle, 50) { (first + 2, first + 1) } else { (first + 1, first + 2) };
+        writeln!(text, "f {first}//{n} {second}//{n} {third}//{n}").unwrap();
+    }
+    let reading = read("a.obj", text.as_bytes());
+    assert_eq!(reading.facts.normals, NormalsFound::FacetsOnly);
+    let (miss, at) =
+        largest_miss(&SPHERE, &fitted(&reading), SPHERE.counts(0.1).map(|count| 1.0 / f64::from(count)));
+    assert!(miss < 0.005, "{miss} mm at {at:?}");
+}
+
+/// Normals that smooth shading made, on a box whose top stays flat.
+#[test]
+fn shaded_boxes_stay_flat_whichever_way_round_the_triangles_run() {
+    let points: Vec<Point3<f64>> = (0..8)
+        .map(|corner| {
+            let sign = |bit: u32| if corner >> bit & 1 == 1 { 25.0 } else { -25.0 };
+            Point3::new(sign(0), sign(1), sign(2))
+        })
+        .collect();
+    let normals: Vec<Vector3<f64>> = points.iter().map(|point| point.coords.normalize()).collect();
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    let mesh = TriMesh::new(points, Vec::new(), triangles).unwrap();
+    for percent in [0, 20, 50] {
+        let reading = read("a.obj", obj(&mesh, percent, &normals).as_bytes());
+        assert_eq!(reading.facts.normals, NormalsFound::Averaged, "{percent} %");
+        let top = fitted(&reading).sampled_height(ViewPoint::new(3.0, 8.0)).unwrap();
+        assert!((top - 25.0).abs() < 0.01, "{percent} %: {top} mm");
+    }
+}
+
+#[test]
+fn a_strip_with_one_side_is_named_with_its_place() {
+    let (count, mut points, mut triangles) = (60u32, Vec::new(), Vec::new());
+    for step in 0..count {
+        let turn = f64::from(step) / f64::from(count) * std::f64::consts::TAU;
+        let out = Vector3::new(turn.cos(), turn.sin(), 0.0);
+        let across = out * (turn / 2.0).cos() + Vector3::z() * (turn / 2.0).sin();
+        points.extend([Point3::from(out * 30.0 - across * 8.0), Point3::from(out * 30.0 + across * 8.0)]);
+        let [a, b] = [2 * step, 2 * step + 1];
+        // After one turn the strip's two rims have changed places.
+        let [c, d] = if step + 1 == count { [1, 0] } else { [a + 2, b + 2] };
+        triangles.extend([[a, b, d], [a, d, c]]);
+    }
+    let mesh = TriMesh::new(points, Vec::new(), triangles).unwrap();
+    for percent in [0, 20] {
+        let reading = read("a.obj", obj(&mesh, percent, &[]).as_bytes());
+        let notice =
+            reading.facts.notices.iter().find(|notice| notice.code == "winding-contradicts").unwrap();
+        assert_eq!(notice.severity, Severity::Warning);
+        let inside = notice.message.split(['(', ')']).nth(1).unwrap();
+        let at: Vec<f64> = inside.split(", ").map(|number| number.parse().unwrap()).collect();
+        let from_axis = at[0].hypot(at[1]);
+        assert!((22.0..=38.0).contains(&from_axis) && at[2].abs() <= 8.0, "{}", notice.message);
+    }
+}
