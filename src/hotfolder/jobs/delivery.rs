@@ -1,5 +1,5 @@
 //! A drawing into the import folder: once, whole, and known for done after any crash. The protocol is that of the
-//! [`journal`](crate::hotfolder::state::journal).
+//! [`Journal`].
 
 use std::path::{Path, PathBuf};
 use std::sync::MutexGuard;
