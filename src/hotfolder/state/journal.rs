@@ -629,7 +629,7 @@ fn home_of(folder: &Path) -> Option<Identity> {
 #[cfg(not(unix))]
 fn home_of(folder: &Path) -> Option<Identity> {
     let full = fs::canonicalize(folder).ok()?;
-    let hash = blake3::hash(fold(&full.to_string_lossy()).as_bytes());
+    let hash = blake3::hash(crate::config::fold(&full.to_string_lossy()).as_bytes());
     hash.as_bytes().first_chunk().map(|bytes| Identity::from_le_bytes(*bytes))
 }
 
