@@ -1,7 +1,7 @@
 //! From rename-into to the corrected drawing in the import folder of a running station, the surface cached.
 //!
 //! `cargo bench --bench station_latency` prints median, 95th and 99th percentile for single drops and for a burst of
-//! drops of one SKU, which are done one after the other; beside them the I/O floor: the time the same disk needs to
+//! drops of one SKU, which are done side by side; beside them the I/O floor: the time the same disk needs to
 //! write, flush and rename a file of the result's size.
 
 use std::collections::BTreeMap;

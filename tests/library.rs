@@ -34,6 +34,7 @@ fn profiles() -> String {
 }
 
 #[test]
+#[cfg_attr(windows, ignore = "builds with the cargo of this machine, which Wine does not run")]
 fn ten_lines_without_default_features_make_the_bytes_of_the_program() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("ten-lines");

@@ -139,7 +139,7 @@ fn the_oldest_go_when_the_folders_are_too_large() {
         archive.contains(&"mouse/mouse@first.dxf".into())
             && archive.contains(&"mouse/mouse@second.toml".into())
     );
-    assert!(said.err.contains("raise `max_gb`"), "{said:?}");
+    assert!(said.err.contains("more than `max_gb`"), "{said:?}");
     let status = station.desk.isomark(&["status", "station.toml"]);
     assert!(status.out.contains("trouble: ") && status.out.contains("max_gb"), "{status:?}");
     assert_eq!(kept(&station)["too_much"], true);

@@ -177,11 +177,20 @@ pub(crate) fn set_current_part(folders: &FolderPaths, sku: &Sku, archived: &Path
     write_whole(&folder, CURRENT_PART, format!("{}\n", in_archive(folders, sku, archived)).as_bytes())
 }
 
-/// The archived part that the SKU's surface comes from, if there is one.
+/// Where the archived part is that the SKU's surface comes from, as it was noted; `None` when none was.
+///
+/// # Errors
+/// When the note cannot be read.
+pub(crate) fn noted_part(folders: &FolderPaths, sku: &Sku) -> io::Result<Option<PathBuf>> {
+    let note = current_part_note(folders, sku);
+    let Some(bytes) = read_if_there(&note)? else { return Ok(None) };
+    let text = String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
+    Ok(Some(note.with_file_name(text.trim_end())))
+}
+
+/// The archived part that the SKU's surface comes from, if it is there.
 pub(crate) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> {
-    let folder = folders.archive.join(sku.key());
-    let relative = fs::read_to_string(folder.join(CURRENT_PART)).ok()?;
-    let part = folder.join(relative.trim_end());
+    let part = noted_part(folders, sku).ok()??;
     matches!(look(&part), Ok(Some(Found::File(_)))).then_some(part)
 }
 

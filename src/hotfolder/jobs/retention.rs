@@ -15,11 +15,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use fs_err as fs;
 
-use super::filing::{PREVIEW, REPORT, current_part_note};
+use super::filing::{PREVIEW, REPORT, current_part_note, noted_part};
 use super::recovery::sweep_own;
 use super::rejected::{self, REASON};
 use crate::config::{FolderPaths, Retention, Sku, Station};
-use crate::files::read_if_there;
 use crate::formats::pattern::is_drawing;
 use crate::hotfolder::clock;
 use crate::hotfolder::seen::names::CURRENT_PART;
@@ -78,7 +77,7 @@ impl Keeper {
         let clock_is_known = last.as_ref().is_some_and(|last| *last >= earliest);
         if let Some(last) = last.filter(|_| !clock_is_known) {
             tracing::warn!(
-                "removing no old files for a day: the station ran last at {last}, if the clock is right"
+                "waiting a day before removing old files: the station last ran at {last}. Check the clock of this computer"
             );
         }
         Self {
@@ -427,7 +426,7 @@ impl<'a> Pass<'a> {
             if !folder.join(CURRENT_PART).is_file() && !journal().has_results(&sku) {
                 continue;
             }
-            let current = match current_part(self.folders, &sku) {
+            let current = match noted_part(self.folders, &sku) {
                 Ok(current) => current,
                 // Nobody can know what its surface comes from.
                 Err(error) => {
@@ -502,7 +501,7 @@ impl<'a> Pass<'a> {
         let is_drawing = is_drawing(&file.to_string_lossy());
         // Another part may have become the SKU's since.
         let is_of_current = |part: PathBuf| part == file || (!is_drawing && part.parent() == file.parent());
-        if current_part(self.folders, sku)?.is_some_and(is_of_current) {
+        if noted_part(self.folders, sku)?.is_some_and(is_of_current) {
             return Ok(false);
         }
         let removed = journal().remove_original(sku, place, || gone(&file))?;
@@ -533,27 +532,17 @@ impl<'a> Pass<'a> {
             );
         }
         if let Some(error) = &self.trouble {
-            self.kept.trouble =
-                Some(format!("isomark cannot remove old files: {error}; let it write into that folder"));
+            self.kept.trouble = Some(format!(
+                "isomark cannot read or remove old files: {error}. Let it read and write in that folder"
+            ));
         } else if self.kept.too_much {
             self.kept.trouble = Some(format!(
-                "raise `max_gb` under `[retention]`, set `archive_days`, or move originals elsewhere: reports, archive and \
-                 rejected take {:.3} GB, more than `max_gb`, and isomark may remove nothing else",
+                "reports, archive and rejected take {:.3} GB, more than `max_gb` under `[retention]`. Raise it, set \
+                 `archive_days`, or move originals elsewhere: isomark may remove nothing more",
                 self.kept.bytes as f64 / 1e9
             ));
         }
     }
-}
-
-/// The archived part that the SKU's surface comes from, if there is one.
-///
-/// # Errors
-/// When the note of it cannot be read.
-fn current_part(folders: &FolderPaths, sku: &Sku) -> io::Result<Option<PathBuf>> {
-    let note = current_part_note(folders, sku);
-    let Some(bytes) = read_if_there(&note)? else { return Ok(None) };
-    let text = String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
-    Ok(Some(note.with_file_name(text.trim_end())))
 }
 
 /// Removes a file; one that is gone already is removed.
