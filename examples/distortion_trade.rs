@@ -119,7 +119,7 @@ impl Case {
             quality::measure(ink, |at| map.point(at), height).map_err(|at| format!("no surface at {at:?}"))
         };
         let (all, over_squares) = (measure(&ink)?, measure(&squares)?);
-        Ok(trade(all.length_error, all.area_error, over_squares.largest_angle_error.to_degrees()))
+        Ok(trade(all.length_error, all.area_error, over_squares.max_angle_error.to_degrees()))
     }
 }
 

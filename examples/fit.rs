@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let view = View::top();
     let mesh = part.shape.mesh().ok_or("a scan, no mesh")?;
     let fitted = FittedSurface::of_part(&FacingPart::new(mesh, &view), &FitOptions::default())?;
-    println!("the fit leaves at most {:.4} mm, at {:?}", fitted.residual.largest, fitted.residual.at);
+    println!("the fit leaves at most {:.4} mm, at {:?}", fitted.residual.max, fitted.residual.at);
 
     let at = ViewPoint::new(10.0, 40.0);
     let jet = fitted.jet(at);

@@ -7,7 +7,7 @@
 //!
 //! The thesis scanned its mandarin and mouse and marked pictures of 39 × 13 mm that are not published. Here letters of that
 //! size lie on a mandarin and a mouse with a formula, so rows and orders of magnitude compare, not digits; and its times are
-//! those of another program on another computer. `as printed` keeps the slips that shape the result, `mended` none.
+//! those of another program on another computer. `as printed` keeps the slips that shape the result, `corrected` none.
 
 #![allow(clippy::print_stdout, reason = "the tables are what it is for")]
 
@@ -151,14 +151,14 @@ fn comparison(
     let nothing = " ".repeat(26);
     println!("Table {number}: letters on the {part}, 50 subintervals; time in s, e_l in mm, e_a in mm2\n");
     let heads = "  |    time     e_l     e_a";
-    println!("{:32}  |{:24}  |{:24}  |  ours, mended", "", "  the thesis", "  ours, as printed");
+    println!("{:32}  |{:24}  |{:24}  |  ours, corrected", "", "  the thesis", "  ours, as printed");
     println!("{:32}{heads}{heads}{heads}", "");
     for (row, figures) in printed.iter().enumerate() {
         let grid = 10 * (row + 1);
         let as_printed = case.reached(mapping_domain(grid, 50, AsPrinted::EVERYTHING))?;
-        let mended = case.reached(mapping_domain(grid, 50, AsPrinted::NOTHING))?;
+        let repaired = case.reached(mapping_domain(grid, 50, AsPrinted::NOTHING))?;
         let label = format!("mapping-domain, {grid} x {grid} points");
-        println!("{label:32}{}{as_printed}{mended}", thesis(figures));
+        println!("{label:32}{}{as_printed}{repaired}", thesis(figures));
     }
     let [uniform, mean_value] = [FloaterWeights::Uniform, FloaterWeights::MeanValue].map(Method::Floater);
     println!("{:32}{}{}", "floater, uniform weights", thesis(parametrised), case.reached(uniform)?);

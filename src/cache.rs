@@ -210,7 +210,7 @@ impl Cache {
             control_points: [knots_x.control_points(), knots_y.control_points()],
             span_mm: knots_x.step(),
             size_mm: kept.facts.size,
-            residual_largest_mm: kept.surface.residual.largest,
+            residual_largest_mm: kept.surface.residual.max,
             residual_rms_mm: kept.surface.residual.rms,
         };
         write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())
@@ -250,7 +250,7 @@ impl Cache {
                     state: match decoded {
                         Ok(kept) => EntryState::Good {
                             part: kept.origin.file,
-                            residual_mm: kept.surface.residual.largest,
+                            residual_mm: kept.surface.residual.max,
                         },
                         Err(what) => EntryState::Damaged(what),
                     },

@@ -104,7 +104,7 @@
 //! | word | means |
 //! |---|---|
 //! | part, mesh | the thing to be marked, and the triangles that describe it |
-//! | figure | a cylinder or cone given by its sizes, in place of a mesh |
+//! | primitive | a cylinder or cone given by its sizes, in place of a mesh |
 //! | SKU | a product's identity; it owns a fitted surface |
 //! | pattern, drawing | what is to be marked, flat, in true size |
 //! | ink | the lines and inked areas of a drawing that count |
@@ -142,7 +142,7 @@
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
 //! | [`preview`] | the picture of a job | `geometry`, `printable` |
 //! | [`diff`] | what changed between two drawings, in words | `geometry`, `printable` |
-//! | [`report`] | one job's story in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
+//! | [`report`] | the report of one job, in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
 //! | [`pipeline`] | the corridor: read, sample, fit, map, bend, check, write | all above but `files` |
 //! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `geometry` |
 //! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |

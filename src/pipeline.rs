@@ -26,7 +26,6 @@ use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
 };
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
-use crate::geometry::figure::{Figure, Form};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
@@ -34,19 +33,20 @@ use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
+use crate::geometry::primitive::{Form, Primitive};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
 use crate::report::{
-    self, ChangesStory, DistortionStory, MapStory, OutputStory, PartStory, PatternStory, WeightsStory,
+    self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport, WeightsReport,
 };
-use crate::report::{PlacementStory, Quality, Report, Timing};
+use crate::report::{PlacementReport, Quality, Report, Timing};
 
 mod scan;
 mod checks;
 mod evaluate;
-mod picture;
+mod preview;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use scan::surface_of;
@@ -84,7 +84,7 @@ pub struct LearnedPart {
     pub timings: Vec<Timing>,
 }
 
-/// A corrected drawing with its story.
+/// A corrected drawing with its report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected {
     /// The DXF file.
@@ -205,8 +205,8 @@ impl Pipeline {
         mut clock: Clock,
     ) -> Result<LearnedPart, PipelineError> {
         let refused = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
-        if let Some(figure) = &settings.figure {
-            return Err(refused(checks::part_not_needed(figure)));
+        if let Some(primitive) = &settings.primitive {
+            return Err(refused(checks::part_not_needed(primitive)));
         }
         let format = MeshFormat::from_name(&part.name).ok_or_else(|| unknown_part_format(&part.name))?;
         let key = self.key(&origin, settings);
@@ -253,11 +253,14 @@ impl Pipeline {
         let kept = self.look_up(sku, &key, notices)?;
         clock.lap("load surface");
         let from_cache = kept.is_some();
-        let kept = match (kept, &settings.figure) {
-            (None, Some(figure)) => {
-                let surface = figure.surface().map_err(|error| checks::fit_reason(&error, settings))?;
-                let kept =
-                    CachedSurface { origin: figure_origin(figure), facts: figure_facts(figure), surface };
+        let kept = match (kept, &settings.primitive) {
+            (None, Some(primitive)) => {
+                let surface = primitive.surface().map_err(|error| checks::fit_reason(&error, settings))?;
+                let kept = CachedSurface {
+                    origin: primitive_origin(primitive),
+                    facts: primitive_facts(primitive),
+                    surface,
+                };
                 clock.lap("sample and fit");
                 // The SKU's part stays what it is, for when the settings take the sizes out again.
                 if let Some(cache) = &self.cache {
@@ -281,8 +284,8 @@ impl Pipeline {
         sku: &Sku,
         settings: &PartSettings,
     ) -> Result<Option<PartOrigin>, PipelineError> {
-        match (&settings.figure, &self.cache) {
-            (Some(figure), _) => Ok(Some(figure_origin(figure))),
+        match (&settings.primitive, &self.cache) {
+            (Some(primitive), _) => Ok(Some(primitive_origin(primitive))),
             (None, Some(cache)) => Ok(cache.current(sku)?),
             (None, None) => Ok(None),
         }
@@ -368,7 +371,7 @@ impl Pipeline {
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
-        let story = MapStory::new(&map, weights(&settings.correction));
+        let map_report = MapReport::new(&map, weights(&settings.correction));
         checks::unrolled(&map, &mut notices);
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, &mut notices);
@@ -380,8 +383,8 @@ impl Pipeline {
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_preview.then(|| {
-            let title = format!("{sku} · {} · {}", input.name, story.method());
-            picture::preview(title, (&placed, &ink), &map, surface, settings, before.as_ref(), &after)
+            let title = format!("{sku} · {} · {}", input.name, map_report.method());
+            preview::preview(title, (&placed, &ink), &map, surface, settings, before.as_ref(), &after)
         });
         if with_preview {
             clock.lap("prepare preview");
@@ -397,7 +400,7 @@ impl Pipeline {
             schema: report::SCHEMA.into(),
             program: program(),
             sku: sku.to_string(),
-            part: PartStory::new(
+            part: PartReport::new(
                 learned.kept.origin.clone(),
                 learned.kept.facts.clone(),
                 surface,
@@ -405,7 +408,7 @@ impl Pipeline {
                 learned.from_cache,
                 &exposure,
             ),
-            pattern: PatternStory {
+            pattern: PatternReport {
                 file: input.name.into(),
                 blake3: hash(input.bytes),
                 paths: placed.paths.len(),
@@ -413,11 +416,11 @@ impl Pipeline {
                 facts,
                 ink_layers: settings.pattern.ink_layers.clone(),
             },
-            placement: placing.story(settings),
-            map: story,
-            quality: Quality { before: before.as_ref().map(DistortionStory::from), after: (&after).into() },
+            placement: placing.report(settings),
+            map: map_report,
+            quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
             exposure: (&exposure).into(),
-            output: output_story(&dxf, &drawing, settings),
+            output: output_report(&dxf, &drawing, settings),
             changes,
             notices,
             timings,
@@ -484,8 +487,8 @@ impl Placing {
         Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place) }
     }
 
-    fn story(&self, settings: &JobSettings) -> PlacementStory {
-        PlacementStory {
+    fn report(&self, settings: &JobSettings) -> PlacementReport {
+        PlacementReport {
             facing: settings.part.facing.direction().into(),
             roll_deg: settings.part.roll.to_degrees(),
             anchor_mm: self.anchor.coords().into(),
@@ -533,12 +536,12 @@ fn in_order_of_file(part: &PartFile) -> Vec<&[u8]> {
 }
 
 /// What stands for the file of a part that the settings give by its sizes.
-fn figure_origin(figure: &Figure) -> PartOrigin {
-    PartOrigin { file: figure.to_string(), blake3: hash(canonical::figure(figure).as_bytes()) }
+fn primitive_origin(primitive: &Primitive) -> PartOrigin {
+    PartOrigin { file: primitive.to_string(), blake3: hash(canonical::primitive(primitive).as_bytes()) }
 }
 
-fn figure_facts(figure: &Figure) -> PartFacts {
-    let [min, max] = figure.bounds();
+fn primitive_facts(primitive: &Primitive) -> PartFacts {
+    let [min, max] = primitive.bounds();
     PartFacts {
         format: None,
         producer: None,
@@ -550,7 +553,7 @@ fn figure_facts(figure: &Figure) -> PartFacts {
         normals: NormalsFound::Smooth,
         bodies: Vec::new(),
         materials: Vec::new(),
-        not_taken: Vec::new(),
+        skipped: Vec::new(),
         scan: None,
         notices: Vec::new(),
     }
@@ -566,8 +569,8 @@ pub(crate) fn unknown_part_format(name: &str) -> Reason {
     .in_file(name)
 }
 
-fn weights(settings: &CorrectionSettings) -> WeightsStory {
-    WeightsStory {
+fn weights(settings: &CorrectionSettings) -> WeightsReport {
+    WeightsReport {
         weighting: settings.weighting.name().into(),
         length_weight: settings.length_weight,
         angle_weight: settings.angle_weight,
@@ -580,10 +583,10 @@ fn method(settings: &JobSettings) -> Method {
         Weighting::Ink => IsometricOptions::INK.emphasised(correction.length_weight, correction.angle_weight),
         Weighting::Uniform => IsometricOptions::UNIFORM,
     };
-    match (correction.method, part.figure.map(|figure| (figure, figure.form()))) {
-        (config::Method::Auto, Some((figure, _)))
-        | (config::Method::Cylinder, Some((figure, Form::Cylinder(_))))
-        | (config::Method::Cone, Some((figure, Form::Cone(_)))) => Method::Given(figure),
+    match (correction.method, part.primitive.map(|primitive| (primitive, primitive.form()))) {
+        (config::Method::Auto, Some((primitive, _)))
+        | (config::Method::Cylinder, Some((primitive, Form::Cylinder(_))))
+        | (config::Method::Cone, Some((primitive, Form::Cone(_)))) => Method::Given(primitive),
         (config::Method::Auto, None) => {
             Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: options }
         }
@@ -623,8 +626,8 @@ fn comments(
     ]
 }
 
-fn output_story(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -> OutputStory {
-    OutputStory {
+fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -> OutputReport {
+    OutputReport {
         blake3: hash(dxf),
         bytes: dxf.len(),
         dxf: settings.output.dxf.name().into(),
@@ -636,7 +639,7 @@ fn output_story(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) ->
 }
 
 /// What differs between two corrected drawings; `None` if they are the same or the older one is not ours to read.
-fn changes(previous: &[u8], dxf: &[u8]) -> Option<ChangesStory> {
+fn changes(previous: &[u8], dxf: &[u8]) -> Option<ChangesReport> {
     if previous == dxf {
         return None;
     }

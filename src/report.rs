@@ -1,4 +1,4 @@
-//! One job's story in numbers: what was read, what was decided, how true the lengths are, what to look at.
+//! The report of one job in numbers: what was read, what was decided, how true the lengths are, what to look at.
 //!
 //! The JSON form is stable and named by [`SCHEMA`]; `plugins/README.md` says what that means to programs that read it.
 //! Lengths are in mm, angles in degrees, times in milliseconds; every field says so in its name.
@@ -34,22 +34,22 @@ pub struct Report {
     /// The product.
     pub sku: String,
     /// The part and its surface.
-    pub part: PartStory,
+    pub part: PartReport,
     /// The drawing.
-    pub pattern: PatternStory,
+    pub pattern: PatternReport,
     /// Where the drawing was put.
-    pub placement: PlacementStory,
+    pub placement: PlacementReport,
     /// How it was bent.
-    pub map: MapStory,
+    pub map: MapReport,
     /// How true it is on the part.
     pub quality: Quality,
     /// What the beam meets.
-    pub exposure: ExposureStory,
+    pub exposure: ExposureReport,
     /// The corrected drawing.
-    pub output: OutputStory,
+    pub output: OutputReport,
     /// What differs from the drawing that the new one replaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub changes: Option<ChangesStory>,
+    pub changes: Option<ChangesReport>,
     /// Everything a person should know, the gravest first.
     pub notices: Vec<Notice>,
     /// How long each stage took, in the order of the journey.
@@ -58,7 +58,7 @@ pub struct Report {
 
 /// The part and its surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PartStory {
+pub struct PartReport {
     /// File and hash.
     #[serde(flatten)]
     pub origin: PartOrigin,
@@ -73,20 +73,22 @@ pub struct PartStory {
     /// Distance between control points, mm.
     pub span_mm: f64,
     /// What the fit leaves over the whole visible side.
-    pub residual: ResidualStory,
+    pub residual: ResidualReport,
 }
 
 /// Distance between the fitted surface and the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ResidualStory {
+pub struct ResidualReport {
     /// Largest, mm.
-    pub largest_mm: f64,
+    #[serde(rename = "largest_mm")]
+    pub max_mm: f64,
     /// Where in the view, mm.
     pub at_mm: [f64; 2],
     /// Root mean square, mm.
     pub rms_mm: f64,
     /// What 95 % of the samples stay below, mm.
-    pub most_mm: f64,
+    #[serde(rename = "most_mm")]
+    pub p95_mm: f64,
     /// Largest under the ink, mm.
     pub under_ink_mm: f64,
     /// Farthest that the part may be from its samples under the ink, mm, where the file's normals contradict its facets;
@@ -99,7 +101,7 @@ pub struct ResidualStory {
 
 /// The drawing as it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PatternStory {
+pub struct PatternReport {
     /// The file's name.
     pub file: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
@@ -117,7 +119,7 @@ pub struct PatternStory {
 
 /// Where the drawing was put in the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PlacementStory {
+pub struct PlacementReport {
     /// Direction, in the part's frame, that faces the laser.
     pub facing: [f64; 3],
     /// Turn of the view about the laser's axis, degrees.
@@ -133,12 +135,12 @@ pub struct PlacementStory {
 /// How the drawing was bent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "kebab-case")]
-pub enum MapStory {
+pub enum MapReport {
     /// The map of least strain.
     Isometric {
         /// What was weighted.
         #[serde(flatten)]
-        weights: WeightsStory,
+        weights: WeightsReport,
         /// Number of steps of the solver.
         iterations: usize,
         /// Whether the last step left nothing to gain.
@@ -194,7 +196,7 @@ pub enum MapStory {
 
 /// What the map of least strain was asked to keep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct WeightsStory {
+pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
     /// How many times as much the lengths of lines counted.
@@ -207,14 +209,14 @@ pub struct WeightsStory {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// As plain projection would mark it; absent when that would leave the part.
-    pub before: Option<DistortionStory>,
+    pub before: Option<DistortionReport>,
     /// As it will be marked.
-    pub after: DistortionStory,
+    pub after: DistortionReport,
 }
 
 /// The figures of [`Distortion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DistortionStory {
+pub struct DistortionReport {
     /// e_l, mm.
     pub length_error_mm: f64,
     /// e_l / length of all lines.
@@ -228,20 +230,24 @@ pub struct DistortionStory {
     /// Inked area as drawn, mm².
     pub area_mm2: f64,
     /// Largest relative change of length.
-    pub largest_stretch: f64,
+    #[serde(rename = "largest_stretch")]
+    pub max_stretch: f64,
     /// Where that is in the placed drawing, mm.
-    pub largest_stretch_at_mm: [f64; 2],
+    #[serde(rename = "largest_stretch_at_mm")]
+    pub max_stretch_at_mm: [f64; 2],
     /// Root mean square relative change of length.
     pub rms_stretch: f64,
     /// Largest relative change of area.
-    pub largest_area_stretch: f64,
+    #[serde(rename = "largest_area_stretch")]
+    pub max_area_stretch: f64,
     /// Largest change of an angle, degrees.
-    pub largest_angle_error_deg: f64,
+    #[serde(rename = "largest_angle_error_deg")]
+    pub max_angle_error_deg: f64,
 }
 
 /// What the beam meets where the ink lies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ExposureStory {
+pub struct ExposureReport {
     /// Largest angle between beam and surface normal, degrees.
     pub incidence_deg: f64,
     /// Where that is in the view, mm.
@@ -254,7 +260,7 @@ pub struct ExposureStory {
 
 /// The corrected drawing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct OutputStory {
+pub struct OutputReport {
     /// BLAKE3 hash of the file, in hexadecimal.
     pub blake3: String,
     /// Size of the file, bytes.
@@ -274,7 +280,7 @@ pub struct OutputStory {
 
 /// What differs between the drawing and the one it replaces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ChangesStory {
+pub struct ChangesReport {
     /// Number of paths in the older drawing.
     pub old_paths: usize,
     /// Number of paths in the new one.
@@ -294,8 +300,8 @@ pub struct Timing {
     pub ms: f64,
 }
 
-impl PartStory {
-    /// The story of a surface.
+impl PartReport {
+    /// The report of a surface.
     pub fn new(
         origin: PartOrigin,
         facts: PartFacts,
@@ -313,22 +319,22 @@ impl PartStory {
             surface_from_cache: from_cache,
             control_points: [knots_x.control_points(), knots_y.control_points()],
             span_mm: knots_x.step(),
-            residual: ResidualStory {
-                largest_mm: residual.largest,
+            residual: ResidualReport {
+                max_mm: residual.max,
                 at_mm: residual.at.coords().into(),
                 rms_mm: residual.rms,
-                most_mm: residual.most,
-                under_ink_mm: exposure.largest_difference,
-                doubt_under_ink_mm: Some(exposure.largest_doubt).filter(|doubt| *doubt > 0.0),
+                p95_mm: residual.p95,
+                under_ink_mm: exposure.max_difference,
+                doubt_under_ink_mm: Some(exposure.max_doubt).filter(|doubt| *doubt > 0.0),
                 samples: residual.nodes,
             },
         }
     }
 }
 
-impl MapStory {
-    /// The story of a map; `weights` are those that an isometric one was asked for with.
-    pub fn new(map: &LengthTrueMap, weights: WeightsStory) -> Self {
+impl MapReport {
+    /// The report of a map; `weights` are those that an isometric one was asked for with.
+    pub fn new(map: &LengthTrueMap, weights: WeightsReport) -> Self {
         match map {
             LengthTrueMap::Isometric(map) => {
                 let finest = map.iterations.last().map_or(0, |last| last.cells);
@@ -391,7 +397,7 @@ impl MapStory {
     }
 }
 
-impl From<&Distortion> for DistortionStory {
+impl From<&Distortion> for DistortionReport {
     fn from(distortion: &Distortion) -> Self {
         let relative = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
         Self {
@@ -401,16 +407,16 @@ impl From<&Distortion> for DistortionStory {
             area_error_relative: relative(distortion.area_error, distortion.area),
             length_mm: distortion.length,
             area_mm2: distortion.area,
-            largest_stretch: distortion.largest_stretch,
-            largest_stretch_at_mm: distortion.largest_stretch_at.coords().into(),
+            max_stretch: distortion.max_stretch,
+            max_stretch_at_mm: distortion.max_stretch_at.coords().into(),
             rms_stretch: distortion.rms_stretch,
-            largest_area_stretch: distortion.largest_area_stretch,
-            largest_angle_error_deg: distortion.largest_angle_error.to_degrees(),
+            max_area_stretch: distortion.max_area_stretch,
+            max_angle_error_deg: distortion.max_angle_error.to_degrees(),
         }
     }
 }
 
-impl From<&DrawingDiff> for ChangesStory {
+impl From<&DrawingDiff> for ChangesReport {
     fn from(diff: &DrawingDiff) -> Self {
         Self {
             old_paths: diff.old_paths,
@@ -421,7 +427,7 @@ impl From<&DrawingDiff> for ChangesStory {
     }
 }
 
-impl From<&Exposure> for ExposureStory {
+impl From<&Exposure> for ExposureReport {
     fn from(exposure: &Exposure) -> Self {
         Self {
             incidence_deg: exposure.steepest.to_degrees(),
@@ -496,10 +502,10 @@ impl Report {
         }
         text += &format!(
             "largest stretch {} -> {:.3} %, angles {} -> {:.2} deg; surface within {:.4} mm under the ink, beam at up to {:.0} deg.",
-            from(before.map(|before| before.largest_stretch * 100.0), 2),
-            after.largest_stretch * 100.0,
-            from(before.map(|before| before.largest_angle_error_deg), 2),
-            after.largest_angle_error_deg,
+            from(before.map(|before| before.max_stretch * 100.0), 2),
+            after.max_stretch * 100.0,
+            from(before.map(|before| before.max_angle_error_deg), 2),
+            after.max_angle_error_deg,
             self.part.residual.under_ink_mm,
             self.exposure.incidence_deg,
         );

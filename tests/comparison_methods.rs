@@ -57,7 +57,7 @@ fn the_mapping_domain_as_printed_has_the_figures_of_the_reference() {
         assert_within(found.length_error, length, 0.05);
         assert_within(found.area_error, area, 0.16);
     }
-    let angle = |case| judged(case, domain(AsPrinted::EVERYTHING)).largest_angle_error.to_degrees();
+    let angle = |case| judged(case, domain(AsPrinted::EVERYTHING)).max_angle_error.to_degrees();
     assert!((angle(MANDARIN) - 6.7).abs() < 0.5 && (angle(MOUSE) - 14.8).abs() < 0.7);
 }
 
@@ -84,19 +84,19 @@ fn isometric_is_ten_times_as_true_as_the_mended_thesis() {
 #[test]
 fn straight_parameter_lines_mend_the_mouse() {
     // The notes give 1.2 mm with straight parameter lines and 5.1 mm with those of A.8.
-    let (mended, bent) = (
+    let (repaired, bent) = (
         judged(MOUSE, domain(AsPrinted::NOTHING)),
         judged(MOUSE, domain(AsPrinted { knot_vectors: true, ..AsPrinted::NOTHING })),
     );
-    assert!(mended.length_error < 1.6 && bent.length_error > 4.5, "{mended:?} {bent:?}");
-    assert!(mended.largest_angle_error < bent.largest_angle_error / 2.0);
+    assert!(repaired.length_error < 1.6 && bent.length_error > 4.5, "{repaired:?} {bent:?}");
+    assert!(repaired.max_angle_error < bent.max_angle_error / 2.0);
 }
 
 #[test]
 fn on_a_plane_nothing_is_left_but_simpsons_slip() {
     let plane: (Height, [f64; 2], FlatPoint) = (|_, _| 5.0, [30.0, 30.0], FlatPoint::new(2.0, 3.0));
-    let mended = judged(plane, domain(AsPrinted::NOTHING));
-    assert!(mended.length_error < 1e-6 && mended.largest_angle_error < 1e-6, "{mended:?}");
+    let repaired = judged(plane, domain(AsPrinted::NOTHING));
+    assert!(repaired.length_error < 1e-6 && repaired.max_angle_error < 1e-6, "{repaired:?}");
     for intervals in [10, 50] {
         let options = MappingDomainOptions {
             intervals,
@@ -115,7 +115,7 @@ fn across_a_cylinder_the_mapping_domain_is_nearly_exact() {
     // A ridge along y: the parameter lines meet at right angles there, and only the cells' own straightness is left.
     let cylinder: (Height, [f64; 2], FlatPoint) = (shapes::cylinder, [30.0, 30.0], FlatPoint::new(0.0, 0.0));
     let found = judged(cylinder, domain(AsPrinted::NOTHING));
-    assert!(found.length_error < 0.1 && found.largest_angle_error.to_degrees() < 0.2, "{found:?}");
+    assert!(found.length_error < 0.1 && found.max_angle_error.to_degrees() < 0.2, "{found:?}");
 }
 
 #[test]

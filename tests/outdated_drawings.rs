@@ -10,9 +10,9 @@ use isomark::config::{
 };
 use isomark::formats::mesh::{LengthUnit, PartFile, UpAxis};
 use isomark::formats::pattern::DrawingUnit;
-use isomark::geometry::figure::Figure;
 use isomark::geometry::mapping::mapping_domain::AsPrinted;
 use isomark::geometry::optics::Lens;
+use isomark::geometry::primitive::Primitive;
 use isomark::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
 use isomark::geometry::surface::scan::Smoothing;
 use isomark::pipeline::{LearnedPart, PatternInput, Pipeline};
@@ -98,7 +98,7 @@ impl Bench {
         let sku = "bowl".parse().unwrap();
         let is_scan = settings.part.smoothing != Smoothing::Auto;
         let surface = self.surfaces.entry((is_scan, format!("{:?}", settings.part))).or_insert_with(|| {
-            if settings.part.figure.is_some() {
+            if settings.part.primitive.is_some() {
                 let known = Pipeline::new(None).recall(&sku, &settings.part, &mut Vec::new());
                 return known.unwrap().unwrap();
             }
@@ -173,17 +173,17 @@ fn what_is_hashed_of_the_settings_differs_exactly_where_the_drawing_does() {
         (
             "figure",
             Dxf,
-            |s| s.part.figure = Figure::new(60.0, 60.0, 90.0, Vector3::y()),
+            |s| s.part.primitive = Primitive::new(60.0, 60.0, 90.0, Vector3::y()),
             |s| {
-                s.part.figure = Figure::new(60.0, 62.0, 90.0, Vector3::y());
+                s.part.primitive = Primitive::new(60.0, 62.0, 90.0, Vector3::y());
             },
         ),
         (
             "axis",
             Dxf,
-            |s| s.part.figure = Figure::new(60.0, 60.0, 90.0, Vector3::y()),
+            |s| s.part.primitive = Primitive::new(60.0, 60.0, 90.0, Vector3::y()),
             |s| {
-                s.part.figure = Figure::new(60.0, 60.0, 90.0, Vector3::new(0.2, 1.0, 0.0));
+                s.part.primitive = Primitive::new(60.0, 60.0, 90.0, Vector3::new(0.2, 1.0, 0.0));
             },
         ),
         ("unit_if_unitless", Dxf, nothing, |s| s.pattern.unit_if_unitless = Some(DrawingUnit::Pixel96)),

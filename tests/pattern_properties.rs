@@ -63,14 +63,14 @@ proptest! {
 
     #[test]
     fn what_is_written_is_read_back(drawing in drawing()) {
-        // Mending would chain paths that happen to meet.
+        // A repair would chain paths that happen to meet.
         let options = PatternOptions { strict: true, ..PatternOptions::default() };
         for profile in [DxfProfile::R2000, DxfProfile::R12] {
             let file = write(&drawing, profile);
             prop_assert!(is_complete(&file));
             prop_assert!(std::str::from_utf8(&file).is_ok_and(str::is_ascii));
             let reading = read(&file, &options).unwrap();
-            prop_assert!(reading.facts.not_taken.is_empty());
+            prop_assert!(reading.facts.skipped.is_empty());
             prop_assert_eq!(reading.pattern.paths.len(), drawing.paths.len());
             for (found, meant) in reading.pattern.paths.iter().zip(&drawing.paths) {
                 let vertices = found.shape.flattened(1e-3);

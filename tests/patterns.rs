@@ -89,7 +89,7 @@ fn has_notice(reading: &PatternReading, code: &str, severity: Severity) -> bool 
 
 #[test]
 fn every_sample_is_read_at_its_true_size() {
-    for (name, width, height, total, paths, contours, not_taken) in DRAWINGS {
+    for (name, width, height, total, paths, contours, skipped) in DRAWINGS {
         let read = reading(name);
         let curves: Vec<&Path> = read
             .pattern
@@ -114,7 +114,7 @@ fn every_sample_is_read_at_its_true_size() {
         assert_eq!(curves.len(), paths, "{name}: paths");
         let closed = curves.iter().filter(|path| path.shape.is_closed()).count();
         assert_eq!(closed, contours, "{name}: contours");
-        assert_eq!(read.facts.not_taken.len(), not_taken, "{name}: not taken {:?}", read.facts.not_taken);
+        assert_eq!(read.facts.skipped.len(), skipped, "{name}: not taken {:?}", read.facts.skipped);
     }
 }
 
@@ -209,7 +209,7 @@ fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
     let colors: Vec<_> = text.pattern.paths.iter().map(|path| path.color).collect();
     assert!(colors.iter().any(|color| matches!(color, Color::Rgb { .. })), "{colors:?}");
     let why: Vec<_> =
-        text.facts.not_taken.iter().map(|left| (left.layer.as_str(), left.why.as_ref())).collect();
+        text.facts.skipped.iter().map(|left| (left.layer.as_str(), left.why.as_ref())).collect();
     let expected = [
         ("CONSTRUCTION", "its layer is not plotted"),
         ("OFF", "its layer is off"),
@@ -255,7 +255,7 @@ fn defects_are_mended_and_every_place_is_named() {
     );
     // Single vertices alone, as Inkscape leaves them behind, are no loss.
     assert!(has_notice(&reading("ink12-logo-r14"), "not-taken", Severity::Note));
-    let left: Vec<_> = read.facts.not_taken.iter().map(|left| left.entity.as_str()).collect();
+    let left: Vec<_> = read.facts.skipped.iter().map(|left| left.entity.as_str()).collect();
     assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
 }
 
@@ -272,8 +272,8 @@ fn strict_reading_changes_nothing_and_warns() {
     assert_eq!((text.pattern.paths.len(), text.facts.repairs.len()), (285, 0));
     let old = reading_with("fc020-draft-legacy-lw", &strict);
     assert!(has_notice(&old, "extra-point", Severity::Warning));
-    let mended = reading("fc020-draft-legacy-lw").facts.repairs;
-    let places = mended.iter().find(|repair| repair.notice.code == "extra-point-removed").unwrap();
+    let repaired = reading("fc020-draft-legacy-lw").facts.repairs;
+    let places = repaired.iter().find(|repair| repair.notice.code == "extra-point-removed").unwrap();
     assert!(places.places.iter().all(|place| place.entity == "LWPOLYLINE"), "{places:?}");
 }
 
@@ -304,7 +304,7 @@ fn drawings_without_anything_to_mark_are_refused_with_the_likely_cause() {
 fn texts_are_drawn_and_what_stands_in_is_named() {
     let read = reading("ez-r2018-text");
     // Japanese is in no font at hand; the rest of the text would be misread without it.
-    let [left] = read.facts.not_taken.as_slice() else { panic!("{:?}", read.facts.not_taken) };
+    let [left] = read.facts.skipped.as_slice() else { panic!("{:?}", read.facts.skipped) };
     assert!(left.entity == "TEXT" && left.why.contains('株') && left.why.contains("outlines"), "{left:?}");
     assert!(has_notice(&read, "texts-drawn", Severity::Note));
     let replaced: Vec<_> = read
@@ -438,7 +438,7 @@ fn more_than_memory_holds_is_refused_before_it_is_held() {
     let texts = drawing(&text.repeat(100), "");
     assert!(matches!(refusal(texts.as_bytes()), PatternReadError::TooMany { what: "segments and dots", .. }));
     let novel = drawing(&(text.replace('@', &"@".repeat(60)) + &line(["0", "0", "1", "1"])), "");
-    let left = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.not_taken;
+    let left = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.skipped;
     assert!(left.len() == 1 && left[0].why.contains("50000 letters"), "{left:?}");
 }
 
@@ -447,7 +447,7 @@ fn whole(entities: &str, blocks: &str) -> PatternReading {
 }
 
 fn named(reading: &PatternReading) -> Vec<(&str, &str)> {
-    reading.facts.not_taken.iter().map(|left| (left.entity.as_str(), left.why.as_ref())).collect()
+    reading.facts.skipped.iter().map(|left| (left.entity.as_str(), left.why.as_ref())).collect()
 }
 
 #[test]
@@ -558,9 +558,9 @@ fn hatches_too_dense_are_left_out_and_too_many_of_them_refused() {
     let line = line(["0", "0", "1", "1"]);
     let gaps = hatch(&family(0.0002, &[-0.0002]), 1);
     let left = read(drawing(&(gaps.clone() + &line), "").as_bytes(), &PatternOptions::default()).unwrap();
-    let [not_taken] = left.facts.not_taken.as_slice() else { panic!("{:?}", left.facts.not_taken) };
-    assert_eq!((not_taken.entity.as_str(), not_taken.handle.as_deref()), ("HATCH", Some("4A")));
-    assert!(not_taken.why.contains("too dense"), "{not_taken:?}");
+    let [skipped] = left.facts.skipped.as_slice() else { panic!("{:?}", left.facts.skipped) };
+    assert_eq!((skipped.entity.as_str(), skipped.handle.as_deref()), ("HATCH", Some("4A")));
+    assert!(skipped.why.contains("too dense"), "{skipped:?}");
     // A million lines outside of which nothing is drawn, family by family and hatch by hatch.
     let wide = hatch(&family(0.001, &[-1000.0, -1000.0]), 20);
     let error = refusal(drawing(&wide.repeat(10), "").as_bytes());
@@ -605,7 +605,7 @@ fn curves_of_many_pieces_are_refused_before_they_are_made() {
         drawing(&(fill.clone() + &line(["0", "0", "1", "1"])), "").as_bytes(),
         &PatternOptions::default(),
     );
-    let left = left.unwrap().facts.not_taken;
+    let left = left.unwrap().facts.skipped;
     assert!(left.len() == 1 && left[0].why.contains("steps"), "{left:?}");
     let error = refusal(drawing(&fill.repeat(5), "").as_bytes());
     assert!(matches!(error, PatternReadError::TooMany { entity: Some(_), .. }), "{error}");
@@ -740,7 +740,7 @@ fn full_turns_beyond_or_short_of_one_by_rounding_are_whole() {
                 let found = area(&points).abs();
                 let whole = std::f64::consts::PI * width * height;
                 assert!((found - whole).abs() < 1e-3, "{found} is not {whole}: {entity}");
-                assert!(read.facts.not_taken.is_empty() && read.facts.repairs.is_empty(), "{:?}", read.facts);
+                assert!(read.facts.skipped.is_empty() && read.facts.repairs.is_empty(), "{:?}", read.facts);
             }
         }
     }
@@ -786,7 +786,7 @@ fn round_entities_with_a_radius_that_draw_nothing_are_lost_ink() {
     ] {
         let reading = whole(&(entity.clone() + &besides), "");
         assert_eq!(lost(&reading), [kind], "{entity}");
-        let why = reading.facts.not_taken[0].why.as_ref();
+        let why = reading.facts.skipped[0].why.as_ref();
         assert!(why.contains("radius of ") && why.contains("draws nothing: draw it again"), "{why}");
         assert_eq!(reading.pattern.paths.len(), 1);
     }
@@ -798,7 +798,7 @@ fn round_entities_with_a_radius_that_draw_nothing_are_lost_ink() {
     assert_eq!(lost(&small), ["ARC"]);
     // Without a radius it is nothing anywhere.
     let none = whole(&(circle.replace("0.0000001", "0") + &besides), "");
-    assert_eq!((lost(&none), none.facts.not_taken[0].is_loss), (vec![], false));
+    assert_eq!((lost(&none), none.facts.skipped[0].is_loss), (vec![], false));
 }
 
 #[test]
@@ -842,7 +842,7 @@ fn what_counts_as_lost_ink() {
     ink.push(insert("NOT THERE", ""));
     for entity in &ink {
         let reading = whole(&(entity.clone() + &besides), "");
-        assert_eq!(lost(&reading).len(), 1, "{entity}: {:?}", reading.facts.not_taken);
+        assert_eq!(lost(&reading).len(), 1, "{entity}: {:?}", reading.facts.skipped);
         assert!(has_notice(&reading, "not-taken", Severity::Warning), "{entity}");
     }
     // Named, and no ink that the drawing shows: nothing drawn, aids, and what is hidden or not plotted.
@@ -856,12 +856,12 @@ fn what_counts_as_lost_ink() {
     none.push(simple("3DFACE").replace("MARK", "Defpoints"));
     for entity in &none {
         let reading = whole(&(entity.clone() + &besides), "");
-        assert!(lost(&reading).is_empty(), "{entity}: {:?}", reading.facts.not_taken);
-        assert_eq!(reading.facts.not_taken.len(), 1, "{entity}");
+        assert!(lost(&reading).is_empty(), "{entity}: {:?}", reading.facts.skipped);
+        assert_eq!(reading.facts.skipped.len(), 1, "{entity}");
     }
     // Invisible characters beside letters hinder nothing.
-    assert!(whole(&(text("A\\U+200B\\U+2003B\\U+202E") + &besides), "").facts.not_taken.is_empty());
-    assert!(whole(&fit(9), "").facts.not_taken.is_empty());
+    assert!(whole(&(text("A\\U+200B\\U+2003B\\U+202E") + &besides), "").facts.skipped.is_empty());
+    assert!(whole(&fit(9), "").facts.skipped.is_empty());
 }
 
 #[test]

@@ -87,8 +87,8 @@ fn table(evaluation: &Evaluation) -> String {
                 quality.length_error_mm,
                 quality.area_error_mm2,
                 quality.length_error_relative * 100.0,
-                quality.largest_stretch * 100.0,
-                quality.largest_angle_error_deg,
+                quality.max_stretch * 100.0,
+                quality.max_angle_error_deg,
                 row.map_ms,
             );
         }

@@ -188,7 +188,7 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
         triangles => mesh_lines(&mut text, facts, triangles),
     }
     for (label, names) in
-        [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.not_taken)]
+        [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.skipped)]
     {
         if !names.is_empty() {
             line(&mut text, label, &names.join(", "));
@@ -204,8 +204,8 @@ fn surface_line(text: &mut String, surface: &FittedSurface) {
         "{} x {} spans, within {:.4} mm (95 %), {:.4} mm at most, at ({:.1}, {:.1}) mm of the view",
         across.spans(),
         upwards.spans(),
-        residual.most,
-        residual.largest,
+        residual.p95,
+        residual.max,
         residual.at.x,
         residual.at.y
     );
@@ -275,7 +275,7 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
             &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()),
         );
     }
-    for left in facts.not_taken.iter().take(MOST_LISTED) {
+    for left in facts.skipped.iter().take(MOST_LISTED) {
         let handle = left.handle.as_deref().unwrap_or("without handle");
         line(
             &mut text,
@@ -283,11 +283,11 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
             &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
         );
     }
-    if facts.not_taken.len() > MOST_LISTED {
+    if facts.skipped.len() > MOST_LISTED {
         line(
             &mut text,
             "NOT TAKEN",
-            &format!("and {} more; --json names all", facts.not_taken.len() - MOST_LISTED),
+            &format!("and {} more; --json names all", facts.skipped.len() - MOST_LISTED),
         );
     }
     for repair in &facts.repairs {

@@ -13,8 +13,8 @@ use crate::config::{
     Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, Verify, parse_axis, parse_facing,
 };
 use crate::formats::mesh::MeshFormat;
-use crate::geometry::figure::Figure;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
+use crate::geometry::primitive::Primitive;
 use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 use crate::pipeline::{LearnedPart, Pipeline};
 use crate::reason::Reason;
@@ -74,7 +74,7 @@ pub(super) struct JobArguments {
     /// Intervals of Simpson's rule along each of its cells, even; default 50.
     #[arg(long, value_name = "INTERVALS", help_heading = COMPARISON)]
     mapping_domain_intervals: Option<usize>,
-    /// Slips of the printed algorithms that stay: simpson-weights, diagonal-sums, knot-vectors; default: all are mended.
+    /// Slips of the printed algorithms that stay: simpson-weights, diagonal-sums, knot-vectors; default: all are corrected.
     #[arg(long, value_name = "A,B", help_heading = COMPARISON, value_delimiter = ',')]
     mapping_domain_as_printed: Option<Vec<Slip>>,
     /// What floater makes of a vertex's neighbours: uniform (as in the thesis, default) or mean-value.
@@ -141,7 +141,7 @@ impl JobArguments {
         }
     }
 
-    fn figure(&self) -> Result<Option<Figure>, Failure> {
+    fn primitive(&self) -> Result<Option<Primitive>, Failure> {
         let sizes = self.cylinder.map(|[diameter, length]| [diameter, diameter, length]).or(self.cone);
         let Some([diameter, end, length]) = sizes else {
             return match self.axis {
@@ -152,8 +152,8 @@ impl JobArguments {
                 )),
             };
         };
-        let figure = Figure::new(diameter, end, length, self.axis.unwrap_or(Vector3::y()));
-        figure.map(Some).ok_or_else(|| {
+        let primitive = Primitive::new(diameter, end, length, self.axis.unwrap_or(Vector3::y()));
+        primitive.map(Some).ok_or_else(|| {
             Failure::usage(
                 "These are no sizes of a cylinder or cone.",
                 "Give diameters and length in mm, all greater than 0, as in `--cylinder 73,180`.",
@@ -166,20 +166,20 @@ impl JobArguments {
         set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
         settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
         settings.part.up = self.meaning.part_up.or(settings.part.up);
-        let figure = self.figure()?;
+        let primitive = self.primitive()?;
         let smoothing = self.scan.smoothing()?;
         let is_given = [
             ("--part-unit", self.meaning.part_unit.is_some()),
             ("--part-up", self.meaning.part_up.is_some()),
             ("--smoothing", smoothing.is_some()),
         ];
-        if let (Some(_), Some((option, _))) = (figure, is_given.iter().find(|(_, is_given)| *is_given)) {
+        if let (Some(_), Some((option, _))) = (primitive, is_given.iter().find(|(_, is_given)| *is_given)) {
             return Err(Failure::usage(
                 format!("`{option}` says how a part file is read, and a cylinder or cone has none."),
                 "Leave it out; `--cylinder` and `--cone` take mm.",
             ));
         }
-        settings.part.figure = figure.or(settings.part.figure);
+        settings.part.primitive = primitive.or(settings.part.primitive);
         settings.part.smoothing = smoothing.unwrap_or(settings.part.smoothing);
         self.meaning.apply(&mut settings.pattern);
         if self.ink_layers.is_some() {

@@ -21,10 +21,10 @@ use super::choices::{DxfVersion, FloaterWeights, Method, Vertices, Weighting};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
 };
-use crate::formats::pattern::PictureOptions;
-use crate::geometry::figure::Figure;
+use crate::formats::pattern::RasterOptions;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens};
+use crate::geometry::primitive::Primitive;
 use crate::geometry::space::Facing;
 use crate::geometry::surface::fit::FitOptions;
 use crate::geometry::surface::scan::Smoothing;
@@ -41,9 +41,9 @@ pub fn surface(settings: &PartSettings, fit: &FitOptions) -> String {
 }
 
 /// What shapes a cylinder or cone that is given by its sizes.
-pub fn figure(figure: &Figure) -> String {
+pub fn primitive(primitive: &Primitive) -> String {
     let mut text = Text::default();
-    text.figure(figure);
+    text.primitive(primitive);
     text.0
 }
 
@@ -77,7 +77,7 @@ struct Text(String);
 
 impl Text {
     fn part(&mut self, settings: &PartSettings) {
-        let PartSettings { facing, roll, unit, up, smoothing, figure } = settings;
+        let PartSettings { facing, roll, unit, up, smoothing, primitive } = settings;
         if *facing != Facing::TOP {
             self.numbers("part.facing", facing.direction().into());
         }
@@ -89,14 +89,14 @@ impl Text {
             Smoothing::LowPass { wavelength } => self.numbers("part.low_pass_mm", [*wavelength]),
             Smoothing::None => self.word("part.smoothing", Some("none")),
         }
-        if let Some(figure) = figure {
-            self.figure(figure);
+        if let Some(primitive) = primitive {
+            self.primitive(primitive);
         }
     }
 
-    fn figure(&mut self, figure: &Figure) {
-        self.numbers("part.diameters_and_length_mm", figure.sizes());
-        self.numbers("part.axis", (*figure.axis()).into());
+    fn primitive(&mut self, primitive: &Primitive) {
+        self.numbers("part.diameters_and_length_mm", primitive.sizes());
+        self.numbers("part.axis", (*primitive.axis()).into());
     }
 
     fn fit(&mut self, options: &FitOptions) {
@@ -125,7 +125,7 @@ impl Text {
             let counted: String = names.iter().map(|name| format!(" {}:{name}", name.len())).collect();
             self.word("pattern.ink_layers", Some(format!("{}{counted}", names.len())));
         }
-        let PictureOptions { width, height, threshold, inverted } = picture;
+        let RasterOptions { width, height, threshold, inverted } = picture;
         self.optional("pattern.picture_width_mm", *width);
         self.optional("pattern.picture_height_mm", *height);
         self.number("pattern.picture_threshold", *threshold, 0.5);

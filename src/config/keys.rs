@@ -15,9 +15,9 @@ use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSet
 use super::text::SettingsText;
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
-use crate::geometry::figure::{Figure, Form};
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
+use crate::geometry::primitive::{Form, Primitive};
 use crate::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan;
 
@@ -151,12 +151,12 @@ impl SidecarKeys {
 
 impl PartKeys {
     fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
-        to.part.figure = self.figure(text, to.part.figure)?;
-        if let (Some(figure), Some(span)) = (to.part.figure, self.way_of_a_mesh()) {
+        to.part.primitive = self.primitive(text, to.part.primitive)?;
+        if let (Some(primitive), Some(span)) = (to.part.primitive, self.way_of_a_mesh()) {
             return Err(ConfigError::Contradiction {
                 spot: text.spot(&span),
                 what: format!(
-                    "The part is a {figure} as the laser sees it; no file is read or turned for it."
+                    "The part is a {primitive} as the laser sees it; no file is read or turned for it."
                 ),
                 remedy: "Say with `axis` how it lies, and remove what is said of a file: `facing`, `roll_deg`, `unit`, `up`, `smoothing`."
                     .into(),
@@ -220,7 +220,11 @@ impl PartKeys {
     }
 
     /// The cylinder or cone that the keys describe; sizes that are not named stay those of `old`.
-    fn figure(&self, text: &SettingsText, old: Option<Figure>) -> Result<Option<Figure>, ConfigError> {
+    fn primitive(
+        &self,
+        text: &SettingsText,
+        old: Option<Primitive>,
+    ) -> Result<Option<Primitive>, ConfigError> {
         let sizes = [&self.diameter_mm, &self.end_diameter_mm, &self.length_mm];
         let spans = sizes.iter().filter_map(|size| size.as_ref().map(Spanned::span));
         let mut spans = spans.chain(self.axis.as_ref().map(Spanned::span));
@@ -231,7 +235,7 @@ impl PartKeys {
                 remedy: remedy.into(),
             })
         };
-        let inherited = old.map(|figure| match figure.form() {
+        let inherited = old.map(|primitive| match primitive.form() {
             Form::Cylinder(_) => PartShape::Cylinder,
             Form::Cone(_) => PartShape::Cone,
         });
@@ -280,8 +284,8 @@ impl PartKeys {
             (None, None) => Some(Vector3::y()),
         };
         let length = size(2, "length_mm")?;
-        match axis.and_then(|axis| Figure::new(diameter, end_diameter, length, axis)) {
-            Some(figure) => Ok(Some(figure)),
+        match axis.and_then(|axis| Primitive::new(diameter, end_diameter, length, axis)) {
+            Some(primitive) => Ok(Some(primitive)),
             None => contradiction(
                 self.axis.as_ref().map_or(span, Spanned::span),
                 "`part.axis` names no direction across the laser's axis.",

@@ -115,7 +115,7 @@ impl LiveSettings {
         let text = match read(&file) {
             Ok(text) if text == self.station_text => {
                 self.new_texts.remove(&file);
-                return self.mended(&file);
+                return self.resolved(&file);
             }
             Ok(text) if !self.is_settled(&file, &text, false) => return,
             Ok(text) => text,
@@ -163,7 +163,7 @@ impl LiveSettings {
             Ok(found) => found,
             Err(error) => return self.complain(error),
         };
-        self.mended(&folder);
+        self.resolved(&folder);
         let missed = self.skus.iter_mut().filter(|(sku, _)| !found.contains_key(*sku));
         let gone: Vec<Sku> = missed
             .filter_map(|(sku, file)| std::mem::replace(&mut file.missed, true).then(|| sku.clone()))
@@ -265,7 +265,7 @@ impl LiveSettings {
         self.complaints.remove(file).is_some()
     }
 
-    fn mended(&mut self, file: &Path) {
+    fn resolved(&mut self, file: &Path) {
         if self.forgive(file) {
             self.events.push(SettingsEvent::Mended(file.into()));
         }

@@ -3,10 +3,10 @@
 use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, UpAxis};
-use crate::formats::pattern::{DrawingUnit, PatternOptions, PictureOptions};
-use crate::geometry::figure::Figure;
+use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
+use crate::geometry::primitive::Primitive;
 use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
@@ -55,7 +55,7 @@ pub struct PartSettings {
     /// How noise is taken out of a scan; a mesh has none.
     pub smoothing: Smoothing,
     /// The cylinder or cone that the part is, in the laser's view; `None` takes the part from a file.
-    pub figure: Option<Figure>,
+    pub primitive: Option<Primitive>,
 }
 
 impl Default for PartSettings {
@@ -66,7 +66,7 @@ impl Default for PartSettings {
             unit: None,
             up: None,
             smoothing: Smoothing::Auto,
-            figure: None,
+            primitive: None,
         }
     }
 }
@@ -80,7 +80,7 @@ pub struct PatternSettings {
     /// without counting as ink.
     pub ink_layers: Option<Vec<String>>,
     /// Size and threshold of a drawing that is a picture.
-    pub picture: PictureOptions,
+    pub picture: RasterOptions,
     /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
     pub joining_tolerance: f64,
     /// Leaves the drawing as it is, with warnings in place of repairs.

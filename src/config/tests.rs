@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::formats::mesh::LengthUnit;
-use crate::formats::pattern::PictureOptions;
+use crate::formats::pattern::RasterOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{FieldPoint, FlatPoint, ViewPoint};
 
@@ -63,7 +63,7 @@ fn a_sku_overrides_key_by_key() {
     assert_eq!((settings.correction.method, settings.correction.tolerance), (Method::None, 0.02));
     let station = with("[pattern]\nwidth_mm = 39\nheight_mm = 13\nthreshold_percent = 30").unwrap();
     let settings = station.settings.overridden_by(file, "[pattern]\nheight_mm = 5\ninvert = true").unwrap();
-    let picture = PictureOptions { width: None, height: Some(5.0), threshold: 0.3, inverted: true };
+    let picture = RasterOptions { width: None, height: Some(5.0), threshold: 0.3, inverted: true };
     assert_eq!(settings.pattern.picture, picture, "one side for a SKU keeps the picture's shape");
     let error = station.settings.overridden_by(file, "[folders]\nhot = \"x\"").unwrap_err();
     assert!(matches!(error, ConfigError::UnknownKey { .. }), "{error}");
@@ -172,9 +172,9 @@ fn a_sku_changes_one_size_of_a_figure_or_goes_back_to_a_mesh() {
     )
     .unwrap();
     let sku = |text| station.settings.overridden_by(Path::new("skus/a.toml"), text);
-    let figure = sku("[part]\nend_diameter_mm = 80").unwrap().part.figure.unwrap();
-    assert_eq!((figure.sizes(), figure.axis().x), ([60.0, 80.0, 120.0], 1.0));
-    assert_eq!(sku("[part]\nshape = \"mesh\"\nfacing = \"-y\"").unwrap().part.figure, None);
+    let primitive = sku("[part]\nend_diameter_mm = 80").unwrap().part.primitive.unwrap();
+    assert_eq!((primitive.sizes(), primitive.axis().x), ([60.0, 80.0, 120.0], 1.0));
+    assert_eq!(sku("[part]\nshape = \"mesh\"\nfacing = \"-y\"").unwrap().part.primitive, None);
     let error = sku("[part]\nshape = \"cylinder\"").unwrap_err();
     assert!(
         error.to_string().contains("`diameter_mm` is missing"),

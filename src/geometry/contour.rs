@@ -1,5 +1,5 @@
-//! Drawings mended: loose pieces chained into contours, as CAD exporters write every line and arc of an outline on its
-//! own, and what draws nothing new taken out.
+//! Repairs of drawings: loose pieces chained into contours, as CAD exporters write every line and arc of an outline on its
+//! own, what draws nothing new is taken out.
 //!
 //! Two ends are joined when they lie within the tolerance of each other and of no third end, on the same layer and in
 //! the same colour. A piece keeps its place in the drawing order; a chain takes that of its first piece.
@@ -11,10 +11,10 @@ use nalgebra::{Matrix2, Vector2};
 use super::pattern::{Affine, Color, Path, SAME_POINT, Segment, Shape, Source};
 use super::space::FlatPoint;
 
-/// What mending made of a drawing. Every list is in drawing order and names everything it is about.
+/// What the repair made of a drawing. Every list is in drawing order and names everything it is about.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Mending {
-    /// The paths after mending, in drawing order.
+pub struct Repaired {
+    /// The paths after the repair, in drawing order.
     pub paths: Vec<Path>,
     /// Contours made of chained pieces.
     pub contours: Vec<Finding>,
@@ -24,10 +24,10 @@ pub struct Mending {
     pub closed: Vec<Finding>,
     /// Open paths whose ends nearly meet, but not within the tolerance.
     pub nearly_closed: Vec<Finding>,
-    /// Paths that draw what another path on the same layer and in the same colour draws; taken out unless nothing is
-    /// to be mended.
+    /// Paths that draw what another path on the same layer and in the same colour draws; taken out unless repairs
+    /// are off.
     pub duplicates: Vec<Finding>,
-    /// Curves without length, and pieces without length inside longer ones; taken out unless nothing is to be mended.
+    /// Curves without length, and pieces without length inside longer ones; taken out unless repairs are off.
     pub without_length: Vec<Finding>,
     /// Number of ends that were left alone because more than two meet there.
     pub ambiguous_ends: usize,
@@ -63,14 +63,14 @@ impl Finding {
 /// A gap up to this length, mm, makes an open path worth a look: far above rounding, far below a drawn opening.
 pub const NEARLY_CLOSED: f64 = 0.1;
 
-/// Mends a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
+/// Repairs a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
 /// `tolerance` mm of each other, and closes those that come back to themselves.
 ///
 /// Paths that bound a fill and strokes of letters and patterns are not joined, and a fill is drawn twice only if all its contours are. Of an outline and an
 /// equal contour of a fill the fill's stays, of an open line and an equal contour the contour. Pieces no larger than the tolerance are no bridge: they stay as they are.
 /// A tolerance of 0 joins nothing. Takes O(n log n).
-pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
-    let mut result = Mending::default();
+pub fn repair(mut paths: Vec<Path>, tolerance: f64) -> Repaired {
+    let mut result = Repaired::default();
     paths.retain_mut(|path| {
         let found = take_out_empty(path);
         result.without_length.extend(found);
@@ -103,9 +103,9 @@ pub fn mend(mut paths: Vec<Path>, tolerance: f64) -> Mending {
     result
 }
 
-/// Changes nothing and finds what [`mend`] would take out, and openings of outlines that may not be meant.
-pub fn examine(paths: Vec<Path>) -> Mending {
-    let mut result = Mending::default();
+/// Changes nothing and finds what [`repair`] would take out, and openings of outlines that may not be meant.
+pub fn examine(paths: Vec<Path>) -> Repaired {
+    let mut result = Repaired::default();
     for path in &paths {
         result.without_length.extend(take_out_empty(&mut path.clone()));
         result.see_opening(path, 0.0);
@@ -117,7 +117,7 @@ pub fn examine(paths: Vec<Path>) -> Mending {
     result
 }
 
-impl Mending {
+impl Repaired {
     fn take_out_copies(&mut self, paths: &mut Vec<Path>) {
         let mut copies = copies(paths).into_iter();
         paths.retain(|path| {
@@ -538,7 +538,7 @@ mod tests {
             arc(point(10.0, 2.0), 2.0, -PI / 2.0, PI),
             arc(point(0.0005, 2.0), 2.0, PI / 2.0, PI),
         ];
-        let joining = mend(pieces, 0.002);
+        let joining = repair(pieces, 0.002);
         assert_eq!((joining.paths.len(), joining.contours.len(), joining.contours[0].pieces), (2, 1, 4));
         assert!((joining.contours[0].gap - 0.0005).abs() < 1e-9 && joining.contours[0].at == point(0.0, 0.0));
         assert!(joining.paths[0].shape.is_closed());
@@ -553,7 +553,7 @@ mod tests {
             line((10.0, 0.0), (0.0, 0.0)),
             line((30.0, 5.0), (20.0, 0.0)),
         ];
-        let joining = mend(pieces, 0.002);
+        let joining = repair(pieces, 0.002);
         assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
         let segments = joining.paths[0].shape.segments();
         assert_eq!((segments[0].start(), segments[2].end()), (point(0.0, 0.0), point(30.0, 5.0)));
@@ -564,14 +564,14 @@ mod tests {
     fn three_ends_at_one_point_are_left_alone() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((0.0, 0.0), (0.0, 1.0)), line((0.0, 0.0), (-1.0, 0.0))];
-        let joining = mend(pieces.clone(), 0.002);
+        let joining = repair(pieces.clone(), 0.002);
         assert_eq!(joining.paths, pieces);
         assert_eq!(joining.ambiguous_ends, 3);
     }
 
     /// How far the drawing reaches from the origin.
-    fn reach(mending: &Mending) -> f64 {
-        let points = mending.paths.iter().flat_map(|path| path.shape.flattened(1e-4));
+    fn reach(repaired: &Repaired) -> f64 {
+        let points = repaired.paths.iter().flat_map(|path| path.shape.flattened(1e-4));
         points.map(|point| point.coords().norm()).fold(0.0, f64::max)
     }
 
@@ -581,19 +581,19 @@ mod tests {
         let open_by = 2e-4;
         let almost = || arc(point(0.0, 0.0), 50.0, open_by, 2.0 * PI - 2.0 * open_by);
         let (y, x) = open_by.sin_cos();
-        let met = mend(vec![line((60.0, 0.0), (50.0 * x + 0.0015, 50.0 * y)), almost()], 0.002);
+        let met = repair(vec![line((60.0, 0.0), (50.0 * x + 0.0015, 50.0 * y)), almost()], 0.002);
         assert_eq!((met.paths.len(), met.chains.len()), (1, 1));
         assert_connected(&met.paths[0].shape);
-        let apart = mend(vec![almost()], 0.0);
+        let apart = repair(vec![almost()], 0.0);
         assert!((reach(&apart) - 50.0).abs() < 1e-6 && (reach(&met) - 60.0).abs() < 1e-6);
         let left = met.paths[0].shape.flattened(1e-4).iter().map(|at| at.x).fold(0.0, f64::min);
         assert!((left + 50.0).abs() < 1e-3, "{left}");
         // A loop whose ends are 0.04 mm apart keeps its shape, too.
         let control = [point(0.0, 0.02), point(40.0, 30.0), point(40.0, -30.0), point(0.0, -0.02)];
         let turn = open(Segment::Bezier { points: control, weights: [1.0; 4] });
-        let before = reach(&mend(vec![turn.clone()], 0.0));
+        let before = reach(&repair(vec![turn.clone()], 0.0));
         let lead = line((-1.0, 0.0), (-0.001, 0.021));
-        let met = mend(vec![lead, turn], 0.002);
+        let met = repair(vec![lead, turn], 0.002);
         assert_eq!(met.chains.len(), 1);
         assert!((reach(&met) - before).abs() < 0.002, "{} for {before}", reach(&met));
     }
@@ -605,9 +605,9 @@ mod tests {
             Path { source: Source { is_stroke: true, ..path.source.clone() }, ..path }
         };
         let zigzag = vec![stroke((0.0, 0.0), (1.0, 1.0)), stroke((1.0, 1.0), (2.0, 0.0))];
-        assert_eq!(mend(zigzag.clone(), 0.002).paths, zigzag);
+        assert_eq!(repair(zigzag.clone(), 0.002).paths, zigzag);
         let branch = [zigzag, vec![line((2.0, 0.0), (3.0, 0.0))]].concat();
-        assert_eq!(mend(branch.clone(), 0.002).paths, branch);
+        assert_eq!(repair(branch.clone(), 0.002).paths, branch);
     }
 
     #[test]
@@ -616,7 +616,7 @@ mod tests {
         let open = Path { shape: Shape::Open(around.shape.segments().to_vec()), ..around.clone() };
         // A third end keeps the open line from being closed.
         let tail = line((0.0, 0.0), (-1.0, -1.0));
-        let found = mend(vec![open, tail.clone(), around.clone()], 0.002);
+        let found = repair(vec![open, tail.clone(), around.clone()], 0.002);
         assert_eq!(found.paths, [tail, around]);
         assert_eq!(found.duplicates.len(), 1);
     }
@@ -629,26 +629,26 @@ mod tests {
         other_color.color = Color::Aci(1);
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), other_layer, other_color, line((1.003, 0.0), (1.5, 1.0))];
-        assert_eq!(mend(pieces.clone(), 0.002).paths, pieces);
+        assert_eq!(repair(pieces.clone(), 0.002).paths, pieces);
     }
 
     #[test]
     fn a_line_drawn_twice_is_taken_out_and_makes_no_contour() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (0.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = mend(pieces, 0.002);
+        let joining = repair(pieces, 0.002);
         assert_eq!((joining.duplicates.len(), joining.duplicates[0].at), (1, point(1.0, 0.0)));
         assert_eq!((joining.paths.len(), joining.contours.len(), joining.chains[0].pieces), (1, 0, 2));
     }
 
     #[test]
     fn a_turn_that_almost_closes_is_closed_and_a_wider_gap_is_named() {
-        let joining = mend(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
+        let joining = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
         assert_eq!(joining.closed.len(), 1);
         assert!(
             matches!(joining.paths[0].shape.segments(), [Segment::Arc { sweep, .. }] if *sweep == 2.0 * PI)
         );
-        let joining = mend(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
+        let joining = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
         assert!(joining.closed.is_empty() && joining.nearly_closed.len() == 1);
     }
 
@@ -656,7 +656,7 @@ mod tests {
     fn pieces_without_length_are_taken_out_and_hide_no_joint() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = mend(pieces, 0.002);
+        let joining = repair(pieces, 0.002);
         assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
     }
 
@@ -671,10 +671,10 @@ mod tests {
         let around = square([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]);
         let back = square([(2.0, 1.0), (2.0, 0.0), (0.0, 0.0), (0.0, 1.0)]);
         let bow_tie = square([(0.0, 0.0), (2.0, 1.0), (2.0, 0.0), (0.0, 1.0)]);
-        let found = mend(vec![around.clone(), back, bow_tie.clone()], 0.002);
+        let found = repair(vec![around.clone(), back, bow_tie.clone()], 0.002);
         assert_eq!(found.paths, [around.clone(), bow_tie]);
         let sides: Vec<Path> = around.shape.segments().iter().cloned().map(open).collect();
-        let found = mend([sides, vec![around]].concat(), 0.002);
+        let found = repair([sides, vec![around]].concat(), 0.002);
         assert_eq!((found.paths.len(), found.contours.len(), found.duplicates.len()), (1, 1, 1));
     }
 
@@ -685,11 +685,11 @@ mod tests {
         let of = |path: &Path, region| Path { region: Some(region), ..path.clone() };
         let ring = [of(&outer, 1), of(&hole, 1)];
         let paths = [vec![outer.clone()], ring.to_vec(), vec![of(&outer, 2), of(&hole, 3), of(&hole, 4)]];
-        let found = mend(paths.concat(), 0.002);
+        let found = repair(paths.concat(), 0.002);
         assert_eq!(found.paths, [ring.to_vec(), vec![of(&outer, 2), of(&hole, 3)]].concat());
         // The same contour twice in one fill leaves nothing filled, and that is what is drawn.
         let nothing = vec![of(&outer, 1), of(&outer, 1)];
-        assert_eq!(mend(nothing.clone(), 0.002).paths, nothing);
+        assert_eq!(repair(nothing.clone(), 0.002).paths, nothing);
     }
 
     #[test]
@@ -699,7 +699,7 @@ mod tests {
             shape: Shape::Open(vec![segment(0.0, 0.0), segment(0.0, 3.0), segment(3.0, 3.0)]),
             ..line((0.0, 0.0), (1.0, 0.0))
         };
-        let found = mend(vec![repeated, line((5.0, 5.0), (5.0, 5.0))], 0.002);
+        let found = repair(vec![repeated, line((5.0, 5.0), (5.0, 5.0))], 0.002);
         let counted: Vec<_> = found.without_length.iter().map(|found| (found.at, found.pieces)).collect();
         assert_eq!(counted, [(point(0.0, 0.0), 2), (point(5.0, 5.0), 1)]);
         assert_eq!(found.paths, [line((0.0, 0.0), (3.0, 0.0))]);
@@ -713,7 +713,7 @@ mod tests {
             let ((y0, x0), (y1, x1)) = (at(step), at(step + 1));
             line((0.16 * x0, 0.16 * y0), (0.16 * x1, 0.16 * y1))
         };
-        let found = mend((0..5000).map(side).collect(), 0.002);
+        let found = repair((0..5000).map(side).collect(), 0.002);
         assert_eq!((found.paths.len(), found.contours.len(), found.contours[0].pieces), (1, 1, 5000));
     }
 
@@ -734,6 +734,6 @@ mod tests {
     #[test]
     fn many_ends_in_one_place_take_no_time() {
         let star: Vec<Path> = (0..50_000).map(|i| line((0.0, 0.0), (f64::from(i), 1.0))).collect();
-        assert_eq!(mend(star, 0.002).ambiguous_ends, 50_000);
+        assert_eq!(repair(star, 0.002).ambiguous_ends, 50_000);
     }
 }

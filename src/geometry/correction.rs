@@ -203,10 +203,10 @@ impl Projection<'_> {
             lowest: f64::INFINITY,
             highest: f64::NEG_INFINITY,
             field: Extents::EMPTY,
-            largest_difference: 0.0,
-            largest_difference_at: ViewPoint::new(0.0, 0.0),
-            largest_doubt: 0.0,
-            largest_doubt_at: ViewPoint::new(0.0, 0.0),
+            max_difference: 0.0,
+            max_difference_at: ViewPoint::new(0.0, 0.0),
+            max_doubt: 0.0,
+            max_doubt_at: ViewPoint::new(0.0, 0.0),
         };
         let mut last = None;
         let ends = ink.pieces.iter().flat_map(|piece| {
@@ -230,12 +230,12 @@ impl Projection<'_> {
             exposure.lowest = exposure.lowest.min(landing.z);
             exposure.highest = exposure.highest.max(landing.z);
             let difference = self.surface.difference(view).abs();
-            if difference > exposure.largest_difference {
-                (exposure.largest_difference, exposure.largest_difference_at) = (difference, view);
+            if difference > exposure.max_difference {
+                (exposure.max_difference, exposure.max_difference_at) = (difference, view);
             }
             let doubt = self.surface.doubt(view);
-            if doubt > exposure.largest_doubt {
-                (exposure.largest_doubt, exposure.largest_doubt_at) = (doubt, view);
+            if doubt > exposure.max_doubt {
+                (exposure.max_doubt, exposure.max_doubt_at) = (doubt, view);
             }
             if let Some(aim) = self.head.aim(landing) {
                 exposure.field.include(aim.coords());
@@ -292,13 +292,13 @@ pub struct Exposure {
     /// The rectangle of the field that is marked, mm.
     pub field: Extents,
     /// Largest distance between the sampled part and the fitted surface, mm.
-    pub largest_difference: f64,
+    pub max_difference: f64,
     /// Where that is.
-    pub largest_difference_at: ViewPoint,
+    pub max_difference_at: ViewPoint,
     /// Farthest that the part may be from its samples, mm; see [`FittedSurface::doubt`].
-    pub largest_doubt: f64,
+    pub max_doubt: f64,
     /// Where that is.
-    pub largest_doubt_at: ViewPoint,
+    pub max_doubt_at: ViewPoint,
 }
 
 /// The polyline through as few of the points as a pass along it can leave, both ends among them, so that all others lie

@@ -19,7 +19,7 @@ pub mod pattern;
 pub mod contour;
 pub mod ink;
 pub mod mapping;
-pub mod figure;
+pub mod primitive;
 pub mod marking;
 pub mod optics;
 pub mod correction;

@@ -74,7 +74,7 @@ pub type DroppedFile = PartFile;
 /// Whether a file's bytes are whole.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Completeness {
-    /// The bytes reach to the format's end mark, or are wrong in a way that no further byte will mend.
+    /// The bytes reach to the format's end mark, or are wrong in a way that no further byte will change.
     Whole {
         /// The files it names.
         companions: Vec<Companion>,

@@ -92,7 +92,7 @@ impl PipelineCorrector {
         let surface = match &learned.kept.facts.scan {
             Some(scan) => scan.summary(),
             None => {
-                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.most, residual.largest)
+                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.p95, residual.max)
             }
         };
         let summary = format!(
@@ -223,7 +223,7 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
     let options = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
     match pattern::read(bytes, &options) {
         Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
-        // Whatever else is wrong, more bytes would not mend it; nothing at all may still be a file in the making.
+        // Whatever else is wrong, more bytes would not help; nothing at all may still be a file in the making.
         Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
         _ => Completeness::Whole { companions: Vec::new() },
     }

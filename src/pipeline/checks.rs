@@ -6,7 +6,6 @@ use super::{
 };
 use crate::config::Losses;
 use crate::geometry::correction::AboveLens;
-use crate::geometry::figure::Figure;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -14,6 +13,7 @@ use crate::geometry::mapping::floater::FloaterError;
 use crate::geometry::mapping::isometric::IsometricError;
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::pattern::Shape;
+use crate::geometry::primitive::Primitive;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
@@ -29,10 +29,10 @@ const NOTABLE_STRETCH: f64 = 0.02;
 const STRAY: f64 = 3.0;
 
 /// A file came for a part that needs none.
-pub(super) fn part_not_needed(figure: &Figure) -> Reason {
+pub(super) fn part_not_needed(primitive: &Primitive) -> Reason {
     Reason::new(
         "part-not-needed",
-        format!("The settings give this part as a {figure}; no file is read for it."),
+        format!("The settings give this part as a {primitive}; no file is read for it."),
         "Leave the part away, or set `shape = \"mesh\"` in the SKU's settings to take its part from files.",
     )
 }
@@ -382,8 +382,8 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
 
 /// The file's normals do not belong to its facets: nobody can tell how the part bends between its vertices.
 fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
-    let (largest, limit) = (seen.largest_doubt, settings.correction.max_residual);
-    let at = seen.largest_doubt_at;
+    let (largest, limit) = (seen.max_doubt, settings.correction.max_residual);
+    let at = seen.max_doubt_at;
     if largest > limit {
         return Err(Reason::new(
             "normals-contradict-facets",
@@ -411,8 +411,8 @@ fn residual(
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
-    let (largest, limit) = (seen.largest_difference, settings.correction.max_residual);
-    let at = seen.largest_difference_at;
+    let (largest, limit) = (seen.max_difference, settings.correction.max_residual);
+    let at = seen.max_difference_at;
     if largest > limit {
         return Err(Reason::new(
             "surface-not-met",
@@ -427,7 +427,7 @@ fn residual(
             "surface-loose",
             format!(
                 "the fitted surface leaves up to {largest:.4} mm under the ink, near ({:.1}, {:.1}) mm (largest anywhere {:.4} mm)",
-                at.x, at.y, surface.residual.largest
+                at.x, at.y, surface.residual.max
             ),
         ));
     }
@@ -485,18 +485,18 @@ pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec
             "not-length-true",
             format!(
                 "the method is there to be compared with; lines stay up to {:.1} % off their lengths, and `auto` keeps them better",
-                after.largest_stretch * 100.0
+                after.max_stretch * 100.0
             ),
         ));
-    } else if after.largest_stretch > NOTABLE_STRETCH {
-        let at = after.largest_stretch_at;
+    } else if after.max_stretch > NOTABLE_STRETCH {
+        let at = after.max_stretch_at;
         notices.push(Notice::warning(
             "stretch-remains",
             format!(
                 "a line near ({:.1}, {:.1}) mm of the placed drawing stays {:.1} % off its length: the part is curved both ways there, and no map can keep all lengths",
                 at.x,
                 at.y,
-                after.largest_stretch * 100.0
+                after.max_stretch * 100.0
             ),
         ));
     }

@@ -9,7 +9,7 @@ use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::mapping::{self, LengthTrueMap, quality};
 use crate::reason::Reason;
-use crate::report::{DistortionStory, MapStory, PlacementStory, Timing};
+use crate::report::{DistortionReport, MapReport, PlacementReport, Timing};
 
 /// Name and version of the JSON form of an [`Evaluation`].
 pub const EVALUATION_SCHEMA: &str = "isomark.evaluate/1";
@@ -36,7 +36,7 @@ pub struct Evaluation {
     /// Its inked area, mm².
     pub area_mm2: f64,
     /// Where it was put.
-    pub placement: PlacementStory,
+    pub placement: PlacementReport,
     /// A row for each method and choice.
     pub rows: Vec<EvaluationRow>,
     /// How long each stage took.
@@ -54,10 +54,10 @@ pub struct EvaluationRow {
     pub map_ms: f64,
     /// How the drawing would be bent; absent where the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub map: Option<MapStory>,
+    pub map: Option<MapReport>,
     /// How true it would be on the part itself; absent where the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub quality: Option<DistortionStory>,
+    pub quality: Option<DistortionReport>,
     /// Why the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<Reason>,
@@ -101,7 +101,7 @@ impl Pipeline {
             size_mm: placed.facts.size,
             length_mm: placed.ink.length(),
             area_mm2: placed.ink.area(),
-            placement: placed.placing.story(settings),
+            placement: placed.placing.report(settings),
             rows,
             timings,
         })
@@ -120,7 +120,7 @@ fn choices(method: Method, given: &CorrectionSettings) -> Vec<(String, Correctio
             .map(|weighting| (weighting.to_string(), CorrectionSettings { weighting, ..given.clone() }))
             .into(),
         Method::MappingDomain => vec![
-            domain("mended", AsPrinted::NOTHING),
+            domain("corrected", AsPrinted::NOTHING),
             domain("Simpson as printed", AsPrinted::SIMPSON),
             domain("all as printed", AsPrinted::EVERYTHING),
         ],
@@ -171,7 +171,7 @@ fn row(
             let far = map.fit_residual().filter(|residual| *residual > limit);
             EvaluationRow {
                 note: far.map(|residual| format!("the part is up to {residual:.3} mm from this {name}")),
-                map: Some(MapStory::new(&map, weights(&settings.correction))),
+                map: Some(MapReport::new(&map, weights(&settings.correction))),
                 quality: Some((&distortion).into()),
                 ..empty
             }

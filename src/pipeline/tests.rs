@@ -44,7 +44,7 @@ fn sizes_in_the_settings_leave_the_skus_own_part_what_it_is() {
     let [flat, _] = PLATES.map(|text| PartFile::alone("plate.obj", text));
     let learned = pipeline.learn(&sku, &flat, &settings()).unwrap();
     let cylinder = PartSettings {
-        figure: Some(Figure::new(73.0, 73.0, 180.0, nalgebra::Vector3::y()).unwrap()),
+        primitive: Some(Primitive::new(73.0, 73.0, 180.0, nalgebra::Vector3::y()).unwrap()),
         ..settings()
     };
     for _ in 0..2 {

@@ -109,7 +109,7 @@ fn the_picture_names_the_range_that_the_largest_stretch_of_the_report_ends() {
             let percent =
                 |text: &str| -> f64 { text.trim_end_matches(" %").replace('−', "-").parse().unwrap() };
             let largest = range.split(" to ").map(|end| percent(end).abs()).fold(0.0, f64::max);
-            let told = 100.0 * number(&report, &format!("/quality/{quality}/largest_stretch"));
+            let told = 100.0 * number(&report, &format!("/quality/{quality}/max_stretch"));
             // The picture shows a digit or two.
             let rounding = if told < 0.1 { 0.006 } else { 0.06 };
             assert!((largest - told).abs() < rounding, "{name} {panel}: {range}, {told} %");
@@ -272,7 +272,7 @@ fn methods_and_weightings_do_what_they_say() {
     let (ink, uniform, none) = (job(""), job("--weighting uniform"), job("--method none"));
     assert_eq!((&ink["map"]["weighting"], &uniform["map"]["weighting"]), (&"ink".into(), &"uniform".into()));
     assert!(error(&ink) < error(&uniform) && error(&uniform) * 3.0 < error(&none));
-    let angle = |report: &Value| number(report, "/quality/after/largest_angle_error_deg");
+    let angle = |report: &Value| number(report, "/quality/after/max_angle_error_deg");
     let (long, right, free) = (job("--length-weight 4"), job("--angle-weight 4"), job("--angle-weight 0.25"));
     assert_eq!([&long["map"]["length_weight"], &long["map"]["angle_weight"]], [4.0, 1.0]);
     assert!(error(&long) < error(&ink) && error(&ink) < error(&right));

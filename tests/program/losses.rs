@@ -147,8 +147,8 @@ fn strict_counts_the_area_of_a_contour_that_repeats_its_first_point() {
     desk.write("again.dxf", format!("{before}{again}{after}"));
     desk.write("square.dxf", square);
     let strict = desk.correct("plate.obj", "again.dxf", &format!("{AS_DRAWN} --strict"));
-    let mended = desk.correct("plate.obj", "again.dxf", AS_DRAWN);
-    assert_eq!(strict["quality"]["after"]["area_mm2"], mended["quality"]["after"]["area_mm2"]);
+    let repaired = desk.correct("plate.obj", "again.dxf", AS_DRAWN);
+    assert_eq!(strict["quality"]["after"]["area_mm2"], repaired["quality"]["after"]["area_mm2"]);
     let area = strict["quality"]["after"]["area_mm2"].as_f64().unwrap();
     assert!((area - 100.0).abs() < 1e-6, "{area}");
     assert_eq!(strict["pattern"]["contours"], 1);

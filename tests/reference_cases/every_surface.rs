@@ -39,10 +39,7 @@ fn holds(case: Case) {
             let within = |found: f64, slow: f64| (found - slow).abs() <= 0.05 * slow;
             assert!(within(even.length_error(), slow.length_error), "{name}: {even:?}, slowly {slow:?}");
             assert!(within(even.area_error(), slow.area_error), "{name}: {even:?}, slowly {slow:?}");
-            assert!(
-                even.angle() <= 1.05 * slow.largest_angle_error.to_degrees(),
-                "{name}: {even:?}, {slow:?}"
-            );
+            assert!(even.angle() <= 1.05 * slow.max_angle_error.to_degrees(), "{name}: {even:?}, {slow:?}");
 
             assert!(inked.length_error() < even.length_error(), "{name}: {inked:?}, evenly {even:?}");
             assert!(

@@ -46,7 +46,7 @@ fn lines_wrap_120_degrees_of_a_cylinder_by_every_method() {
     for (name, method) in [("uniform", UNIFORM), ("ink", INK), ("exact", Method::Cylinder)] {
         let found = CYLINDER.judged(&surface, &grid(62.4, 13.0), &method);
         found.print("120° round", "grid", name);
-        assert!(found.length_error() < 0.005 && found.figures.largest_stretch < 5e-4, "{found:?}");
+        assert!(found.length_error() < 0.005 && found.figures.max_stretch < 5e-4, "{found:?}");
     }
 }
 

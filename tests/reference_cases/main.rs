@@ -71,7 +71,7 @@ impl Case {
         let map = LengthTrueMap::find(surface, &placed, |_| true, self.anchor(), method).unwrap();
         let figures = self.measured(&placed, |at| map.point(at));
         let squares = Ink { pieces: Vec::new(), ..fine_ink(&placed) };
-        let over_squares = self.measure(&squares, |at| map.point(at)).largest_angle_error.to_degrees();
+        let over_squares = self.measure(&squares, |at| map.point(at)).max_angle_error.to_degrees();
         Judged { figures, over_squares, map }
     }
 
@@ -122,7 +122,7 @@ impl Judged {
 
     /// The largest angle error over squares and along lines, degrees.
     fn angle(&self) -> f64 {
-        self.figures.largest_angle_error.to_degrees()
+        self.figures.max_angle_error.to_degrees()
     }
 
     fn isometric(&self) -> &IsometricMap {

@@ -68,7 +68,7 @@ fn coarse_tessellations_yield_the_surface_they_were_cut_from() {
                     "{name:10} {normals:?} sag {sag:.2}: {miss:.5} mm at ({:.1}, {:.1}); residual {:.5} rms {:.5} spans {}{verdict}",
                     at.x,
                     at.y,
-                    surface.residual.largest,
+                    surface.residual.max,
                     surface.residual.rms,
                     surface.nurbs.knots().0.spans(),
                 );

@@ -58,17 +58,12 @@ pub(crate) fn everything() -> JobSettings {
             unit: Some(LengthUnit::Inch),
             up: Some(UpAxis::Y),
             smoothing: Smoothing::LowPass { wavelength: 2.5 },
-            figure: Figure::new(60.0, 85.0, 120.0, Vector3::y()),
+            primitive: Primitive::new(60.0, 85.0, 120.0, Vector3::y()),
         },
         pattern: PatternSettings {
             unit_if_unitless: Some(DrawingUnit::Inch),
             ink_layers: Some(vec!["Schr\u{c4}g".into(), "cut 2:x".into(), "schr\u{e4}g".into()]),
-            picture: PictureOptions {
-                width: Some(40.0),
-                height: Some(20.0),
-                threshold: 0.25,
-                inverted: true,
-            },
+            picture: RasterOptions { width: Some(40.0), height: Some(20.0), threshold: 0.25, inverted: true },
             joining_tolerance: 0.05,
             strict: true,
             losses: Losses::Warn,
@@ -121,7 +116,7 @@ fn the_text_of_every_setting_is_pinned() {
         "fit.tolerance_mm 3f689374bc6a7efa\nfit.first_spans 36\nfit.most_spans 128\n"
     );
     let sizes = part.split("part.low_pass_mm 4004000000000000\n").nth(1).unwrap();
-    assert_eq!(figure(&everything().part.figure.unwrap()), sizes);
+    assert_eq!(primitive(&everything().part.primitive.unwrap()), sizes);
 }
 
 /// A new setting is a mistake of the compiler's here until it is written out, or left out with a reason.

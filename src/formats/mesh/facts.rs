@@ -62,7 +62,8 @@ pub struct PartFacts {
     /// Names of the materials that faces use, in the order of first use.
     pub materials: Vec<String>,
     /// What the file holds besides and was left aside, such as `2 x camera`.
-    pub not_taken: Vec<String>,
+    #[serde(rename = "not_taken")]
+    pub skipped: Vec<String>,
     /// What was found in the points of a scan once it was smoothed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<ScanFacts>,

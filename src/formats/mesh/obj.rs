@@ -48,10 +48,10 @@ fn part_of(mut checked: Checked, pace: Pace) -> Result<RawPart, MeshReadError> {
     let mut clues = Clues::new(MeshFormat::Obj, checked.producer.take());
     clues.stated_unit = checked.stated_unit;
     let mut part = RawPart::new(clues);
-    part.not_taken = checked.not_taken();
+    part.skipped = checked.skipped();
     if checked.corners == 0 {
-        let cause = if !part.not_taken.is_empty() {
-            EmptyCause::OnlyOthers(part.not_taken)
+        let cause = if !part.skipped.is_empty() {
+            EmptyCause::OnlyOthers(part.skipped)
         } else if part.clues.is_arch_export() {
             EmptyCause::ArchContainer
         } else {

@@ -436,10 +436,10 @@ impl Found {
         let mut part = RawPart::new(clues);
         let others =
             header.elements.iter().filter(|element| !matches!(element.name.as_str(), "vertex" | "face"));
-        part.not_taken = others.map(|element| format!("{} x {}", element.count, element.name)).collect();
+        part.skipped = others.map(|element| format!("{} x {}", element.count, element.name)).collect();
         if self.arities.is_empty() {
-            if self.points.is_empty() && !part.not_taken.is_empty() {
-                return Err(MeshReadError::NoTriangles { cause: EmptyCause::OnlyOthers(part.not_taken) });
+            if self.points.is_empty() && !part.skipped.is_empty() {
+                return Err(MeshReadError::NoTriangles { cause: EmptyCause::OnlyOthers(part.skipped) });
             }
             at_most("points", self.points.len(), MOST_POINTS)?;
             part.set_scan(self.points, self.normals);

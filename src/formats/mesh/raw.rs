@@ -33,7 +33,7 @@ pub(super) struct RawPart {
     pub(super) missing: usize,
     pub(super) bodies: Vec<String>,
     pub(super) materials: Vec<String>,
-    pub(super) not_taken: Vec<String>,
+    pub(super) skipped: Vec<String>,
     pub(super) notices: Vec<Notice>,
 }
 
@@ -49,7 +49,7 @@ impl RawPart {
             missing: 0,
             bodies: Vec::new(),
             materials: Vec::new(),
-            not_taken: Vec::new(),
+            skipped: Vec::new(),
             notices: Vec::new(),
         }
     }
@@ -116,7 +116,7 @@ impl RawPart {
             normals: self.normals_found,
             bodies: self.bodies,
             materials: self.materials,
-            not_taken: self.not_taken,
+            skipped: self.skipped,
             scan: None,
             notices: self.notices,
         };

@@ -30,19 +30,20 @@ pub struct PatternFacts {
     /// The layers of the file, those without paths too.
     pub layers: BTreeMap<String, LayerFacts>,
     /// Everything that draws something in the file and not in the pattern; what a block holds is named once for each layer.
-    pub not_taken: Vec<NotTaken>,
-    /// What was mended, such as loose pieces joined to contours; empty for drawings read strictly.
+    #[serde(rename = "not_taken")]
+    pub skipped: Vec<Skipped>,
+    /// What was repaired, such as loose pieces joined to contours; empty for drawings read strictly.
     pub repairs: Vec<Repair>,
     /// What was assumed or looks unusual.
     pub notices: Vec<Notice>,
     /// What is known of the picture, if the drawing is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<PictureFacts>,
+    pub picture: Option<RasterFacts>,
 }
 
 /// A picture and how it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PictureFacts {
+pub struct RasterFacts {
     /// Columns and rows of pixels.
     pub pixels: [usize; 2],
     /// Width and height of the whole picture with its blank border, mm.
@@ -73,20 +74,20 @@ pub struct LayerFacts {
     pub hidden: Option<String>,
 }
 
-/// Something that was mended.
+/// Something that was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Repair {
-    /// What was mended, with its number.
+    /// What was repaired, with its number.
     #[serde(flatten)]
     pub notice: Notice,
-    /// In how many places it was mended.
+    /// In how many places it was repaired.
     #[serde(default)]
     pub count: usize,
     /// These places, the first thousand of them.
     pub places: Vec<RepairPlace>,
 }
 
-/// Where something was mended.
+/// Where something was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RepairPlace {
     /// Type of the entity, or of the first of several, such as `LINE`.
@@ -107,7 +108,7 @@ pub struct RepairPlace {
 
 /// An entity that is not in the pattern.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NotTaken {
+pub struct Skipped {
     /// Its type, such as `MTEXT`.
     pub entity: String,
     /// Its handle in hexadecimal, if the file has one.
@@ -131,13 +132,13 @@ const MOST_GROUPS: usize = 6;
 impl PatternFacts {
     /// The visible ink that is not in the pattern, on the layers for which `counts` says yes.
     pub fn lost_ink(&self, counts: impl Fn(&str) -> bool) -> LostInk<'_> {
-        LostInk(self.not_taken.iter().filter(|left| left.is_ink && counts(&left.layer)).collect())
+        LostInk(self.skipped.iter().filter(|left| left.is_ink && counts(&left.layer)).collect())
     }
 }
 
 /// Visible ink that is not in the pattern.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LostInk<'f>(pub Vec<&'f NotTaken>);
+pub struct LostInk<'f>(pub Vec<&'f Skipped>);
 
 impl std::fmt::Display for LostInk<'_> {
     /// The first entities with handle, layer and reason, and how many more there are; one line.

@@ -6,19 +6,19 @@
 mod dxf;
 mod error;
 mod facts;
-mod picture;
+mod raster;
 mod reading;
 mod units;
 
 pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
-pub use facts::{LayerFacts, LostInk, NotTaken, PatternFacts, PictureFacts, Repair, RepairPlace};
-pub use picture::PictureOptions;
+pub use facts::{LayerFacts, LostInk, PatternFacts, RasterFacts, Repair, RepairPlace, Skipped};
+pub use raster::RasterOptions;
 pub use reading::{PatternOptions, PatternReading};
 pub use units::{DrawingUnit, UnknownUnit};
 
-use picture::PictureFormat;
+use raster::RasterFormat;
 
 /// Endings of drawings' names, in lower case.
 const ENDINGS: [&str; 3] = ["dxf", "png", "bmp"];
@@ -29,15 +29,15 @@ const ENDINGS: [&str; 3] = ["dxf", "png", "bmp"];
 /// The bytes are no whole DXF file or picture, a number is unreadable, the drawing unfolds to too much, a picture has no
 /// size, or nothing in it can be marked; or it takes longer than [`PatternOptions::pace`] allows.
 pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
-    match PictureFormat::of(bytes) {
-        Some(format) => picture::read(bytes, format, options),
+    match RasterFormat::of(bytes) {
+        Some(format) => raster::read(bytes, format, options),
         None => dxf::read(bytes, options),
     }
 }
 
 /// Whether the bytes reach to the end that their format marks, that is, whether a writer has finished.
 pub fn is_complete(bytes: &[u8]) -> bool {
-    PictureFormat::of(bytes).map_or_else(|| dxf::scan::is_complete(bytes), |format| format.is_complete(bytes))
+    RasterFormat::of(bytes).map_or_else(|| dxf::scan::is_complete(bytes), |format| format.is_complete(bytes))
 }
 
 /// Whether a file of this name is a drawing, in capitals or not.

@@ -2,7 +2,7 @@
 
 use super::super::Pace;
 use super::facts::PatternFacts;
-use super::picture::options::PictureOptions;
+use super::raster::options::RasterOptions;
 use super::units::DrawingUnit;
 use crate::geometry::pattern::Pattern;
 use crate::reason::Notice;
@@ -23,7 +23,7 @@ pub struct PatternOptions {
     /// Leaves the drawing as it is: nothing is joined, closed or taken out, and what would be is warned of. Default no.
     pub strict: bool,
     /// How a picture is read.
-    pub picture: PictureOptions,
+    pub picture: RasterOptions,
     /// How long reading may take. Default as long as it takes.
     pub pace: Pace,
 }
@@ -35,7 +35,7 @@ impl Default for PatternOptions {
             unit: None,
             joining_tolerance: 0.002,
             strict: false,
-            picture: PictureOptions::default(),
+            picture: RasterOptions::default(),
             pace: Pace::Any,
         }
     }

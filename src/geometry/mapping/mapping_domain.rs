@@ -4,7 +4,7 @@
 //! Chuang, Shape correction for laser marking, 2023, algorithms 3.2 to 3.5 and A.3 to A.10. The view and the drawing's
 //! anchor stand for the rearrangement of A.1, algorithm 3.3 replaces A.2 in the thesis itself. Its parameter lines are
 //! laid out at right angles, though on the part they meet at sin ω = z_x·z_y / √((1 + z_x²)(1 + z_y²)) off a right angle:
-//! that is the method's limit, whatever is mended. What is printed does not run, or not well; mended here are
+//! that is the method's limit, whatever is corrected. What is printed does not run, or not well; corrected here are
 //!
 //! - 3.3: the nearest vertex lent its height to another place; heights are sampled where they are needed,
 //! - 3.4: the range of v in line 1; loops that left the grid unless the drawing was centred,
@@ -45,7 +45,7 @@ impl MappingDomainOptions {
     pub const GRIDS: RangeInclusive<usize> = 2..=200;
     /// Numbers of intervals that make sense; only even ones.
     pub const INTERVALS: RangeInclusive<usize> = 2..=1000;
-    /// What the thesis recommends, mended.
+    /// What the thesis recommends, with all slips corrected.
     pub const THESIS: Self =
         Self { grid: 30, intervals: 50, sample_step: 2.0, as_printed: AsPrinted::NOTHING };
 }
@@ -63,7 +63,7 @@ pub struct AsPrinted {
 }
 
 impl AsPrinted {
-    /// Everything mended.
+    /// Everything corrected.
     pub const NOTHING: Self = Self { simpson_weights: false, diagonal_sums: false, knot_vectors: false };
     /// Nothing but Simpson's weights as printed.
     pub const SIMPSON: Self = Self { simpson_weights: true, ..Self::NOTHING };

@@ -20,9 +20,9 @@ use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
 use self::patch::{SampledPatch, TooFewPoints};
-use super::figure::{Figure, Form};
 use super::ink::Ink;
 use super::pattern::Pattern;
+use super::primitive::{Form, Primitive};
 use super::space::{Extents, FlatPoint, ViewPoint};
 use super::surface::fit::FittedSurface;
 
@@ -43,8 +43,8 @@ pub enum Method {
     Cylinder,
     /// Exact unrolling of the cone that fits best.
     Cone,
-    /// Exact unrolling of the figure that the part is known to be.
-    Given(Figure),
+    /// Exact unrolling of the primitive that the part is known to be.
+    Given(Primitive),
     /// The thesis' own method, for comparison.
     MappingDomain(MappingDomainOptions),
     /// The thesis' state of the art, for comparison.
@@ -113,10 +113,10 @@ impl LengthTrueMap {
             Method::Plain => Ok(Self::Plain),
             Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, counts), anchor),
             Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, counts), anchor),
-            Method::Given(figure) => {
+            Method::Given(primitive) => {
                 let ink = coarse_ink(pattern, counts);
-                let height = figure.height(anchor.coords().into()).unwrap_or(0.0);
-                match figure.form() {
+                let height = primitive.height(anchor.coords().into()).unwrap_or(0.0);
+                match primitive.form() {
                     Form::Cylinder(cylinder) => {
                         let map = CylinderMap::new(cylinder, anchor, height)?;
                         Ok(Self::Cylinder(map, CylinderFit { cylinder, residual: 0.0 }))
@@ -170,7 +170,7 @@ impl LengthTrueMap {
         })
     }
 
-    /// Largest distance of the part from the figure that is unrolled, mm; `None` for maps that unroll none.
+    /// Largest distance of the part from the primitive that is unrolled, mm; `None` for maps that unroll none.
     pub fn fit_residual(&self) -> Option<f64> {
         match self {
             Self::Cylinder(_, fit) => Some(fit.residual),
@@ -212,7 +212,7 @@ impl LengthTrueMap {
 }
 
 /// Unrolls twice: what is found under the middle of the drawing tells where the drawing really comes to lie, which is
-/// less far out than it was drawn, and there the figure is fitted and judged.
+/// less far out than it was drawn, and there the primitive is fitted and judged.
 fn unroll(
     surface: &FittedSurface,
     ink: &Ink,

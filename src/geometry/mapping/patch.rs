@@ -66,20 +66,20 @@ impl SampledPatch {
         )
     }
 
-    /// Lowers the sum of the squared distances of the points from a figure by Gauss and Newton's method until it settles:
-    /// `look` gives the signed distance of a point and its derivatives by the figure's parameters, `turn` the figure
+    /// Lowers the sum of the squared distances of the points from a shape by Gauss and Newton's method until it settles:
+    /// `look` gives the signed distance of a point and its derivatives by the shape's parameters, `turn` the shape
     /// after a step of them.
-    pub(super) fn fit<Figure: Copy, const PARAMETERS: usize>(
+    pub(super) fn fit<Shape: Copy, const PARAMETERS: usize>(
         &self,
-        mut figure: Figure,
-        look: impl Fn(&Figure, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
-        turn: impl Fn(&Figure, &[f64; PARAMETERS]) -> Figure,
-    ) -> Figure {
+        mut shape: Shape,
+        look: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+        turn: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
+    ) -> Shape {
         for _ in 0..MOST_STEPS {
             let mut matrix = DMatrix::zeros(self.points.len(), PARAMETERS);
             let mut right = DVector::zeros(self.points.len());
             for (row, point) in self.points.iter().enumerate() {
-                let (distance, derivatives) = look(&figure, point);
+                let (distance, derivatives) = look(&shape, point);
                 derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
                 right[row] = -distance;
             }
@@ -89,12 +89,12 @@ impl SampledPatch {
             if !step.iter().all(|value| value.is_finite()) {
                 break;
             }
-            figure = turn(&figure, &step);
+            shape = turn(&shape, &step);
             if solution.norm() < SETTLED {
                 break;
             }
         }
-        figure
+        shape
     }
 }
 

@@ -24,17 +24,17 @@ pub struct Distortion {
     /// Inked area as drawn, mm².
     pub area: f64,
     /// Largest |length on the part / length drawn − 1| of a piece.
-    pub largest_stretch: f64,
+    pub max_stretch: f64,
     /// Where that is, in the drawing.
-    pub largest_stretch_at: FlatPoint,
+    pub max_stretch_at: FlatPoint,
     /// Least and largest length on the part / length drawn − 1 of a piece; twice 0 without lines.
     pub stretch_range: [f64; 2],
     /// Root mean square of the same, weighted by length.
     pub rms_stretch: f64,
     /// Largest change of the angle between any two directions, over the inked squares and along the lines, rad.
-    pub largest_angle_error: f64,
+    pub max_angle_error: f64,
     /// Largest |area on the part / area drawn − 1| of a square; 0 without inked area.
-    pub largest_area_stretch: f64,
+    pub max_area_stretch: f64,
 }
 
 /// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` (mm) is that of the part
@@ -53,12 +53,12 @@ pub fn measure(
         area_error: 0.0,
         length: 0.0,
         area: ink.area(),
-        largest_stretch: 0.0,
-        largest_stretch_at: FlatPoint::new(0.0, 0.0),
+        max_stretch: 0.0,
+        max_stretch_at: FlatPoint::new(0.0, 0.0),
         stretch_range: [0.0; 2],
         rms_stretch: 0.0,
-        largest_angle_error: 0.0,
-        largest_area_stretch: 0.0,
+        max_angle_error: 0.0,
+        max_area_stretch: 0.0,
     };
     let mut range = None;
     for lifted in lifted(ink, lift) {
@@ -72,14 +72,14 @@ pub fn measure(
         let beside = |step: nalgebra::Vector2<f64>| lift(middle + step);
         // Just outside the part there may be nothing to measure; the piece itself was on it.
         if let (Ok(left), Ok(right)) = (beside(sideways), beside(-sideways)) {
-            distortion.largest_angle_error =
-                distortion.largest_angle_error.max(angle_error(&(to - from), &(left - right)));
+            distortion.max_angle_error =
+                distortion.max_angle_error.max(angle_error(&(to - from), &(left - right)));
         }
         distortion.length_error += stretch.abs() * drawn;
         distortion.rms_stretch += stretch * stretch * drawn;
-        if stretch.abs() > distortion.largest_stretch {
-            distortion.largest_stretch = stretch.abs();
-            distortion.largest_stretch_at = piece.from.lerp(piece.to, 0.5);
+        if stretch.abs() > distortion.max_stretch {
+            distortion.max_stretch = stretch.abs();
+            distortion.max_stretch_at = piece.from.lerp(piece.to, 0.5);
         }
     }
     distortion.stretch_range = range.unwrap_or_default();
@@ -93,10 +93,10 @@ pub fn measure(
         let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
         let drawn = ink.side * ink.side;
         distortion.area_error += (area - drawn).abs();
-        distortion.largest_area_stretch = distortion.largest_area_stretch.max((area / drawn - 1.0).abs());
+        distortion.max_area_stretch = distortion.max_area_stretch.max((area / drawn - 1.0).abs());
         let across = (b - a) + (c - d);
         let up = (d - a) + (c - b);
-        distortion.largest_angle_error = distortion.largest_angle_error.max(angle_error(&across, &up));
+        distortion.max_angle_error = distortion.max_angle_error.max(angle_error(&across, &up));
     }
     Ok(distortion)
 }

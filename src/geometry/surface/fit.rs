@@ -61,13 +61,13 @@ pub struct FittedSurface {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {
     /// Largest distance, mm.
-    pub largest: f64,
+    pub max: f64,
     /// Where it is largest.
     pub at: ViewPoint,
     /// Root mean square, mm.
     pub rms: f64,
     /// Distance that 95 % of the nodes stay below, mm.
-    pub most: f64,
+    pub p95: f64,
     /// Number of nodes compared.
     pub nodes: usize,
 }
@@ -125,13 +125,13 @@ impl FittedSurface {
         let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
         let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
         let mut nurbs = data.fit()?;
-        let mut left = data.most(&nurbs);
+        let mut left = data.p95(&nurbs);
         while left > options.tolerance && spans * 2 <= options.most_spans {
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
             let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
             nurbs = data.correct(nurbs.halved(), options.tolerance)?;
-            let before = std::mem::replace(&mut left, data.most(&nurbs));
+            let before = std::mem::replace(&mut left, data.p95(&nurbs));
             if before < 2.0 * left {
                 break;
             }
@@ -168,7 +168,7 @@ impl FittedSurface {
         }
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
-        let residual = Residual { largest, at, rms, most: most(sizes), nodes };
+        let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
         Self { nurbs, field, residual, differences, doubts: Vec::new() }
     }
 
@@ -275,8 +275,8 @@ impl<'a> Data<'a> {
     }
 
     /// The distance that 95 % of the nodes that count stay below, mm.
-    fn most(&self, nurbs: &NurbsSurface) -> f64 {
-        most(self.known().map(|(at, height)| (height - nurbs.height(at)).abs()).collect())
+    fn p95(&self, nurbs: &NurbsSurface) -> f64 {
+        p95(self.known().map(|(at, height)| (height - nurbs.height(at)).abs()).collect())
     }
 
     /// The least-squares surface, one span for every two nodes.
@@ -379,7 +379,7 @@ fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
 }
 
 /// The size that 95 % stay below.
-fn most(mut sizes: Vec<f64>) -> f64 {
+fn p95(mut sizes: Vec<f64>) -> f64 {
     let nodes = sizes.len();
     if nodes == 0 { 0.0 } else { *sizes.select_nth_unstable_by(nodes * 95 / 100, f64::total_cmp).1 }
 }
@@ -456,7 +456,7 @@ mod tests {
         let mesh = shapes::graph(10.0, 0.5, |x, _| if x > 0.0 { -x } else { 0.0 });
         let fitted =
             FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
-        assert!(fitted.residual.largest > 0.003 && fitted.residual.at.x.abs() < 0.5, "{:?}", fitted.residual);
+        assert!(fitted.residual.max > 0.003 && fitted.residual.at.x.abs() < 0.5, "{:?}", fitted.residual);
         let near = ViewPoint::new(0.03, 1.0);
         assert!((fitted.sampled_height(near).unwrap() + 0.03).abs() < 0.01);
     }

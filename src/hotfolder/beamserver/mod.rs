@@ -82,13 +82,13 @@ pub(crate) fn import(
     }
     let new = server.import_new(name, &drawing.path, &before)?;
     before.iter().try_for_each(|old| server.delete(old))?;
-    let mut story = "imported into BeamConstruct".to_owned();
+    let mut outcome = "imported into BeamConstruct".to_owned();
     if !before.is_empty() {
-        story += ", in place of the older one";
+        outcome += ", in place of the older one";
     }
     if let Some(size) = drawing.size {
         server.verify(name, name, size).map_err(|error| server.take_back(&new, error))?;
-        story += &format!(", {:.3} x {:.3} mm as it should be", size[0], size[1]);
+        outcome += &format!(", {:.3} x {:.3} mm as it should be", size[0], size[1]);
     }
-    Ok(story)
+    Ok(outcome)
 }

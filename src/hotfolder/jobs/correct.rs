@@ -91,7 +91,7 @@ impl<C: Corrector> Executor<'_, C> {
     /// Without a surface a pattern waits.
     fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), EarlyEnd> {
         // The shape that settings give by its sizes is never that of a file.
-        let is_from_file = task.settings.part.figure.is_none();
+        let is_from_file = task.settings.part.primitive.is_none();
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
@@ -267,8 +267,8 @@ impl Correction<'_> {
         let is_for_server = task.station.delivery.kind == DeliveryKind::Beamserver;
         let for_server = if is_for_server { " for BeamServer" } else { "" };
         let took = self.started.elapsed().as_millis();
-        let story = words(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
-        tracing::info!("{name} {story}{for_server} in {took} ms: {summary}");
+        let outcome = words(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
+        tracing::info!("{name} {outcome}{for_server} in {took} ms: {summary}");
         let last = self.last.as_ref();
         if let Some(last) = last
             && !self.is_same_again()

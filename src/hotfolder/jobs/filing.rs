@@ -221,7 +221,7 @@ pub(crate) fn reject(
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
-        "{} was rejected.\n\n{reason}\n\nTo try again, mend the file and drop it again, or move it back as it is.\n",
+        "{} was rejected.\n\n{reason}\n\nTo try again, correct the file and drop it again, or move it back as it is.\n",
         on_one_line(&drop)
     );
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;

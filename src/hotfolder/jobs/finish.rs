@@ -46,9 +46,9 @@ impl<C: Corrector> Executor<'_, C> {
             if matches!(imported, Err(JobError::Rejected(_))) {
                 delivery::take_back(&station.folders, &mut self.journal(), &unfiled.job)?;
             }
-            let story = imported?;
+            let outcome = imported?;
             delivery::forget_previous(&station.folders, ready.name);
-            tracing::info!("{} {story}", ready.name);
+            tracing::info!("{} {outcome}", ready.name);
             (unfiled.import, unfiled.asked) = (Import::Done, true);
         }
         let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);

@@ -40,7 +40,7 @@ pub(super) fn read(
         root,
         data: Data { document, buffers },
         part: RawPart::new(Clues::new(format, root.asset.generator.clone())),
-        not_taken: BTreeMap::new(),
+        skipped: BTreeMap::new(),
         used_materials: vec![false; root.materials.len()],
         has_normals: false,
         pace,
@@ -60,7 +60,7 @@ struct Walk<'a> {
     data: Data<'a>,
     part: RawPart,
     /// How often something was left aside, by its name.
-    not_taken: BTreeMap<&'static str, usize>,
+    skipped: BTreeMap<&'static str, usize>,
     used_materials: Vec<bool>,
     has_normals: bool,
     pace: Pace,
@@ -279,14 +279,13 @@ impl Walk<'_> {
 
     fn leave_aside(&mut self, what: &'static str, count: usize) {
         if count > 0 {
-            *self.not_taken.entry(what).or_default() += count;
+            *self.skipped.entry(what).or_default() += count;
         }
     }
 
     fn name_the_rest(&mut self) {
         self.leave_aside("animation", self.root.animations.len());
-        self.part.not_taken =
-            self.not_taken.iter().map(|(what, count)| format!("{count} x {what}")).collect();
+        self.part.skipped = self.skipped.iter().map(|(what, count)| format!("{count} x {what}")).collect();
     }
 
     fn finish(self) -> Result<RawPart, MeshReadError> {
@@ -294,7 +293,7 @@ impl Walk<'_> {
         if part.triangles.is_empty() {
             let root = self.root;
             let cause = match () {
-                _ if !self.not_taken.is_empty() => EmptyCause::OnlyOthers(part.not_taken),
+                _ if !self.skipped.is_empty() => EmptyCause::OnlyOthers(part.skipped),
                 _ if root.meshes.is_empty() && !root.nodes.is_empty() && part.clues.is_open_cascade() => {
                     EmptyCause::NeverMeshed
                 }

@@ -146,7 +146,7 @@ fn what_is_no_surface_is_named() {
     .unwrap();
     let named =
         ["1 x camera", "2 x set of lines", "1 x set of points", "1 x skin (the part is read unposed)"];
-    assert_eq!(part.facts.not_taken, named);
+    assert_eq!(part.facts.skipped, named);
     let only_lines = read_with(|document| document["meshes"][0]["primitives"][0]["mode"] = json!(1));
     let cause = EmptyCause::OnlyOthers(vec!["1 x set of lines".into()]);
     assert_eq!(only_lines, Err(MeshReadError::NoTriangles { cause }));

@@ -229,7 +229,7 @@ impl Checked {
     }
 
     /// What the file holds beside faces, with its number.
-    pub(super) fn not_taken(&self) -> Vec<String> {
+    pub(super) fn skipped(&self) -> Vec<String> {
         let counted = [
             (self.lines, "line (l)"),
             (self.points, "set of points (p)"),

@@ -73,7 +73,7 @@ fn text_is_read_whatever_it_went_through() {
 fn lines_points_and_the_unknown_are_named() {
     let part = plate("l 1 2\nl 2 3\np 4\nquark 7\nf 1 2 3 4\n").unwrap();
     let named = ["2 x line (l)", "1 x set of points (p)", "unknown statements such as \"quark 7\""];
-    assert_eq!(part.facts.not_taken, named);
+    assert_eq!(part.facts.skipped, named);
     assert_eq!(area(&part), 100.0);
 }
 

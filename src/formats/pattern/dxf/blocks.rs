@@ -11,7 +11,7 @@ use super::curves::{Curve, Placement, vanishing};
 use super::items::{Insert, Item, Reader, Remarks};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
-use crate::formats::pattern::NotTaken;
+use crate::formats::pattern::Skipped;
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::FlatPoint;
 
@@ -29,7 +29,7 @@ pub(super) struct Unfolded {
     pub(super) layer_names: Vec<String>,
     /// Lowest and highest z of what is drawn, mm.
     pub(super) heights: Option<(f64, f64)>,
-    pub(super) not_taken: Vec<NotTaken>,
+    pub(super) skipped: Vec<Skipped>,
     /// Number of lines drawn whole that the drawing shows as dashes or dots, with the first.
     pub(super) dashed: Option<(usize, EntityName)>,
     /// Which entities of the inventory made several strokes or a fill; texts and wide lines are among them.
@@ -187,7 +187,7 @@ impl<'u> Unfolding<'u> {
             Item::Construction(why) => {
                 self.name(index, record, look.layer, (*why).into(), Missing::Hidden);
             }
-            Item::NotTaken(why) => self.name(index, record, look.layer, why.clone(), Missing::Ink),
+            Item::Skipped(why) => self.name(index, record, look.layer, why.clone(), Missing::Ink),
             // Inside a block it stands for the attributes of the inserts, which are texts of their own.
             Item::Template if !self.open_blocks.is_empty() => {}
             Item::Template => {
@@ -371,7 +371,7 @@ impl<'u> Unfolding<'u> {
     fn name(&mut self, index: usize, record: &Record, layer: &str, why: Cow<'static, str>, missing: Missing) {
         if self.open_blocks.is_empty() || self.named.insert((index, layer.to_owned(), why.clone())) {
             let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
-            self.result.not_taken.push(NotTaken {
+            self.result.skipped.push(Skipped {
                 entity: self.structure.kind(record).into(),
                 handle: self.structure.handle(self.scan, record),
                 layer: layer.to_owned(),

@@ -47,7 +47,7 @@ impl Reader<'_> {
         // Every entity takes one; those of many pieces take as many more.
         let item = match budget.hold(1) {
             Ok(()) => self.read(index, record, remarks, budget)?,
-            Err(exceeded) => Item::NotTaken(exceeded.into()),
+            Err(exceeded) => Item::Skipped(exceeded.into()),
         };
         match budget.exceeded() {
             Some(cost) => Err(cost.too_many(self.structure.name(self.scan, record))),
@@ -137,7 +137,7 @@ impl Reader<'_> {
             "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),
             "SEQEND" => Item::DrawsNothing("it belongs to no polyline or block"),
             "RAY" | "XLINE" => Item::Construction("it has no end: trim it to a line"),
-            kind => Item::NotTaken(why_not(kind).into()),
+            kind => Item::Skipped(why_not(kind).into()),
         })
     }
 
@@ -169,7 +169,7 @@ impl Reader<'_> {
     fn dimension(&self, dimension: &Groups, record: &Record) -> Item {
         let block = self.block_name(record);
         if block.is_empty() {
-            return Item::NotTaken("it has no block that draws it: explode it in the drawing program".into());
+            return Item::Skipped("it has no block that draws it: explode it in the drawing program".into());
         }
         let plane = dimension.plane();
         Item::Insert(Box::new(Insert {
@@ -217,7 +217,7 @@ fn spline(spline: &Groups, tolerance: f64, budget: &mut Budget) -> Item {
         };
         by_control_points(&control, tolerance, budget)
     };
-    curve.map_or_else(|why| Item::NotTaken(why.into()), Item::Curve)
+    curve.map_or_else(|why| Item::Skipped(why.into()), Item::Curve)
 }
 
 fn quadrangle(solid: &Groups) -> Item {

@@ -1,9 +1,9 @@
-//! What a person is told about a drawing: where it comes from, what was mended, what looks wrong.
+//! What a person is told about a drawing: where it comes from, what was repaired, what looks wrong.
 
 use std::collections::BTreeMap;
 
 use super::super::error::{EntityName, PatternReadError};
-use super::super::facts::{LayerFacts, NotTaken, PatternFacts, Repair, RepairPlace};
+use super::super::facts::{LayerFacts, PatternFacts, Repair, RepairPlace, Skipped};
 use super::super::reading::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
@@ -11,7 +11,7 @@ use super::code_page::CodePage;
 use super::items::Remarks;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
-use crate::geometry::contour::{Finding, Mending};
+use crate::geometry::contour::{Finding, Repaired};
 use crate::geometry::pattern::{Layer, Path, SAME_POINT, Shape};
 use crate::geometry::space::Extents;
 use crate::reason::Notice;
@@ -135,9 +135,9 @@ pub(super) fn extra_points(structure: &Structure, scan: &Scan<'_>, remarks: &Rem
     records.take(MAX_PLACES).map(place).collect()
 }
 
-/// What was mended, kind by kind, with its places.
+/// What was repaired, kind by kind, with its places.
 pub(super) fn repairs(
-    mending: &Mending,
+    repaired: &Repaired,
     layers: &[Layer],
     remarks: &Remarks,
     extra_points: Vec<RepairPlace>,
@@ -162,13 +162,13 @@ pub(super) fn repairs(
     let pieces = |found: &[Finding]| found.iter().map(|found| found.pieces).sum::<usize>();
     let message = format!(
         "{} loose pieces were joined to {} and {} (ends within {tolerance} mm)",
-        pieces(&mending.contours) + pieces(&mending.chains),
-        counted(mending.contours.len(), "contour", "contours"),
-        counted(mending.chains.len(), "open line", "open lines"),
+        pieces(&repaired.contours) + pieces(&repaired.chains),
+        counted(repaired.contours.len(), "contour", "contours"),
+        counted(repaired.chains.len(), "open line", "open lines"),
     );
-    add("pieces-joined", message, &[&mending.contours, &mending.chains]);
+    add("pieces-joined", message, &[&repaired.contours, &repaired.chains]);
     let closed: Vec<Finding> =
-        mending.closed.iter().filter(|found| found.gap > SAME_POINT).cloned().collect();
+        repaired.closed.iter().filter(|found| found.gap > SAME_POINT).cloned().collect();
     if let Some(widest) = widest(&closed) {
         let message = format!(
             "{} closed, the widest gap {:.6} mm ({})",
@@ -178,21 +178,21 @@ pub(super) fn repairs(
         );
         add("contours-closed", message, &[&closed]);
     }
-    if let [first, ..] = mending.duplicates.as_slice() {
+    if let [first, ..] = repaired.duplicates.as_slice() {
         let message = format!(
             "{} drawn twice in the same place and taken out once (first {})",
-            counted(mending.duplicates.len(), "path was", "paths were"),
+            counted(repaired.duplicates.len(), "path was", "paths were"),
             name(first)
         );
-        add("copies-removed", message, &[&mending.duplicates]);
+        add("copies-removed", message, &[&repaired.duplicates]);
     }
-    if let [first, ..] = mending.without_length.as_slice() {
+    if let [first, ..] = repaired.without_length.as_slice() {
         let message = format!(
             "{} without length taken out (first in {})",
-            counted(pieces(&mending.without_length), "piece", "pieces"),
+            counted(pieces(&repaired.without_length), "piece", "pieces"),
             name(first)
         );
-        add("empty-pieces-removed", message, &[&mending.without_length]);
+        add("empty-pieces-removed", message, &[&repaired.without_length]);
     }
     if !remarks.extra_vertices.is_empty() {
         let message = format!(
@@ -206,18 +206,18 @@ pub(super) fn repairs(
 }
 
 /// Warnings of what was left as it is because the drawing is read strictly.
-pub(super) fn unmended_notices(mending: &Mending, remarks: &Remarks, facts: &mut PatternFacts) {
+pub(super) fn unrepaired_notices(repaired: &Repaired, remarks: &Remarks, facts: &mut PatternFacts) {
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
-    if let [first, ..] = mending.duplicates.as_slice() {
+    if let [first, ..] = repaired.duplicates.as_slice() {
         let message = format!(
             "{} drawn twice in the same place and will be marked twice (first {})",
-            counted(mending.duplicates.len(), "path is", "paths are"),
+            counted(repaired.duplicates.len(), "path is", "paths are"),
             name(first)
         );
         warn("drawn-twice", message);
     }
-    if let [first, ..] = mending.without_length.as_slice() {
-        let pieces: usize = mending.without_length.iter().map(|found| found.pieces).sum();
+    if let [first, ..] = repaired.without_length.as_slice() {
+        let pieces: usize = repaired.without_length.iter().map(|found| found.pieces).sum();
         let message =
             format!("{} no length (first in {})", counted(pieces, "piece has", "pieces have"), name(first));
         warn("without-length", message);
@@ -257,11 +257,11 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 }
 
 /// Notices about what is drawn.
-pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
-    if !facts.not_taken.is_empty() {
+pub(super) fn drawing_notices(repaired: &Repaired, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
+    if !facts.skipped.is_empty() {
         // What draws nothing anyway is worth a word only where nothing else is missing.
-        let is_loss = facts.not_taken.iter().any(|left| left.is_loss);
-        let told: Vec<&NotTaken> = facts.not_taken.iter().filter(|left| left.is_loss == is_loss).collect();
+        let is_loss = facts.skipped.iter().any(|left| left.is_loss);
+        let told: Vec<&Skipped> = facts.skipped.iter().filter(|left| left.is_loss == is_loss).collect();
         let mut reasons: Vec<(&str, &str, &str)> = Vec::new();
         for left in &told {
             let reason = (left.entity.as_str(), left.layer.as_str(), left.why.as_ref());
@@ -282,7 +282,7 @@ pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, fa
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
     }
-    let regions = mending.paths.iter().filter_map(|path| path.region);
+    let regions = repaired.paths.iter().filter_map(|path| path.region);
     let regions = regions.collect::<std::collections::BTreeSet<_>>().len();
     if regions > 0 {
         let message = format!(
@@ -291,18 +291,18 @@ pub(super) fn drawing_notices(mending: &Mending, heights: Option<(f64, f64)>, fa
         );
         facts.notices.push(Notice::note("fills-outlined", message));
     }
-    if mending.ambiguous_ends > 0 {
+    if repaired.ambiguous_ends > 0 {
         let message = format!(
             "{} not joined, because more than two meet in a place",
-            counted(mending.ambiguous_ends, "end is", "ends are")
+            counted(repaired.ambiguous_ends, "end is", "ends are")
         );
         facts.notices.push(Notice::note("ends-not-joined", message));
     }
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
-    if let Some(widest) = widest(&mending.nearly_closed) {
+    if let Some(widest) = widest(&repaired.nearly_closed) {
         let message = format!(
             "{} open by a small gap, the widest {:.4} mm ({}); close them if they are meant as contours",
-            counted(mending.nearly_closed.len(), "outline is", "outlines are"),
+            counted(repaired.nearly_closed.len(), "outline is", "outlines are"),
             widest.gap,
             name(widest)
         );
@@ -381,9 +381,9 @@ pub(super) fn look_notices(
 }
 
 /// The refusal of a drawing without paths, with the most likely cause.
-pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> PatternReadError {
+pub(super) fn nothing_to_mark(structure: &Structure, skipped: &[Skipped]) -> PatternReadError {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for left in not_taken {
+    for left in skipped {
         *counts.entry(&left.entity).or_default() += 1;
     }
     let by_inkscape = producer(structure).is_some_and(|producer| producer.starts_with("Inkscape"));
@@ -395,7 +395,7 @@ pub(super) fn nothing_to_mark(structure: &Structure, not_taken: &[NotTaken]) -> 
             .into()
     } else {
         let reasons: std::collections::BTreeSet<&str> =
-            not_taken.iter().map(|left| left.why.as_ref()).collect();
+            skipped.iter().map(|left| left.why.as_ref()).collect();
         let first: Vec<&str> = reasons.into_iter().take(3).collect();
         format!(
             "Make curves of it on a visible layer of the model; it was left out because {}.",

@@ -32,7 +32,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
         };
         let contour = match contour {
             Ok(contour) => contour,
-            Err(why) => return Item::NotTaken(format!("a boundary cannot be read: {why}").into()),
+            Err(why) => return Item::Skipped(format!("a boundary cannot be read: {why}").into()),
         };
         let bounds = match contour.segments.as_slice() {
             [] => false,
@@ -57,7 +57,7 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     };
     let contours = match filled_part(contours, style, tolerance, budget) {
         Ok(contours) => contours,
-        Err(why) => return Item::NotTaken(why.into()),
+        Err(why) => return Item::Skipped(why.into()),
     };
     let plane = head.plane();
     if is_solid {
@@ -65,14 +65,14 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     }
     let families = families(&mut cursor);
     if families.is_empty() {
-        return Item::NotTaken(
+        return Item::Skipped(
             "the file does not hold the lines of its pattern: explode it in the drawing program".into(),
         );
     }
     match lines(&contours, &families, height, tolerance, budget) {
         Ok(drawn) if drawn.is_empty() => Item::DrawsNothing("none of its pattern lines meets its boundary"),
         Ok(drawn) => Item::Several(drawn.into_iter().map(|item| (None, item.placed(&plane))).collect()),
-        Err(why) => Item::NotTaken(why.into()),
+        Err(why) => Item::Skipped(why.into()),
     }
 }
 
@@ -328,7 +328,7 @@ mod tests {
             (97, 0.0),
             (75, 0.0),
         ];
-        assert!(matches!(read(&one_of_two), Item::NotTaken(_)));
+        assert!(matches!(read(&one_of_two), Item::Skipped(_)));
         // A pattern whose lines the program keeps in a file of its own.
         let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         let square = square.iter().flat_map(|(x, y)| [(10, *x), (20, *y)]);
@@ -337,7 +337,7 @@ mod tests {
             .chain(square)
             .chain([(97, 0.0), (75, 0.0), (78, 0.0)])
             .collect();
-        assert!(matches!(read(&numbers), Item::NotTaken(_)));
+        assert!(matches!(read(&numbers), Item::Skipped(_)));
     }
 
     #[test]

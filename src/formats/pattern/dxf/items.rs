@@ -30,7 +30,7 @@ pub(super) enum Item {
     /// Nothing here, although it draws lines that are an aid and no ink, with the reason.
     Construction(&'static str),
     /// Nothing here, although it draws ink, with the reason.
-    NotTaken(Cow<'static, str>),
+    Skipped(Cow<'static, str>),
 }
 
 impl Item {
@@ -48,7 +48,7 @@ impl Item {
                 insert.placement = placement.after(&insert.placement);
                 Self::Insert(insert)
             }
-            Self::Template | Self::DrawsNothing(_) | Self::Construction(_) | Self::NotTaken(_) => self,
+            Self::Template | Self::DrawsNothing(_) | Self::Construction(_) | Self::Skipped(_) => self,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! DXF, text and binary, from R12 to R2018.
 //!
 //! ```text
-//! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─mend─▶ pattern + facts
+//! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─repair─▶ pattern + facts
 //! ```
 //!
 //! The scan knows what is in the file and where. Whatever the inventory lists comes out as a path or is named as not
@@ -60,22 +60,22 @@ fn read_within(
     let reader = items::Reader { scan: &scan, structure: &structure, tolerance };
     let unfolded = blocks::unfold(&reader, &mut remarks, budget, unit.in_mm())?;
     if unfolded.paths.is_empty() {
-        return Err(findings::nothing_to_mark(&structure, &unfolded.not_taken));
+        return Err(findings::nothing_to_mark(&structure, &unfolded.skipped));
     }
     let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
     let drawn = paths.len();
     let extra_points = findings::extra_points(&structure, &scan, &remarks);
-    // Mending takes the most memory, and nobody asks for a group code any more.
+    // Repaired takes the most memory, and nobody asks for a group code any more.
     drop(scan);
-    let mending = match options.strict {
+    let repaired = match options.strict {
         true => contour::examine(paths),
-        false => contour::mend(paths, options.joining_tolerance),
+        false => contour::repair(paths, options.joining_tolerance),
     };
-    if mending.paths.is_empty() {
+    if repaired.paths.is_empty() {
         return Err(findings::only_without_length(drawn));
     }
 
-    let extents = findings::extents(&mending.paths);
+    let extents = findings::extents(&repaired.paths);
     let mut facts = PatternFacts {
         producer: findings::producer(&structure),
         version: findings::version(&structure.header.version),
@@ -84,11 +84,11 @@ fn read_within(
         size: extents.size().into(),
         extents: [extents.min.x, extents.min.y, extents.max.x, extents.max.y],
         entities: findings::histogram(&structure),
-        layers: findings::layers(&structure, &layers, &mending.paths),
-        not_taken: unfolded.not_taken,
+        layers: findings::layers(&structure, &layers, &repaired.paths),
+        skipped: unfolded.skipped,
         repairs: match options.strict {
             true => Vec::new(),
-            false => findings::repairs(&mending, &layers, &remarks, extra_points, options.joining_tolerance),
+            false => findings::repairs(&repaired, &layers, &remarks, extra_points, options.joining_tolerance),
         },
         notices: unit_notice.into_iter().collect(),
         picture: None,
@@ -98,11 +98,11 @@ fn read_within(
     remarks.wide.retain(|index| unfolded.drawn.contains(index));
     findings::text_notices(&remarks, &mut facts);
     findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
-    findings::drawing_notices(&mending, unfolded.heights, &mut facts);
+    findings::drawing_notices(&repaired, unfolded.heights, &mut facts);
     if options.strict {
-        findings::unmended_notices(&mending, &remarks, &mut facts);
+        findings::unrepaired_notices(&repaired, &remarks, &mut facts);
     }
-    Ok(PatternReading { pattern: Pattern { layers, paths: mending.paths }, facts })
+    Ok(PatternReading { pattern: Pattern { layers, paths: repaired.paths }, facts })
 }
 
 /// The layers that paths lie on, in the order of the file's table, those that it does not define last.

@@ -25,7 +25,7 @@ pub(super) fn light(
     let width = groups.or(43, 0.0);
     let count = groups.0.iter().filter(|(code, _)| *code == 10).count();
     if let Err(exceeded) = budget.hold(count) {
-        return Ok(Item::NotTaken(exceeded.into()));
+        return Ok(Item::Skipped(exceeded.into()));
     }
     let mut vertices: Vec<WideVertex> = Vec::with_capacity(count);
     for (code, number) in &groups.0 {
@@ -71,7 +71,7 @@ pub(super) fn heavy(
     let mut parts = record.pairs(scan).chunk_by(|_, next| next.code != 0);
     let head = read(parts.next().unwrap_or_default())?;
     if head.flags(70) & (16 | 64) != 0 {
-        return Ok(Item::NotTaken("it is a mesh, not a curve: draw its edges as lines".into()));
+        return Ok(Item::Skipped("it is a mesh, not a curve: draw its edges as lines".into()));
     }
     let (mut vertices, mut points, mut has_frame) = (Vec::new(), Vec::new(), false);
     for part in parts.filter(|part| scan.raw(&part[0]) == b"VERTEX") {
@@ -82,7 +82,7 @@ pub(super) fn heavy(
             continue;
         }
         if let Err(exceeded) = budget.hold(1) {
-            return Ok(Item::NotTaken(exceeded.into()));
+            return Ok(Item::Skipped(exceeded.into()));
         }
         let at = groups.point(10);
         points.push(at);
@@ -93,7 +93,7 @@ pub(super) fn heavy(
     }
     let lie = Lie { closed: head.flags(70) & 1 == 1, plane: head.plane(), height: head.or(30, 0.0) };
     Ok(match points.len() {
-        0 if has_frame => Item::NotTaken(
+        0 if has_frame => Item::Skipped(
             "it holds the frame of a curve without the curve: explode it in the drawing program".into(),
         ),
         2.. if head.flags(70) & 8 != 0 => Item::Curve(through(&points, lie.closed)),
@@ -122,7 +122,7 @@ fn drawn(vertices: &[WideVertex], lie: &Lie, tolerance: f64, budget: &mut Budget
     }
     let contours = match band(vertices, lie.closed, lie.height, tolerance, budget) {
         Ok(contours) => contours,
-        Err(exceeded) => return Item::NotTaken(exceeded.into()),
+        Err(exceeded) => return Item::Skipped(exceeded.into()),
     };
     match contours.is_empty() {
         true => Item::DrawsNothing("it has a width but no length"),

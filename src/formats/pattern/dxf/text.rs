@@ -60,13 +60,13 @@ pub(super) fn single_line(
     }
     let text = string(scan, record, 1);
     if text.len() > LONGEST {
-        return Ok(Item::NotTaken(TOO_LONG.into()));
+        return Ok(Item::Skipped(TOO_LONG.into()));
     }
     let letters = letters(&text, scan.page_of_letters());
     let font = Font::of(structure, &string(scan, record, 7));
     let row = match font.row(&letters, 1.0, uses, budget) {
         Ok(row) => row,
-        Err(why) => return Ok(Item::NotTaken(why.into())),
+        Err(why) => return Ok(Item::Skipped(why.into())),
     };
     if row.items.is_empty() {
         return Ok(Item::DrawsNothing(BLANK));

@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn shared_knots_keep_parameter_lines_straight_and_derivatives_true() {
         let samples = wavy(12, 10);
-        let (mended, printed) =
+        let (repaired, printed) =
             (ChordSurface::through(&samples, 12, false), ChordSurface::through(&samples, 12, true));
         // How far a parameter line leaves the straight line, and how far derivatives are off those of the points.
         let faults = |surface: &ChordSurface| {
@@ -225,7 +225,7 @@ mod tests {
             }
             (bend, slope)
         };
-        let ((bend, slope), (printed_bend, printed_slope)) = (faults(&mended), faults(&printed));
+        let ((bend, slope), (printed_bend, printed_slope)) = (faults(&repaired), faults(&printed));
         assert!(bend < 1e-12 && slope < 1e-6, "{bend} {slope}");
         assert!(printed_bend > 1e-2 && printed_slope > 1e-2, "{printed_bend} {printed_slope}");
     }

@@ -95,7 +95,7 @@ pub(in super::super) fn drawn(
         |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 50 | 71 | 73 | 210 | 220 | 230);
     let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
     if columns(scan, record) > 1 {
-        return Ok(Item::NotTaken("it has columns: explode it in the drawing program".into()));
+        return Ok(Item::Skipped("it has columns: explode it in the drawing program".into()));
     }
     let height = groups.or(40, 0.0);
     if !(height > 0.0) {
@@ -104,7 +104,7 @@ pub(in super::super) fn drawn(
     let text =
         scan.whole_text(super::own(scan, record.pairs(scan)).filter(|pair| matches!(pair.code, 1 | 3)));
     if text.len() > LONGEST {
-        return Ok(Item::NotTaken(TOO_LONG.into()));
+        return Ok(Item::Skipped(TOO_LONG.into()));
     }
     let style = string(scan, record, 7);
     let style_record = structure.styles.get(&style.to_uppercase());
@@ -120,11 +120,11 @@ pub(in super::super) fn drawn(
     };
     // Every code is searched for its end.
     if let Err(exceeded) = budget.work(text.matches('\\').count() * text.len() / BYTES_SEARCHED) {
-        return Ok(Item::NotTaken(exceeded.into()));
+        return Ok(Item::Skipped(exceeded.into()));
     }
     let paragraphs = match set(tokens(&text, scan.page_of_letters()), format, uses, budget) {
         Ok(paragraphs) => paragraphs,
-        Err(why) => return Ok(Item::NotTaken(why.into())),
+        Err(why) => return Ok(Item::Skipped(why.into())),
     };
 
     let attachment = (groups.or(71, 1.0) as i64).clamp(1, 9) - 1;

@@ -2,7 +2,7 @@
 
 /// How pictures are read; drawings in other formats have a size and ink of their own.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PictureOptions {
+pub struct RasterOptions {
     /// Width of the whole picture, mm. Without it, what the height or else the file's resolution gives.
     pub width: Option<f64>,
     /// Height of the whole picture, mm. Without it, what the width or else the file's resolution gives.
@@ -13,7 +13,7 @@ pub struct PictureOptions {
     pub inverted: bool,
 }
 
-impl Default for PictureOptions {
+impl Default for RasterOptions {
     fn default() -> Self {
         Self { width: None, height: None, threshold: 0.5, inverted: false }
     }

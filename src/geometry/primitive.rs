@@ -11,7 +11,7 @@ use super::surface::fit::{FitError, FittedSurface};
 /// A round bar, straight or tapered, that lies before the laser: the middle of its crest, the line nearest to the laser,
 /// is the origin of the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Figure {
+pub struct Primitive {
     start_diameter: f64,
     end_diameter: f64,
     length: f64,
@@ -20,7 +20,7 @@ pub struct Figure {
     middle: Point3<f64>,
 }
 
-/// What a [`Figure`] unrolls as.
+/// What a [`Primitive`] unrolls as.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
     /// Both ends are alike.
@@ -34,8 +34,8 @@ const LEAST_TAPER: f64 = 1e-6;
 /// Steps of the sampling along the longer side: as fine as the finest fit of a mesh.
 const STEPS: f64 = 256.0;
 
-impl Figure {
-    /// The figure with these diameters at its two ends (mm, positive) and this length along its axis (mm, positive);
+impl Primitive {
+    /// The primitive with these diameters at its two ends (mm, positive) and this length along its axis (mm, positive);
     /// `axis` points from the first end to the other, in the frame of the view. `None` for sizes that are none, a
     /// cone that would end in its apex, or an axis that points at the laser.
     pub fn new(start_diameter: f64, end_diameter: f64, length: f64, axis: Vector3<f64>) -> Option<Self> {
@@ -82,7 +82,7 @@ impl Figure {
         })
     }
 
-    /// Height over a point of the view, mm; `None` beside the figure and over its ends.
+    /// Height over a point of the view, mm; `None` beside the primitive and over its ends.
     pub fn height(&self, at: ViewPoint) -> Option<f64> {
         self.hit(at).map(|(height, _)| height)
     }
@@ -105,7 +105,7 @@ impl Figure {
         Some((height, (outwards.normalize() - *self.axis * taper).normalize()))
     }
 
-    /// The smallest upright box round the figure: its lowest and its highest corner, mm, in the frame of the view.
+    /// The smallest upright box round the primitive: its lowest and its highest corner, mm, in the frame of the view.
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         // An end is a circle, which reaches along each axis by its radius times the sine of the angle to it.
         let reach = self.axis.map(|part| (1.0 - part * part).max(0.0).sqrt());
@@ -116,7 +116,7 @@ impl Figure {
         [end(-0.5, start, -1.0).inf(&end(0.5, far, -1.0)), end(-0.5, start, 1.0).sup(&end(0.5, far, 1.0))]
     }
 
-    /// The figure as a fitted surface with exact samples, for checks, pictures and every general method.
+    /// The primitive as a fitted surface with exact samples, for checks, pictures and every general method.
     ///
     /// # Errors
     /// When hardly anything of it faces the laser, or it is a thousand times as long as thick.
@@ -143,7 +143,7 @@ impl Figure {
     }
 }
 
-impl std::fmt::Display for Figure {
+impl std::fmt::Display for Primitive {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { start_diameter, end_diameter, length, .. } = self;
         match self.form() {
@@ -165,14 +165,14 @@ mod tests {
             ([60.0, 85.0, 120.0], Vector3::y()),
             ([85.0, 60.0, 120.0], Vector3::new(1.0, 0.4, -0.1)),
         ] {
-            let figure = Figure::new(sizes[0], sizes[1], sizes[2], axis).unwrap();
-            assert!(figure.height(ViewPoint::new(0.0, 0.0)).unwrap().abs() < 1e-9);
-            let surface = figure.surface().unwrap();
+            let primitive = Primitive::new(sizes[0], sizes[1], sizes[2], axis).unwrap();
+            assert!(primitive.height(ViewPoint::new(0.0, 0.0)).unwrap().abs() < 1e-9);
+            let surface = primitive.surface().unwrap();
             let mut met = 0;
             for (column, row, height) in surface.field.surface_nodes() {
                 let at = surface.field.position(column, row);
                 let point = Point3::new(at.x, at.y, height);
-                let distance = match figure.form() {
+                let distance = match primitive.form() {
                     Form::Cylinder(cylinder) => cylinder.distance(&point),
                     Form::Cone(cone) => cone.distance(&point),
                 };
@@ -181,10 +181,10 @@ mod tests {
                 met += 1;
             }
             assert!(met > 10_000);
-            // Between the nodes the fit and its linear remainder stand for the figure.
+            // Between the nodes the fit and its linear remainder stand for the primitive.
             let worst = (0..500).map(|step| {
                 let at = ViewPoint::new(0.06 * f64::from(step) - 15.0, 0.031 * f64::from(step) - 7.0);
-                (surface.sampled_height(at).unwrap() - figure.height(at).unwrap()).abs()
+                (surface.sampled_height(at).unwrap() - primitive.height(at).unwrap()).abs()
             });
             assert!(worst.fold(0.0, f64::max) < 1e-6);
         }
@@ -199,17 +199,17 @@ mod tests {
             ([73.0, 73.0, 180.0], Vector3::zeros()),
             ([73.0, 73.0, 180.0], Vector3::z()),
         ] {
-            assert_eq!(Figure::new(sizes[0], sizes[1], sizes[2], axis), None);
+            assert_eq!(Primitive::new(sizes[0], sizes[1], sizes[2], axis), None);
         }
     }
 
     #[test]
     fn ends_are_no_surface() {
-        let figure = Figure::new(40.0, 40.0, 100.0, Vector3::x()).unwrap();
-        assert!(figure.height(ViewPoint::new(49.9, 0.0)).is_some());
-        assert!(figure.height(ViewPoint::new(50.1, 0.0)).is_none());
-        assert!(figure.height(ViewPoint::new(0.0, 20.1)).is_none());
-        let [min, max] = figure.bounds();
+        let primitive = Primitive::new(40.0, 40.0, 100.0, Vector3::x()).unwrap();
+        assert!(primitive.height(ViewPoint::new(49.9, 0.0)).is_some());
+        assert!(primitive.height(ViewPoint::new(50.1, 0.0)).is_none());
+        assert!(primitive.height(ViewPoint::new(0.0, 20.1)).is_none());
+        let [min, max] = primitive.bounds();
         assert!((min + Vector3::new(50.0, 20.0, 40.0)).norm() < 1e-12);
         assert!((max - Vector3::new(50.0, 20.0, 0.0)).norm() < 1e-12);
     }

@@ -22,7 +22,7 @@ const INCH: f64 = 25.4;
 
 /// A picture file that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in super::super) enum PictureFormat {
+pub(in super::super) enum RasterFormat {
     Png,
     Bmp,
 }
@@ -66,7 +66,7 @@ struct Frame {
     cut: Option<usize>,
 }
 
-impl PictureFormat {
+impl RasterFormat {
     /// The format that the bytes begin like, as far as so few of them tell.
     pub(in super::super) fn of(bytes: &[u8]) -> Option<Self> {
         let mark = bytes.len().clamp(1, PNG_MARK.len());
@@ -112,7 +112,7 @@ impl Picture {
 /// Decodes a picture. Dark pixels ink, or light ones if `inverted`; transparent ones never do.
 pub(super) fn decode(
     bytes: &[u8],
-    format: PictureFormat,
+    format: RasterFormat,
     inverted: bool,
     pace: Pace,
 ) -> Result<Decoded, PatternReadError> {
@@ -129,13 +129,13 @@ pub(super) fn decode(
     }
     let told = |error: image::ImageError| damaged(error.to_string());
     match format {
-        PictureFormat::Png => {
+        RasterFormat::Png => {
             let mut limits = Limits::no_limits();
             limits.max_alloc = Some(2 * MOST_BYTES);
             let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(told)?;
             read(decoder, &frame, inverted, pace, told)
         }
-        PictureFormat::Bmp => {
+        RasterFormat::Bmp => {
             read(BmpDecoder::new(Cursor::new(bytes)).map_err(told)?, &frame, inverted, pace, told)
         }
     }
@@ -261,7 +261,7 @@ fn png_frame(bytes: &[u8]) -> Frame {
         };
         let length = u32::from_be_bytes([a, b, c, d]) as usize;
         let Some(data) = bytes.get(at + 8..).and_then(|rest| rest.get(..length + 4)) else {
-            // A length beyond the format's limit is damage, which the decoder tells; more bytes would not mend it.
+            // A length beyond the format's limit is damage, which the decoder tells; more bytes would not help.
             frame.cut = (length <= i32::MAX as usize).then_some(bytes.len());
             return frame;
         };

@@ -6,7 +6,7 @@
 use nalgebra::Vector2;
 
 use super::error::PatternReadError;
-use super::facts::{LayerFacts, PatternFacts, PictureFacts};
+use super::facts::{LayerFacts, PatternFacts, RasterFacts};
 use super::reading::{PatternOptions, PatternReading, size_notice};
 use super::units::DrawingUnit;
 use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
@@ -18,8 +18,8 @@ mod decode;
 mod trace;
 mod polygon;
 
-pub(super) use decode::PictureFormat;
-pub use options::PictureOptions;
+pub(super) use decode::RasterFormat;
+pub use options::RasterOptions;
 
 use decode::{Decoded, Picture};
 use polygon::{Fineness, Outline};
@@ -59,7 +59,7 @@ struct Size {
 
 pub(super) fn read(
     bytes: &[u8],
-    format: PictureFormat,
+    format: RasterFormat,
     options: &PatternOptions,
 ) -> Result<PatternReading, PatternReadError> {
     let settings = &options.picture;
@@ -131,10 +131,10 @@ pub(super) fn read(
         entities: [("outline".into(), [(LAYER.into(), contours)].into())].into(),
         layers: [(LAYER.into(), LayerFacts { color: COLOR.to_string(), paths: contours, hidden: None })]
             .into(),
-        not_taken: Vec::new(),
+        skipped: Vec::new(),
         repairs: Vec::new(),
         notices,
-        picture: Some(PictureFacts {
+        picture: Some(RasterFacts {
             pixels: [picture.width, picture.height],
             size: size.into(),
             size_why: why,
@@ -150,7 +150,7 @@ pub(super) fn read(
 }
 
 /// The size of the whole picture: what the settings say, else what the file says.
-fn size(decoded: &Decoded, settings: &PictureOptions) -> Result<Size, PatternReadError> {
+fn size(decoded: &Decoded, settings: &RasterOptions) -> Result<Size, PatternReadError> {
     let pixels = [decoded.picture.width, decoded.picture.height];
     let [columns, rows] = pixels.map(|count| count as f64);
     // A side that is not given follows from the other one and the shape of the pixels.
@@ -177,7 +177,7 @@ fn size(decoded: &Decoded, settings: &PictureOptions) -> Result<Size, PatternRea
     if is_sensible { Ok(Size { size, why }) } else { Err(PatternReadError::PictureWithoutSize { pixels }) }
 }
 
-fn nothing_to_mark(decoded: &Decoded, settings: &PictureOptions, is_all_ink: bool) -> PatternReadError {
+fn nothing_to_mark(decoded: &Decoded, settings: &RasterOptions, is_all_ink: bool) -> PatternReadError {
     let percent = settings.threshold * 100.0;
     let (side, other) =
         if settings.inverted == is_all_ink { ("lighter", "raise") } else { ("darker", "lower") };
@@ -199,7 +199,7 @@ fn nothing_to_mark(decoded: &Decoded, settings: &PictureOptions, is_all_ink: boo
 
 fn notices(
     decoded: &Decoded,
-    settings: &PictureOptions,
+    settings: &RasterOptions,
     outlines: &[Outline],
     sides: usize,
     pixel: Vector2<f64>,

@@ -39,14 +39,14 @@ pub(super) fn preview(
     if after.area > 0.0 {
         summary.push(row("area error", &|d| format!("{:.3} mm²", d.area_error)));
     }
-    summary.push(row("largest stretch", &|d| format!("{:.2} %", d.largest_stretch * 100.0)));
-    summary.push(row("largest angle error", &|d| format!("{:.2}°", d.largest_angle_error.to_degrees())));
+    summary.push(row("largest stretch", &|d| format!("{:.2} %", d.max_stretch * 100.0)));
+    summary.push(row("largest angle error", &|d| format!("{:.2}°", d.max_angle_error.to_degrees())));
     let residual = &surface.residual;
     summary.push((
         "surface, misfit to the part".to_owned(),
         format!(
             "{:.4} mm rms; {:.3} mm at most, at ({:.1}, {:.1})",
-            residual.rms, residual.largest, residual.at.x, residual.at.y
+            residual.rms, residual.max, residual.at.x, residual.at.y
         ),
     ));
     // What lies beside the part has no figures as a whole, but the rest still has its range.

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use fs_err as fs;
 use isomark::formats::pattern::{
-    PatternFacts, PatternOptions, PatternReadError, PictureOptions, is_complete, read,
+    PatternFacts, PatternOptions, PatternReadError, RasterOptions, is_complete, read,
 };
 use isomark::geometry::pattern::{Pattern, Shape};
 use isomark::geometry::space::{Extents, FlatPoint};
@@ -22,11 +22,11 @@ fn picture(name: &str) -> Vec<u8> {
     file(&format!("pictures/{name}"))
 }
 
-fn options(picture: PictureOptions) -> PatternOptions {
+fn options(picture: RasterOptions) -> PatternOptions {
     PatternOptions { picture, ..PatternOptions::default() }
 }
 
-fn try_read(bytes: &[u8], picture: PictureOptions) -> Result<(Pattern, PatternFacts), PatternReadError> {
+fn try_read(bytes: &[u8], picture: RasterOptions) -> Result<(Pattern, PatternFacts), PatternReadError> {
     read(bytes, &options(picture)).map(|reading| (reading.pattern, reading.facts))
 }
 
@@ -99,7 +99,7 @@ fn drawn(at: [f64; 2], size: [usize; 2]) -> FlatPoint {
 fn a_circle_is_found_to_a_twentieth_of_a_pixel() {
     for (radius, center) in [(100.3, [130.37, 129.81]), (12.7, [131.0, 130.5]), (4.2, [129.8, 130.1])] {
         let bytes = bmp(261, 260, smooth(|x, y| (x - center[0]).hypot(y - center[1]) < radius));
-        let (pattern, facts) = try_read(&bytes, PictureOptions::default()).unwrap();
+        let (pattern, facts) = try_read(&bytes, RasterOptions::default()).unwrap();
         let [outline] = &outlines(&pattern)[..] else { panic!("{radius}: {facts:?}") };
         let (middle, radius_mm) = (drawn(center, [261, 260]), radius / 10.0);
         let off = |at: FlatPoint| (at.distance(middle) - radius_mm).abs() * 10.0;
@@ -130,7 +130,7 @@ fn holes_stay_and_corners_stay_sharp() {
             && (s + 50.0).hypot(t) > 30.2
             && ((s - 55.0).abs() > 25.1 || t.abs() > 20.7)
     };
-    let (pattern, facts) = try_read(&bmp(300, 240, smooth(plate)), PictureOptions::default()).unwrap();
+    let (pattern, facts) = try_read(&bmp(300, 240, smooth(plate)), RasterOptions::default()).unwrap();
     let outlines = outlines(&pattern);
     let areas: Vec<f64> = outlines.iter().map(|outline| area(outline) * 100.0).collect();
     let expected = [4.0 * 110.4 * 70.25, -4.0 * 25.1 * 20.7, -PI * 30.2 * 30.2];
@@ -160,7 +160,7 @@ fn holes_stay_and_corners_stay_sharp() {
 fn a_pale_drawing_is_as_wide_as_a_black_one() {
     // Edges at 20.3 and 80.8 pixels; the ink has 60 % of black. The level of 50 % lies far up its edges.
     let pale = |x: usize, y: usize| 0.6 * smooth(|x, y| x > 20.3 && x < 80.8 && y > 10.0 && y < 40.0)(x, y);
-    let (pattern, _) = try_read(&bmp(100, 50, pale), PictureOptions::default()).unwrap();
+    let (pattern, _) = try_read(&bmp(100, 50, pale), RasterOptions::default()).unwrap();
     let extents = pattern.extents();
     let found = [extents.min.x, extents.max.x];
     assert!((found[0] + 2.97).abs() < 0.002 && (found[1] - 3.08).abs() < 0.002, "{found:?}");
@@ -169,7 +169,7 @@ fn a_pale_drawing_is_as_wide_as_a_black_one() {
 #[test]
 fn hard_edges_make_no_stairs() {
     let circle = hard(|x, y| (x - 130.4).hypot(y - 129.7) < 100.0);
-    let (pattern, facts) = try_read(&bmp(260, 260, circle), PictureOptions::default()).unwrap();
+    let (pattern, facts) = try_read(&bmp(260, 260, circle), RasterOptions::default()).unwrap();
     let [outline] = &outlines(&pattern)[..] else { panic!() };
     let middle = drawn([130.4, 129.7], [260, 260]);
     let worst = outline.iter().map(|at| (at.distance(middle) * 10.0 - 100.0).abs()).fold(0.0, f64::max);
@@ -180,7 +180,7 @@ fn hard_edges_make_no_stairs() {
 
     // A slanting hairline of single pixels stays one line.
     let line = hard(|x, y| (y - 20.0 - 0.41 * x).abs() < 0.5 && x > 10.0 && x < 190.0);
-    let (pattern, _) = try_read(&bmp(200, 120, line), PictureOptions::default()).unwrap();
+    let (pattern, _) = try_read(&bmp(200, 120, line), RasterOptions::default()).unwrap();
     let [outline] = &outlines(&pattern)[..] else { panic!("{} pieces", pattern.paths.len()) };
     let length = 180.0 * 1f64.hypot(0.41);
     assert!((perimeter(outline) * 10.0 / (2.0 * length) - 1.0).abs() < 0.02, "{}", perimeter(outline));
@@ -192,7 +192,7 @@ fn modules_of_a_code_are_squares() {
     let is_dark = |x: usize, y: usize| (x * 7 + y * 5 + x * y).is_multiple_of(3);
     for (module, side) in [(1, 10.0), (4, 0.2), (4, 10.0)] {
         let code = |x: usize, y: usize| f64::from(is_dark(x / module, y / module));
-        let size = PictureOptions { width: Some(side), ..PictureOptions::default() };
+        let size = RasterOptions { width: Some(side), ..RasterOptions::default() };
         let (pattern, _) = try_read(&bmp(21 * module, 21 * module, code), size).unwrap();
         let (pixel, modules) = (side / (21 * module) as f64, 21 * 21);
         let dark = (0..modules).filter(|index| is_dark(index % 21, index / 21)).count();
@@ -211,7 +211,7 @@ fn modules_of_a_code_are_squares() {
 #[test]
 fn letters_drawn_by_another_program_are_the_letters_of_the_drawing() {
     let drawing = read(&file("patterns/abc.dxf"), &PatternOptions::default()).unwrap().pattern;
-    let (pattern, facts) = try_read(&picture("letters.png"), PictureOptions::default()).unwrap();
+    let (pattern, facts) = try_read(&picture("letters.png"), RasterOptions::default()).unwrap();
     let (true_outlines, found) = (outlines(&drawing), outlines(&pattern));
     assert_eq!(found.len(), true_outlines.len());
     let sum = |all: &[Vec<FlatPoint>], of: fn(&[FlatPoint]) -> f64| {
@@ -305,14 +305,14 @@ fn every_way_to_store_a_picture_gives_the_same_drawing() {
         "rgb.bmp",
         "palette.bmp",
     ] {
-        let (pattern, facts) = try_read(&picture(name), PictureOptions::default())
+        let (pattern, facts) = try_read(&picture(name), RasterOptions::default())
             .unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_is_figure(name, &pattern, dots);
         assert_eq!(codes(&facts).contains(&"picture-turned"), name.starts_with("exif"), "{name}");
         assert!(facts.unit_why.contains("300.0 pixels to an inch"), "{name}: {}", facts.unit_why);
     }
     // Pixels twice as high as wide, without a length: one side gives both.
-    let wide = PictureOptions { width: Some(24.0), ..PictureOptions::default() };
+    let wide = RasterOptions { width: Some(24.0), ..RasterOptions::default() };
     let (pattern, facts) = try_read(&picture("pixels-not-square.png"), wide).unwrap();
     assert_is_figure("pixels-not-square.png", &pattern, 1.0);
     assert!(!codes(&facts).contains(&"picture-stretched"));
@@ -320,7 +320,7 @@ fn every_way_to_store_a_picture_gives_the_same_drawing() {
 
 #[test]
 fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
-    let size = |width, height| PictureOptions { width, height, ..PictureOptions::default() };
+    let size = |width, height| RasterOptions { width, height, ..RasterOptions::default() };
     for name in ["no-size.png", "no-size.bmp"] {
         let error = try_read(&picture(name), size(None, None)).unwrap_err();
         assert_eq!(error, PatternReadError::PictureWithoutSize { pixels: [24, 18] });
@@ -344,19 +344,19 @@ fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
 
 #[test]
 fn pictures_without_an_outline_are_refused_with_what_to_do() {
-    let inverted = PictureOptions { inverted: true, ..PictureOptions::default() };
+    let inverted = RasterOptions { inverted: true, ..RasterOptions::default() };
     // What is lighter than the threshold is marked below a higher one.
     for (name, words, change) in [
         ("all-white.png", "lighter than the threshold of 50 %", "raise `--threshold`"),
         ("all-black.png", "no outline", "lower `--threshold`"),
     ] {
-        let error = try_read(&picture(name), PictureOptions::default()).unwrap_err();
+        let error = try_read(&picture(name), RasterOptions::default()).unwrap_err();
         let reason = error.reason();
         assert!(reason.code == "pattern-nothing-to-mark" && reason.what.contains(words), "{name}: {reason}");
         assert!(reason.remedy.contains(change), "{name}: {reason}");
     }
     let white = picture("white-on-transparent.png");
-    let reason = try_read(&white, PictureOptions::default()).unwrap_err().reason();
+    let reason = try_read(&white, RasterOptions::default()).unwrap_err().reason();
     assert!(reason.remedy.contains("--invert"), "{reason}");
     assert_is_figure("white, inverted", &try_read(&white, inverted).unwrap().0, 25.4 / 300.0);
 
@@ -370,16 +370,16 @@ fn pictures_without_an_outline_are_refused_with_what_to_do() {
 
 #[test]
 fn shades_and_specks_are_told() {
-    let (_, facts) = try_read(&picture("shades.png"), PictureOptions::default()).unwrap();
+    let (_, facts) = try_read(&picture("shades.png"), RasterOptions::default()).unwrap();
     assert!(codes(&facts).contains(&"picture-shades"), "{:?}", facts.notices);
     let dust = bmp(120, 120, |x, y| f64::from(x % 4 == 1 && y % 4 == 1));
-    let (_, facts) = try_read(&dust, PictureOptions::default()).unwrap();
+    let (_, facts) = try_read(&dust, RasterOptions::default()).unwrap();
     assert!(codes(&facts).contains(&"picture-specks"), "{:?}", facts.notices);
 }
 
 #[test]
 fn noise_and_bombs_end_soon_and_small() {
-    match try_read(&picture("bomb.png"), PictureOptions::default()) {
+    match try_read(&picture("bomb.png"), RasterOptions::default()) {
         Err(PatternReadError::PictureTooLarge { pixels: [60_000, 60_000], .. }) => {}
         other => panic!("{other:?}"),
     }
@@ -391,7 +391,7 @@ fn noise_and_bombs_end_soon_and_small() {
             (state >> 33).is_multiple_of(3)
         })
         .collect();
-    let error = try_read(&bmp(1700, 1700, |x, y| f64::from(noise[y * 1700 + x])), PictureOptions::default());
+    let error = try_read(&bmp(1700, 1700, |x, y| f64::from(noise[y * 1700 + x])), RasterOptions::default());
     assert!(matches!(error, Err(PatternReadError::TooMany { .. })), "{:?}", error.map(|(_, facts)| facts));
 }
 
@@ -403,7 +403,7 @@ fn cut_files_are_told_from_damaged_ones() {
         for end in (2..whole.len()).step_by(1 + whole.len() / 300) {
             let part = &whole[..end];
             assert!(!is_complete(part), "{name} cut at {end}");
-            let error = try_read(part, PictureOptions::default()).unwrap_err();
+            let error = try_read(part, RasterOptions::default()).unwrap_err();
             assert!(error.is_cut_short(), "{name} cut at {end}: {error}");
         }
     }
@@ -419,7 +419,7 @@ fn damaged_files_never_end_the_program() {
             for value in [0, 1, 0x7f, 0xff, whole[at] ^ 0x10] {
                 let mut bytes = whole.clone();
                 bytes[at] = value;
-                if let Err(error) = try_read(&bytes, PictureOptions::default()) {
+                if let Err(error) = try_read(&bytes, RasterOptions::default()) {
                     assert!(!error.reason().remedy.is_empty(), "{name} with {value} at {at}");
                 }
             }
@@ -427,7 +427,7 @@ fn damaged_files_never_end_the_program() {
     }
     let mut apple = picture("grey.png");
     apple.splice(8..8, [0, 0, 0, 4, b'C', b'g', b'B', b'I', 0x50, 0, 0x20, 6, 0x2b, 0xd5, 0xb3, 0x7f]);
-    let error = try_read(&apple, PictureOptions::default()).unwrap_err();
+    let error = try_read(&apple, RasterOptions::default()).unwrap_err();
     assert!(error.to_string().contains("Apple"), "{error}");
 }
 
