@@ -23,9 +23,7 @@ pub(super) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
     let mut count = 0;
     for (index, position) in positions.iter().enumerate() {
         let here = cell(position);
-        let mixed = here.iter().fold(0u64, |sum, &value| {
-            (sum.rotate_left(23) ^ value as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
-        });
+        let mixed = hash([here.x, here.y, here.z].map(|value| value as u64));
         let mut slot = (mixed >> 20) as usize & (slots - 1);
         while first[slot] != NONE && cell(&positions[first[slot] as usize]) != here {
             slot = (slot + 1) & (slots - 1);
@@ -39,6 +37,14 @@ pub(super) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
         }
     }
     places
+}
+
+/// A hash of three numbers, well mixed in its upper bits (Fibonacci hashing: D. E. Knuth, The Art of Computer
+/// Programming 3, 1998, section 6.4).
+pub(super) fn hash(numbers: [u64; 3]) -> u64 {
+    numbers
+        .iter()
+        .fold(0, |sum: u64, number| (sum.rotate_left(23) ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }
 
 /// For each side of each triangle (side 3·t + k runs from corner k to the next) the one other side over the same two

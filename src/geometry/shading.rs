@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, sliver_side, weld};
+use super::adjacency::{NONE, hash, sliver_side, weld};
 use super::flats;
 use super::mesh::TriMesh;
 use super::smooth_mesh::SmoothMesh;
@@ -233,10 +233,10 @@ impl Places {
         sampled.dedup();
         // Most corners of a large mesh are not sampled; one bit each keeps them from being searched for.
         let mut is_likely = vec![false; LIKELY];
-        sampled.iter().for_each(|key| is_likely[mixed(key)] = true);
+        sampled.iter().for_each(|key| is_likely[likely_place(key)] = true);
         let place_of = |position| {
             let key = key(position);
-            is_likely[mixed(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
+            is_likely[likely_place(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
         };
         let of_vertex: Vec<u32> =
             positions.iter().map(|at| place_of(at).map_or(NONE, |place| place as u32)).collect();
@@ -275,10 +275,8 @@ fn key(position: &Point3<f64>) -> [u64; 3] {
     [position.x, position.y, position.z].map(|coordinate| (coordinate + 0.0).to_bits())
 }
 
-fn mixed(key: &[u64; 3]) -> usize {
-    let mixed =
-        key.iter().fold(0u64, |sum, part| (sum.rotate_left(23) ^ part).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    (mixed >> 40) as usize % LIKELY
+fn likely_place(key: &[u64; 3]) -> usize {
+    (hash(*key) >> 40) as usize % LIKELY
 }
 
 fn direction(sum: Vector3<f64>) -> Vector3<f64> {

@@ -263,19 +263,9 @@ impl IsometricMap {
     }
 
     /// Halves the cells; the map stays the same.
-    ///
-    /// Lane & Riesenfeld, A theoretical development for the computer generation and display of piecewise polynomial
-    /// surfaces, IEEE Transactions on Pattern Analysis and Machine Intelligence 1980, for degree 3.
     fn refine(&mut self) {
-        let columns = self.knots_s.control_points();
-        let wide: Vec<Vec<_>> = self.control.chunks(columns).map(halved).collect();
-        let tall: Vec<Vec<_>> = (0..wide[0].len())
-            .map(|column| halved(&wide.iter().map(|row| row[column]).collect::<Vec<_>>()))
-            .collect();
-        self.control = (0..tall[0].len()).flat_map(|row| tall.iter().map(move |line| line[row])).collect();
-        let halved_knots =
-            |knots: &UniformKnots| UniformKnots::new(knots.start(), knots.step() / 2.0, knots.spans() * 2);
-        (self.knots_s, self.knots_t) = (halved_knots(&self.knots_s), halved_knots(&self.knots_t));
+        self.control = self.knots_s.halved_net(&self.control);
+        (self.knots_s, self.knots_t) = (self.knots_s.halved(), self.knots_t.halved());
     }
 }
 
@@ -289,17 +279,6 @@ fn shorter(fraction: f64, expected: f64, excess: f64) -> f64 {
         lowest -= slope / (2.0 * expected + 12.0 * excess * lowest.powi(2));
     }
     lowest.clamp(fraction / 8.0, fraction * 0.75)
-}
-
-fn halved(line: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
-    let mut fine = Vec::with_capacity(2 * line.len());
-    for (index, pair) in line.windows(2).enumerate() {
-        if index > 0 {
-            fine.push((line[index - 1] + pair[0] * 6.0 + pair[1]) / 8.0);
-        }
-        fine.push((pair[0] + pair[1]) / 2.0);
-    }
-    fine
 }
 
 /// Knots over the drawing's box with cells of about twice the side that the options ask for.

@@ -1,5 +1,7 @@
 //! Knot vectors and cubic B-spline basis functions.
 
+use std::ops::{Add, Div, Mul};
+
 /// Degree of every spline in the program.
 pub const DEGREE: usize = 3;
 
@@ -35,6 +37,24 @@ impl UniformKnots {
     /// The same interval with twice the spans.
     pub fn halved(&self) -> Self {
         Self { start: self.start, step: self.step / 2.0, spans: self.spans * 2 }
+    }
+
+    /// The control net, row by row, of the same surface or map with every span halved along both directions; `net` holds
+    /// the control values row by row, with the control points of `self` along each row.
+    ///
+    /// Lane & Riesenfeld, A theoretical development for the computer generation and display of piecewise polynomial
+    /// surfaces, IEEE Transactions on Pattern Analysis and Machine Intelligence 2(1), 1980, for degree 3.
+    pub fn halved_net<T>(&self, net: &[T]) -> Vec<T>
+    where
+        T: Copy + Add<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
+    {
+        let wide: Vec<Vec<T>> = net.chunks(self.control_points()).map(halved_line).collect();
+        let columns = 0..wide.first().map_or(0, Vec::len);
+        let tall: Vec<Vec<T>> = columns
+            .map(|column| halved_line(&wide.iter().map(|row| row[column]).collect::<Vec<T>>()))
+            .collect();
+        let rows = 0..tall.first().map_or(0, Vec::len);
+        rows.flat_map(|row| tall.iter().map(move |line| line[row])).collect()
     }
 
     /// Number of control points: spans + 3.
@@ -128,6 +148,21 @@ impl UniformKnots {
             ],
         }
     }
+}
+
+/// The control values of one spline after its spans were halved.
+fn halved_line<T>(line: &[T]) -> Vec<T>
+where
+    T: Copy + Add<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
+{
+    let mut fine = Vec::with_capacity(2 * line.len());
+    for (index, pair) in line.windows(2).enumerate() {
+        if index > 0 {
+            fine.push((line[index - 1] + pair[0] * 6.0 + pair[1]) / 8.0);
+        }
+        fine.push((pair[0] + pair[1]) / 2.0);
+    }
+    fine
 }
 
 #[cfg(test)]

@@ -39,29 +39,10 @@ impl NurbsSurface {
         })
     }
 
-    /// The same surface with every span halved (Lane & Riesenfeld, A theoretical development for the computer generation
-    /// and display of piecewise polynomial surfaces, IEEE PAMI 2(1), 1980).
+    /// The same surface with every span halved.
     pub fn halved(&self) -> Self {
-        let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
-        let (knots_x, knots_y) = (self.knots_x.halved(), self.knots_y.halved());
-        let finer = |count: usize, at: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            (0..2 * (count - 3) + 3)
-                .map(|index| match (index / 2, index % 2) {
-                    (left, 0) => (at(left) + at(left + 1)) / 2.0,
-                    (left, _) => (at(left) + 6.0 * at(left + 1) + at(left + 2)) / 8.0,
-                })
-                .collect()
-        };
-        let lines: Vec<Vec<f64>> =
-            (0..rows).map(|row| finer(columns, &|column| self.heights[row * columns + column])).collect();
-        let width = knots_x.control_points();
-        let mut heights = vec![0.0; width * knots_y.control_points()];
-        for column in 0..width {
-            for (row, height) in finer(rows, &|row| lines[row][column]).into_iter().enumerate() {
-                heights[row * width + column] = height;
-            }
-        }
-        Self { knots_x, knots_y, heights }
+        let heights = self.knots_x.halved_net(&self.heights);
+        Self { knots_x: self.knots_x.halved(), knots_y: self.knots_y.halved(), heights }
     }
 
     /// The surface with its control heights changed by `steps`, mm, row by row.
