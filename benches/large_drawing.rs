@@ -1,5 +1,5 @@
-//! A drawing of a million vertices, read, corrected and written, against merely scanning its group codes and printing
-//! them again; with the memory each of them needs.
+//! A drawing of a million vertices: time and memory for reading, correcting and writing it, compared with only scanning
+//! and printing its group codes.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -24,7 +24,7 @@ fn main() {
     divan::main();
 }
 
-/// A hundred wavy closed curves inside each other, as one LWPOLYLINE each or as loose LINE.
+/// A hundred nested wavy closed curves, each as one LWPOLYLINE or as separate LINEs.
 fn drawing(kind: &str) -> String {
     let per_curve = if kind == "LINE" { VERTICES / 200 } else { VERTICES / 100 };
     let mut text = HEAD.to_owned();
@@ -57,7 +57,7 @@ fn drawing(kind: &str) -> String {
     text + TAIL
 }
 
-/// The least that a program can do that reads a drawing and writes one: group codes and numbers parsed and printed.
+/// The minimum work of a program that reads and writes a drawing: parsing and printing group codes and numbers.
 fn scanned_and_printed(drawing: &str) -> String {
     let mut out = String::new();
     let mut lines = drawing.lines();

@@ -1,4 +1,4 @@
-//! Each stage of the journey on the mouse of the reference cases, with the floor it is held against.
+//! Each stage of the pipeline on the mouse of the reference cases, with minimum times for comparison.
 
 use std::hint::black_box;
 
@@ -28,7 +28,7 @@ fn main() {
     divan::main();
 }
 
-/// The mouse with edges of `edge` mm: 0.75 mm give 13,000 triangles, 0.27 mm some 100,000.
+/// The mouse with edges of `edge` mm: 0.75 mm gives 13,000 triangles, 0.27 mm about 100,000.
 fn mesh(edge: f64) -> TriMesh {
     shapes::graph(32.0, edge, shapes::mouse)
 }
@@ -68,7 +68,7 @@ fn sample_only(bencher: Bencher, edge: f64) {
     });
 }
 
-/// Reading a whole file is the least a pattern reader must do.
+/// The minimum work of a pattern reader: visiting every byte of the file.
 #[divan::bench]
 fn floor_of_read_pattern(bencher: Bencher) {
     bencher.bench(|| black_box(LETTERS).iter().filter(|byte| **byte == b'\n').count());
@@ -112,7 +112,7 @@ fn measure(bencher: Bencher) {
     });
 }
 
-/// Everything after the files are in memory, the surface from the cache on disk.
+/// A complete correction with the files in memory and the surface in the cache on disk.
 #[divan::bench]
 fn correct_with_cached_surface(bencher: Bencher) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -132,7 +132,7 @@ fn correct_with_cached_surface(bencher: Bencher) {
     });
 }
 
-/// A drawing of paths of so many vertices each, read back by the second reader.
+/// A drawing with paths of `each` vertices, read back by the second reader.
 #[divan::bench(args = [(100usize, 1_000usize), (100, 10_000), (100, 100_000), (1, 10_000), (2, 10_000)], consts = [0, 1, 2])]
 fn read_back<const PROFILE: usize>(bencher: Bencher, (each, vertices): (usize, usize)) {
     let profile = [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines][PROFILE];

@@ -1,8 +1,9 @@
-//! From rename-into to the corrected drawing in the import folder of a running station, the surface cached.
+//! The time of a running station from the rename of a drop into the hot folder to the corrected drawing in the import
+//! folder, with a cached surface.
 //!
-//! `cargo bench --bench station_latency` prints median, 95th and 99th percentile for single drops and for a burst of
-//! drops of one SKU, which are done side by side; beside them the I/O floor: the time the same disk needs to
-//! write, flush and rename a file of the result's size.
+//! `cargo bench --bench station_latency` prints the median and the 95th and 99th percentile for single drops and for a
+//! burst of drops of one SKU, which are processed in parallel. For comparison it prints the minimum I/O time: writing,
+//! flushing and renaming a file of the result's size on the same disk.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,7 +19,7 @@ const MOUSE: &[u8] = include_bytes!("../examples/parts/mouse.glb");
 const STATION: &str = "[station]\nname = \"bench\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\
                        [field]\nwidth_mm = 110\nheight_mm = 110\n[placement]\nplace_mm = [0, 8]\n";
 
-/// The station, ended with the benchmark however that ends.
+/// The station, which is killed when the benchmark ends for any reason.
 struct Station(Child);
 
 impl Drop for Station {
@@ -29,7 +30,7 @@ impl Drop for Station {
 }
 
 fn main() -> std::io::Result<()> {
-    // `cargo test --benches` only asks whether it starts.
+    // `cargo test --benches` only checks that it starts.
     if !std::env::args().any(|argument| argument == "--bench") {
         return Ok(());
     }
@@ -50,7 +51,7 @@ fn main() -> std::io::Result<()> {
         let start = drop_into(folder.path(), &name, LETTERS)?;
         wait_for(&at("import").join(&name), Duration::from_secs(10));
         times.push(start.elapsed());
-        // Let the station file the original before the next drop: singles are measured, not a queue.
+        // Wait until the station has archived the original: single drops are measured, not a queue.
         wait_for(&at("archive/mouse").join(&name), Duration::from_secs(10));
     }
     let result = fs_err::read(at("import/mouse@0.dxf"))?;
@@ -63,19 +64,19 @@ fn main() -> std::io::Result<()> {
     let mut burst = burst(folder.path())?;
     for (what, times) in [
         ("rename-into to result", &mut times),
-        ("the same in a burst of 1000", &mut burst),
-        ("floor: write, flush, rename", &mut floor),
+        ("in a burst of 1000 drops", &mut burst),
+        ("minimum: write, flush, rename", &mut floor),
     ] {
         times.sort();
         let at = |share: usize| times[(times.len() - 1) * share / 100].as_secs_f64() * 1e3;
         let line =
-            format!("{what:<28} median {:8.2} ms   95 % {:8.2} ms   99 % {:8.2} ms", at(50), at(95), at(99));
+            format!("{what:<30} median {:8.2} ms   95 % {:8.2} ms   99 % {:8.2} ms", at(50), at(95), at(99));
         std::io::Write::write_all(&mut std::io::stdout(), (line + "\n").as_bytes())?;
     }
     Ok(())
 }
 
-/// How long each drop of a burst took.
+/// The time of each drop of a burst.
 fn burst(folder: &Path) -> std::io::Result<Vec<Duration>> {
     let mut dropped = BTreeMap::new();
     for number in 0..BURST {
@@ -89,7 +90,7 @@ fn burst(folder: &Path) -> std::io::Result<Vec<Duration>> {
     }
     let (mut times, started) = (Vec::with_capacity(BURST), Instant::now());
     while !dropped.is_empty() {
-        assert!(started.elapsed() < Duration::from_secs(600), "{} did not come", dropped.len());
+        assert!(started.elapsed() < Duration::from_secs(600), "{} drawings did not arrive", dropped.len());
         for entry in fs_err::read_dir(folder.join("import"))? {
             let name = entry?.file_name().to_string_lossy().into_owned();
             times.extend(dropped.remove(&name).map(|start| start.elapsed()));
@@ -99,7 +100,7 @@ fn burst(folder: &Path) -> std::io::Result<Vec<Duration>> {
     Ok(times)
 }
 
-/// Writes the file outside the hot folder and renames it in; the moment just before the rename.
+/// Writes the file outside the hot folder and renames it into the folder; returns the time just before the rename.
 fn drop_into(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<Instant> {
     let outside = folder.join("outside").join(name);
     fs_err::write(&outside, bytes)?;
@@ -111,7 +112,7 @@ fn drop_into(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<Instant
 fn wait_for(path: &Path, limit: Duration) {
     let start = Instant::now();
     while !path.exists() {
-        assert!(start.elapsed() < limit, "{} did not come", path.display());
+        assert!(start.elapsed() < limit, "{} did not arrive", path.display());
         std::thread::sleep(Duration::from_micros(200));
     }
 }

@@ -1,6 +1,7 @@
-//! A part and a drawing in, a corrected drawing and its report out: `cargo run --release --example correct` writes both to `target`.
+//! Corrects a drawing for a part and prints the report: `cargo run --release --example correct` writes the corrected
+//! drawing and its preview to `target`.
 
-#![allow(clippy::print_stdout, reason = "an example shows what it finds")]
+#![allow(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::fs;
 

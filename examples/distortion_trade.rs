@@ -1,5 +1,6 @@
-//! What a drawing must give up on a part that is curved both ways: draws the length and area errors of letters against
-//! their angle error, for one extra weight of lengths or of angles after the other, beside what other programs reach.
+//! The trade-off between errors on a part that is curved in both directions: draws the length and area errors of
+//! letters against their angle error, for many weights of lengths and of angles, and for comparison the results of
+//! other programs.
 //!
 //! ```text
 //! cargo run --release --example distortion_trade -- examples/distortion_trade.svg
@@ -19,14 +20,14 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 
-/// A surface, the place of the letters on it, and what others reach there.
+/// A surface, the place of the letters on it, and the results of other programs.
 struct Case {
     title: &'static str,
     height: fn(f64, f64) -> f64,
     place: FlatPoint,
-    /// Flattening the pattern's neighbourhood with libigl: LSCM, ARAP, SLIM.
+    /// The pattern's neighbourhood flattened with libigl: LSCM, ARAP, SLIM.
     libraries: &'static [Trade],
-    /// The best of an earlier solver: ink weighted, cells of 2 mm, shapes weighted over the whole box.
+    /// The best result of an earlier solver: ink-weighted, cells of 2 mm, shapes weighted over the whole box.
     earlier: Trade,
 }
 
@@ -66,9 +67,9 @@ const CASES: [Case; 3] = [
     },
 ];
 
-/// Extra weights over all that the settings allow.
-const TIMES: [f64; 9] = [0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.5, 10.0];
-/// Weights of shapes over the whole box, from truer lines to truer shapes.
+/// Factors on the weights, over the whole range that the settings allow.
+const FACTORS: [f64; 9] = [0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.5, 10.0];
+/// Weights of shapes over the whole box, from more accurate lines to more accurate shapes.
 const BOX_WEIGHTS: [f64; 11] = [0.02, 0.04, 0.08, 0.15, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -89,9 +90,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             choice: reached(IsometricOptions::INK)?,
             uniform: reached(IsometricOptions::UNIFORM)?,
         };
-        for times in TIMES {
-            panel.by_lengths.push(reached(IsometricOptions::INK.emphasised(times, 1.0))?);
-            panel.by_angles.push(reached(IsometricOptions::INK.emphasised(1.0, times))?);
+        for factor in FACTORS {
+            panel.by_lengths.push(reached(IsometricOptions::INK.emphasised(factor, 1.0))?);
+            panel.by_angles.push(reached(IsometricOptions::INK.emphasised(1.0, factor))?);
         }
         let everywhere =
             IsometricOptions { shape_weight: 0.0, angle_cap: f64::INFINITY, ..IsometricOptions::INK };
@@ -123,8 +124,8 @@ impl Case {
     }
 }
 
-/// One of the figures of a trade.
-type Figure = fn(&Trade) -> f64;
+/// One of the errors of a trade.
+type ErrorOf = fn(&Trade) -> f64;
 
 struct Panel<'a> {
     case: &'a Case,
@@ -170,9 +171,9 @@ fn picture(panels: &[Panel<'_>]) -> Result<String, std::fmt::Error> {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"DejaVu Sans, Verdana, \
          sans-serif\" font-size=\"11\" fill=\"#26323a\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n\
-         <text x=\"{x}\" y=\"30\" font-size=\"18\" font-weight=\"bold\">What letters give up on a part curved both ways</text>\n\
+         <text x=\"{x}\" y=\"30\" font-size=\"18\" font-weight=\"bold\">The trade-off of errors on a part curved in both directions</text>\n\
          <text x=\"{x}\" y=\"50\" font-size=\"12\" fill=\"#5b6770\">Letters of 39 × 13 mm, 182 mm of outlines and 127 mm² of ink. \
-         Towards the lower left corner everything gets truer.</text>\n",
+         The lower left corner is best.</text>\n",
         x = CORNER[0]
     );
     for (column, panel) in panels.iter().enumerate() {
@@ -184,16 +185,16 @@ fn picture(panels: &[Panel<'_>]) -> Result<String, std::fmt::Error> {
             CORNER[1] - 12.0,
             panel.case.title
         )?;
-        let rows: [(&str, [f64; 2], Figure); 2] = [
+        let rows: [(&str, [f64; 2], ErrorOf); 2] = [
             ("length error e_l, mm", [0.015, 1.5], |trade| trade.length),
             ("area error e_a, mm²", [0.003, 2.0], |trade| trade.area),
         ];
-        for (row, (title, [from, to], figure)) in rows.into_iter().enumerate() {
+        for (row, (title, [from, to], error_of)) in rows.into_iter().enumerate() {
             let top = CORNER[1] + row as f64 * (PANEL[1] + GAP[1]);
             let across = Scale { from: 0.03, to: 3.0, start: left, length: PANEL[0] };
             let up = Scale { from, to, start: top + PANEL[1], length: -PANEL[1] };
             axes(&mut svg, &across, &up, if column == 0 { title } else { "" }, row == 1)?;
-            marks(&mut svg, panel, &across, &up, figure)?;
+            marks(&mut svg, panel, &across, &up, error_of)?;
         }
     }
     legend(&mut svg, height - 58.0)?;
@@ -242,11 +243,11 @@ fn marks(
     panel: &Panel<'_>,
     across: &Scale,
     up: &Scale,
-    figure: Figure,
+    error_of: ErrorOf,
 ) -> std::fmt::Result {
-    let place = |trade: &Trade| (across.at(trade.angle), up.at(figure(trade)));
+    let place = |trade: &Trade| (across.at(trade.angle), up.at(error_of(trade)));
     let within = |trade: &&Trade| {
-        let value = figure(trade);
+        let value = error_of(trade);
         across.from <= trade.angle && trade.angle <= across.to && up.from <= value && value <= up.to
     };
     for (line, color) in [(&panel.on_box, BOX), (&panel.by_lengths, LENGTHS), (&panel.by_angles, INK)] {
@@ -310,15 +311,15 @@ fn legend(svg: &mut String, y: f64) -> std::fmt::Result {
         (0, |x, y| line(x, y, INK), "with angle weights from 0.1 to 10"),
         (0, |x, y| line(x, y, LENGTHS), "with length weights from 0.1 to 10"),
         (1, ring, "isomark, weighting “uniform”"),
-        (1, |x, y| line(x, y, BOX), "shapes kept over the whole box instead"),
+        (1, |x, y| line(x, y, BOX), "shapes kept over the whole box"),
         (2, diamond, "an earlier ink-weighted solver, cells of 2 mm"),
         (2, cross, "libigl: LSCM, ARAP, SLIM"),
     ];
     let mut rows = [0.0; 3];
-    for (column, mark, words) in entries {
+    for (column, mark, text) in entries {
         let (x, y) = (columns[column], y + 20.0 * rows[column]);
         rows[column] += 1.0;
-        writeln!(svg, "{}<text x=\"{}\" y=\"{}\">{words}</text>", mark(x, y), x + 16.0, y + 4.0)?;
+        writeln!(svg, "{}<text x=\"{}\" y=\"{}\">{text}</text>", mark(x, y), x + 16.0, y + 4.0)?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
-//! A length-true map from a drawing to a part, and how true it is: `cargo run --release --example map`.
+//! Finds a length-true map from a drawing to a part and measures its accuracy: `cargo run --release --example map`.
 
-#![allow(clippy::print_stdout, reason = "an example shows what it finds")]
+#![allow(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::fs;
 
@@ -21,10 +21,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ink = Ink::sample(&letters, |_| true, quality::PIECE, quality::SQUARE);
     for method in [Method::Plain, Method::Isometric(IsometricOptions::INK)] {
         let map = LengthTrueMap::find(&surface, &letters, |_| true, FlatPoint::new(0.0, 0.0), &method)?;
-        println!("(20, 0) mm of the drawing goes to {:?} of the view", map.point(FlatPoint::new(20.0, 0.0)));
+        println!(
+            "(20, 0) mm in the drawing is mapped to {:?} in the view",
+            map.point(FlatPoint::new(20.0, 0.0))
+        );
         let found = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at));
         let found = found.map_err(|at| format!("the part ends at {at:?}"))?;
-        println!("of {:.1} mm of lines, {:.3} mm are wrong", found.length, found.length_error);
+        println!("length of all lines {:.1} mm, length error {:.3} mm", found.length, found.length_error);
     }
     Ok(())
 }

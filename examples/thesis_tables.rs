@@ -1,15 +1,16 @@
-//! The tables 6.1, 6.2 and C.1 of the thesis that `mapping-domain` and `floater` come from (Chuang, Shape correction for
-//! laser marking, 2023), with its own figures beside ours.
+//! The tables 6.1, 6.2 and C.1 of the thesis that describes `mapping-domain` and `floater` (Chuang, Shape correction
+//! for laser marking, 2023), with its values and ours side by side.
 //!
 //! ```text
 //! cargo run --release --example thesis_tables
 //! ```
 //!
-//! The thesis scanned its mandarin and mouse and marked pictures of 39 × 13 mm that are not published. Here letters of that
-//! size lie on a mandarin and a mouse with a formula, so rows and orders of magnitude compare, not digits; and its times are
-//! those of another program on another computer. `as printed` keeps the slips that shape the result, `corrected` none.
+//! The thesis uses scans of a mandarin and a mouse and pictures of 39 × 13 mm that are not published. Here letters of
+//! that size are placed on a mandarin and a mouse given by formulas, so trends and orders of magnitude can be
+//! compared, but not digits. The times of the thesis are from another program on another computer. `as printed` keeps
+//! the errors of the thesis that change the result, `corrected` keeps none.
 
-#![allow(clippy::print_stdout, reason = "the tables are what it is for")]
+#![allow(clippy::print_stdout, reason = "the example prints tables")]
 
 use std::error::Error;
 use std::time::Instant;
@@ -58,8 +59,8 @@ const MOUSE: [Printed; 10] = [
 ];
 const MOUSE_PARAMETRISED: Printed = [1273.23, 48.29, 54.21];
 
-/// Table C.1: e_l and e_a for the mandarin with 10 × 10 points and 10, 20 … 100 subintervals of Simpson's rule. Its column
-/// of times repeats e_l and is left out.
+/// Table C.1: e_l and e_a for the mandarin with 10 × 10 points and 10, 20 … 100 subintervals of Simpson's rule. Its
+/// column of times repeats e_l and is omitted.
 const SUBINTERVALS: [[f64; 2]; 10] = [
     [11.58, 10.25],
     [6.49, 4.12],
@@ -90,7 +91,7 @@ struct Case {
     place: FlatPoint,
 }
 
-/// What a method reaches.
+/// The result of a method.
 struct Reached {
     seconds: f64,
     length_error: f64,
@@ -109,7 +110,7 @@ impl Case {
         Ok(Self { height, surface, letters, ink, place })
     }
 
-    /// Finds the map and judges it on the part's formula.
+    /// Finds the map and measures it on the part's formula.
     fn reached(&self, method: Method) -> Result<Reached, Box<dyn Error>> {
         let start = Instant::now();
         let map = LengthTrueMap::find(&self.surface, &self.letters, |_| true, self.place, &method)?;
@@ -153,12 +154,12 @@ fn comparison(
     let heads = "  |    time     e_l     e_a";
     println!("{:32}  |{:24}  |{:24}  |  ours, corrected", "", "  the thesis", "  ours, as printed");
     println!("{:32}{heads}{heads}{heads}", "");
-    for (row, figures) in printed.iter().enumerate() {
+    for (row, values) in printed.iter().enumerate() {
         let grid = 10 * (row + 1);
         let as_printed = case.reached(mapping_domain(grid, 50, AsPrinted::EVERYTHING))?;
-        let repaired = case.reached(mapping_domain(grid, 50, AsPrinted::NOTHING))?;
+        let corrected = case.reached(mapping_domain(grid, 50, AsPrinted::NOTHING))?;
         let label = format!("mapping-domain, {grid} x {grid} points");
-        println!("{label:32}{}{as_printed}{repaired}", thesis(figures));
+        println!("{label:32}{}{as_printed}{corrected}", thesis(values));
     }
     let [uniform, mean_value] = [FloaterWeights::Uniform, FloaterWeights::MeanValue].map(Method::Floater);
     println!("{:32}{}{}", "floater, uniform weights", thesis(parametrised), case.reached(uniform)?);
@@ -174,26 +175,27 @@ fn comparison(
     Ok(())
 }
 
-/// Table C.1. Weights that are swapped make every length short by 2/(3s), which the drawing's length turns into mm.
+/// Table C.1. Swapped weights make every length too short by 2/(3s); times the drawing's length, this is the error in
+/// mm.
 fn subintervals(case: &Case) -> Result<(), Box<dyn Error>> {
     println!("Table C.1: letters on the mandarin, 10 x 10 points; e_l in mm, e_a in mm2\n");
     let heads = "  |     e_l     e_a";
     println!(
         "{:16}  |{:16}  |{:16}  |{:16}  |   2/3s of",
-        "", "  the thesis", " ours, as printed", "  weights right"
+        "", "  the thesis", " ours, as printed", " correct weights"
     );
     println!("{:16}{heads}{heads}{heads}  |the lines", "subintervals");
     for (row, [length_error, area_error]) in SUBINTERVALS.into_iter().enumerate() {
         let intervals = 10 * (row + 1);
-        let right = AsPrinted { simpson_weights: false, ..AsPrinted::EVERYTHING };
-        let [as_printed, right] = [AsPrinted::EVERYTHING, right].map(|slips| {
-            case.reached(mapping_domain(10, intervals, slips))
+        let correct_weights = AsPrinted { simpson_weights: false, ..AsPrinted::EVERYTHING };
+        let [as_printed, correct] = [AsPrinted::EVERYTHING, correct_weights].map(|kept| {
+            case.reached(mapping_domain(10, intervals, kept))
                 .map(|found| format!("  |{:8.3}{:8.3}", found.length_error, found.area_error))
         });
         let short = case.ink.length() * 2.0 / (3 * intervals) as f64;
         println!(
             "{intervals:<16}  |{length_error:8.2}{area_error:8.2}{}{}  |{short:9.3}",
-            as_printed?, right?
+            as_printed?, correct?
         );
     }
     Ok(())

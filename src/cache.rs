@@ -1,17 +1,17 @@
-//! Fitted surfaces on disk, one folder per SKU, so that a pattern for a known SKU needs no mesh.
+//! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v4/                 format version: another one is another folder
+//! <cache>/v4/                 one folder for each format version
 //! └── <sku>/
-//!     ├── current.toml        the part last learned for the SKU
+//!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
-//!     └── <key>.toml          the same for people: where it comes from, what it leaves
+//!     └── <key>.toml          a summary for people: origin and residual
 //! ```
 //!
-//! The key is the BLAKE3 hash of the part's bytes, of the settings that shape the surface, as
-//! [`canonical::surface`](crate::config::canonical::surface) writes them out, and of the version of the fit;
-//! a `.fit` file is written once, whole, and never changed, so several stations may share a cache folder. A file that is
-//! damaged in any way, by a power cut for instance, is a miss: it is named, and the surface is fitted again.
+//! The key is the BLAKE3 hash of the part's bytes, of the settings that affect the surface, as
+//! [`canonical::surface`](crate::config::canonical::surface) writes them, and of the version of the fit. A `.fit`
+//! file is written once, completely, and never changed, so several stations may share a cache folder. A damaged file,
+//! for example after a power cut, is reported and treated as missing: the surface is fitted again.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ use crate::geometry::surface::fit::FittedSurface;
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// Version of the files' format and of the fit itself: raised whenever either changes.
+/// Version of the file format and of the fit: increased whenever either changes.
 const VERSION: u32 = 4;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 /// Magic, version, hash of the body.
@@ -41,12 +41,12 @@ pub struct Cache {
     root: PathBuf,
 }
 
-/// The name of a surface: what it was fitted to, and how.
+/// The name of a surface: a hash of the part and the settings of the fit.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct CacheKey(String);
 
-/// Where a surface comes from.
+/// The origin of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartOrigin {
     /// The part file's name.
@@ -55,25 +55,25 @@ pub struct PartOrigin {
     pub blake3: String,
 }
 
-/// A surface with its origin, as it is kept.
+/// A cached surface with its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CachedSurface {
-    /// Where it comes from.
+    /// The part it was fitted to.
     pub origin: PartOrigin,
-    /// What was found in the part's file.
+    /// Facts about the part's file.
     pub facts: PartFacts,
     /// The fitted surface with its samples.
     pub surface: FittedSurface,
 }
 
-/// What a look into the cache found.
+/// The result of a cache lookup.
 #[derive(Debug)]
 pub enum Lookup {
     /// The surface.
     Hit(Box<CachedSurface>),
-    /// There is none.
+    /// There is no entry.
     Miss,
-    /// There is a file, but it cannot be used: what is wrong with it.
+    /// The file cannot be used, for this reason.
     Damaged(String),
 }
 
@@ -86,7 +86,7 @@ pub struct CacheEntry {
     pub key: CacheKey,
     /// Size of the file, bytes.
     pub bytes: u64,
-    /// Whether this is the part last learned for the SKU.
+    /// Whether this is the current part of the SKU.
     pub current: bool,
     /// The part's file name, or why the entry cannot be used.
     pub state: EntryState,
@@ -96,21 +96,21 @@ pub struct CacheEntry {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EntryState {
-    /// It can; the part it was fitted to and the largest residual, mm.
+    /// It can be used.
     Good {
         /// The part's file name.
         part: String,
         /// Largest distance between part and fit, mm.
         residual_mm: f64,
     },
-    /// It cannot; the next job fits the surface again.
+    /// It cannot be used, for this reason; the next job fits the surface again.
     Damaged(String),
 }
 
 #[derive(Serialize, Deserialize)]
 struct Record {
     origin: PartOrigin,
-    /// As JSON: facts may gain fields that postcard could not skip.
+    /// As JSON: facts may gain fields, which postcard could not skip.
     facts: String,
     knots_x: (f64, f64, usize),
     knots_y: (f64, f64, usize),
@@ -140,7 +140,7 @@ struct Sidecar {
 
 impl CacheKey {
     /// The key of a part (its hash, see [`PartOrigin`]) under settings as
-    /// [`canonical::surface`](crate::config::canonical::surface) writes them out.
+    /// [`canonical::surface`](crate::config::canonical::surface) writes them.
     pub fn new(part_blake3: &str, settings: &str) -> Self {
         let text = format!("isomark fit {VERSION}\n{part_blake3}\n{settings}");
         Self(blake3::hash(text.as_bytes()).to_hex()[..32].to_owned())
@@ -153,7 +153,7 @@ impl CacheKey {
 }
 
 impl Cache {
-    /// The cache in `root`, which is made when something is kept.
+    /// The cache in `root`, a folder that is created when the first surface is kept.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
     }
@@ -171,17 +171,17 @@ impl Cache {
         self.root.join(format!("v{VERSION}"))
     }
 
-    /// The part last learned for a SKU; `None` for an unknown one.
+    /// The current part of a SKU; `None` for an unknown SKU.
     ///
     /// # Errors
     /// When the folder cannot be read.
     pub fn current(&self, sku: &Sku) -> io::Result<Option<PartOrigin>> {
         let Some(bytes) = read_if_there(&self.folder(sku).join(CURRENT))? else { return Ok(None) };
-        // A damaged note is as good as none: the part is then dropped or found in the archive.
+        // A damaged file is treated as missing: the part is dropped again or found in the archive.
         Ok(std::str::from_utf8(&bytes).ok().and_then(|text| toml::from_str(text).ok()))
     }
 
-    /// Looks a surface up.
+    /// Looks up a surface.
     ///
     /// # Errors
     /// When the folder cannot be read.
@@ -195,7 +195,7 @@ impl Cache {
         })
     }
 
-    /// Keeps a surface; [`make_current`](Self::make_current) makes its part the SKU's.
+    /// Stores a surface; [`make_current`](Self::make_current) makes its part the SKU's current one.
     ///
     /// # Errors
     /// When the folder cannot be written to.
@@ -216,7 +216,7 @@ impl Cache {
         write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())
     }
 
-    /// Makes a part the current one of the SKU.
+    /// Makes a part the current part of the SKU.
     ///
     /// # Errors
     /// When the folder cannot be written to.
@@ -228,7 +228,7 @@ impl Cache {
         write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(origin)?.as_bytes())
     }
 
-    /// All entries, by SKU and key; each is read and checked.
+    /// All entries, ordered by SKU and key; each is read and checked.
     ///
     /// # Errors
     /// When a folder cannot be read.
@@ -260,7 +260,7 @@ impl Cache {
         Ok(entries)
     }
 
-    /// Removes everything kept for a SKU; whether there was anything.
+    /// Removes all entries of a SKU; returns whether there were any.
     ///
     /// # Errors
     /// When the folder cannot be removed.
@@ -349,22 +349,22 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
 
 fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     let (Some(header), Some(body)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
-        return Err(format!("it is cut short: {} bytes", bytes.len()));
+        return Err(format!("the file is truncated: {} bytes", bytes.len()));
     };
     if !header.starts_with(MAGIC) || header[MAGIC.len()..MAGIC.len() + 4] != VERSION.to_le_bytes() {
-        return Err("its header is not one of this version".into());
+        return Err("the header does not match this version".into());
     }
     if header[MAGIC.len() + 4..] != *blake3::hash(body).as_bytes() {
-        return Err("its checksum does not fit its content".into());
+        return Err("the checksum does not match the content".into());
     }
     let record: Record =
-        postcard::from_bytes(body).map_err(|error| format!("its body cannot be read: {error}"))?;
+        postcard::from_bytes(body).map_err(|error| format!("the body cannot be read: {error}"))?;
     let facts =
-        serde_json::from_str(&record.facts).map_err(|error| format!("its facts cannot be read: {error}"))?;
+        serde_json::from_str(&record.facts).map_err(|error| format!("the facts cannot be read: {error}"))?;
     let knots = |(start, step, spans): (f64, f64, usize)| UniformKnots::new(start, step, spans);
-    let sensible = |(_, step, spans): (f64, f64, usize)| step > 0.0 && (1..1_000_000).contains(&spans);
-    if !sensible(record.knots_x) || !sensible(record.knots_y) {
-        return Err("its knots are no knots".into());
+    let is_valid = |(_, step, spans): (f64, f64, usize)| step > 0.0 && (1..1_000_000).contains(&spans);
+    if !is_valid(record.knots_x) || !is_valid(record.knots_y) {
+        return Err("invalid knot vector".into());
     }
     let mut heights = record.node_heights.into_iter();
     let mut next = || heights.next().unwrap_or(f64::NAN);
@@ -378,7 +378,7 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     let origin = Vector2::from(record.field_origin);
     let field = HeightField::new(origin, record.field_step, record.field_columns, record.field_rows, nodes);
     let (Some(nurbs), Some(field)) = (nurbs, field) else {
-        return Err("its grids do not fit together".into());
+        return Err("the sizes of the grids do not match".into());
     };
     Ok(CachedSurface {
         origin: record.origin,
@@ -425,19 +425,19 @@ mod tests {
         CachedSurface { origin, facts: reading.facts, surface }
     }
 
-    /// A change here fits every part anew.
+    /// A change here means that every part is fitted again.
     #[test]
     fn the_key_of_a_surface_is_pinned() {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 by another program: of "isomark fit 4", "ab12" and the pinned text of the settings, a line each.
+        // BLAKE3 from another program: of "isomark fit 4", "ab12" and the pinned text of the settings, one per line.
         assert_eq!(key(&PartSettings::default()), "975ff003b48ed3118bab6559d8ab89a5");
         assert_eq!(key(&everything().part), "d57df0a24900ab84bef69ddf5ac7a317");
     }
 
     #[test]
-    fn what_is_kept_comes_back_to_the_bit() {
+    fn a_kept_surface_is_loaded_bit_for_bit() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path());
         let (sku, key, kept) = ("Saddle".parse::<Sku>().unwrap(), CacheKey::new("00", "top"), kept());
@@ -453,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn any_damage_is_a_miss_that_says_what_is_wrong() {
+    fn any_damage_is_detected() {
         let bytes = encode(&kept()).unwrap();
         for cut in [0, 10, HEADER, bytes.len() - 1] {
             assert!(decode(&bytes[..cut]).is_err());

@@ -1,4 +1,5 @@
-//! Whole files: written beside their target, flushed, renamed. Nobody ever sees a part of one.
+//! Atomic files: written to a temporary file in the same folder, flushed, renamed. No reader ever sees an incomplete
+//! file.
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Component, Path};
@@ -7,37 +8,36 @@ use std::time::SystemTime;
 
 use fs_err as fs;
 
-/// What of a new file survives a power cut.
+/// What survives a power cut after a file is written.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Flush {
-    /// Nothing for certain; a file of that name may be there and empty.
+    /// Nothing is certain; the file may exist and be empty.
     Nothing,
-    /// Its content, if its name does.
+    /// The content is complete if the file exists under its name.
     Content,
-    /// Content and name.
+    /// Content and name survive.
     All,
 }
 
-/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. When it returns, the file
-/// survives a power cut.
+/// Writes a file atomically, replacing an older one of the same name. When this returns, the file survives a power cut.
 ///
 /// # Errors
-/// When the folder cannot be written to or the disk is full; the older file is then untouched.
+/// When the folder cannot be written to or the disk is full; the older file is then unchanged.
 pub fn write_whole(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     write_over(folder, name, bytes, Flush::All)
 }
 
-/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. After a power cut it is whole,
-/// or the older file is there, or none.
+/// Writes a file atomically, replacing an older one of the same name. After a power cut, there is the complete new
+/// file, the older file, or no file.
 ///
 /// # Errors
-/// When the folder cannot be written to or the disk is full; the older file is then untouched.
+/// When the folder cannot be written to or the disk is full; the older file is then unchanged.
 pub fn write_whole_or_not(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     write_over(folder, name, bytes, Flush::Content)
 }
 
-/// Writes a file as [`write_whole`] does, if `check` accepts what is read of the flushed file before it gets its name. The
-/// inner error is that of `check`; the older file is then untouched.
+/// Writes a file as [`write_whole`] does, but only if `check` accepts the content read back from the flushed file
+/// before the rename. The inner error is that of `check`; the older file is then unchanged.
 ///
 /// # Errors
 /// As [`write_whole`], and when the file cannot be read again.
@@ -50,16 +50,16 @@ pub fn write_whole_if<E>(
     let file = written(folder, bytes, Flush::All)?;
     let unreadable = |error: io::Error| {
         let (name, error) = (folder.join(name), without_path(&error));
-        io::Error::other(format!("what was written for {} cannot be read again: {error}", name.display()))
+        io::Error::other(format!("cannot read back the file written for {}: {error}", name.display()))
     };
     let read = std::fs::read(file.path()).map_err(unreadable)?;
     match check(&read) {
         Ok(()) => keep(file, folder, name, Flush::All).map(Ok),
-        Err(refused) => Ok(Err(refused)),
+        Err(rejected) => Ok(Err(rejected)),
     }
 }
 
-/// A temporary file with this content, flushed if that is asked for.
+/// A temporary file with this content, flushed unless `flush` is [`Flush::Nothing`].
 fn written(folder: &Path, bytes: &[u8], flush: Flush) -> io::Result<tempfile::NamedTempFile> {
     let mut file = temporary(folder)?;
     write_all(&mut file, bytes, folder)?;
@@ -69,18 +69,18 @@ fn written(folder: &Path, bytes: &[u8], flush: Flush) -> io::Result<tempfile::Na
     Ok(file)
 }
 
-/// Gives a temporary file its name, over an older file.
+/// Renames a temporary file, replacing an older file.
 fn keep(file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
     file.persist(in_full(&folder.join(name)))
         .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
     if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
 }
 
-/// Writes a file so that nobody ever sees a part of it, over an older one of the same name. A power cut may take it
-/// away again: for what can be made anew.
+/// Writes a file atomically, replacing an older one of the same name, without flushing it: for files that can be made
+/// again after a power cut.
 ///
 /// # Errors
-/// When the folder cannot be written to or the disk is full; the older file is then untouched.
+/// When the folder cannot be written to or the disk is full; the older file is then unchanged.
 pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
     write_over(folder, name, bytes, Flush::Nothing)
 }
@@ -89,11 +89,11 @@ fn write_over(folder: &Path, name: &str, bytes: &[u8], flush: Flush) -> io::Resu
     keep(written(folder, bytes, flush)?, folder, name, flush)
 }
 
-/// Writes a new file and never over an older one, with the time of the last write that it is given where the file system
-/// takes it. When it returns, the file survives a power cut.
+/// Writes a new file, never replacing an older one, and sets its modification time where the file system supports it.
+/// When this returns, the file survives a power cut.
 ///
 /// # Errors
-/// `AlreadyExists` when the name is taken; else as [`write_whole`].
+/// `AlreadyExists` if a file of this name exists; otherwise as [`write_whole`].
 #[cfg(feature = "station")]
 pub(crate) fn write_new(path: &Path, bytes: &[u8], modified: Option<SystemTime>) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -102,11 +102,11 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8], modified: Option<SystemTime>)
     keep_new(file, path, modified)
 }
 
-/// Gives a temporary file its name, never over another file, and the time of its last write. When it returns, the file
+/// Renames a temporary file, never replacing another file, and sets its modification time. When this returns, the file
 /// survives a power cut.
 ///
 /// # Errors
-/// `AlreadyExists` when the name is taken.
+/// `AlreadyExists` if a file of this name exists.
 #[cfg(feature = "station")]
 pub(crate) fn keep_new(
     file: tempfile::NamedTempFile,
@@ -114,7 +114,7 @@ pub(crate) fn keep_new(
     modified: Option<SystemTime>,
 ) -> io::Result<()> {
     if let Some(modified) = modified {
-        // The time is for people; a file system that cannot set it is no obstacle.
+        // The time is only for people, so it does not matter if the file system cannot set it.
         let _ = file.as_file().set_modified(modified);
     }
     file.as_file().sync_all()?;
@@ -122,19 +122,20 @@ pub(crate) fn keep_new(
     sync_folder(path.parent().unwrap_or(Path::new("")))
 }
 
-/// How the names of files begin and end that are not whole yet; importers and this program itself ignore them.
+/// Start and end of the names of incomplete files; importers and this program ignore them.
 pub(crate) const TEMPORARY_START: &str = ".isomark-";
 pub(crate) const TEMPORARY_END: &str = ".part";
 
-/// Writes a file, over an older one of the same name, so that file and name survive a power cut. Readable for everybody.
+/// Writes a file in place, replacing an older one of the same name; file and name survive a power cut. Readable for
+/// everybody.
 ///
 /// # Errors
-/// When the folder cannot be written to or the disk is full; a part of the file may then be there.
+/// When the folder cannot be written to or the disk is full; the file may then be incomplete.
 pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.create(true).truncate(true).write(true);
     let mut file = options.open(path)?;
-    // Whatever the mask of the user that the station runs as: others import the file.
+    // Independent of the umask of the station's user, because another user imports the file.
     #[cfg(unix)]
     file.set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
     file.write_all(bytes)?;
@@ -142,7 +143,7 @@ pub fn write_flushed(path: &Path, bytes: &[u8]) -> io::Result<()> {
     sync_folder(path.parent().unwrap_or(Path::new("")))
 }
 
-/// A file whose name importers and this program itself ignore, readable for everybody.
+/// A temporary file that is readable for everybody; importers and this program ignore its name.
 pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY_START).suffix(TEMPORARY_END);
@@ -154,7 +155,7 @@ pub(crate) fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
         .map_err(|error| named(without_path(&error), "cannot write into", folder))
 }
 
-/// The path as Windows takes it at any length; some of its calls take 259 characters of others.
+/// The path in the form that Windows accepts at any length; in other forms, some calls accept only 259 characters.
 #[cfg(windows)]
 pub(crate) fn in_full(path: &Path) -> std::path::PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -164,7 +165,7 @@ pub(crate) fn in_full(path: &Path) -> std::path::PathBuf {
     }
 }
 
-/// Elsewhere a path is taken as it is.
+/// Other systems accept the path unchanged.
 #[cfg(not(windows))]
 pub(crate) fn in_full(path: &Path) -> std::path::PathBuf {
     path.into()
@@ -175,13 +176,14 @@ fn write_all(file: &mut tempfile::NamedTempFile, bytes: &[u8], folder: &Path) ->
     file.as_file_mut().write_all(bytes).map_err(|error| named(error, "cannot write into", folder))
 }
 
-/// The error without the temporary file's name, which is another each time: the same trouble is to be told once.
+/// The error without the temporary file's name. The name changes each time, but the same error must be reported only
+/// once.
 fn without_path(error: &io::Error) -> io::Error {
-    let words = error.to_string();
-    io::Error::new(error.kind(), words.split(" at path ").next().unwrap_or_default())
+    let text = error.to_string();
+    io::Error::new(error.kind(), text.split(" at path ").next().unwrap_or_default())
 }
 
-/// Makes a rename in the folder survive a power cut, where the file system can.
+/// Makes a rename in the folder survive a power cut, where the file system supports it.
 #[cfg(unix)]
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     use ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
@@ -191,16 +193,16 @@ pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Windows writes the folder's entry through by itself.
+/// Windows writes the folder's entry to the disk itself.
 #[cfg(not(unix))]
 pub(crate) fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The content of a file; `None` when there is none.
+/// The content of a file; `None` if it does not exist.
 ///
 /// # Errors
-/// When it is there and cannot be read.
+/// When the file exists and cannot be read.
 pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
     match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -212,27 +214,27 @@ pub fn read_if_there(path: &Path) -> io::Result<Option<Vec<u8>>> {
 /// The content of the file `name` beside the file at `path`, such as a buffer of a `.gltf`.
 ///
 /// # Errors
-/// `InvalidInput` when `name` leads into another folder ([`is_plain`]); else when the file cannot be read.
+/// `InvalidInput` if `name` is not a plain file name ([`is_plain`]), or when the file cannot be read.
 pub fn read_beside(path: &Path, name: &str) -> io::Result<Vec<u8>> {
     if !is_plain(name) {
-        let words = format!("`{name}` does not name a file in the same folder");
-        return Err(io::Error::new(ErrorKind::InvalidInput, words));
+        let text = format!("`{name}` does not name a file in the same folder");
+        return Err(io::Error::new(ErrorKind::InvalidInput, text));
     }
     fs::read(path.with_file_name(name))
 }
 
-/// Whether the name names a file in the same folder, and nothing else.
+/// Whether the name is a plain file name, without a path.
 pub fn is_plain(name: &str) -> bool {
     let mut components = Path::new(name).components();
     let single = matches!((components.next(), components.next()), (Some(Component::Normal(_)), None));
     single && !name.contains(['/', '\\', ':'])
 }
 
-/// Makes a folder for whoever owns the one it lies in, if it is not there: what an administrator's command makes must not
-/// stand in the way of the user that runs the station.
+/// Creates a folder, if it does not exist, with the owner of its parent folder: a folder that an administrator's
+/// command creates must stay writable for the user that runs the station.
 ///
 /// # Errors
-/// When it cannot be made.
+/// When it cannot be created.
 #[cfg(feature = "station")]
 pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
     match fs::create_dir(folder) {
@@ -242,13 +244,13 @@ pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     if let Some(owner) = folder.parent().and_then(|parent| fs::metadata(parent).ok()) {
         use std::os::unix::fs::{MetadataExt, chown};
-        // Only an administrator may, and only an administrator has to.
+        // Only an administrator may do this, and only for an administrator is it needed.
         let _ = chown(folder, Some(owner.uid()), Some(owner.gid()));
     }
     Ok(())
 }
 
-/// The error with the path it happened at.
+/// The error with the path at which it occurred.
 pub(crate) fn named(error: io::Error, verb: &str, path: &Path) -> io::Error {
     io::Error::new(error.kind(), format!("{verb} {}: {error}", path.display()))
 }
@@ -258,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_written_over_the_old_one_and_readable_for_others() {
+    fn a_file_replaces_the_old_one_and_is_readable_for_others() {
         let folder = tempfile::tempdir().unwrap();
         for content in ["first", "second"] {
             write_whole(folder.path(), "x.dxf", content.as_bytes()).unwrap();
@@ -274,10 +276,10 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_refused_leaves_the_older_one_and_nothing_else() {
+    fn a_rejected_file_leaves_the_older_one_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
-        let write = |content: &str, word: &str| {
-            let check = |read: &[u8]| if read == word.as_bytes() { Ok(()) } else { Err(read.to_vec()) };
+        let write = |content: &str, expected: &str| {
+            let check = |read: &[u8]| if read == expected.as_bytes() { Ok(()) } else { Err(read.to_vec()) };
             write_whole_if(folder.path(), "x.dxf", content.as_bytes(), check).unwrap()
         };
         assert_eq!(write("first", "first"), Ok(()));
@@ -288,33 +290,33 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_folder_that_an_administrator_makes_belongs_to_whom_it_is_made_for() {
+    fn a_new_folder_has_the_owner_of_its_parent() {
         use std::os::unix::fs::{MetadataExt, chown};
         let folder = tempfile::tempdir().unwrap();
-        // Nobody else may give a folder away.
-        let given_away = chown(folder.path(), Some(12_345), Some(12_345)).is_ok();
+        // Only an administrator can change the owner.
+        let is_administrator = chown(folder.path(), Some(12_345), Some(12_345)).is_ok();
         let made = folder.path().join("requests");
         for _ in 0..2 {
             make_folder(&made).unwrap();
         }
         let [outer, inner] = [folder.path(), &made].map(|path| fs::metadata(path).unwrap());
         assert_eq!((inner.uid(), inner.gid()), (outer.uid(), outer.gid()));
-        assert!(!given_away || inner.uid() == 12_345);
+        assert!(!is_administrator || inner.uid() == 12_345);
     }
 
-    /// Whoever tries again tells only what is new.
+    /// A station that tries again reports an error only if its text is new.
     #[test]
-    fn the_same_trouble_is_told_in_the_same_words() {
+    fn the_same_error_has_the_same_text() {
         let folder = tempfile::tempdir().unwrap();
-        let gone = folder.path().join("gone");
-        let trouble = || write_whole(&gone, "x.dxf", b"x").unwrap_err();
-        assert_eq!(trouble().kind(), ErrorKind::NotFound);
-        assert_eq!(trouble().to_string(), trouble().to_string());
-        assert!(trouble().to_string().contains("os error"), "{}", trouble());
+        let missing = folder.path().join("missing");
+        let error = || write_whole(&missing, "x.dxf", b"x").unwrap_err();
+        assert_eq!(error().kind(), ErrorKind::NotFound);
+        assert_eq!(error().to_string(), error().to_string());
+        assert!(error().to_string().contains("os error"), "{}", error());
     }
 
     #[test]
-    fn a_new_file_is_never_written_over_an_old_one() {
+    fn a_new_file_never_replaces_an_old_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.dxf");
         write_new(&path, b"first", None).unwrap();

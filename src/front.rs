@@ -13,15 +13,15 @@ use crate::preview;
 use crate::reason::Reason;
 use crate::report::Report;
 
-/// A part to be marked: a glTF, GLB, OBJ, STL or PLY file, or a scan, with the files beside it that it needs.
+/// A part to be marked: a glTF, GLB, OBJ, STL or PLY file, or a scan, with the buffer files that it needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part(PartFile);
 
 impl Part {
-    /// Reads a part and the buffers beside it.
+    /// Reads a part and its buffers from the same folder.
     ///
     /// # Errors
-    /// When a file cannot be read, or the part names a buffer that is not a plain file beside it.
+    /// When a file cannot be read, or the part names a buffer that is not a file in the same folder.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let (name, bytes) = named_content(path)?;
@@ -30,8 +30,8 @@ impl Part {
         Ok(Self(part.map_err(|error| error.reason().in_file(name))?))
     }
 
-    /// A part in memory, under the file name that tells its format; a `.gltf` with buffers beside it needs
-    /// [`with_buffer`](Self::with_buffer), too.
+    /// A part in memory; the ending of its file name gives its format. A `.gltf` with buffers also needs
+    /// [`with_buffer`](Self::with_buffer).
     pub fn from_bytes(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self(PartFile::alone(name, bytes))
     }
@@ -61,13 +61,14 @@ impl Drawing {
         Ok(Self { name, bytes })
     }
 
-    /// A drawing in memory, under the file name that tells its format.
+    /// A drawing in memory, with its file name.
     pub fn from_bytes(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), bytes: bytes.into() }
     }
 }
 
-/// How a part is seen and a drawing is placed and corrected; [`Default`] is what `isomark correct` does without options.
+/// The settings for viewing a part and for placing and correcting a drawing; [`Default`] is `isomark correct` without
+/// options.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Settings(JobSettings);
 
@@ -75,38 +76,38 @@ impl Settings {
     /// The side of the part that faces the laser: `+z` (default), `-z`, `+x`, `-x`, `+y`, `-y`, or a direction `X,Y,Z`.
     ///
     /// # Errors
-    /// When the text names no side.
+    /// When the text is not a valid side.
     pub fn facing(mut self, side: &str) -> Result<Self, Error> {
         self.0.part.facing = parse_facing(side).map_err(|error| {
-            Reason::new("settings-choice", format!("The {error}."), "Name a side such as `-y`.")
+            Reason::new("settings-choice", format!("The {error}."), "Use a side such as `-y`.")
         })?;
         Ok(self)
     }
 
-    /// Where the middle of the drawing lands in the view of the part, mm.
+    /// Places the middle of the drawing at this point of the view, mm.
     #[must_use]
     pub fn place(mut self, x: f64, y: f64) -> Self {
         self.0.placement.place = Some(ViewPoint::new(x, y));
         self
     }
 
-    /// Turns the drawing about its middle, degrees counter-clockwise.
+    /// Rotates the drawing about its middle, degrees counter-clockwise.
     #[must_use]
     pub fn rotate(mut self, degrees: f64) -> Self {
         self.0.placement.rotate = degrees.to_radians();
         self
     }
 
-    /// These settings with those of a text in TOML, as a SKU's file holds them: `[part]`, `[fixture]`, `[pattern]`,
+    /// These settings, overridden by settings in TOML as in a SKU's settings file: `[part]`, `[fixture]`, `[pattern]`,
     /// `[placement]`, `[correction]`.
     ///
     /// # Errors
-    /// When anything in the text is wrong, with its line.
+    /// When the text contains an error; the reason gives its line.
     pub fn with_toml(&self, text: &str) -> Result<Self, Error> {
         Ok(Self(self.0.overridden_by(Path::new("settings"), text)?))
     }
 
-    /// All settings, for what has no method here: the field, the lens, the output.
+    /// All settings, including those without a method here: the field, the lens, the output.
     pub fn job(&mut self) -> &mut JobSettings {
         &mut self.0
     }
@@ -125,7 +126,7 @@ pub struct Corrector {
 }
 
 impl Corrector {
-    /// A corrector that keeps nothing on the disk.
+    /// A corrector that keeps nothing on disk.
     pub fn new() -> Self {
         Self { pipeline: Pipeline::new(None) }
     }
@@ -135,10 +136,11 @@ impl Corrector {
         Self { pipeline: Pipeline::new(Some(Cache::new(folder.into()))) }
     }
 
-    /// Reads, samples and fits a part as the settings show it to the laser; drawings for it need no more of that.
+    /// Reads, samples and fits a part in the view that the settings give. The surface can then be used for many
+    /// drawings.
     ///
     /// # Errors
-    /// When the part cannot be read or has no surface to mark, or the folder of surfaces fails.
+    /// When the part cannot be read or has no surface to mark, or the folder of surfaces cannot be used.
     pub fn fit(&self, part: &Part, settings: &Settings) -> Result<Surface, Error> {
         let Part(part) = part;
         let stem = Path::new(&part.name).file_stem().unwrap_or_default().to_string_lossy();
@@ -166,11 +168,11 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Corrects a drawing, so that on the part every length is as it was drawn; a second reader checks the result, as
-    /// `isomark correct` does. The settings of the part are those that it was fitted with.
+    /// Corrects a drawing so that its lengths on the part are those drawn. A second reader checks the result, as in
+    /// `isomark correct`. The part's settings are those that the surface was fitted with.
     ///
     /// # Errors
-    /// When the drawing cannot be read, does not lie on the part, or cannot be marked there.
+    /// When the drawing cannot be read, is not on the part, or cannot be marked there.
     pub fn correct(&self, drawing: &Drawing, settings: &Settings) -> Result<Correction, Error> {
         let input = PatternInput { name: &drawing.name, bytes: &drawing.bytes, previous: None };
         let mut corrected = self.pipeline.correct(&self.sku, &self.learned, input, &settings.0, true)?;
@@ -194,7 +196,7 @@ impl Correction {
         &self.0.dxf
     }
 
-    /// How true every length, area and angle is, what was read, and what a person should know.
+    /// The report: the accuracy of lengths, areas and angles, facts about the input, and notices.
     pub fn report(&self) -> &Report {
         &self.0.report
     }
@@ -209,7 +211,7 @@ impl Correction {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The part, the drawing or the settings cannot be used; trying again changes nothing.
+    /// The part, the drawing or the settings are rejected; trying again gives the same result.
     #[error("{0}")]
     Rejected(Reason),
     /// A file cannot be read, or the folder of surfaces cannot be used.
@@ -218,12 +220,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// The reason that people are shown, with its code, its place and what to do.
+    /// The reason for people, with its code, its place and what to do.
     pub fn reason(&self) -> Reason {
         match self {
             Self::Rejected(reason) => reason.clone(),
             Self::Environment(error) => {
-                let remedy = "Check that the file or folder exists and may be read or written.";
+                let remedy = "Check that the file or folder exists and that this user may read or write it.";
                 Reason::new("environment", format!("{error}."), remedy)
             }
         }
@@ -247,7 +249,7 @@ impl From<PipelineError> for Error {
         match error {
             PipelineError::Rejected(reason) => Self::Rejected(reason),
             PipelineError::Environment(error) => Self::Environment(error),
-            // Nobody is in a hurry here.
+            // This does not occur: the pipeline runs without a limit here.
             error @ PipelineError::TakesLong => {
                 Self::Rejected(Reason::new("takes-long", format!("{error}."), "Try again."))
             }
@@ -266,14 +268,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_that_an_integrator_holds_goes_to_other_threads() {
-        fn goes<T: Send + Sync>() {}
-        goes::<Part>();
-        goes::<Drawing>();
-        goes::<Settings>();
-        goes::<Corrector>();
-        goes::<Surface>();
-        goes::<Correction>();
-        goes::<Error>();
+    fn all_types_of_the_front_door_can_be_sent_to_other_threads() {
+        fn is_send_and_sync<T: Send + Sync>() {}
+        is_send_and_sync::<Part>();
+        is_send_and_sync::<Drawing>();
+        is_send_and_sync::<Settings>();
+        is_send_and_sync::<Corrector>();
+        is_send_and_sync::<Surface>();
+        is_send_and_sync::<Correction>();
+        is_send_and_sync::<Error>();
     }
 }

@@ -1,6 +1,6 @@
-//! isomark bends flat drawings so that a galvo laser marks true lengths on curved parts. It reads a part and a drawing,
-//! works out where every line comes to lie on the part, and writes the drawing that the marking software has to be given;
-//! alone, or all day from a hot folder.
+//! isomark bends flat drawings so that a galvo laser marks true lengths on curved parts. It reads a part and a
+//! drawing, computes where every line must be on the part, and writes the corrected drawing for the marking software:
+//! for a single job, or continuously from a hot folder.
 //!
 //! # The flow
 //!
@@ -11,9 +11,9 @@
 //!           DXF + Report + picture ◀──write── MarkingDrawing ◀──bend── Projection ◀──fixture, lens─────┘
 //! ```
 //!
-//! | stage | makes | from |
+//! | function | result | input |
 //! |---|---|---|
-//! | [`formats::mesh::read`] | [`TriMesh`](geometry::mesh::TriMesh) | glTF, GLB or OBJ bytes |
+//! | [`formats::mesh::read`] | [`TriMesh`](geometry::mesh::TriMesh) | bytes of a part file |
 //! | [`FacingPart::new`](geometry::height_field::FacingPart::new) | [`FacingPart`](geometry::height_field::FacingPart) | the mesh and the side that faces the laser |
 //! | [`FittedSurface::of_part`](geometry::surface::fit::FittedSurface::of_part) | [`HeightField`](geometry::height_field::HeightField), [`NurbsSurface`](geometry::surface::nurbs::NurbsSurface), [`Residual`](geometry::surface::fit::Residual) | the facing part |
 //! | [`formats::pattern::read`] | [`Pattern`](geometry::pattern::Pattern) | DXF or picture bytes |
@@ -24,13 +24,13 @@
 //! | [`formats::pattern::write`] | DXF bytes | the marking drawing |
 //! | [`formats::surface::write`] | STEP or OBJ bytes | the fitted surface |
 //!
-//! [`Pipeline`](pipeline::Pipeline) walks the whole way, with the [`Cache`](cache::Cache) and the
-//! [`Report`](report::Report); [`hotfolder::run`] does it for every drop.
+//! [`Pipeline`](pipeline::Pipeline) runs all stages, with the [`Cache`](cache::Cache) and the
+//! [`Report`](report::Report); [`hotfolder::run`] does this for every drop.
 //!
 //! # The front door
 //!
-//! [`Part`], [`Drawing`], [`Settings`] and [`Corrector`] are all that most programs need; everything behind them can be
-//! reached in its module.
+//! Most programs need only [`Part`], [`Drawing`], [`Settings`] and [`Corrector`]; everything else is available in its
+//! module.
 //!
 //! ```
 //! use isomark::{Corrector, Drawing, Part, Settings};
@@ -47,12 +47,13 @@
 //! # }
 //! ```
 //!
-//! The features `cli` (the program `isomark`) and `station` (the hot folder) are on by default. Without them the library
-//! needs no command line, no thread and no watching of folders: `isomark = { version = "0.1", default-features = false }`.
+//! The features `cli` (the program `isomark`) and `station` (the hot folder) are on by default. Without them
+//! (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no threads and no folder
+//! watching.
 //!
-//! # An example from inside
+//! # An example with the inner modules
 //!
-//! On a can of radius 30 mm, 15 mm of a line lie round an angle of 0.5 rad, so the laser must go to x = 30·sin 0.5 mm.
+//! On a can of radius 30 mm, 15 mm of a line cover an angle of 0.5 rad, so the laser must mark x = 30·sin 0.5 mm.
 //!
 //! ```
 //! use isomark::geometry::height_field::FacingPart;
@@ -65,7 +66,7 @@
 //! use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // The part: a mesh, turned to the laser, sampled and fitted.
+//! // The part: a mesh that is turned to the laser, sampled and fitted.
 //! let can = shapes::graph(25.0, 0.75, shapes::cylinder);
 //! let surface = FittedSurface::of_part(&FacingPart::new(&can, &View::top()), &FitOptions::default())?;
 //!
@@ -81,7 +82,7 @@
 //! let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
 //! let drawing = Pattern { layers, paths: vec![path] };
 //!
-//! // The map, which recognises the cylinder by itself, keeps the drawing's middle where it is.
+//! // The map: the cylinder is recognised automatically, and the middle of the drawing keeps its place.
 //! let method = Method::Auto {
 //!     exact_tolerance: Method::EXACT_TOLERANCE,
 //!     otherwise: IsometricOptions::INK,
@@ -90,7 +91,7 @@
 //! let end = map.point(FlatPoint::new(15.0, 0.0));
 //! assert!((end.x - 30.0 * 0.5f64.sin()).abs() < 1e-3 && end.y.abs() < 1e-3);
 //!
-//! // On the part the line is as long as it was drawn.
+//! // On the part, the line has the length that was drawn.
 //! let ink = Ink::sample(&drawing, |_| true, quality::PIECE, quality::SQUARE);
 //! let distortion = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at))
 //!     .map_err(|at| format!("no surface at {at:?}"))?;
@@ -103,63 +104,66 @@
 //!
 //! | word | means |
 //! |---|---|
-//! | part, mesh | the thing to be marked, and the triangles that describe it |
-//! | primitive | a cylinder or cone given by its sizes, in place of a mesh |
-//! | SKU | a product's identity; it owns a fitted surface |
-//! | pattern, drawing | what is to be marked, flat, in true size |
-//! | ink | the lines and inked areas of a drawing that count |
+//! | part, mesh | the object to be marked, and the triangles that describe it |
+//! | primitive | a cylinder or cone given by its sizes instead of a mesh |
+//! | SKU | the identity of a product; every SKU has a fitted surface |
+//! | pattern, drawing | the flat drawing to be marked, in true size |
+//! | ink | the lines and inked areas of a drawing that are marked and measured |
+//! | ink layer | a layer whose lines are ink |
 //! | part frame | the part's own axes, +Z up |
 //! | view | the part as the laser sees it: x to the right, y up, z to the laser |
 //! | field | the marking software's working area |
 //! | height field | heights of the part over a grid of the view; holes and walls stay visible |
-//! | surface, knots, span, control net | the NURBS surface that is fitted to the height field, and what it is made of |
+//! | surface, knots, span, control net | the NURBS surface that is fitted to the height field, and its elements |
 //! | doubt | how far the part may be from the surface, because the file's normals contradict its facets |
-//! | residual | what a fit leaves; never called an error |
-//! | length-true map | from the drawing to the view, so that lengths on the part are those drawn |
-//! | developable | can be unrolled without stretch: Gaussian curvature zero; only there all lengths can be kept |
-//! | stretch | length on the part divided by length drawn, less 1 |
+//! | residual | the distance between a fit and its data; never called an error |
+//! | length-true map | the map from the drawing to the view for which lengths on the part are those drawn |
+//! | developable | can be unrolled without stretch: the Gaussian curvature is zero; only then can all lengths be kept |
+//! | stretch | length on the part divided by length drawn, minus 1 |
 //! | e_l, e_a | length error and area error of a whole drawing, mm and mm² |
-//! | chord tolerance | largest distance between a curve and the polyline that stands for it |
+//! | chord tolerance | largest distance between a curve and the polyline that replaces it |
+//! | bend, corrected drawing | to map a drawing so that it is marked with true lengths, and the result |
 //! | bulge, block, layer, OCS | as in DXF |
-//! | fixture, lens | where the part stands under the laser, and how the beam comes to it |
+//! | fixture, lens | the position of the part under the laser, and the projection of the beam |
 //! | station | one laser with its folders, field and optics |
-//! | hot folder, drop | where files are put, and a file put there |
+//! | hot folder, drop | the folder for input files, and a file that is put there |
 //! | job | one pattern on one SKU at one station |
-//! | reason, notice | why an input was rejected; what was noticed and stopped nothing |
+//! | reason, notice | why an input was rejected; a remark that does not stop a job |
 //!
-//! Inside there are millimetres and radians. Settings and reports have degrees; every key names its unit.
+//! The code uses millimetres and radians. Settings and reports use degrees; every key names its unit.
 //!
 //! # Modules in reading order
 //!
-//! | module | is | knows |
+//! | module | contains | uses |
 //! |---|---|---|
-//! | [`geometry`] | mathematics only: no file, clock, thread, log or format | nobody |
-//! | [`printable`] | names and messages with all that does not print spelled out | nobody |
-//! | [`reason`] | why something was rejected, what was noticed | `printable` |
-//! | [`formats`] | bytes to values and back; the only place that names a format crate; opens no file | `geometry`, `printable`, `reason` |
+//! | [`geometry`] | mathematics only: no file, clock, thread, log or format | – |
+//! | [`printable`] | names and messages with non-printing characters escaped | – |
+//! | [`reason`] | reasons for rejection, and notices | `printable` |
+//! | [`formats`] | bytes to values and back; the only module that uses format crates; opens no file | `geometry`, `printable`, `reason` |
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
-//! | [`files`] | files written whole or not at all | nobody |
+//! | [`files`] | files that are written completely or not at all | – |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
-//! | [`preview`] | the picture of a job | `geometry`, `printable` |
-//! | [`diff`] | what changed between two drawings, in words | `geometry`, `printable` |
+//! | [`preview`] | the preview picture of a job | `geometry`, `printable` |
+//! | [`diff`] | the differences between two drawings, as text | `geometry`, `printable` |
 //! | [`report`] | the report of one job, in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
-//! | [`pipeline`] | the corridor: read, sample, fit, map, bend, check, write | all above but `files` |
+//! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |
 //! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `geometry` |
-//! | [`hotfolder`] | folders, time and people | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |
-//! | [`cli`] | what can be typed | all above but `preview` |
+//! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |
+//! | [`cli`] | the command line | all above except `preview` |
 //!
-//! No arrow leads back. `tests/layering.rs` reads the sources and keeps it so, crates included.
+//! There are no circular dependencies. `tests/layering.rs` reads the sources and checks this, including external
+//! crates.
 //!
 //! # Where to add
 //!
 //! - **A mesh format**: one file in `src/formats/mesh/` and one variant in
-//!   [`MeshFormat`](formats::mesh::MeshFormat); the compiler names the places that are still missing. Samples go to
-//!   `tests/data/parts/`, their true sizes into its `truth.json`.
-//! - **A method**: one file in `src/geometry/mapping/` with its source cited, one variant each in
-//!   [`mapping::Method`](geometry::mapping::Method) and [`LengthTrueMap`](geometry::mapping::LengthTrueMap), and its name
-//!   in [`config::Method`]. Its judge is a closed form on one of [`geometry::shapes`].
+//!   [`MeshFormat`](formats::mesh::MeshFormat); the compiler then reports the places that are missing. Put samples into
+//!   `tests/data/parts/` and their true sizes into its `truth.json`.
+//! - **A method**: one file in `src/geometry/mapping/` that cites its source, one variant each in
+//!   [`mapping::Method`](geometry::mapping::Method) and [`LengthTrueMap`](geometry::mapping::LengthTrueMap), and its
+//!   name in [`config::Method`]. Test it with a closed form on one of [`geometry::shapes`].
 //! - **A check**: one function in `src/pipeline/checks.rs` that returns a [`Reason`](reason::Reason) or adds a
-//!   [`Notice`](reason::Notice), and its limit, if people may change it, in [`config`] and `watch-config/`.
+//!   [`Notice`](reason::Notice), and its limit, if it is a setting, in [`config`] and `watch-config/`.
 
 pub mod geometry;
 pub mod printable;

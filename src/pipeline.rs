@@ -1,12 +1,12 @@
-//! The journey on one screen: read → sample → fit → map → bend → check → write.
+//! All stages of a job: read → sample → fit → map → bend → check → write.
 //!
 //! ```text
 //! part bytes ──read──▶ TriMesh ──sample, fit──▶ FittedSurface ─┐   kept per SKU in the cache
 //! pattern bytes ──read──▶ Pattern ──place──────────────────────┴▶ LengthTrueMap ▶ MarkingDrawing ▶ DXF + Report
 //! ```
 //!
-//! [`Pipeline::learn`] goes the upper way, [`Pipeline::correct`] the lower one. Bytes come in and go out; the only files
-//! touched are the cache's.
+//! [`Pipeline::learn`] runs the upper line, [`Pipeline::correct`] the lower one. Input and output are bytes; only the
+//! files of the cache are read and written.
 
 use std::io;
 use std::time::Instant;
@@ -51,12 +51,12 @@ mod preview;
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use scan::surface_of;
 
-/// A piece of a line is so much more work than a square of inked area.
+/// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
-/// So many squares of inked area are a moment's work.
-const WORK_OF_A_MOMENT: usize = 200_000;
-/// An older drawing of so many bytes is compared with the new one in a moment.
-const BYTES_OF_A_MOMENT: usize = 2 << 20;
+/// The work that a quick job may take, in squares of inked area.
+const QUICK_WORK: usize = 200_000;
+/// The size of an older drawing that can be compared in a quick job, bytes.
+const QUICK_BYTES: usize = 2 << 20;
 
 /// A pattern file in memory.
 #[derive(Debug, Clone, Copy)]
@@ -65,7 +65,7 @@ pub struct PatternInput<'a> {
     pub name: &'a str,
     /// Its content.
     pub bytes: &'a [u8],
-    /// The corrected drawing that the new one replaces, if there is one.
+    /// The corrected drawing that the new one replaces, if any.
     pub previous: Option<&'a [u8]>,
 }
 
@@ -76,11 +76,11 @@ pub struct LearnedPart {
     pub kept: CachedSurface,
     /// Its name in the cache.
     pub key: CacheKey,
-    /// Whether it came from the cache.
+    /// Whether it was loaded from the cache.
     pub from_cache: bool,
-    /// What was noticed besides what the file's facts say.
+    /// Notices, in addition to those in the facts of the file.
     pub notices: Vec<Notice>,
-    /// How long the stages took.
+    /// The times of the stages.
     pub timings: Vec<Timing>,
 }
 
@@ -89,24 +89,25 @@ pub struct LearnedPart {
 pub struct Corrected {
     /// The DXF file.
     pub dxf: Vec<u8>,
-    /// What it is to hold.
+    /// The drawing in the file.
     pub drawing: MarkingDrawing,
-    /// The dialect that it is written in.
+    /// The DXF dialect of the file.
     pub profile: DxfProfile,
     /// The report.
     pub report: Report,
-    /// What the picture shows, if it was asked for; [`svg`](crate::preview::svg) draws it, which takes longer than all
-    /// the rest.
+    /// The content of the preview, if requested; [`svg`](crate::preview::svg) draws it, which takes longer than all
+    /// other stages.
     pub preview: Option<Preview>,
 }
 
 impl Corrected {
-    /// Whether the settings have a drawing of this size read back.
+    /// Whether a drawing of this size is to be read back under these settings.
     pub fn is_to_be_read_back(&self, verify: Verify) -> bool {
         verify.applies_to(pattern::readback_work(&self.drawing, self.profile))
     }
 
-    /// Holds the written file, read again from where it is, against what was meant, with a second reader; the report tells it.
+    /// Compares the content of the written file with the intended drawing, using a second reader, and records the
+    /// check in the report.
     ///
     /// # Errors
     /// The first difference ([`pattern::read_back`]).
@@ -117,16 +118,16 @@ impl Corrected {
     }
 }
 
-/// Why a job was not done.
+/// Why a job failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
-    /// The input cannot be done; trying again changes nothing.
+    /// The input is rejected; trying again gives the same result.
     #[error("{0}")]
     Rejected(Reason),
-    /// It is more than a moment's work, and [`Pipeline::at`] gave it only that.
-    #[error("the job takes longer than a moment")]
+    /// The job is too much work for a quick job, which [`Pipeline::at`] requested.
+    #[error("the job is too large for a quick job")]
     TakesLong,
-    /// The cache's folder fails; the input may be all right.
+    /// The cache's folder cannot be used; the input may be valid.
     #[error("the cache cannot be used: {0}")]
     Environment(#[from] io::Error),
 }
@@ -137,7 +138,7 @@ impl From<Reason> for PipelineError {
     }
 }
 
-/// The journey with its cache.
+/// All stages of a job, with the cache.
 #[derive(Debug, Clone)]
 pub struct Pipeline {
     cache: Option<Cache>,
@@ -146,26 +147,26 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// A pipeline that keeps surfaces in `cache`, or none.
+    /// A pipeline that keeps surfaces in `cache`, or keeps none.
     pub fn new(cache: Option<Cache>) -> Self {
         Self { cache, fit: FitOptions::default(), pace: Pace::Any }
     }
 
-    /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as a job turns out to
-    /// be more than a moment's work, by what its files unfold to.
+    /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as the content
+    /// of the files turns out to be too much work.
     pub fn at(self, pace: Pace) -> Self {
         Self { pace, ..self }
     }
 
-    /// Stops what is more work than the pace allows, where `moment` of it is a moment's.
-    fn a_moment(&self, work: usize, moment: usize) -> Result<(), PipelineError> {
-        if self.pace.allows(work, moment) { Ok(()) } else { Err(PipelineError::TakesLong) }
+    /// Fails if `work` is more than the pace allows; `quick` is the limit for a quick job.
+    fn check_pace(&self, work: usize, quick: usize) -> Result<(), PipelineError> {
+        if self.pace.allows(work, quick) { Ok(()) } else { Err(PipelineError::TakesLong) }
     }
 
-    /// Reads, samples and fits a part, or takes its surface from the cache, and makes it the SKU's part.
+    /// Reads, samples and fits a part, or loads its surface from the cache, and makes it the SKU's part.
     ///
     /// # Errors
-    /// When the part cannot be read or has no surface to mark, or the cache's folder fails.
+    /// When the part cannot be read or has no surface to mark, or the cache's folder cannot be used.
     pub fn learn(
         &self,
         sku: &Sku,
@@ -176,11 +177,11 @@ impl Pipeline {
         self.learn_from(sku, part, origin, settings, clock)
     }
 
-    /// Learns a part again that was the SKU's before: stations that share a cache share the shape of each SKU, so it is
-    /// refused when another one was learned since.
+    /// Learns again a part that the SKU had before. Stations that share a cache also share the part of each SKU, so
+    /// this is rejected if another part has been learned since.
     ///
     /// # Errors
-    /// As [`learn`](Self::learn), and when another part was learned since.
+    /// As [`learn`](Self::learn), and if another part has been learned since.
     pub fn restore(
         &self,
         sku: &Sku,
@@ -204,9 +205,9 @@ impl Pipeline {
         settings: &PartSettings,
         mut clock: Clock,
     ) -> Result<LearnedPart, PipelineError> {
-        let refused = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
+        let rejected = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
         if let Some(primitive) = &settings.primitive {
-            return Err(refused(checks::part_not_needed(primitive)));
+            return Err(rejected(checks::part_not_needed(primitive)));
         }
         let format = MeshFormat::from_name(&part.name).ok_or_else(|| unknown_part_format(&part.name))?;
         let key = self.key(&origin, settings);
@@ -223,10 +224,11 @@ impl Pipeline {
         let mut reading =
             mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
                 MeshReadError::TakesLong => PipelineError::TakesLong,
-                error => refused(error.reason()),
+                error => rejected(error.reason()),
             })?;
         clock.lap("read part");
-        let surface = surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(refused)?;
+        let surface =
+            surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
         if let Some(cache) = &self.cache {
@@ -237,11 +239,12 @@ impl Pipeline {
         Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
     }
 
-    /// The surface that is kept for a SKU under these settings; `None` if the part has to be read (again). Damage to a
-    /// kept one goes to `notices`. A part that the settings give by its sizes is made and kept where it is not yet.
+    /// The cached surface of a SKU under these settings; `None` if the part must be read (again). A damaged cache
+    /// entry is reported in `notices`. If the settings give the part by its sizes, its surface is computed and cached
+    /// when needed.
     ///
     /// # Errors
-    /// When the cache's folder fails, or a part given by its sizes has no surface to mark.
+    /// When the cache's folder cannot be used, or a part given by its sizes has no surface to mark.
     pub fn recall(
         &self,
         sku: &Sku,
@@ -262,7 +265,7 @@ impl Pipeline {
                     surface,
                 };
                 clock.lap("sample and fit");
-                // The SKU's part stays what it is, for when the settings take the sizes out again.
+                // The SKU's current part is kept for the case that the sizes are removed from the settings again.
                 if let Some(cache) = &self.cache {
                     cache.keep(sku, &key, &kept)?;
                     clock.lap("keep surface");
@@ -275,10 +278,10 @@ impl Pipeline {
         Ok(kept.map(|kept| LearnedPart { kept, key, from_cache, notices: Vec::new(), timings }))
     }
 
-    /// The part that the SKU has now, from a file or given by its sizes; `None` for an unknown SKU.
+    /// The current part of the SKU, from a file or given by its sizes; `None` for an unknown SKU.
     ///
     /// # Errors
-    /// When the cache's folder fails.
+    /// When the cache's folder cannot be used.
     pub fn current_part(
         &self,
         sku: &Sku,
@@ -291,10 +294,10 @@ impl Pipeline {
         }
     }
 
-    /// The name that the surface of the SKU's current part has under these settings; `None` for an unknown SKU.
+    /// The cache key of the surface of the SKU's current part under these settings; `None` for an unknown SKU.
     ///
     /// # Errors
-    /// When the cache's folder fails.
+    /// When the cache's folder cannot be used.
     pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
         Ok(self.current_part(sku, settings)?.map(|origin| self.key(&origin, settings)))
     }
@@ -311,7 +314,7 @@ impl Pipeline {
             Lookup::Miss => Ok(None),
             Lookup::Damaged(what) => {
                 let text =
-                    format!("the kept surface {} of {sku} is damaged and not used: {what}", key.as_str());
+                    format!("the cached surface {} of {sku} is damaged and not used: {what}", key.as_str());
                 tracing::warn!("{text}");
                 notices.push(Notice::warning("cache-damaged", text));
                 Ok(None)
@@ -326,7 +329,7 @@ impl Pipeline {
     /// Corrects a pattern for a surface.
     ///
     /// # Errors
-    /// When the pattern cannot be read, does not lie on the part, or cannot be marked there.
+    /// When the pattern cannot be read, is not on the part, or cannot be marked there.
     pub fn correct(
         &self,
         sku: &Sku,
@@ -338,12 +341,12 @@ impl Pipeline {
         let mut clock = Clock::start();
         let part = &learned.kept;
         let surface = &part.surface;
-        let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
-        self.a_moment(input.previous.map_or(0, <[u8]>::len), BYTES_OF_A_MOMENT)?;
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+        self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let PlacedPattern { facts, placing, placed, ink } = self.place(input, part, settings, &mut clock)?;
 
         let method = method(settings);
-        let map = LengthTrueMap::find(surface, &placed, counts, placing.place, &method)
+        let map = LengthTrueMap::find(surface, &placed, is_ink, placing.place, &method)
             .map_err(|error| checks::map_reason(&error, placing.place, part, &ink).in_file(input.name))?;
         clock.lap("map");
 
@@ -429,7 +432,7 @@ impl Pipeline {
     }
 }
 
-/// A drawing as it is placed.
+/// A placed drawing.
 struct PlacedPattern {
     facts: PatternFacts,
     placing: Placing,
@@ -445,31 +448,31 @@ impl Pipeline {
         settings: &JobSettings,
         clock: &mut Clock,
     ) -> Result<PlacedPattern, PipelineError> {
-        let refused = |reason: Reason| PipelineError::from(reason.in_file(input.name));
+        let rejected = |reason: Reason| PipelineError::from(reason.in_file(input.name));
         let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
         let PatternReading { pattern, facts } =
             pattern::read(input.bytes, &options).map_err(|error| match error {
                 PatternReadError::TakesLong => PipelineError::TakesLong,
-                error => refused(error.reason()),
+                error => rejected(error.reason()),
             })?;
         clock.lap("read pattern");
-        let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
-        let length = checks::reach(&placed, counts, part).map_err(refused)?;
-        checks::lost_ink(&facts, settings).map_err(refused)?;
-        self.a_moment((length / quality::PIECE) as usize * WORK_OF_PIECE, WORK_OF_A_MOMENT)?;
-        let ink = Ink::sample(&placed, counts, quality::PIECE, quality::SQUARE);
-        checks::anything_inked(&ink, &placed, settings).map_err(refused)?;
+        let length = checks::reach(&placed, is_ink, part).map_err(rejected)?;
+        checks::lost_ink(&facts, settings).map_err(rejected)?;
+        self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
+        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+        checks::anything_inked(&ink, &placed, settings).map_err(rejected)?;
         let work = ink.pieces.len() * WORK_OF_PIECE + ink.squares.len();
-        self.a_moment(work, WORK_OF_A_MOMENT)?;
+        self.check_pace(work, QUICK_WORK)?;
         clock.lap("place");
         Ok(PlacedPattern { facts, placing, placed, ink })
     }
 }
 
-/// Where a drawing is put: its anchor, the anchor's place in the view, and the rigid motion between.
+/// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.
 struct Placing {
     anchor: FlatPoint,
     place: FlatPoint,
@@ -507,8 +510,8 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// Where a part comes from, and how long that took. The hash stays the same in every version: a drawing of a part with
-/// another one is outdated.
+/// The origin of a part, and a clock with the time that hashing took. The hash must stay the same in every version:
+/// drawings for a part with another hash are outdated.
 fn identified(part: &PartFile) -> (PartOrigin, Clock) {
     let mut clock = Clock::start();
     let PartFile { name, bytes, .. } = part;
@@ -522,8 +525,8 @@ fn identified(part: &PartFile) -> (PartOrigin, Clock) {
     (PartOrigin { file: name.clone(), blake3 }, clock)
 }
 
-/// The contents of the files beside a part in the order in which it names them: names that a program numbered, such as
-/// `buffer2.bin` and `buffer10.bin`, have another order than their files.
+/// The contents of the files beside a part, in the order in which the part names them: the alphabetical order of
+/// numbered names, such as `buffer2.bin` and `buffer10.bin`, is different.
 fn in_order_of_file(part: &PartFile) -> Vec<&[u8]> {
     let PartFile { name, bytes, siblings } = part;
     let format = MeshFormat::from_name(name).filter(|_| siblings.len() > 1);
@@ -535,7 +538,7 @@ fn in_order_of_file(part: &PartFile) -> Vec<&[u8]> {
     }
 }
 
-/// What stands for the file of a part that the settings give by its sizes.
+/// The origin of a part that the settings give by its sizes.
 fn primitive_origin(primitive: &Primitive) -> PartOrigin {
     PartOrigin { file: primitive.to_string(), blake3: hash(canonical::primitive(primitive).as_bytes()) }
 }
@@ -546,7 +549,7 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         format: None,
         producer: None,
         unit: Decision { value: LengthUnit::Millimetre, why: "the settings give its sizes in mm".into() },
-        up: Decision { value: UpAxis::Z, why: "the settings give it as the laser sees it".into() },
+        up: Decision { value: UpAxis::Z, why: "the settings give the part as the laser sees it".into() },
         size: (max - min).into(),
         triangles: 0,
         vertices: 0,
@@ -559,11 +562,11 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
     }
 }
 
-/// The refusal of a part in a format that is not read.
+/// The reason for a part in a format that is not supported.
 pub(crate) fn unknown_part_format(name: &str) -> Reason {
     Reason::new(
         "part-format-unknown",
-        format!("\"{name}\" is no part that can be read."),
+        format!("\"{name}\" cannot be read as a part."),
         format!("Export the part or scan as {}.", MeshFormat::ENDINGS),
     )
     .in_file(name)
@@ -638,7 +641,7 @@ fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -
     }
 }
 
-/// What differs between two corrected drawings; `None` if they are the same or the older one is not ours to read.
+/// The differences between two corrected drawings; `None` if they are equal or the older one cannot be read.
 fn changes(previous: &[u8], dxf: &[u8]) -> Option<ChangesReport> {
     if previous == dxf {
         return None;

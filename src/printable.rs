@@ -1,27 +1,29 @@
-//! Names and messages as a terminal, a log and a page may show them: what does not print is spelled out.
+//! Names and messages for terminals, logs and pages: non-printing characters are escaped.
 //!
-//! A file's name and a layer's name may hold anything. Written as it is, a control character moves the cursor or colours
-//! the screen, a line break forges a line, and a character of direction or of no width makes one name look like another.
+//! The name of a file or a layer may contain any character. Without escaping, a control character could move the
+//! cursor or colour the screen, a line break could forge a line, and a direction mark or a zero-width character could
+//! make one name look like another.
 
-/// The text on one line, every character in it visible: line breaks and all others that do not print as `\u{1b}`, `\n`.
+/// The text on one line with every character visible: line breaks and other non-printing characters are escaped as
+/// `\n`, `\u{1b}`.
 ///
 /// ```
 /// use isomark::printable::on_one_line;
 /// assert_eq!(on_one_line("logo\u{202e}fxd.\n"), "logo\\u{202e}fxd.\\n");
 /// ```
 pub fn on_one_line(text: &str) -> String {
-    spelled(text, does_not_print)
+    escaped(text, is_nonprinting)
 }
 
-/// The same for a text of several lines, whose own line breaks stay.
+/// The same for a text of several lines: its line breaks are kept.
 pub fn on_lines(text: &str) -> String {
-    spelled(text, |letter| letter != '\n' && does_not_print(letter))
+    escaped(text, |letter| letter != '\n' && is_nonprinting(letter))
 }
 
-fn spelled(text: &str, is_spelled: impl Fn(char) -> bool) -> String {
+fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
-        match is_spelled(letter) {
+        match is_escaped(letter) {
             true => out.extend(letter.escape_default()),
             false => out.push(letter),
         }
@@ -29,12 +31,12 @@ fn spelled(text: &str, is_spelled: impl Fn(char) -> bool) -> String {
     out
 }
 
-fn does_not_print(letter: char) -> bool {
+fn is_nonprinting(letter: char) -> bool {
     letter.is_control() || matches!(letter, '\u{2028}' | '\u{2029}') || is_invisible(letter)
 }
 
-/// Whether the letter has neither shape nor width: joiners, marks, embeddings, overrides and isolates of direction, soft
-/// hyphens, tags, byte order marks (Unicode, chapter 23, "Special areas and format characters").
+/// Whether the character has neither shape nor width: joiners, direction marks, embeddings, overrides and isolates,
+/// soft hyphens, tags, byte order marks (Unicode, chapter 23, "Special areas and format characters").
 pub fn is_invisible(letter: char) -> bool {
     matches!(
         letter,
@@ -55,9 +57,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_does_not_print_is_spelled_out_and_the_rest_stays() {
-        let sound = "Größe 日本 «x» C:\\laser\u{301} 🙂 50 %";
-        assert_eq!(on_one_line(sound), sound);
+    fn nonprinting_characters_are_escaped_and_all_others_kept() {
+        let printing = "Größe 日本 «x» C:\\laser\u{301} 🙂 50 %";
+        assert_eq!(on_one_line(printing), printing);
         for letter in (0..0x20).chain(0x7f..0xa0).filter_map(char::from_u32) {
             assert!(on_one_line(&letter.to_string()).is_ascii(), "{letter:?}");
             assert!(!on_one_line(&letter.to_string()).contains(letter), "{letter:?}");

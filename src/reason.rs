@@ -1,4 +1,4 @@
-//! What people are told: why something was rejected, and what was noticed on the way.
+//! Messages for people: why an input was rejected, and what was noticed while it was processed.
 //!
 //! Every typed error of the readers and of the pipeline can be turned into a [`Reason`]; that is what
 //! `rejected/*.reason.json`, `--json` and the summary on stderr show. A [`Notice`] never stops a job.
@@ -13,7 +13,7 @@ mod shell;
 #[cfg(feature = "station")]
 pub(crate) use shell::quoted;
 
-/// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` says what is stable.
+/// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` states what is stable.
 pub const SCHEMA: &str = "isomark.reason/1";
 
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
@@ -23,17 +23,17 @@ pub struct Reason {
     pub code: String,
     /// What is wrong, as one sentence.
     pub what: String,
-    /// Where it is wrong, as far as that is known.
+    /// Where it is wrong, as far as known.
     #[serde(default, skip_serializing_if = "Place::is_unknown")]
     pub place: Place,
-    /// The number that decided, with its unit and the limit it broke.
+    /// The deciding number, with its unit and the limit it violates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub number: Option<Quantity>,
-    /// What the reader of this reason can do about it, as one sentence.
+    /// What to do about it, as one sentence that starts with a verb.
     pub remedy: String,
 }
 
-/// A place in a file or on a part; every field that is not known is left out.
+/// A place in a file or on a part; unknown fields are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// The file's name.
@@ -54,12 +54,12 @@ pub struct Place {
     /// The layer of the drawing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layer: Option<String>,
-    /// A coordinate in mm, in the frame that `what` speaks of.
+    /// A coordinate in mm, in the frame that `what` names.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coordinate: Option<Vec<f64>>,
 }
 
-/// A number with its unit, and the limit it was held against.
+/// A number with its unit, and the limit it was compared with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Quantity {
     /// What was measured, such as `incidence angle`.
@@ -68,19 +68,19 @@ pub struct Quantity {
     pub value: f64,
     /// Unit of `value` and `limit`: `mm`, `deg`, `bytes`, `triangles`, or empty for a plain count.
     pub unit: String,
-    /// The limit that was broken.
+    /// The violated limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<f64>,
 }
 
-/// Something that was assumed, repaired, skipped or found unusual; the job goes on.
+/// Something that was assumed, repaired, skipped or found unusual; the job continues.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
     /// Stable name for machines, in kebab case, such as `unit-assumed`.
     pub code: String,
     /// How much attention it deserves.
     pub severity: Severity,
-    /// What a person reads, as one sentence with numbers and units.
+    /// The text for people, as one sentence with numbers and units.
     pub message: String,
 }
 
@@ -94,7 +94,7 @@ pub enum Severity {
     Warning,
 }
 
-/// The JSON form: the reason's own fields between the two that say what it is and which file it is about.
+/// The JSON form of a reason: the schema, the path of the rejected file, and the reason's fields.
 #[derive(Serialize)]
 struct ReasonFile<'a> {
     schema: &'static str,
@@ -105,8 +105,8 @@ struct ReasonFile<'a> {
 }
 
 impl Reason {
-    /// The JSON form, indented, with a newline at its end. `drop` is where a rejected file lay in the hot folder, with
-    /// `/`.
+    /// The JSON form, indented, with a newline at its end. `drop` is the path of the rejected file in the hot folder,
+    /// with `/` between folders.
     ///
     /// # Errors
     /// Never for a finite number and place.
@@ -120,8 +120,8 @@ impl Reason {
     ///
     /// ```
     /// # use isomark::reason::Reason;
-    /// let reason = Reason::new("mesh-truncated", "the file is cut", "copy it again");
-    /// assert_eq!(reason.to_string(), "The file is cut.\n  remedy: Copy it again.");
+    /// let reason = Reason::new("mesh-truncated", "the file is cut off", "copy it again");
+    /// assert_eq!(reason.to_string(), "The file is cut off.\n  remedy: Copy it again.");
     /// ```
     pub fn new(code: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self {
@@ -157,7 +157,7 @@ impl Reason {
 }
 
 impl std::fmt::Display for Reason {
-    /// A line each for what, where, number and remedy, whatever a name in them holds.
+    /// One line each for what, where, number and remedy, even if a name in them contains a line break.
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(out, "{}", on_one_line(&self.what))?;
         if !self.place.is_unknown() {
@@ -171,7 +171,7 @@ impl std::fmt::Display for Reason {
 }
 
 impl Reason {
-    /// The same on one line: what is wrong, where and by which number in brackets, and what to do.
+    /// The whole reason on one line: what is wrong, then place and number in brackets, then the remedy.
     pub fn on_one_line(&self) -> String {
         let place = (!self.place.is_unknown()).then(|| self.place.to_string());
         let number = self.number.as_ref().map(Quantity::to_string);
@@ -182,7 +182,7 @@ impl Reason {
 }
 
 impl Place {
-    /// Whether nothing at all is known of the place.
+    /// Whether nothing is known about the place.
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
     }
@@ -233,8 +233,8 @@ impl Notice {
     }
 }
 
-/// Errors are worded without capital and full stop, as Rust's are; people read sentences. Names such as `glTF` or
-/// `part.bin` stay as they are.
+/// Turns an error message, which in Rust has no capital and no full stop, into a sentence. A first word such as `glTF`
+/// or `part.bin` keeps its case.
 fn sentence(mut text: String) -> String {
     let first = text.split([' ', ',']).next().unwrap_or_default();
     if !first.is_empty() && first.chars().all(|letter| letter.is_ascii_lowercase()) {

@@ -1,7 +1,7 @@
-//! The report of one job in numbers: what was read, what was decided, how true the lengths are, what to look at.
+//! The report of one job: the inputs, the decisions, the accuracy of the result, and what to check.
 //!
-//! The JSON form is stable and named by [`SCHEMA`]; `plugins/README.md` says what that means to programs that read it.
-//! Lengths are in mm, angles in degrees, times in milliseconds; every field says so in its name.
+//! The JSON form is stable and identified by [`SCHEMA`]; `plugins/README.md` explains what programs can rely on.
+//! Lengths are in mm, angles in degrees, times in milliseconds; the name of every field contains its unit.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,8 @@ use crate::reason::{Notice, Severity};
 
 /// Name and version of the JSON form.
 pub const SCHEMA: &str = "isomark.report/1";
-/// So many changes are told in the summary.
-const MOST_CHANGES: usize = 5;
+/// Maximum number of changes in the summary.
+const MAX_CHANGES: usize = 5;
 
 /// The report of a delivered job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,22 +37,22 @@ pub struct Report {
     pub part: PartReport,
     /// The drawing.
     pub pattern: PatternReport,
-    /// Where the drawing was put.
+    /// The placement of the drawing.
     pub placement: PlacementReport,
-    /// How it was bent.
+    /// The map of the drawing onto the part.
     pub map: MapReport,
-    /// How true it is on the part.
+    /// The accuracy of lengths, areas and angles on the part.
     pub quality: Quality,
-    /// What the beam meets.
+    /// The part under the ink, as the beam reaches it.
     pub exposure: ExposureReport,
     /// The corrected drawing.
     pub output: OutputReport,
-    /// What differs from the drawing that the new one replaces.
+    /// The differences from the drawing that the new one replaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changes: Option<ChangesReport>,
-    /// Everything a person should know, the gravest first.
+    /// Everything that a person should know, the most important first.
     pub notices: Vec<Notice>,
-    /// How long each stage took, in the order of the journey.
+    /// The time of each stage, in processing order.
     pub timings: Vec<Timing>,
 }
 
@@ -62,17 +62,17 @@ pub struct PartReport {
     /// File and hash.
     #[serde(flatten)]
     pub origin: PartOrigin,
-    /// What was found in the file.
+    /// Facts about the file.
     pub facts: PartFacts,
     /// Name of the surface in the cache.
     pub surface_key: String,
-    /// Whether the surface came from the cache.
+    /// Whether the surface was loaded from the cache.
     pub surface_from_cache: bool,
     /// Control points along x and y.
     pub control_points: [usize; 2],
     /// Distance between control points, mm.
     pub span_mm: f64,
-    /// What the fit leaves over the whole visible side.
+    /// The residual of the fit over the whole visible side.
     pub residual: ResidualReport,
 }
 
@@ -82,17 +82,17 @@ pub struct ResidualReport {
     /// Largest, mm.
     #[serde(rename = "largest_mm")]
     pub max_mm: f64,
-    /// Where in the view, mm.
+    /// Position in the view, mm.
     pub at_mm: [f64; 2],
     /// Root mean square, mm.
     pub rms_mm: f64,
-    /// What 95 % of the samples stay below, mm.
+    /// The value that 95 % of the samples stay below, mm.
     #[serde(rename = "most_mm")]
     pub p95_mm: f64,
     /// Largest under the ink, mm.
     pub under_ink_mm: f64,
-    /// Farthest that the part may be from its samples under the ink, mm, where the file's normals contradict its facets;
-    /// absent where they do not.
+    /// Largest possible distance of the part from its samples under the ink, mm, if the file's normals contradict its
+    /// facets; absent if they do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doubt_under_ink_mm: Option<f64>,
     /// Number of samples.
@@ -106,44 +106,44 @@ pub struct PatternReport {
     pub file: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
     pub blake3: String,
-    /// What was found in it.
+    /// Facts about the file.
     pub facts: PatternFacts,
-    /// Number of paths taken over.
+    /// Number of paths read.
     pub paths: usize,
     /// How many of them are contours.
     pub contours: usize,
-    /// Layers that count as ink; absent when all do.
+    /// The ink layers; absent if all layers are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ink_layers: Option<Vec<String>>,
 }
 
-/// Where the drawing was put in the view.
+/// The placement of the drawing in the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlacementReport {
     /// Direction, in the part's frame, that faces the laser.
     pub facing: [f64; 3],
-    /// Turn of the view about the laser's axis, degrees.
+    /// Rotation of the view about the laser's axis, degrees.
     pub roll_deg: f64,
     /// The anchor in the drawing, mm.
     pub anchor_mm: [f64; 2],
-    /// Where it came to lie in the view, mm.
+    /// Its position in the view, mm.
     pub place_mm: [f64; 2],
-    /// Turn of the drawing, degrees.
+    /// Rotation of the drawing, degrees.
     pub rotate_deg: f64,
 }
 
-/// How the drawing was bent.
+/// The map of the drawing onto the part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "kebab-case")]
 pub enum MapReport {
-    /// The map of least strain.
+    /// The map with the smallest strain.
     Isometric {
-        /// What was weighted.
+        /// The weights.
         #[serde(flatten)]
         weights: WeightsReport,
         /// Number of steps of the solver.
         iterations: usize,
-        /// Whether the last step left nothing to gain.
+        /// Whether the search converged.
         settled: bool,
         /// Largest shift of a control point in the last step, mm.
         last_step_mm: f64,
@@ -180,41 +180,41 @@ pub enum MapReport {
         intervals: usize,
         /// Largest distance between the samples of the surface, mm.
         sample_step_mm: f64,
-        /// Slips that were kept as printed: `simpson-weights`, `diagonal-sums`, `knot-vectors`.
+        /// Errors of the thesis that were kept as printed: `simpson-weights`, `diagonal-sums`, `knot-vectors`.
         as_printed: Vec<String>,
     },
-    /// The thesis' state of the art, for comparison.
+    /// The state of the art that the thesis compares with, for comparison.
     Floater {
         /// `uniform` or `mean-value`.
         weights: String,
         /// Sides of the square in the drawing, mm.
         scale_mm: [f64; 2],
     },
-    /// Plain projection.
+    /// Projection without a correction.
     None,
 }
 
-/// What the map of least strain was asked to keep.
+/// The weights of the map with the smallest strain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
-    /// How many times as much the lengths of lines counted.
+    /// Factor on the weight of line lengths.
     pub length_weight: f64,
-    /// How many times as much angles counted.
+    /// Factor on the weight of angles.
     pub angle_weight: f64,
 }
 
-/// How true the drawing is on the part, measured on the sampled part.
+/// The accuracy of the drawing on the part, measured on the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// As plain projection would mark it; absent when that would leave the part.
+    /// Without the correction; absent if the drawing would then not be completely on the part.
     pub before: Option<DistortionReport>,
-    /// As it will be marked.
+    /// With the correction.
     pub after: DistortionReport,
 }
 
-/// The figures of [`Distortion`].
+/// The results of [`Distortion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DistortionReport {
     /// e_l, mm.
@@ -232,7 +232,7 @@ pub struct DistortionReport {
     /// Largest relative change of length.
     #[serde(rename = "largest_stretch")]
     pub max_stretch: f64,
-    /// Where that is in the placed drawing, mm.
+    /// Its position in the placed drawing, mm.
     #[serde(rename = "largest_stretch_at_mm")]
     pub max_stretch_at_mm: [f64; 2],
     /// Root mean square relative change of length.
@@ -245,12 +245,12 @@ pub struct DistortionReport {
     pub max_angle_error_deg: f64,
 }
 
-/// What the beam meets where the ink lies.
+/// The part under the ink, as the beam reaches it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ExposureReport {
     /// Largest angle between beam and surface normal, degrees.
     pub incidence_deg: f64,
-    /// Where that is in the view, mm.
+    /// Its position in the view, mm.
     pub incidence_at_mm: [f64; 2],
     /// Lowest and highest point in the laser's frame, mm.
     pub height_mm: [f64; 2],
@@ -271,14 +271,14 @@ pub struct OutputReport {
     pub paths: usize,
     /// Number of vertices.
     pub vertices: usize,
-    /// The rectangle round it in the field: left, bottom, right, top, mm.
+    /// Its bounding rectangle in the field: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
-    /// Whether a second reader found in the written file what was meant.
+    /// Whether a second reader checked that the written file contains the intended drawing.
     #[serde(default)]
     pub read_back: bool,
 }
 
-/// What differs between the drawing and the one it replaces.
+/// The differences between the drawing and the one it replaces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChangesReport {
     /// Number of paths in the older drawing.
@@ -287,11 +287,11 @@ pub struct ChangesReport {
     pub new_paths: usize,
     /// Number of paths that are the same.
     pub unchanged: usize,
-    /// The changes in words.
+    /// The changes as text.
     pub lines: Vec<String>,
 }
 
-/// How long a stage took.
+/// The time of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// The stage.
@@ -333,7 +333,7 @@ impl PartReport {
 }
 
 impl MapReport {
-    /// The report of a map; `weights` are those that an isometric one was asked for with.
+    /// The report of a map; `weights` are those of an isometric map.
     pub fn new(map: &LengthTrueMap, weights: WeightsReport) -> Self {
         match map {
             LengthTrueMap::Isometric(map) => {
@@ -370,7 +370,7 @@ impl MapReport {
                     ("knot-vectors", as_printed.knot_vectors),
                 ];
                 let as_printed =
-                    kept.into_iter().filter(|(_, kept)| *kept).map(|(slip, _)| slip.to_owned()).collect();
+                    kept.into_iter().filter(|(_, kept)| *kept).map(|(name, _)| name.to_owned()).collect();
                 Self::MappingDomain { grid, intervals, sample_step_mm: sample_step, as_printed }
             }
             LengthTrueMap::Floater(map) => Self::Floater {
@@ -465,7 +465,7 @@ impl Report {
         format!("{}, length error {before}{:.3} mm{attention}", self.map.method(), after.length_error_mm)
     }
 
-    /// One paragraph for people: what was done, how true it is, what to look at.
+    /// One paragraph for people: the job, its accuracy, and what to check.
     pub fn summary(&self) -> String {
         let after = &self.quality.after;
         let before = self.quality.before.as_ref();
@@ -473,7 +473,7 @@ impl Report {
             value.map_or("?".to_owned(), |value| format!("{value:.digits$}"))
         };
         let mut text = format!(
-            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected by `{}` on {} ({:.1} x {:.1} x {:.1} mm{}). ",
+            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected with `{}` on {} ({:.1} x {:.1} x {:.1} mm{}). ",
             self.sku,
             self.pattern.file,
             self.pattern.facts.size[0],
@@ -501,7 +501,8 @@ impl Report {
             );
         }
         text += &format!(
-            "largest stretch {} -> {:.3} %, angles {} -> {:.2} deg; surface within {:.4} mm under the ink, beam at up to {:.0} deg.",
+            "largest stretch {} -> {:.3} %, largest angle error {} -> {:.2} deg. Under the ink, the surface is within \
+             {:.4} mm of the part; the beam hits it at up to {:.0} deg.",
             from(before.map(|before| before.max_stretch * 100.0), 2),
             after.max_stretch * 100.0,
             from(before.map(|before| before.max_angle_error_deg), 2),
@@ -517,14 +518,11 @@ impl Report {
             text += &format!("\n  warning: {}", on_one_line(&notice.message));
         }
         if let Some(changes) = &self.changes {
-            for line in changes.lines.iter().take(MOST_CHANGES) {
+            for line in changes.lines.iter().take(MAX_CHANGES) {
                 text += &format!("\n  changed: {}", on_one_line(line));
             }
-            if changes.lines.len() > MOST_CHANGES {
-                text += &format!(
-                    "\n  changed: and {} more; the report names all",
-                    changes.lines.len() - MOST_CHANGES
-                );
+            if changes.lines.len() > MAX_CHANGES {
+                text += &format!("\n  changed: {} more; see the report", changes.lines.len() - MAX_CHANGES);
             }
         }
         text

@@ -1,6 +1,6 @@
-//! The program delivers to a stand-in for BeamServer, which speaks the protocol as the OpenAPC manual (7.10) documents it:
-//! one ASCII command a line, answered by a value, by `OK` or by `ERROR a b`, one client at a time, an imported element
-//! named after its file, sizes in 1/10000 mm. It reads the drawings it imports by itself.
+//! The program delivers to a stand-in for BeamServer with the protocol of the OpenAPC manual (7.10): one ASCII command
+//! per line, answered by a value, by `OK` or by `ERROR a b`; one client at a time; imported elements named after their
+//! files; sizes in 1/10000 mm. It reads the imported drawings with its own code.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 
@@ -16,11 +16,11 @@ use fs_err as fs;
 /// A shallow trough.
 const PART: &str =
     "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\nf 1 2 5 4\nf 2 3 6 5\n";
-/// All that isomark may ask; whatever starts or prepares marking is not among it.
+/// All commands that isomark may send; none of them starts or prepares marking.
 const HARMLESS: [&str; 7] =
     ["CmdListName", "CmdListUID", "CmdImport", "CmdSelEntName", "CmdGetSizeX", "CmdGetSizeY", "CmdDeleteEnt"];
 
-/// A drawing with a line of this length, mm, at the trough's edge, where nothing is bent.
+/// A drawing with a line of this length, mm, on one side of the trough, where nothing is bent.
 fn drawing(length: f64) -> String {
     format!(
         "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nMARK\n\
@@ -28,18 +28,18 @@ fn drawing(length: f64) -> String {
     )
 }
 
-/// What goes wrong with the next command of this name.
+/// A fault of the next command with a certain name.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
-    /// It is refused.
+    /// The command is refused.
     Error(u8, u8),
-    /// It is done, and then the connection ends without an answer.
+    /// The command is done, and then the connection ends without an answer.
     HangUp,
-    /// It is done, and the answer takes its time.
+    /// The command is done, and the answer is delayed.
     Slow(Duration),
-    /// It is done, and this is answered.
-    Says(&'static str),
-    /// The answer never ends: a letter comes each tenth of a second.
+    /// The command is done, and this is the answer.
+    Answers(&'static str),
+    /// The answer never ends: one letter is sent every tenth of a second.
     Drips,
 }
 
@@ -54,22 +54,22 @@ struct Project {
     elements: Vec<Element>,
     count: u32,
     selected: Option<usize>,
-    heard: Vec<String>,
+    received: Vec<String>,
     faults: Vec<(&'static str, Fault)>,
-    /// How large the importer draws.
+    /// The scale of the importer.
     scale: f64,
-    /// How imported elements are named: separator and file name.
+    /// The separator before the file name in the name of an imported element.
     separator: &'static str,
-    /// Whether values follow an `OK`.
-    says_ok: bool,
-    /// Whether it refuses everything.
+    /// Whether `OK` is sent before a value.
+    answers_ok: bool,
+    /// Whether every command is refused.
     refuses: bool,
 }
 
 impl Project {
     fn answer(&mut self, command: &str) -> String {
         let (verb, argument) = command.split_once(' ').unwrap_or((command, ""));
-        let value = |text: String, says_ok: bool| if says_ok { format!("OK {text}") } else { text };
+        let value = |text: String, answers_ok: bool| if answers_ok { format!("OK {text}") } else { text };
         let indexed = || argument.parse::<usize>().ok();
         let error = |first: u8| format!("ERROR {first} 0");
         let selected = |project: &Self, axis: usize| {
@@ -78,8 +78,8 @@ impl Project {
         };
         match verb {
             "CmdListName" | "CmdListUID" => match indexed().and_then(|index| self.elements.get(index)) {
-                Some(element) if verb == "CmdListName" => value(element.name.clone(), self.says_ok),
-                Some(element) => value(element.id.to_string(), self.says_ok),
+                Some(element) if verb == "CmdListName" => value(element.name.clone(), self.answers_ok),
+                Some(element) => value(element.id.to_string(), self.answers_ok),
                 None => error(7),
             },
             "CmdImport" => {
@@ -97,8 +97,8 @@ impl Project {
                 self.selected = self.elements.iter().position(named);
                 if self.selected.is_some() { "OK".into() } else { error(7) }
             }
-            "CmdGetSizeX" => selected(self, 0).map_or(error(7), |size| value(size, self.says_ok)),
-            "CmdGetSizeY" => selected(self, 1).map_or(error(7), |size| value(size, self.says_ok)),
+            "CmdGetSizeX" => selected(self, 0).map_or(error(7), |size| value(size, self.answers_ok)),
+            "CmdGetSizeY" => selected(self, 1).map_or(error(7), |size| value(size, self.answers_ok)),
             "CmdDeleteEnt" => {
                 let before = self.elements.len();
                 self.elements.retain(|element| element.id.to_string() != argument);
@@ -110,7 +110,7 @@ impl Project {
     }
 }
 
-/// Width and height of what lies in the drawing's entities, read pair by pair.
+/// Width and height of the drawing's entities, read pair by pair.
 fn extents(dxf: &str) -> [f64; 2] {
     let entities = dxf.split_once("ENTITIES").unwrap().1;
     let lines: Vec<&str> = entities.lines().skip(1).map(str::trim).collect();
@@ -138,7 +138,7 @@ impl BeamServer {
         let address = listener.local_addr().unwrap();
         let project = Arc::new(Mutex::new(Project { scale: 1.0, separator: "\\", ..Project::default() }));
         let shared = project.clone();
-        // One client after the other: whoever connects meanwhile is not answered.
+        // It serves one client at a time; others are connected but get no answer.
         std::thread::spawn(move || listener.incoming().flatten().for_each(|client| serve(&client, &shared)));
         Self { address, project }
     }
@@ -151,16 +151,16 @@ impl BeamServer {
         self.project().elements.iter().map(|element| element.name.clone()).collect()
     }
 
-    fn heard(&self, verb: &str) -> usize {
-        self.project().heard.iter().filter(|command| command.starts_with(verb)).count()
+    fn received(&self, verb: &str) -> usize {
+        self.project().received.iter().filter(|command| command.starts_with(verb)).count()
     }
 }
 
 impl Drop for BeamServer {
     fn drop(&mut self) {
-        for command in &self.project().heard {
+        for command in &self.project().received {
             let verb = command.split(' ').next().unwrap();
-            assert!(HARMLESS.contains(&verb) || std::thread::panicking(), "isomark said {command}");
+            assert!(HARMLESS.contains(&verb) || std::thread::panicking(), "isomark sent {command}");
         }
     }
 }
@@ -170,15 +170,15 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
     while let Some(Ok(command)) = lines.next() {
         let verb = command.split(' ').next().unwrap().to_owned();
         let mut project = project.lock().unwrap();
-        project.heard.push(command.clone());
+        project.received.push(command.clone());
         let fault = project.faults.iter().position(|(name, _)| *name == verb);
         let fault = fault.map(|index| project.faults.remove(index).1);
         let answer = match fault {
             Some(Fault::Error(first, second)) => format!("ERROR {first} {second}"),
             _ if project.refuses => "ERROR 11 0".into(),
-            Some(Fault::Says(words)) => {
+            Some(Fault::Answers(text)) => {
                 project.answer(&command);
-                words.into()
+                text.into()
             }
             _ => project.answer(&command),
         };
@@ -195,7 +195,7 @@ fn serve(client: &TcpStream, project: &Mutex<Project>) {
             }
             return;
         }
-        // It speaks Latin-1, as far as it speaks of what operators have named.
+        // The names that operators give to elements are sent in Latin-1.
         let bytes: Vec<u8> = format!("{answer}\n").chars().map(|letter| letter as u8).collect();
         if client.write_all(&bytes).is_err() {
             return;
@@ -235,7 +235,7 @@ impl Station {
         fs::write(path, text.replace(old, new)).unwrap();
     }
 
-    /// Turns the drawings of the part.
+    /// Sets the rotation of the drawings for the part.
     fn turn(&self, degrees: u32) {
         fs::create_dir_all(self.path("skus")).unwrap();
         fs::write(self.path("skus/trough.toml"), format!("[placement]\nrotate_deg = {degrees}\n")).unwrap();
@@ -264,7 +264,7 @@ impl Station {
         }
     }
 
-    /// Handles what lies there; what it said to people.
+    /// Processes the hot folder once; returns everything that was printed.
     fn once(&self) -> String {
         let output = self.command(&["watch", "station.toml", "--once"]).output().unwrap();
         String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap()
@@ -301,52 +301,55 @@ impl Drop for Station {
 
 #[test]
 fn a_drawing_is_imported_verified_and_replaces_the_older_one() {
-    for (separator, says_ok) in [("\\", false), ("\\", true), ("", false)] {
+    for (separator, answers_ok) in [("\\", false), ("\\", true), ("", false)] {
         let server = BeamServer::start();
         {
             let mut project = server.project();
-            (project.separator, project.says_ok) = (separator, says_ok);
+            (project.separator, project.answers_ok) = (separator, answers_ok);
             project.elements.push(Element { id: 3, name: "\\Fläche".into(), size: [90.0, 90.0] });
         }
         let station = Station::new(server.address);
         station.drop("trough.obj", PART);
         station.drop("trough@a  b.dxf", &drawing(9.0));
-        let said = station.once();
-        assert!(said.starts_with("1 delivered") && said.contains("imported into BeamConstruct, "), "{said}");
+        let output = station.once();
+        assert!(
+            output.starts_with("1 delivered") && output.contains("imported into BeamConstruct, "),
+            "{output}"
+        );
         assert_eq!(server.holds(), ["\\Fläche".to_owned(), format!("{separator}trough@a  b.dxf")]);
         assert!((server.project().elements[1].size[1] - 9.0).abs() < 1e-3);
         assert!(station.path("import/trough@a  b.dxf").exists());
-        // Another version replaces it; the same again is nothing new.
+        // Another version replaces it; the same drawing again is not imported.
         station.drop("trough@a  b.dxf", &drawing(7.0));
-        let said = station.once();
-        assert!(said.contains("in place of the older one, "), "{said}");
+        let output = station.once();
+        assert!(output.contains("replacing the older one, size checked: "), "{output}");
         assert_eq!(server.holds().len(), 2);
         assert!((server.project().elements[1].size[1] - 7.0).abs() < 1e-3);
         station.drop("trough@a  b.dxf", &drawing(7.0));
-        let said = station.once();
-        assert!(said.contains("already delivered"), "{said}");
-        // The second one was tried before the first one went.
-        assert_eq!(server.heard("CmdImport"), 3);
+        let output = station.once();
+        assert!(output.contains("already delivered"), "{output}");
+        // The second version was imported as a trial before the first one was removed.
+        assert_eq!(server.received("CmdImport"), 3);
     }
 }
 
 #[test]
-fn a_drawing_that_is_not_drawn_in_true_size_is_taken_back() {
+fn a_drawing_that_is_not_imported_in_true_size_is_removed() {
     let server = BeamServer::start();
     server.project().scale = 25.4;
     let station = Station::new(server.address);
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
-    let said = station.once();
-    assert!(said.contains("1 rejected"), "{said}");
+    let output = station.once();
+    assert!(output.contains("1 rejected"), "{output}");
     let reason = fs::read_to_string(station.path("rejected/trough.dxf.reason.txt")).unwrap();
     assert!(reason.contains("unit mm, no scaling"), "{reason}");
     assert_eq!((server.holds().len(), fs::read_dir(station.path("import")).unwrap().count()), (0, 0));
 }
 
-/// Tried again and again, such an import would pile up copies.
+/// Further attempts would only create more copies.
 #[test]
-fn an_element_of_another_name_is_not_imported_twice() {
+fn an_element_with_an_unexpected_name_is_not_imported_twice() {
     let server = BeamServer::start();
     server.project().separator = "dxf-import-of-";
     let station = Station::new(server.address);
@@ -354,12 +357,12 @@ fn an_element_of_another_name_is_not_imported_twice() {
     station.drop("trough.dxf", &drawing(9.0));
     assert!(station.once().contains("1 rejected"));
     assert!(station.once().starts_with("0 delivered"));
-    assert_eq!((server.heard("CmdImport"), server.holds().len()), (1, 1));
+    assert_eq!((server.received("CmdImport"), server.holds().len()), (1, 1));
 }
 
 #[test]
-fn a_server_that_comes_late_refuses_is_slow_or_hangs_up_gets_each_drawing_once() {
-    // A port that nobody listens on until later.
+fn an_unreliable_server_gets_each_drawing_once() {
+    // A port on which no server listens until later.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     drop(listener);
@@ -367,7 +370,7 @@ fn a_server_that_comes_late_refuses_is_slow_or_hangs_up_gets_each_drawing_once()
     station.start();
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
-    station.waits_for("a complaint", || station.log().contains("cannot be reached"));
+    station.waits_for("a warning", || station.log().contains("cannot be reached"));
     let status = || station.command(&["status", "station.toml", "--json"]).output().unwrap().stdout;
     station.waits_for("a status", || String::from_utf8(status()).unwrap().contains("beamserver-unreachable"));
     let server = BeamServer::listen(TcpListener::bind(address).unwrap());
@@ -395,7 +398,7 @@ fn a_server_that_comes_late_refuses_is_slow_or_hangs_up_gets_each_drawing_once()
 }
 
 #[test]
-fn another_client_is_waited_for() {
+fn the_station_waits_for_another_client() {
     let server = BeamServer::start();
     let mut other = TcpStream::connect(server.address).unwrap();
     other.write_all(b"CmdListName 0\n").unwrap();
@@ -404,34 +407,35 @@ fn another_client_is_waited_for() {
     station.start();
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
-    station.waits_for("a complaint", || station.log().contains("end other programs that talk to it"));
-    assert!(station.log().contains("gave no answer to `CmdListName 0`: nothing came within 0.5 s"));
+    station
+        .waits_for("a warning", || station.log().contains("close other programs that are connected to it"));
+    assert!(station.log().contains("did not answer `CmdListName 0`: nothing arrived within 0.5 s"));
     assert_eq!(server.holds().len(), 0);
     drop(other);
     station.waits_until_filed("trough.dxf");
     assert_eq!(server.holds().len(), 1);
 }
 
-/// An answer takes as long as all of it takes.
+/// The time limit is for the complete answer.
 #[test]
-fn a_server_that_drips_holds_no_drawing_for_ever() {
+fn a_server_that_sends_single_letters_does_not_block_a_drawing() {
     let server = BeamServer::start();
     server.project().faults.push(("CmdListName", Fault::Drips));
     let mut station = Station::new(server.address);
     station.start();
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
-    station.waits_for("a complaint", || {
-        station.log().contains("gave no answer to `CmdListName 0`: no whole line came within 0.5 s")
+    station.waits_for("a warning", || {
+        station.log().contains("did not answer `CmdListName 0`: no complete line arrived within 0.5 s")
     });
     station.waits_until_filed("trough.dxf");
     assert_eq!(server.holds().len(), 1);
 }
 
-/// The drawing lies in the import folder, and the next start imports it.
+/// The drawing stays in the import folder, and the next start imports it.
 #[cfg(unix)]
 #[test]
-fn a_station_that_is_to_stop_leaves_a_server_that_does_not_answer() {
+fn a_stopping_station_does_not_wait_for_a_silent_server() {
     for fault in [Fault::Drips, Fault::Slow(Duration::from_secs(3600))] {
         let server = BeamServer::start();
         server.project().faults.push(("CmdImport", fault));
@@ -440,7 +444,7 @@ fn a_station_that_is_to_stop_leaves_a_server_that_does_not_answer() {
         station.start();
         station.drop("trough.obj", PART);
         station.drop("trough.dxf", &drawing(9.0));
-        station.waits_for("the talk", || server.heard("CmdImport") == 1);
+        station.waits_for("the command", || server.received("CmdImport") == 1);
         let program = station.program.as_mut().unwrap();
         let status = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
         assert!(status.success());
@@ -450,7 +454,7 @@ fn a_station_that_is_to_stop_leaves_a_server_that_does_not_answer() {
             std::thread::sleep(Duration::from_millis(5));
         }
         assert!(station.path("import/trough.dxf").exists() && station.path("hot/trough.dxf").exists());
-        // One that drips comes to its senses when its client has gone; the other never does.
+        // The server that sends single letters works again when its client disconnects; the other one never does.
         if fault == Fault::Drips {
             station.start();
             station.waits_until_filed("trough.dxf");
@@ -460,12 +464,12 @@ fn a_station_that_is_to_stop_leaves_a_server_that_does_not_answer() {
 }
 
 #[test]
-fn a_server_that_answers_nonsense_leaves_the_drawing_waiting() {
+fn a_drawing_waits_while_the_server_sends_invalid_answers() {
     let server = BeamServer::start();
     let mut station = Station::new(server.address);
     station.start();
     station.drop("trough.obj", PART);
-    for (number, (verb, words)) in [
+    for (number, (verb, answer)) in [
         ("CmdListName", "\u{1}\u{2}\u{3}"),
         ("CmdListName", "ERROR banana"),
         ("CmdImport", "banana"),
@@ -480,7 +484,7 @@ fn a_server_that_answers_nonsense_leaves_the_drawing_waiting() {
     .into_iter()
     .enumerate()
     {
-        server.project().faults.push((verb, Fault::Says(words)));
+        server.project().faults.push((verb, Fault::Answers(answer)));
         let name = format!("trough@{number}.dxf");
         station.drop(&name, &drawing(5.0 + number as f64 / 2.0));
         station.waits_until_filed(&name);
@@ -491,10 +495,10 @@ fn a_server_that_answers_nonsense_leaves_the_drawing_waiting() {
     assert_eq!(fs::read_dir(station.path("rejected")).unwrap().count(), 0);
 }
 
-/// Without its size, an element must not be marked.
+/// An element of unknown size must not be marked.
 #[test]
 fn a_drawing_that_was_not_verified_leaves_no_element() {
-    for fault in [Fault::Says("NaN"), Fault::Error(11, 0), Fault::Slow(Duration::from_secs(1))] {
+    for fault in [Fault::Answers("NaN"), Fault::Error(11, 0), Fault::Slow(Duration::from_secs(1))] {
         let server = BeamServer::start();
         let mut station = Station::new(server.address);
         server.project().faults.push(("CmdGetSizeX", fault));
@@ -502,15 +506,15 @@ fn a_drawing_that_was_not_verified_leaves_no_element() {
         station.drop("trough.obj", PART);
         station.drop("trough.dxf", &drawing(9.0));
         station.waits_until_filed("trough.dxf");
-        // It was removed, and imported again later: nothing was there to be replaced.
-        assert_eq!((server.holds(), server.heard("CmdImport")), (vec!["\\trough.dxf".to_owned()], 2));
-        assert_eq!(server.heard("CmdDeleteEnt"), 1, "{}", station.log());
+        // It was removed and imported again later, as a new element.
+        assert_eq!((server.holds(), server.received("CmdImport")), (vec!["\\trough.dxf".to_owned()], 2));
+        assert_eq!(server.received("CmdDeleteEnt"), 1, "{}", station.log());
     }
 }
 
 #[cfg(unix)]
 #[test]
-fn a_station_that_is_to_stop_leaves_no_element_that_was_not_verified() {
+fn a_stopping_station_leaves_no_unverified_element() {
     let server = BeamServer::start();
     server.project().faults.push(("CmdGetSizeX", Fault::Slow(Duration::from_secs(3))));
     let mut station = Station::new(server.address);
@@ -518,7 +522,7 @@ fn a_station_that_is_to_stop_leaves_no_element_that_was_not_verified() {
     station.start();
     station.drop("trough.obj", PART);
     station.drop("trough.dxf", &drawing(9.0));
-    station.waits_for("the talk", || server.heard("CmdGetSizeX") == 1);
+    station.waits_for("the command", || server.received("CmdGetSizeX") == 1);
     let program = station.program.as_mut().unwrap();
     let status = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
     assert!(status.success() && program.wait().is_ok());
@@ -526,18 +530,19 @@ fn a_station_that_is_to_stop_leaves_no_element_that_was_not_verified() {
     assert!(station.path("hot/trough.dxf").exists());
 }
 
-/// Whatever else listens there.
+/// Another kind of server may listen at the address.
 #[test]
-fn a_server_of_another_kind_is_no_fault_of_the_drawing() {
-    for answers in [|_: &str| "banana\n".to_owned(), |heard: &str| heard.to_owned(), |_: &str| "OK\n".into()]
+fn a_wrong_server_does_not_reject_the_drawing() {
+    for answers in
+        [|_: &str| "banana\n".to_owned(), |received: &str| received.to_owned(), |_: &str| "OK\n".into()]
     {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let station = Station::new(listener.local_addr().unwrap());
         std::thread::spawn(move || {
             for client in listener.incoming().flatten() {
-                let (mut heard, mut writer) = (BufReader::new(&client), &client);
+                let (mut received, mut writer) = (BufReader::new(&client), &client);
                 let mut line = String::new();
-                while heard.read_line(&mut line).is_ok_and(|read| read > 0) {
+                while received.read_line(&mut line).is_ok_and(|read| read > 0) {
                     if writer.write_all(answers(&line).as_bytes()).is_err() {
                         break;
                     }
@@ -547,15 +552,16 @@ fn a_server_of_another_kind_is_no_fault_of_the_drawing() {
         });
         station.drop("trough.obj", PART);
         station.drop("trough.dxf", &drawing(9.0));
-        let said = station.once();
-        assert!(said.contains("0 rejected, 1 waiting") && said.contains("BeamServer"), "{said}");
+        let output = station.once();
+        assert!(output.contains("0 rejected, 1 waiting") && output.contains("BeamServer"), "{output}");
         assert!(station.path("hot/trough.dxf").exists());
     }
 }
 
-/// What was delivered by folder, or went with an older project, is not in BeamConstruct, whatever lies in `import`.
+/// A drawing that was delivered with `kind = "folder"`, or belongs to an older project, is not in BeamConstruct, even
+/// if it is in `import`.
 #[test]
-fn the_same_drawing_again_is_imported_if_it_is_not_there() {
+fn the_same_drawing_is_imported_again_if_it_is_missing() {
     for repeat in ["if-gone", "never"] {
         let server = BeamServer::start();
         let station = Station::new(server.address);
@@ -563,11 +569,11 @@ fn the_same_drawing_again_is_imported_if_it_is_not_there() {
         station.drop("trough.obj", PART);
         let drops = |imports: usize| {
             station.drop("trough.dxf", &drawing(9.0));
-            let said = station.once();
+            let output = station.once();
             assert_eq!(
-                (server.heard("CmdImport"), server.holds().len()),
+                (server.received("CmdImport"), server.holds().len()),
                 (imports, imports.min(1)),
-                "{said}"
+                "{output}"
             );
         };
         drops(0);
@@ -582,7 +588,7 @@ fn the_same_drawing_again_is_imported_if_it_is_not_there() {
 }
 
 #[test]
-fn a_drawing_of_wrong_size_leaves_the_one_before_it() {
+fn a_drawing_with_a_wrong_size_does_not_replace_the_older_one() {
     let server = BeamServer::start();
     let station = Station::new(server.address);
     station.drop("trough.obj", PART);
@@ -591,23 +597,26 @@ fn a_drawing_of_wrong_size_leaves_the_one_before_it() {
     let first = station.imported();
     server.project().scale = 25.4;
     station.drop("trough.dxf", &drawing(7.0));
-    let said = station.once();
-    assert!(said.contains("1 rejected"), "{said}");
+    let output = station.once();
+    assert!(output.contains("1 rejected"), "{output}");
     let reason = fs::read_to_string(station.path("rejected/trough.dxf.reason.txt")).unwrap();
-    assert!(reason.contains("shows trough.dxf "), "{reason}");
+    assert!(reason.contains("BeamConstruct imported trough.dxf with a size of "), "{reason}");
     assert_eq!(server.holds(), ["\\trough.dxf"]);
     assert_eq!(server.project().elements[0].id, 101);
     assert_eq!(fs::read_dir(station.path("import")).unwrap().count(), 1);
     assert_eq!(station.imported(), first);
-    // The station knows that, too.
+    // The station knows that the older one is delivered.
     station.drop("trough.dxf", &drawing(9.0));
-    let said = station.once();
-    assert!(said.contains("lies in import unchanged") && said.contains("is in BeamConstruct"), "{said}");
+    let output = station.once();
+    assert!(
+        output.contains("is unchanged in import") && output.contains("is already in BeamConstruct"),
+        "{output}"
+    );
     assert_eq!(server.project().elements[0].id, 101);
 }
 
 #[test]
-fn a_silent_server_holds_up_one_drawing_and_no_part() {
+fn a_silent_server_delays_one_drawing_and_no_part() {
     let server = BeamServer::start();
     let mut station = Station::new(server.address);
     station.set("answer_s = 0.5", "answer_s = 90");
@@ -623,12 +632,13 @@ fn a_silent_server_holds_up_one_drawing_and_no_part() {
     station.drop("tub.obj", PART);
     station.waits_for("a part", || station.path("archive/tub/tub.obj").exists());
     station.waits_for("the other drawing to wait", || {
-        station.log().contains("BeamServer is at another drawing")
+        station.log().contains("BeamServer is busy with another drawing")
     });
-    assert_eq!(server.heard("CmdListName"), 1);
+    assert_eq!(server.received("CmdListName"), 1);
 }
 
-/// BeamServer may be away for long while drawings are corrected again, and the station be restarted meanwhile.
+/// BeamServer may be unavailable for a long time while drawings are corrected again, and the station may be restarted
+/// meanwhile.
 #[test]
 fn a_drawing_that_is_corrected_again_waits_for_the_server() {
     for (restarts, scale) in [(false, 1.0), (true, 1.0), (true, 25.4)] {
@@ -643,11 +653,13 @@ fn a_drawing_that_is_corrected_again_waits_for_the_server() {
         server.project().refuses = true;
         station.turn(90);
         station.waits_for("the other drawing", || station.imported() != first);
-        station.waits_for("a complaint", || station.log().contains("is not corrected again yet"));
-        // Listings close what was interrupted.
-        let heard = server.project().heard.len();
+        station.waits_for("a warning", || {
+            station.log().contains("cannot correct trough.dxf of trough again yet")
+        });
+        // A request to retry ends the pause.
+        let received = server.project().received.len();
         station.command(&["retry", "station.toml"]).output().unwrap();
-        station.waits_for("another try", || server.project().heard.len() > heard);
+        station.waits_for("another try", || server.project().received.len() > received);
         if restarts {
             station.kill();
         }
@@ -664,7 +676,7 @@ fn a_drawing_that_is_corrected_again_waits_for_the_server() {
             station.waits_for("a refusal", || station.log().contains("cannot be corrected again"));
             assert_eq!((server.holds().len(), server.project().elements[0].id), (1, 101));
             assert_eq!(station.imported(), first);
-            // It is outdated still, and the next start tries it again.
+            // It is still outdated, and the next start tries again.
             station.kill();
             server.project().scale = 1.0;
             station.start();
@@ -678,23 +690,24 @@ fn a_drawing_that_is_corrected_again_waits_for_the_server() {
     }
 }
 
-/// However the station ends between import and archive, BeamConstruct holds the drawing once in the end.
+/// If the station is killed at any moment between import and archive, BeamConstruct contains the drawing once in the
+/// end.
 #[test]
-fn a_station_that_is_killed_around_the_import_goes_on() {
+fn a_station_killed_around_the_import_continues() {
     let server = BeamServer::start();
     let mut station = Station::new(server.address);
     station.drop("trough.obj", PART);
     for (number, verb) in ["CmdListName", "CmdImport", "CmdSelEntName", "CmdGetSizeY"].into_iter().enumerate()
     {
         let name = format!("trough@{number}.dxf");
-        let heard = server.heard(verb);
+        let received = server.received(verb);
         server.project().faults.push((verb, Fault::Slow(Duration::from_millis(300))));
         station.start();
         station.drop(&name, &drawing(9.0));
-        station.waits_for(verb, || server.heard(verb) > heard);
+        station.waits_for(verb, || server.received(verb) > received);
         station.kill();
         if verb == "CmdImport" {
-            // Who tidies up by hand meanwhile only causes another delivery.
+            // Removing the drawing by hand only causes another delivery.
             fs::remove_file(station.path("import").join(&name)).unwrap();
         }
         station.start();

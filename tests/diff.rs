@@ -1,4 +1,4 @@
-//! What changed between two drawings, told in words and counted in entries.
+//! The differences between two drawings, as text and as entries.
 
 use std::time::{Duration, Instant};
 
@@ -46,18 +46,18 @@ fn the_same_drawing_has_no_difference() {
 }
 
 #[test]
-fn start_direction_and_noise_below_the_tolerance_do_not_count() {
+fn start_direction_and_noise_below_the_tolerance_are_ignored() {
     let mut new = drawing();
     new[0].points.rotate_left(2);
     new[1].points.reverse();
-    // On the border between two quanta, where rounding separates what is close.
+    // On the border between two quanta, where rounding separates close points.
     new[2].points[0][0] += 0.0008;
     let diff = difference(&drawing(), &new);
     assert_eq!((diff.entries.len(), diff.unchanged), (0, 3), "{diff}");
 }
 
 #[test]
-fn a_moved_path_is_told_with_length_and_direction() {
+fn a_moved_path_is_described_with_length_and_direction() {
     let mut new = drawing();
     new[0] = moved(&new[0], [0.42, 0.0]);
     let diff = difference(&drawing(), &new);
@@ -86,7 +86,7 @@ fn a_global_move_is_one_line_even_for_equal_dots_in_a_grid() {
     for by in [[0.1, -0.2], [3.7, 1.25], [0.5, 0.0]] {
         let new: Vec<DiffPath> = old.iter().map(|path| moved(path, by)).collect();
         let diff = difference(&old, &new);
-        // A grid that moved by its own pitch is the same grid but for one column.
+        // A grid that moved by its own pitch differs from the old one in only one column on each side.
         if by != [0.5, 0.0] {
             assert_eq!(diff.entries.len(), 5000);
             let words = format!("all 5,000 paths moved by ({:.2}, {:.2}) mm", by[0], by[1]);
@@ -98,7 +98,7 @@ fn a_global_move_is_one_line_even_for_equal_dots_in_a_grid() {
 }
 
 #[test]
-fn two_groups_that_moved_apart_are_two_lines() {
+fn two_groups_with_different_moves_are_two_lines() {
     let old: Vec<DiffPath> = (0..40)
         .map(|i| rectangle("TEXT", [f64::from(i) * 3.0, 0.0], [2.0, 1.0 + 0.01 * f64::from(i % 7)]))
         .collect();
@@ -115,7 +115,7 @@ fn two_groups_that_moved_apart_are_two_lines() {
 }
 
 #[test]
-fn added_and_removed_paths_are_named() {
+fn added_and_removed_paths_are_listed() {
     let mut new = drawing();
     new.remove(1);
     new.push(dot(100.0, 50.0));
@@ -129,7 +129,7 @@ fn added_and_removed_paths_are_named() {
 }
 
 #[test]
-fn another_order_colour_or_layer_is_told_as_such() {
+fn another_order_colour_or_layer_is_described_as_such() {
     let mut new = drawing();
     new.swap(0, 2);
     new[1].color = "1".into();
@@ -141,12 +141,12 @@ fn another_order_colour_or_layer_is_told_as_such() {
     new[2].layer = "CUT".into();
     assert_eq!(
         difference(&drawing(), &new).lines(),
-        ["layer LOGO: closed path of 3 vertices near (42.0, 1.5) mm put on layer CUT"]
+        ["layer LOGO: closed path of 3 vertices near (42.0, 1.5) mm moved to layer CUT"]
     );
 }
 
 #[test]
-fn another_size_is_told_from_another_shape() {
+fn another_size_is_distinguished_from_another_shape() {
     let mut new = drawing();
     new[0] = rectangle("OUTLINE", [0.0, 0.0], [6.0, 9.0]);
     new[2].points.insert(1, [42.0, -0.034]);
@@ -157,7 +157,7 @@ fn another_size_is_told_from_another_shape() {
 }
 
 #[test]
-fn a_finer_subdivision_of_the_same_line_is_no_change() {
+fn a_finer_subdivision_of_the_same_line_is_not_a_change() {
     let coarse = DiffPath { kind: DiffKind::Open, ..contour("A", &[[0.0, 0.0], [10.0, 5.0]]) };
     let fine = DiffPath { points: vec![[0.0, 0.0], [2.0, 1.0], [6.0, 3.0], [10.0, 5.0]], ..coarse.clone() };
     assert_eq!(difference(&[coarse], &[fine]).unchanged, 1);
@@ -203,7 +203,7 @@ fn a_pattern_is_flattened_and_its_colours_resolved() {
 
 #[test]
 fn many_paths_take_seconds_at_most() {
-    // Coordinates scattered by a fixed rule, so that no two shapes are alike.
+    // Reproducible pseudorandom coordinates, so that no two shapes are equal.
     let scattered = |seed: u64| {
         let mut state = seed;
         move || {
@@ -232,15 +232,15 @@ fn many_paths_take_seconds_at_most() {
         })
         .collect();
     let cases = [
-        ("moved alike", &old, old.iter().map(|path| moved(path, [0.3, 0.2])).collect()),
-        ("moved each its own way", &old, jittered(&old, &mut jitter)),
-        ("dots moved each its own way", &dots, jittered(&dots, &mut jitter)),
+        ("all moved equally", &old, old.iter().map(|path| moved(path, [0.3, 0.2])).collect()),
+        ("each moved differently", &old, jittered(&old, &mut jitter)),
+        ("dots, each moved differently", &dots, jittered(&dots, &mut jitter)),
         ("shuffled", &old, shuffled(&old)),
         ("shuffled and moved", &dots, shuffled(&jittered(&dots, &mut jitter))),
         ("reshaped", &old, reshaped),
         ("nothing in common", &old, dots.clone()),
     ];
-    // Without optimisation everything takes several times as long.
+    // Without compiler optimisation, everything takes several times as long.
     let limit = Duration::from_secs(if cfg!(debug_assertions) { 20 } else { 2 });
     for (name, old, new) in cases {
         let start = Instant::now();
@@ -281,7 +281,7 @@ proptest! {
     }
 
     #[test]
-    fn what_one_direction_adds_the_other_removes(old in any_drawing(), new in any_drawing()) {
+    fn swapping_the_drawings_swaps_added_and_removed(old in any_drawing(), new in any_drawing()) {
         let (forth, back) = (difference(&old, &new), difference(&new, &old));
         let added = |diff: &DrawingDiff| diff.entries.iter().filter_map(|change| match change {
             Change::Added { what } => Some(format!("{what:?}")),

@@ -1,5 +1,5 @@
-//! Independent readers judge what isomark writes: ezdxf must load it strictly, find nothing to repair, and see the same
-//! drawing, and so must the dxf crate.
+//! Independent readers check the drawings that isomark writes: ezdxf must load them without errors or repairs and find
+//! the same content, and so must the dxf crate.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
@@ -39,17 +39,17 @@ fn sample() -> MarkingDrawing {
 }
 
 #[test]
-fn r2000_is_clean_and_says_the_same() {
-    let Some(told) = judged(&write(&sample(), DxfProfile::R2000)) else { return };
-    assert_clean(&told);
+fn r2000_is_valid_and_has_the_same_content() {
+    let Some(report) = judged(&write(&sample(), DxfProfile::R2000)) else { return };
+    assert_clean(&report);
     assert_eq!(
-        (&told["version"], &told["units"], &told["measurement"]),
+        (&report["version"], &report["units"], &report["measurement"]),
         (&"AC1015".into(), &4.into(), &1.into())
     );
-    assert_eq!(told["box"], serde_json::json!([-4.0, -12.5, 30.0, 2.333333]));
-    assert_eq!(told["header_box"], told["box"]);
-    assert_eq!(told["layers"]["MARK"], serde_json::json!([1, null]));
-    assert_eq!(told["layers"]["Größe 日本_x"], serde_json::json!([30, 0xFF8000]));
+    assert_eq!(report["box"], serde_json::json!([-4.0, -12.5, 30.0, 2.333333]));
+    assert_eq!(report["header_box"], report["box"]);
+    assert_eq!(report["layers"]["MARK"], serde_json::json!([1, null]));
+    assert_eq!(report["layers"]["Größe 日本_x"], serde_json::json!([30, 0xFF8000]));
     let expected = serde_json::json!([
         {"type": "LWPOLYLINE", "layer": "MARK", "color": 256, "true_color": null, "closed": true,
          "points": [[0.0, 0.0], [30.0, 0.0], [30.0, -12.5]]},
@@ -57,29 +57,29 @@ fn r2000_is_clean_and_says_the_same() {
          "points": [[1.0, 1.0], [2.0, 1.25]]},
         {"type": "POINT", "layer": "0", "color": 3, "true_color": null, "closed": false, "points": [[-4.0, 2.333333]]},
     ]);
-    assert_eq!(told["entities"], expected);
+    assert_eq!(report["entities"], expected);
 }
 
 #[test]
-fn r12_is_clean_and_says_the_same_without_true_colours() {
-    let Some(told) = judged(&write(&sample(), DxfProfile::R12)) else { return };
-    assert_clean(&told);
-    assert_eq!(told["version"], "AC1009");
-    assert_eq!(told["box"], serde_json::json!([-4.0, -12.5, 30.0, 2.333333]));
-    assert_eq!(told["layers"]["Gr__e____x"], serde_json::json!([30, null]));
-    let kinds: Vec<_> = told["entities"].as_array().unwrap().iter().map(|entity| &entity["type"]).collect();
+fn r12_is_valid_and_has_the_same_content_without_true_colours() {
+    let Some(report) = judged(&write(&sample(), DxfProfile::R12)) else { return };
+    assert_clean(&report);
+    assert_eq!(report["version"], "AC1009");
+    assert_eq!(report["box"], serde_json::json!([-4.0, -12.5, 30.0, 2.333333]));
+    assert_eq!(report["layers"]["Gr__e____x"], serde_json::json!([30, null]));
+    let kinds: Vec<_> = report["entities"].as_array().unwrap().iter().map(|entity| &entity["type"]).collect();
     assert_eq!(kinds, ["POLYLINE", "POLYLINE", "POINT"]);
-    assert_eq!(told["entities"][0]["closed"], true);
-    assert_eq!(told["entities"][1]["color"], 5);
-    assert_eq!(told["entities"][1]["points"], serde_json::json!([[1.0, 1.0], [2.0, 1.25]]));
+    assert_eq!(report["entities"][0]["closed"], true);
+    assert_eq!(report["entities"][1]["color"], 5);
+    assert_eq!(report["entities"][1]["points"], serde_json::json!([[1.0, 1.0], [2.0, 1.25]]));
 }
 
 #[test]
-fn r12_lines_are_clean_and_go_all_the_way_round() {
-    let Some(told) = judged(&write(&sample(), DxfProfile::R12Lines)) else { return };
-    assert_clean(&told);
-    assert_eq!((&told["version"], &told["header_box"]), (&"AC1009".into(), &told["box"]));
-    let pieces: Vec<_> = told["entities"]
+fn r12_lines_are_valid_and_close_contours() {
+    let Some(report) = judged(&write(&sample(), DxfProfile::R12Lines)) else { return };
+    assert_clean(&report);
+    assert_eq!((&report["version"], &report["header_box"]), (&"AC1009".into(), &report["box"]));
+    let pieces: Vec<_> = report["entities"]
         .as_array()
         .unwrap()
         .iter()
@@ -97,18 +97,18 @@ fn r12_lines_are_clean_and_go_all_the_way_round() {
 }
 
 #[test]
-fn the_dxf_crate_reads_the_same() {
+fn the_dxf_crate_reads_the_same_content() {
     for profile in [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines] {
         assert_eq!(read_back(&write(&sample(), profile), &sample(), profile), Ok(()), "{profile:?}");
     }
 }
 
 #[test]
-fn an_empty_drawing_is_clean_too() {
+fn an_empty_drawing_is_valid_too() {
     for profile in [DxfProfile::R2000, DxfProfile::R12, DxfProfile::R12Lines] {
-        let Some(told) = judged(&write(&MarkingDrawing::default(), profile)) else { return };
-        assert_clean(&told);
-        assert_eq!(told["entities"], serde_json::json!([]));
+        let Some(report) = judged(&write(&MarkingDrawing::default(), profile)) else { return };
+        assert_clean(&report);
+        assert_eq!(report["entities"], serde_json::json!([]));
     }
 }
 

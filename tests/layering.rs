@@ -1,7 +1,8 @@
-//! Who may know whom, held against the sources: modules, files, crates, the standard library, and words that end a program.
+//! Checks the dependencies in the sources: modules, files, crates, the standard library, and calls that end the
+//! program.
 //!
-//! The tables below are the rule. A module may know only modules above it, in the order of `src/lib.rs`, so no arrow
-//! leads back. Tests inside the sources may know everything.
+//! The tables below are the rule. A module may use only modules above it, in the order of `src/lib.rs`, so there are no
+//! circular dependencies. Tests inside the sources may use everything.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail loudly, its helpers too")]
 
@@ -11,7 +12,7 @@ use sources::{Modules, Named, is_word, paths, walk, without_comments_and_texts, 
 
 mod sources;
 
-/// Every module of the crate, in reading order, with the modules it may know.
+/// Every module of the crate, in reading order, with the modules that it may use.
 const MODULES: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("printable", &[]),
@@ -51,8 +52,8 @@ const MODULES: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Where a crate, or a part of the standard library, may be named. What is not listed may be named everywhere but in
-/// `geometry`.
+/// The modules in which a crate, or a part of the standard library, may be used. Crates that are not listed may be used
+/// everywhere except in `geometry`.
 const HOMES: &[(&str, &[&str])] = &[
     ("gltf", &["formats"]),
     ("dxf", &["formats"]),
@@ -73,10 +74,10 @@ const HOMES: &[(&str, &[&str])] = &[
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["files", "config", "pipeline", "hotfolder", "cli"]),
     ("std::thread", &["hotfolder"]),
-    // Only its own number, which the lock tells others.
+    // In the hot folder, only for the process ID in the lock file.
     ("std::process", &["hotfolder", "cli", "main"]),
     ("std::env", &["cli"]),
-    // BeamServer is the only one that is talked to.
+    // Only for BeamServer.
     ("std::net", &["hotfolder"]),
     ("tracing", &["pipeline", "hotfolder"]),
     ("tracing_subscriber", &["cli"]),
@@ -87,8 +88,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("strsim", &["config"]),
 ];
 
-/// All that mathematics needs.
-const GEOMETRY_KNOWS: &[&str] = &[
+/// Everything that `geometry` may use.
+const GEOMETRY_MAY_USE: &[&str] = &[
     "nalgebra",
     "faer",
     "thiserror",
@@ -104,7 +105,7 @@ const GEOMETRY_KNOWS: &[&str] = &[
     "std::slice",
 ];
 
-/// What no code outside tests says: one bad file must not end the night's work. `expect` states an invariant.
+/// Forbidden outside tests: one bad file must not end the program. `expect` is allowed, because it states an invariant.
 const FORBIDDEN: &[&str] = &[
     ".unwrap()",
     "panic!",
@@ -119,32 +120,32 @@ const FORBIDDEN: &[&str] = &[
     "process::abort",
 ];
 
-/// Circles of files that still import each other, to be taken apart; a new one is refused.
+/// Known circles of files that import each other, still to be removed; a new circle is an error.
 const CIRCLES: &[&[&str]] = &[];
 
 #[test]
-fn every_module_knows_only_what_it_may() {
-    let judged = |(file, source): &(String, String)| judge(file, source, &crates());
-    let complaints: Vec<String> = sources().iter().flat_map(judged).collect();
-    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+fn every_module_uses_only_what_it_may() {
+    let violations_of = |(file, source): &(String, String)| violations(file, source, &crates());
+    let found: Vec<String> = sources().iter().flat_map(violations_of).collect();
+    assert!(found.is_empty(), "\n{}\n", found.join("\n"));
 }
 
 #[test]
-fn the_table_has_the_order_of_the_crate_and_no_arrow_back() {
+fn the_table_has_the_order_of_the_crate_and_no_circular_dependency() {
     let names: Vec<&str> = MODULES.iter().map(|(name, _)| *name).collect();
     let library = include_str!("../src/lib.rs").lines();
     let declared: Vec<&str> = library
         .filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'))
         .collect();
-    assert_eq!(declared, names, "src/lib.rs and MODULES name the same modules in the same order");
-    for (index, (name, knows)) in MODULES.iter().enumerate() {
-        for known in *knows {
-            assert!(names[..index].contains(known), "{name} may not know {known}: it comes later");
+    assert_eq!(declared, names, "src/lib.rs and MODULES must list the same modules in the same order");
+    for (index, (name, allowed)) in MODULES.iter().enumerate() {
+        for used in *allowed {
+            assert!(names[..index].contains(used), "{name} may not use {used}: it comes later");
         }
     }
     for (what, homes) in HOMES {
         let external = what.starts_with("std::") || crates().iter().any(|name| name == what);
-        assert!(external || *what == "gltf_json", "{what} in HOMES is no dependency");
+        assert!(external || *what == "gltf_json", "{what} in HOMES is not a dependency");
         assert!(homes.iter().all(|home| *home == "main" || names.contains(home)), "{what}: unknown home");
     }
 }
@@ -161,12 +162,15 @@ fn no_files_import_each_other_in_a_circle() {
     let arrows: Vec<String> = arrows.map(|(from, to, names)| format!("{from} -> {to}: {names}")).collect();
     assert!(arrows.is_empty(), "these files import each other:\n{}\n", arrows.join("\n"));
     for known in CIRCLES {
-        assert!(circles.iter().any(|circle| circle.files == *known), "{known:?} is no circle: strike it out");
+        assert!(
+            circles.iter().any(|circle| circle.files == *known),
+            "{known:?} is not a circle any more: remove it"
+        );
     }
 }
 
 #[test]
-fn a_circle_is_found_through_whatever_hands_its_names_on() {
+fn a_circle_is_found_through_re_exports() {
     let circles = |sources: &[(&str, &str)]| {
         let mut modules = Modules::default();
         sources.iter().for_each(|(file, source)| modules.add(file, source));
@@ -180,10 +184,10 @@ fn a_circle_is_found_through_whatever_hands_its_names_on() {
     let (root, none) = (("src/lib.rs", "pub mod a; pub mod b;"), Vec::<Vec<String>>::new());
     let b = ("src/b/mod.rs", "mod c; mod d; pub use c::C; pub(crate) use self::d::D as E; pub struct B;");
     let found = |a, c, d| circles(&[root, ("src/a.rs", a), b, ("src/b/c.rs", c), ("src/b/d.rs", d)]);
-    // Straight, and past the file that hands C on.
+    // Directly, and through the file that re-exports C.
     let straight = ["src/a.rs src/b/c.rs C", "src/b/c.rs src/a.rs A"];
     assert_eq!(found("use crate::b::C;", "use crate::a::A;", ""), [straight]);
-    // By a new name, in a group, in a path without `use`, and round three corners.
+    // With a new name, in a group, in a path without `use`, and over three files.
     let round = ["src/a.rs src/b/d.rs E", "src/b/c.rs src/a.rs x", "src/b/d.rs src/b/c.rs K"];
     assert_eq!(
         found(
@@ -193,10 +197,10 @@ fn a_circle_is_found_through_whatever_hands_its_names_on() {
         ),
         [round]
     );
-    // A head that uses its part, which uses its head.
-    let head = [("src/a.rs", "mod p; use p::P;"), ("src/a/p.rs", "use super::A;")];
-    assert_eq!(circles(&head), [["src/a.rs src/a/p.rs P", "src/a/p.rs src/a.rs A"]]);
-    // One way, handing on, tests, comments, and names of other crates are no circles.
+    // A module that uses its submodule, which uses the module.
+    let parent = [("src/a.rs", "mod p; use p::P;"), ("src/a/p.rs", "use super::A;")];
+    assert_eq!(circles(&parent), [["src/a.rs src/a/p.rs P", "src/a/p.rs src/a.rs A"]]);
+    // One direction, re-exports, tests, comments, and names of other crates are not circles.
     assert_eq!(
         found("use crate::b::{B, C};", "use super::B;", "use toml::toml; use super::super::b::B;"),
         none
@@ -206,20 +210,20 @@ fn a_circle_is_found_through_whatever_hands_its_names_on() {
 }
 
 #[test]
-fn a_trespass_is_named_with_its_line_and_its_rule() {
-    for (file, source, words) in [
-        ("src/geometry/x.rs", "\nuse std::{f64, fs};", "src/geometry/x.rs:2: geometry names std::fs"),
-        ("src/geometry/x.rs", "use serde::Serialize;", "src/geometry/x.rs:1: geometry names serde"),
-        ("src/geometry/a/b.rs", "use super::super::super::reason::Reason;", "geometry knows reason"),
-        ("src/formats/x.rs", "use crate::{geometry::mesh, config::{Sku}};", "formats knows config"),
-        ("src/report.rs", "fn f() { super::hotfolder::run() }", "report knows hotfolder"),
-        ("src/pipeline.rs", "fn f() -> gltf::Gltf", "pipeline names gltf"),
-        ("src/config/x.rs", "use notify as n;", "config names notify"),
+fn a_violation_is_reported_with_its_line_and_rule() {
+    for (file, source, expected) in [
+        ("src/geometry/x.rs", "\nuse std::{f64, fs};", "src/geometry/x.rs:2: geometry uses std::fs"),
+        ("src/geometry/x.rs", "use serde::Serialize;", "src/geometry/x.rs:1: geometry uses serde"),
+        ("src/geometry/a/b.rs", "use super::super::super::reason::Reason;", "geometry uses reason"),
+        ("src/formats/x.rs", "use crate::{geometry::mesh, config::{Sku}};", "formats uses config"),
+        ("src/report.rs", "fn f() { super::hotfolder::run() }", "report uses hotfolder"),
+        ("src/pipeline.rs", "fn f() -> gltf::Gltf", "pipeline uses gltf"),
+        ("src/config/x.rs", "use notify as n;", "config uses notify"),
         ("src/diff/x.rs", "\n\nx.unwrap()", "src/diff/x.rs:3: `.unwrap()`"),
         ("src/cli/x.rs", "let a = '\"'; todo!()", "`todo!`"),
     ] {
-        let complaints = judge(file, source, &crates());
-        assert!(complaints.len() == 1 && complaints[0].contains(words), "{source}: {complaints:?}");
+        let found = violations(file, source, &crates());
+        assert!(found.len() == 1 && found[0].contains(expected), "{source}: {found:?}");
     }
     for (file, source) in [
         ("src/geometry/x.rs", "// serde::x\n/* std::fs */ const A: &str = \"std::fs::read\"; use super::b;"),
@@ -230,11 +234,11 @@ fn a_trespass_is_named_with_its_line_and_its_rule() {
         ("src/formats/a/b.rs", "use super::super::a; use self::dxf::read; r#\"panic!\"#;"),
         ("src/cache.rs", "use crate::config::Sku; fn f() { x.unwrap_or(1) }"),
     ] {
-        assert_eq!(judge(file, source, &crates()), [""; 0], "{source}");
+        assert_eq!(violations(file, source, &crates()), [""; 0], "{source}");
     }
 }
 
-/// Path and text of every file of the crate but its tests.
+/// Path and text of every file of the crate except tests.
 fn sources() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let files = walk(&root.join("src")).into_iter().map(|entry| {
@@ -244,7 +248,7 @@ fn sources() -> Vec<(String, String)> {
     files.filter(|(file, _)| !file.ends_with("tests.rs")).collect()
 }
 
-/// The names that the dependencies of `Cargo.toml` have in the sources.
+/// The dependencies of `Cargo.toml`, by their names in the sources.
 fn crates() -> Vec<String> {
     let manifest =
         include_str!("../Cargo.toml").split("\n[").find(|table| table.starts_with("dependencies]"));
@@ -252,25 +256,25 @@ fn crates() -> Vec<String> {
     lines.filter_map(|line| Some(line.split_once(" =")?.0.replace('-', "_"))).collect()
 }
 
-/// Everything that one file may not say, a line each.
-fn judge(file: &str, source: &str, crates: &[String]) -> Vec<String> {
+/// All violations in one file, one line each.
+fn violations(file: &str, source: &str, crates: &[String]) -> Vec<String> {
     let parts: Vec<&str> = file.trim_start_matches("src/").trim_end_matches(".rs").split('/').collect();
     let module = parts[0];
-    // How many `super` lead from this file to the root of the crate.
+    // The number of `super` from this file to the root of the crate.
     let depth = parts.len() - usize::from(parts.last() == Some(&"mod"));
-    let knows = MODULES.iter().find(|(name, _)| *name == module).map(|(_, knows)| *knows);
+    let allowed = MODULES.iter().find(|(name, _)| *name == module).map(|(_, allowed)| *allowed);
     let code = without_tests(&without_comments_and_texts(source));
     let text: String = code.iter().collect();
-    let mut complaints = Vec::new();
-    let mut complain = |at: usize, words: String| {
+    let mut violations = Vec::new();
+    let mut report = |at: usize, what: String| {
         let line = code[..at].iter().filter(|&&c| c == '\n').count() + 1;
-        complaints.push(format!("{file}:{line}: {words} (tests/layering.rs)"));
+        violations.push(format!("{file}:{line}: {what} (tests/layering.rs)"));
     };
     for word in FORBIDDEN {
         for (byte, _) in text.match_indices(word) {
             let before = text[..byte].chars().next_back();
             if word.starts_with('.') || !before.is_some_and(is_word) {
-                complain(text[..byte].chars().count(), format!("`{word}` is only for tests"));
+                report(text[..byte].chars().count(), format!("`{word}` is allowed only in tests"));
             }
         }
     }
@@ -281,10 +285,10 @@ fn judge(file: &str, source: &str, crates: &[String]) -> Vec<String> {
             "super" if supers >= depth => path.get(supers),
             _ => None,
         };
-        if let (Some(known), Some(knows)) = (inner, knows) {
-            let is_module = MODULES.iter().any(|(name, _)| name == known);
-            if is_module && known != module && !knows.contains(&known.as_str()) {
-                complain(at, format!("{module} knows {known}, but may know only [{}]", knows.join(", ")));
+        if let (Some(used), Some(allowed)) = (inner, allowed) {
+            let is_module = MODULES.iter().any(|(name, _)| name == used);
+            if is_module && used != module && !allowed.contains(&used.as_str()) {
+                report(at, format!("{module} uses {used}, but may use only [{}]", allowed.join(", ")));
             }
         }
         let external = match path[0].as_str() {
@@ -293,14 +297,14 @@ fn judge(file: &str, source: &str, crates: &[String]) -> Vec<String> {
             _ => continue,
         };
         let homes = HOMES.iter().find(|(name, _)| *name == external).map(|(_, homes)| *homes);
-        if module == "geometry" && !GEOMETRY_KNOWS.contains(&external.as_str()) {
-            complain(
+        if module == "geometry" && !GEOMETRY_MAY_USE.contains(&external.as_str()) {
+            report(
                 at,
-                format!("geometry names {external}; it may name only [{}]", GEOMETRY_KNOWS.join(", ")),
+                format!("geometry uses {external}, but may use only [{}]", GEOMETRY_MAY_USE.join(", ")),
             );
         } else if let Some(homes) = homes.filter(|homes| !homes.contains(&module)) {
-            complain(at, format!("{module} names {external}, which only [{}] may", homes.join(", ")));
+            report(at, format!("{module} uses {external}, which is allowed only in [{}]", homes.join(", ")));
         }
     }
-    complaints
+    violations
 }

@@ -1,4 +1,4 @@
-//! The library as another program uses it: from outside, without the features of the program and the station.
+//! The library in another program: from outside, without the features `cli` and `station`.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail loudly")]
 
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 "#;
 
-/// The settings of this repository's profiles, so that the dependencies it has built are used.
+/// The profiles of this repository, so that its built dependencies are used again.
 fn profiles() -> String {
     let manifest = include_str!("../Cargo.toml");
     manifest
@@ -35,7 +35,7 @@ fn profiles() -> String {
 
 #[test]
 #[cfg_attr(windows, ignore = "builds with the cargo of this machine, which Wine does not run")]
-fn ten_lines_without_default_features_make_the_bytes_of_the_program() {
+fn ten_lines_without_default_features_give_the_same_bytes_as_the_program() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("ten-lines");
     fs::create_dir_all(folder.join("src")).unwrap();
@@ -62,12 +62,12 @@ fn ten_lines_without_default_features_make_the_bytes_of_the_program() {
         .output()
         .unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    // Neither a command line nor a watcher of folders comes along.
+    // Neither the command line nor the folder watcher is a dependency.
     let tree = cargo(&["tree", "--offline", "--edges", "normal", "--prefix", "none"]).output().unwrap();
     let tree = String::from_utf8(tree.stdout).unwrap();
     assert!(tree.contains("isomark ") && tree.contains("nalgebra "), "{tree}");
     for left_out in ["clap ", "notify ", "ctrlc ", "tracing-subscriber ", "sysinfo "] {
-        assert!(!tree.lines().any(|line| line.starts_with(left_out)), "{left_out}is built, too:\n{tree}");
+        assert!(!tree.lines().any(|line| line.starts_with(left_out)), "{left_out}is also built:\n{tree}");
     }
 
     let corrected = Command::new(env!("CARGO_BIN_EXE_isomark"))

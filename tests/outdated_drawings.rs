@@ -1,4 +1,5 @@
-//! What is hashed to know whether a delivered drawing is outdated differs exactly where the drawing does.
+//! The text that is hashed to find out whether a delivered drawing is outdated changes exactly when the drawing
+//! changes.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail loudly, its helpers too")]
 
@@ -18,10 +19,10 @@ use isomark::geometry::surface::scan::Smoothing;
 use isomark::pipeline::{LearnedPart, PatternInput, Pipeline};
 use nalgebra::Vector3;
 
-/// What is set before and what is changed then.
+/// Changes some settings.
 type Setting = fn(&mut JobSettings);
 
-/// A bowl that is no developable, mm, as high as the formula says.
+/// A bowl that is not developable, mm, with heights from a formula.
 fn part() -> String {
     let mut text = String::new();
     for row in -20..=20 {
@@ -87,7 +88,7 @@ enum Pattern {
     Picture,
 }
 
-/// Corrects drawings on the part and keeps its surfaces.
+/// Corrects drawings for the part, and keeps its surfaces.
 struct Bench {
     pipeline: Pipeline,
     surfaces: BTreeMap<(bool, String), LearnedPart>,
@@ -120,7 +121,7 @@ impl Bench {
 fn usual(settings: &mut JobSettings) {
     settings.part.unit = Some(LengthUnit::Millimetre);
     settings.part.up = Some(UpAxis::Z);
-    // What is read must not depend on what a reader may guess.
+    // The drawing must not depend on guesses of a reader.
     settings.pattern.unit_if_unitless = Some(DrawingUnit::Millimetre);
     settings.correction.tolerance = 0.02;
 }
@@ -142,7 +143,7 @@ fn at_a_corner(settings: &mut JobSettings) {
 fn nothing(_: &mut JobSettings) {}
 
 #[test]
-fn what_is_hashed_of_the_settings_differs_exactly_where_the_drawing_does() {
+fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
     use Pattern::{Dxf, Picture};
     let picture: Setting = |s| s.pattern.picture.width = Some(12.0);
     let mapping: Setting = |s| {
@@ -171,7 +172,7 @@ fn what_is_hashed_of_the_settings_differs_exactly_where_the_drawing_does() {
             },
         ),
         (
-            "figure",
+            "primitive",
             Dxf,
             |s| s.part.primitive = Primitive::new(60.0, 60.0, 90.0, Vector3::y()),
             |s| {
@@ -227,7 +228,7 @@ fn what_is_hashed_of_the_settings_differs_exactly_where_the_drawing_does() {
         ("lens", Dxf, nothing, perspective),
         ("lens y", Dxf, perspective, |s| s.optics.lens = Lens::Perspective { x: 163.0, y: 180.0 }),
         ("axis_mm", Dxf, perspective, |s| s.optics.axis = Some(FieldPoint::new(5.0, 0.0))),
-        ("a field's middle", Dxf, at_a_corner, |s| in_a_field(s, 114.0, 90.0, FieldOrigin::Corner)),
+        ("centre of the field", Dxf, at_a_corner, |s| in_a_field(s, 114.0, 90.0, FieldOrigin::Corner)),
         ("dxf", Dxf, nothing, |s| s.output.dxf = DxfVersion::R12),
         ("comments", Dxf, nothing, |s| s.output.comments = false),
     ];

@@ -1,6 +1,6 @@
-//! Real exports read from outside: every producer, every part, true sizes, and damaged files.
+//! Real exports, read through the public API: every producer, every part, true sizes, and damaged files.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
 use std::collections::BTreeMap;
 use std::io;
@@ -26,7 +26,7 @@ fn read_with(name: &str, options: &MeshOptions) -> Result<PartReading, MeshReadE
     mesh::read(&bytes, format, options, &siblings_of(&path, &bytes, format))
 }
 
-/// The files beside the part that it needs.
+/// The files beside the part that are needed to read it.
 fn siblings_of(path: &Path, bytes: &[u8], format: MeshFormat) -> BTreeMap<String, Vec<u8>> {
     let named = mesh::named_files(bytes, format).map(|named| named.buffers).unwrap_or_default();
     let beside = |name: &String| std::fs::read(path.with_file_name(name)).unwrap();
@@ -37,7 +37,7 @@ fn read(name: &str) -> PartReading {
     read_with(name, &MeshOptions::default()).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Enclosed volume, mm³; positive if the triangles turn counter-clockwise seen from outside.
+/// Enclosed volume, mm³; positive if the triangles are counter-clockwise when seen from outside.
 fn volume(part: &PartReading) -> f64 {
     let of = |corners| {
         let [a, b, c] = part.shape.mesh().unwrap().corners(corners);
@@ -54,10 +54,10 @@ fn truth(part: &str) -> ([f64; 3], [f64; 3], f64) {
     (corner(0), corner(1), truth["volume_mesh_0p01_mm3"].as_f64().unwrap())
 }
 
-/// A sample with the unit, axis, number of triangles and normals it must be read with.
+/// A sample with its expected unit, axis, number of triangles and normals.
 type Sample = (&'static str, LengthUnit, UpAxis, usize, NormalsFound);
 
-/// Exports of the CAD parts that keep the part where the designer modelled it.
+/// Exports of the CAD parts that keep the position of the design.
 const CAD_SAMPLES: [Sample; 47] = [
     ("assembly/bl34-from-glb.glb", Metre, Y, 964, Smooth),
     ("assembly/bl34-from-glb.obj", Metre, Y, 964, Smooth),
@@ -108,11 +108,11 @@ const CAD_SAMPLES: [Sample; 47] = [
     ("can/build123d-cm.gltf", Metre, Y, 204, Smooth),
 ];
 
-/// Chord of the coarsest tessellations (Arch export: about 1 mm), mm.
+/// Chord tolerance of the coarsest tessellation (Arch export: about 1 mm), mm.
 const COARSEST_CHORD: f64 = 1.1;
 
 #[test]
-fn cad_parts_are_read_at_their_true_place_and_size() {
+fn cad_parts_are_read_at_their_true_position_and_size() {
     for (name, unit, up, triangles, normals) in CAD_SAMPLES {
         let part = read(name);
         let facts = &part.facts;
@@ -122,7 +122,7 @@ fn cad_parts_are_read_at_their_true_place_and_size() {
         assert!(!facts.unit.why.is_empty() && !facts.up.why.is_empty(), "{name}");
         assert!(facts.producer.is_some(), "{name}");
 
-        // Exported with unit CM, which no reader can know, this can is ten times too large.
+        // This can was exported with unit CM, which no reader can know, so it is ten times too large.
         let scale = if name.ends_with("-cm.gltf") { 10.0 } else { 1.0 };
         let (true_min, true_max, true_volume) = truth(name.split('/').next().unwrap());
         let (min, max) = part.shape.mesh().unwrap().bounds();
@@ -131,14 +131,14 @@ fn cad_parts_are_read_at_their_true_place_and_size() {
                 (min[axis] - scale * true_min[axis]).abs().max((max[axis] - scale * true_max[axis]).abs());
             assert!(off < COARSEST_CHORD * scale, "{name}: axis {axis} is off by {off} mm");
         }
-        // Chords cut off up to some per cent; a wrong turn of the triangles would change the sign.
+        // Chords reduce the volume by a few per cent; triangles with the wrong orientation would change the sign.
         let ratio = volume(&part) / (true_volume * scale.powi(3));
         assert!((0.9..1.01).contains(&ratio), "{name}: {ratio} of the true volume");
     }
 }
 
 #[test]
-fn decisions_against_the_standard_or_by_guess_are_warnings() {
+fn guesses_and_contradictions_of_the_standard_are_warnings() {
     let severities = |name: &str| {
         let notices = read(name).facts.notices;
         ["unit-assumed", "axis-assumed"]
@@ -157,7 +157,7 @@ fn decisions_against_the_standard_or_by_guess_are_warnings() {
 }
 
 #[test]
-fn estimated_normals_are_announced() {
+fn estimated_normals_are_reported() {
     let has_note =
         |name: &str| read(name).facts.notices.iter().any(|notice| notice.code == "normals-estimated");
     assert!(has_note("can/fc020-arch.obj") && has_note("reference/cylinder_coarse.obj"));
@@ -165,8 +165,8 @@ fn estimated_normals_are_announced() {
 }
 
 #[test]
-fn the_vessel_is_read_with_its_scale_turn_and_mirrored_plate() {
-    // Without modifiers and with the hidden plate (glTF); with modifiers and without it (OBJ).
+fn the_vessel_is_read_with_its_scale_rotation_and_mirrored_plate() {
+    // glTF has no modifiers applied and contains the hidden plate, OBJ the other way round.
     let expected = [
         ("bl34-native.glb", Metre, Y, 358, [165.80, 106.00, 115.20]),
         ("bl34-native.gltf", Metre, Y, 358, [165.80, 106.00, 115.20]),
@@ -198,15 +198,15 @@ fn the_vessel_is_read_with_its_scale_turn_and_mirrored_plate() {
 }
 
 #[test]
-fn a_mirrored_plate_faces_where_blender_says() {
-    // Blender's own OBJ, with mirrors applied, has both plates facing 30° left of +x, 56 mm from the vessel's axis.
+fn a_mirrored_plate_faces_the_same_way_as_in_blender() {
+    // In Blender's OBJ, with mirrors applied, both plates face 30° left of +x, 56 mm from the vessel's axis.
     let facing = nalgebra::Vector3::new(30f64.to_radians().cos(), 30f64.to_radians().sin(), 0.0);
     for name in ["vessel/bl52-native-apply.glb", "vessel/bl34-native.glb", "vessel/bl52-native.obj"] {
         let part = read(name);
         let plates = part.shape.mesh().unwrap().triangles().iter().filter_map(|&corners| {
             let [a, b, c] = part.shape.mesh().unwrap().corners(corners);
             let from_axis = (a.coords - nalgebra::Vector3::new(100.0, 50.0, a.z)).dot(&facing).abs();
-            // The hidden plate of the glTF files lies on the ground.
+            // The hidden plate of the glTF files is on the ground.
             (from_axis > 49.9 && a.z > 20.0).then(|| (b - a).cross(&(c - a)).normalize())
         });
         let normals: Vec<_> = plates.collect();
@@ -229,8 +229,8 @@ fn bodies_and_materials_keep_their_names() {
 }
 
 #[test]
-fn placements_that_the_export_lost_stay_lost() {
-    // The badge alone sits at the origin; the Arch export has the container's placement, the others have not.
+fn placements_that_an_export_lost_are_not_guessed() {
+    // The badge alone is at the origin; the Arch export has the container's placement, the others do not.
     let badge = read("assembly/fc020-gui-badge.glb");
     assert!(
         (badge.facts.size[0] - 40.0).abs() < 1e-3 && badge.shape.mesh().unwrap().bounds().0.z.abs() < 1e-3
@@ -249,26 +249,26 @@ fn reference_surfaces_without_producer_are_millimetres_with_z_up() {
 }
 
 #[test]
-fn settings_override_what_the_file_shows() {
+fn settings_override_the_file() {
     let options = MeshOptions { unit: Some(Metre), up: Some(Y), ..MeshOptions::default() };
-    let lying = read_with("assembly/occ8-coarse.glb", &options).unwrap();
-    assert!((lying.facts.size[1] - 35.501).abs() < 1e-3, "{:?}", lying.facts.size);
-    assert_eq!(lying.facts.up.why, "the settings say so");
+    let on_its_side = read_with("assembly/occ8-coarse.glb", &options).unwrap();
+    assert!((on_its_side.facts.size[1] - 35.501).abs() < 1e-3, "{:?}", on_its_side.facts.size);
+    assert_eq!(on_its_side.facts.up.why, "the settings say so");
     let options = MeshOptions { unit: Some(LengthUnit::Centimetre), ..MeshOptions::default() };
     let inflated = read_with("can/fc020-coarse-mesh.obj", &options).unwrap();
     assert!((inflated.facts.size[2] - 1150.0).abs() < 1e-6);
 }
 
 #[test]
-fn a_part_in_decimetres_is_read_as_it_says_and_named() {
-    // The numbers are decimetres read as metres: no unit of the settings makes them true.
+fn a_part_in_decimetres_is_read_as_metres_with_a_notice() {
+    // The numbers are decimetres, but glTF has metres.
     let facts = read("can/build123d-cm.gltf").facts;
     assert!((facts.size[2] - 1150.0).abs() < 1e-3);
     let notice = facts.notices.iter().find(|notice| notice.code == "size-unconfirmed").unwrap();
     assert_eq!(notice.severity, Severity::Note);
     assert!(notice.message.contains("1150.0 mm") && notice.message.contains("unit MM"), "{}", notice.message);
-    let told = MeshOptions { unit: Some(LengthUnit::Decimetre), ..MeshOptions::default() };
-    assert!((read_with("can/build123d-cm.gltf", &told).unwrap().facts.size[2] - 115.0).abs() < 1e-4);
+    let options = MeshOptions { unit: Some(LengthUnit::Decimetre), ..MeshOptions::default() };
+    assert!((read_with("can/build123d-cm.gltf", &options).unwrap().facts.size[2] - 115.0).abs() < 1e-4);
     assert!(read("can/build123d.glb").facts.notices.iter().all(|notice| notice.code != "size-unconfirmed"));
 }
 
@@ -278,11 +278,11 @@ fn a_container_without_its_bodies_is_refused_with_its_cause() {
     assert_eq!(refused, MeshReadError::NoTriangles { cause: EmptyCause::ArchContainer });
     let reason = refused.reason().in_file("fc020-gui-arch-part.obj");
     assert_eq!(reason.code, "mesh-empty");
-    assert!(reason.remedy.contains("select the bodies themselves"), "{reason}");
+    assert!(reason.remedy.contains("Select the bodies themselves"), "{reason}");
 }
 
 #[test]
-fn a_gltf_names_the_files_it_waits_for() {
+fn a_gltf_lists_the_files_it_needs() {
     for (name, sibling) in
         [("can/build123d-cm", "build123d-cm.bin"), ("vessel/bl34-native", "bl34-native.bin")]
     {
@@ -296,7 +296,7 @@ fn a_gltf_names_the_files_it_waits_for() {
     }
 }
 
-/// Triangles and enclosed volume of an OBJ text, its faces cut into fans: right for the volume of any flat polygon.
+/// Triangles and enclosed volume of an OBJ text, with faces cut into fans: the volume is exact for any flat polygon.
 fn fans(text: &str) -> (usize, f64) {
     let (mut vertices, mut count, mut volume) = (Vec::<nalgebra::Vector3<f64>>::new(), 0, 0.0);
     for line in text.lines() {
@@ -317,7 +317,7 @@ fn fans(text: &str) -> (usize, f64) {
 }
 
 #[test]
-fn no_triangle_of_an_obj_file_is_lost_or_moved() {
+fn all_triangles_of_obj_files_are_read() {
     for (name, ..) in CAD_SAMPLES.iter().filter(|(name, ..)| name.ends_with(".obj")) {
         let part = read(name);
         let (count, volume_of_fans) = fans(&std::fs::read_to_string(path_of(name)).unwrap());
@@ -327,9 +327,9 @@ fn no_triangle_of_an_obj_file_is_lost_or_moved() {
     }
 }
 
-/// Damage at random, the same at every run: every outcome but a panic or a wait is right.
+/// Random damage, the same in every run: any result is accepted except a panic or an endless loop.
 #[test]
-fn damaged_files_are_read_or_refused_but_never_end_the_program() {
+fn damaged_files_are_read_or_refused_without_a_panic() {
     // xorshift64, G. Marsaglia, Xorshift RNGs, J. Stat. Softw. 8(14), 2003.
     let mut state = 0x9E37_79B9_7F4A_7C15u64;
     let mut random = move |below: usize| {
@@ -352,7 +352,7 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
         let original = std::fs::read(&path).unwrap();
         let format = MeshFormat::from_name(name).unwrap();
         let siblings = siblings_of(&path, &original, format);
-        // Most of a GLB is numbers; damage in its JSON is what leads astray.
+        // Most bytes of a GLB are numbers; damage in its JSON has more effect.
         let json_end = original.windows(4).position(|four| four == b"BIN\0").unwrap_or(original.len());
         for _ in 0..1500 {
             let mut bytes = original.clone();
@@ -370,11 +370,11 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
                         let to = random(reach.max(1));
                         bytes.splice(to..to, copy);
                     }
-                    // A digit in front turns counts and indices into large ones.
+                    // A digit in front makes counts and indices large.
                     _ => bytes.insert(at, b'9'),
                 }
             }
-            // Under whatever name it asks for now.
+            // The buffer's name may be damaged, too, so the content is given under that name.
             let named = mesh::named_files(&bytes, format).map(|named| named.buffers).unwrap_or_default();
             let content = siblings.values().next().cloned().unwrap_or_default();
             let given = named.into_iter().map(|buffer| (buffer.name, content.clone())).collect();
@@ -385,5 +385,5 @@ fn damaged_files_are_read_or_refused_but_never_end_the_program() {
             }
         }
     }
-    assert!(read_at_all > 500, "only {read_at_all} damaged files could still be read");
+    assert!(read_at_all > 500, "only {read_at_all} damaged files were readable");
 }

@@ -1,4 +1,4 @@
-//! What holds for every drawing: what is written is read back, and nothing makes the reader stumble.
+//! Properties of all drawings: a written drawing is read back unchanged, and no input makes the reader panic.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
@@ -62,8 +62,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn what_is_written_is_read_back(drawing in drawing()) {
-        // A repair would chain paths that happen to meet.
+    fn written_drawings_are_read_back(drawing in drawing()) {
+        // A repair would join paths that meet by chance.
         let options = PatternOptions { strict: true, ..PatternOptions::default() };
         for profile in [DxfProfile::R2000, DxfProfile::R12] {
             let file = write(&drawing, profile);
@@ -129,7 +129,7 @@ proptest! {
     }
 }
 
-/// A small generator with a fixed seed (Marsaglia's xorshift), so that every run sees the same files.
+/// A small random generator with a fixed seed (Marsaglia's xorshift), so that every run has the same files.
 struct Dice(u64);
 
 impl Dice {
@@ -150,7 +150,7 @@ fn damaged_samples_are_read_or_refused() {
         for _ in 0..150 {
             let mut file = whole.clone();
             for _ in 0..=dice.below(4) {
-                // The entities stand in the last part of a file.
+                // The entities are in the last part of a file.
                 let tail = dice.below(file.len().min(12_000));
                 let at = file.len() - 1 - tail;
                 match dice.below(4) {

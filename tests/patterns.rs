@@ -1,8 +1,8 @@
-//! Real drawings of real programs, read at their true size.
+//! Drawings from real programs, read at their true size.
 //!
 //! Widths, heights and lengths of [`DRAWINGS`] were measured with ezdxf 1.4.5 on the flattened, decomposed and visible
 //! entities of each file (chords within 1e-8), not with isomark; those of `fc020-draft-legacy-lw`, which ezdxf refuses,
-//! are worked out by hand from its eight shapes. Texts are left out of them, as ezdxf would set them in another font;
+//! were calculated by hand from its eight shapes. They do not include texts, because ezdxf uses another font;
 //! `tests/round_trips.rs` compares texts in the same font.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
@@ -15,16 +15,16 @@ use isomark::geometry::pattern::{Color, Path, Shape};
 use isomark::geometry::space::{Extents, FlatPoint};
 use isomark::reason::Severity;
 
-/// Name, width, height and total length in mm, paths, contours, entities not taken.
+/// Name, width, height and total length in mm, number of paths, contours and skipped entities.
 const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 32] = [
     ("abc", 39.0, 13.0, 181.963, 6, 6, 0),
     ("circle", 30.0, 30.0, 94.247, 1, 1, 0),
-    // 443.630 by ezdxf, which swaps the axes of an insert turned by 90 degrees inside one scaled by (-1, 2): by hand its
-    // outline measures 16.472 mm, not 13.472.
+    // 443.630 by ezdxf, which swaps the axes of an insert rotated by 90 degrees inside one scaled by (-1, 2).
+    // Calculated by hand, its outline is 16.472 mm long, not 13.472.
     ("ez-blocks-nested", 74.0, 36.0, 446.630, 38, 19, 0),
     // The two ticks of the dimension are bands of 0.2475 x 0.02625 mm at 45 degrees.
     ("ez-dimension-mpolygon", 100.0968, 14.6304, 174.803, 10, 6, 3),
-    // Less the two copies of a line of 10 mm and the line without length.
+    // Without the two copies of a line of 10 mm and the line without length.
     ("ez-defects", 100_000.0, 20.0, 100_117.6, 7, 4, 2),
     ("ez-guilloche", 31.3106, 31.2088, 3537.438, 24, 24, 0),
     ("ez-hatch-islands", 28.0, 25.0, 222.864, 17, 3, 0),
@@ -36,9 +36,9 @@ const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 32] = [
     ("ez-ocs-mirrored", 29.9244, 10.0, 100.084, 5, 2, 0),
     ("ez-qr-hatch", 14.5, 14.5, 647.000, 223, 223, 0),
     ("ez-r12-mixed", 35.0, 22.0, 169.570, 6, 3, 0),
-    // A line of 15 mm with a width of 0.8 mm is a band, 31.6 mm round.
+    // A line of 15 mm with a width of 0.8 mm is a band with a perimeter of 31.6 mm.
     ("ez-r2000-bulges", 41.25, 40.0, 294.551, 5, 4, 0),
-    // The closed spline evaluated from knot 3 to knot 7 only, where it exists.
+    // The closed spline is evaluated only from knot 3 to knot 7, where it is defined.
     ("ez-r2010-splines-ellipses", 60.0, 50.1962, 189.778, 7, 3, 0),
     ("fc020-draft-cpp-r14", 62.0, 23.7089, 261.216, 9, 6, 0),
     ("fc020-draft-cpp-r14-poly", 62.0, 23.7070, 257.388, 9, 6, 0),
@@ -114,12 +114,12 @@ fn every_sample_is_read_at_its_true_size() {
         assert_eq!(curves.len(), paths, "{name}: paths");
         let closed = curves.iter().filter(|path| path.shape.is_closed()).count();
         assert_eq!(closed, contours, "{name}: contours");
-        assert_eq!(read.facts.skipped.len(), skipped, "{name}: not taken {:?}", read.facts.skipped);
+        assert_eq!(read.facts.skipped.len(), skipped, "{name}: skipped {:?}", read.facts.skipped);
     }
 }
 
 #[test]
-fn every_path_is_connected_and_contours_come_back() {
+fn paths_are_connected_and_contours_end_at_their_start() {
     for (name, ..) in DRAWINGS {
         for path in &reading(name).pattern.paths {
             let segments = path.shape.segments();
@@ -134,13 +134,13 @@ fn every_path_is_connected_and_contours_come_back() {
 }
 
 #[test]
-fn every_sample_is_complete_and_no_part_of_it_is() {
+fn samples_are_complete_and_their_beginnings_are_not() {
     for (name, ..) in DRAWINGS {
         let whole = bytes(name);
         assert!(is_complete(&whole), "{name}");
         for cut in [1, 2, 3, 5, whole.len() / 2, whole.len() - 1] {
             let part = &whole[..whole.len() - cut];
-            // Only a last line end may be missing.
+            // Only the last line break may be missing.
             let only_line_end = whole.ends_with(b"\n") && cut == 1;
             assert_eq!(is_complete(part), only_line_end, "{name} without {cut} bytes");
             assert_eq!(
@@ -154,7 +154,7 @@ fn every_sample_is_complete_and_no_part_of_it_is() {
 
 #[test]
 fn letters_have_the_area_of_their_ink() {
-    // From the vertices that ezdxf lists: three outlines less the holes of A and B. (Counting pixels gives 126.64.)
+    // From the vertices in ezdxf: three outlines minus the holes of A and B. (Counting pixels gives 126.64.)
     let read = reading("abc");
     let mut areas: Vec<f64> =
         read.pattern.paths.iter().map(|path| area(&path.shape.flattened(1e-4)).abs()).collect();
@@ -165,7 +165,7 @@ fn letters_have_the_area_of_their_ink() {
 }
 
 #[test]
-fn units_come_from_the_header_then_from_the_settings() {
+fn units_come_from_the_header_or_else_from_the_settings() {
     let inch = reading("ez-logo-inch").facts;
     assert_eq!((inch.unit, inch.unit_why.as_str()), (DrawingUnit::Inch, "$INSUNITS 1"));
     let unitless = reading("ez-logo-unitless");
@@ -177,18 +177,18 @@ fn units_come_from_the_header_then_from_the_settings() {
     let notice = guessed.facts.notices.iter().find(|notice| notice.code == "unit-pixels").unwrap();
     assert!(notice.message.contains("58.000 x 28.000") && notice.message.contains("25.4/96"));
     let options = PatternOptions { unit_if_unitless: "px".parse().ok(), ..PatternOptions::default() };
-    let told = read(&bytes("ink12-logo_px-r14"), &options).unwrap();
-    assert!((told.facts.size[0] - 58.0).abs() < 0.001 && (told.facts.size[1] - 28.0).abs() < 0.001);
-    assert!(!has_notice(&told, "unit-pixels", Severity::Warning));
-    // The setting is for drawings without a unit only.
+    let in_pixels = read(&bytes("ink12-logo_px-r14"), &options).unwrap();
+    assert!((in_pixels.facts.size[0] - 58.0).abs() < 0.001 && (in_pixels.facts.size[1] - 28.0).abs() < 0.001);
+    assert!(!has_notice(&in_pixels, "unit-pixels", Severity::Warning));
+    // The setting applies only to drawings without a unit.
     assert_eq!(read(&bytes("ez-logo-inch"), &options).unwrap().facts.unit, DrawingUnit::Inch);
 }
 
 #[test]
-fn producers_and_versions_are_told() {
+fn producers_and_versions_are_reported() {
     for (name, version, producer) in [
         ("fc020-text-cpp-r14", "R14 (AC1014)", Some("FreeCAD v0.20")),
-        ("ink12-logo-r14", "R14 (AC1014)", Some("Inkscape (told by its header)")),
+        ("ink12-logo-r14", "R14 (AC1014)", Some("Inkscape (recognised by its header)")),
         ("ez-r12-mixed", "R12 (AC1009)", Some("ezdxf")),
         ("ez-layers-colors-binary", "R2018 (AC1032)", Some("ezdxf")),
         ("fc020-sketch-legacy", "R12 (AC1009)", None),
@@ -199,7 +199,7 @@ fn producers_and_versions_are_told() {
 }
 
 #[test]
-fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
+fn text_and_binary_files_give_the_same_colours_and_hidden_entities() {
     let text = reading("ez-layers-colors");
     let binary = reading("ez-layers-colors-binary");
     assert_eq!(text.pattern, binary.pattern);
@@ -209,13 +209,13 @@ fn hidden_things_are_named_and_colours_kept_in_text_and_binary_alike() {
     let colors: Vec<_> = text.pattern.paths.iter().map(|path| path.color).collect();
     assert!(colors.iter().any(|color| matches!(color, Color::Rgb { .. })), "{colors:?}");
     let why: Vec<_> =
-        text.facts.skipped.iter().map(|left| (left.layer.as_str(), left.why.as_ref())).collect();
+        text.facts.skipped.iter().map(|skipped| (skipped.layer.as_str(), skipped.why.as_ref())).collect();
     let expected = [
         ("CONSTRUCTION", "its layer is not plotted"),
         ("OFF", "its layer is off"),
         ("FROZEN", "its layer is frozen"),
         ("MARK", "it is invisible"),
-        ("0", "it lies in paper space, beside the model"),
+        ("0", "it is in paper space, not in model space"),
     ];
     assert_eq!(why, expected);
     assert_eq!(text.facts.layers["FROZEN"].hidden.as_deref(), Some("frozen"));
@@ -238,7 +238,7 @@ fn reading_with(name: &str, options: &PatternOptions) -> PatternReading {
 }
 
 #[test]
-fn defects_are_mended_and_every_place_is_named() {
+fn defects_are_repaired_and_every_place_is_listed() {
     let read = reading("ez-defects");
     for code in ["size-unusual", "not-taken", "nearly-closed"] {
         assert!(has_notice(&read, code, Severity::Warning), "{code}");
@@ -253,10 +253,10 @@ fn defects_are_mended_and_every_place_is_named() {
         (places[3].entity.as_str(), places[3].pieces, places[3].at_mm),
         ("LWPOLYLINE", 2, [70.0, 5.0])
     );
-    // Single vertices alone, as Inkscape leaves them behind, are no loss.
+    // Polylines of a single vertex, as Inkscape writes them, are not a loss.
     assert!(has_notice(&reading("ink12-logo-r14"), "not-taken", Severity::Note));
-    let left: Vec<_> = read.facts.skipped.iter().map(|left| left.entity.as_str()).collect();
-    assert_eq!(left, ["LWPOLYLINE", "3DFACE"]);
+    let skipped: Vec<_> = read.facts.skipped.iter().map(|skipped| skipped.entity.as_str()).collect();
+    assert_eq!(skipped, ["LWPOLYLINE", "3DFACE"]);
 }
 
 #[test]
@@ -278,10 +278,10 @@ fn strict_reading_changes_nothing_and_warns() {
 }
 
 #[test]
-fn fills_bound_one_region_each() {
+fn each_fill_is_one_region() {
     let read = reading("ez-hatch-islands");
     let regions: Vec<_> = read.pattern.paths.iter().map(|path| path.region).collect();
-    // The second hatch has a pattern: lines, no region.
+    // The second hatch has a pattern: it becomes lines, not a region.
     assert!(regions.len() == 17 && regions[..3] == [Some(1); 3] && regions[3..].iter().all(Option::is_none));
     let qr = reading("ez-qr-hatch").pattern;
     assert!(qr.paths.iter().enumerate().all(|(index, path)| path.region == Some(index as u32 + 1)));
@@ -290,22 +290,22 @@ fn fills_bound_one_region_each() {
 }
 
 #[test]
-fn drawings_without_anything_to_mark_are_refused_with_the_likely_cause() {
+fn drawings_with_nothing_to_mark_are_refused_with_the_likely_cause() {
     let PatternReadError::NothingToMark { found, remedy } = refusal(&bytes("ink12-text-r14")) else {
         panic!()
     };
-    assert!(found.contains("no entity") && remedy.contains("Object to Path"), "{found} {remedy}");
+    assert!(found.contains("no entities") && remedy.contains("Object to Path"), "{found} {remedy}");
     let face = drawing("0\n3DFACE\n8\n0\n10\n0\n20\n0\n", "");
     let PatternReadError::NothingToMark { found, remedy } = refusal(face.as_bytes()) else { panic!() };
     assert!(found.contains("1 3DFACE") && remedy.contains("outline"), "{found} {remedy}");
 }
 
 #[test]
-fn texts_are_drawn_and_what_stands_in_is_named() {
+fn texts_are_drawn_and_replaced_fonts_are_reported() {
     let read = reading("ez-r2018-text");
-    // Japanese is in no font at hand; the rest of the text would be misread without it.
-    let [left] = read.facts.skipped.as_slice() else { panic!("{:?}", read.facts.skipped) };
-    assert!(left.entity == "TEXT" && left.why.contains('株') && left.why.contains("outlines"), "{left:?}");
+    // No available font has Japanese letters; the whole text is skipped, because the rest of it would be misleading.
+    let [text] = read.facts.skipped.as_slice() else { panic!("{:?}", read.facts.skipped) };
+    assert!(text.entity == "TEXT" && text.why.contains('株') && text.why.contains("outlines"), "{text:?}");
     assert!(has_notice(&read, "texts-drawn", Severity::Note));
     let replaced: Vec<_> = read
         .facts
@@ -316,10 +316,10 @@ fn texts_are_drawn_and_what_stands_in_is_named() {
         .collect();
     assert_eq!(replaced.len(), 2, "{replaced:?}");
     assert!(replaced[0].contains("DejaVu Sans Bold") && replaced[1].contains("font txt"), "{replaced:?}");
-    // `BEST BEFORE 31.03.2027`: 20 letters that are not blanks, each a region of its own.
+    // `BEST BEFORE 31.03.2027`: 20 letters that are not blanks, each a separate region.
     let regions: std::collections::BTreeSet<_> =
         read.pattern.paths.iter().filter_map(|path| path.region).collect();
-    // `Made in` above is in the same font: 6 letters, and the dot of the i belongs to its letter.
+    // `Made in` above is in the same font: 6 letters, with the dot of the i as part of its letter.
     assert_eq!(regions.len(), 20 + 6 + "Europe".len());
 }
 
@@ -356,13 +356,13 @@ fn unreadable_numbers_are_refused_with_their_line() {
         assert_eq!((file.lines().nth(at as usize - 1), group, text.as_str()), (Some(number), 20, number));
         assert_eq!((entity.to_string().as_str(), entity.layer.as_str()), ("LINE 2F", "MARK"));
     }
-    // A number that is not needed may be anything.
-    let sound = line(["0", "0", "1", "1"]) + "48\nabc\n";
-    assert!(read(drawing(&sound, "").as_bytes(), &PatternOptions::default()).is_ok());
+    // A number that is not needed may be invalid.
+    let readable = line(["0", "0", "1", "1"]) + "48\nabc\n";
+    assert!(read(drawing(&readable, "").as_bytes(), &PatternOptions::default()).is_ok());
 }
 
 #[test]
-fn drawings_that_unfold_without_end_are_refused() {
+fn drawings_with_endless_or_too_many_blocks_are_refused() {
     let unit = line(["0", "0", "1", "1"]);
     let itself = drawing(&insert("A", ""), &(block("A", &insert("B", "")) + &block("B", &insert("a", ""))));
     assert!(
@@ -372,7 +372,7 @@ fn drawings_that_unfold_without_end_are_refused() {
     let array = drawing(&insert("A", "70\n32000\n71\n32000\n44\n2\n45\n2\n"), &block("A", &unit));
     assert!(matches!(refusal(array.as_bytes()), PatternReadError::TooMany { what: "copies of a block", .. }));
 
-    // Each block holds the next one ten times: 10^12 lines.
+    // Each block contains the next one ten times: 10^12 lines.
     let tenfold =
         |index: u32| block(&format!("B{index}"), &insert(&format!("B{}", index + 1), "").repeat(10));
     let blocks: String = (0..12).map(tenfold).chain([block("B12", &unit)]).collect();
@@ -382,15 +382,15 @@ fn drawings_that_unfold_without_end_are_refused() {
     let deep: String =
         (0..100).map(|i| block(&format!("D{i}"), &insert(&format!("D{}", i + 1), ""))).collect();
     let error = refusal(drawing(&insert("D0", ""), &deep).as_bytes());
-    assert!(matches!(error, PatternReadError::TooMany { what: "blocks inside each other", .. }), "{error}");
+    assert!(matches!(error, PatternReadError::TooMany { what: "levels of nested blocks", .. }), "{error}");
 
     let far = drawing(&line(["0", "0", "1e20", "0"]), "");
     assert!(matches!(refusal(far.as_bytes()), PatternReadError::OutOfRange { .. }));
 }
 
-/// What a few bytes unfold to, wherever they ask for it, and where nothing is wrong with it.
+/// Valid drawings of a few bytes that unfold to a lot of work in different ways.
 #[test]
-fn what_is_more_than_a_moment_of_work_is_told_before_it_is_done() {
+fn drawings_that_take_long_are_refused_at_a_quick_pace() {
     let unit = line(["0", "0", "1", "1"]);
     let copies = |columns: usize, rows: usize, entities: &str| {
         drawing(&insert("A", &format!("70\n{columns}\n71\n{rows}\n44\n2\n45\n2\n")), &block("A", entities))
@@ -411,26 +411,26 @@ fn what_is_more_than_a_moment_of_work_is_told_before_it_is_done() {
     }
     let light = copies(100, 100, &unit);
     assert_eq!(read(light.as_bytes(), &quick), read(light.as_bytes(), &PatternOptions::default()));
-    // What is too much at any pace is refused at any pace.
+    // A drawing that is too large at any pace is refused as such.
     let array = copies(32_000, 32_000, &unit);
     assert!(matches!(read(array.as_bytes(), &quick), Err(PatternReadError::TooMany { .. })));
 }
 
 #[test]
-fn a_refusal_of_copies_has_the_numbers_of_the_drawing() {
+fn too_many_copies_are_refused_with_the_limit() {
     let unit = line(["0", "0", "1", "1"]);
     for (entities, columns, limit, what) in
         [("", 1001, 1_000_000, "copies of a block"), (&*unit, 1000, 1_000_000, "entities")]
     {
         let copies = insert("A", &format!("70\n{columns}\n71\n1000\n44\n2\n45\n2\n"));
         let error = refusal(drawing(&copies, &block("A", entities)).as_bytes());
-        // A thousand times a thousand lines and the insert itself are one more than the limit.
+        // A thousand times a thousand lines and the insert are one more than the limit.
         assert_eq!(error.to_string(), format!("the drawing has more than {limit} {what}"));
     }
 }
 
 #[test]
-fn more_than_memory_holds_is_refused_before_it_is_held() {
+fn large_drawings_are_refused_before_they_fill_the_memory() {
     let points = drawing(&"0\nPOINT\n".repeat(2_000_001), "");
     assert!(matches!(refusal(points.as_bytes()), PatternReadError::TooMany { what: "entities", .. }));
     // A letter takes four bytes and has dozens of segments.
@@ -438,20 +438,20 @@ fn more_than_memory_holds_is_refused_before_it_is_held() {
     let texts = drawing(&text.repeat(100), "");
     assert!(matches!(refusal(texts.as_bytes()), PatternReadError::TooMany { what: "segments and dots", .. }));
     let novel = drawing(&(text.replace('@', &"@".repeat(60)) + &line(["0", "0", "1", "1"])), "");
-    let left = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.skipped;
-    assert!(left.len() == 1 && left[0].why.contains("50000 letters"), "{left:?}");
+    let skipped = read(novel.as_bytes(), &PatternOptions::default()).unwrap().facts.skipped;
+    assert!(skipped.len() == 1 && skipped[0].why.contains("50000 letters"), "{skipped:?}");
 }
 
 fn whole(entities: &str, blocks: &str) -> PatternReading {
     read(drawing(entities, blocks).as_bytes(), &PatternOptions::default()).unwrap()
 }
 
-fn named(reading: &PatternReading) -> Vec<(&str, &str)> {
-    reading.facts.skipped.iter().map(|left| (left.entity.as_str(), left.why.as_ref())).collect()
+fn skipped(reading: &PatternReading) -> Vec<(&str, &str)> {
+    reading.facts.skipped.iter().map(|skipped| (skipped.entity.as_str(), skipped.why.as_ref())).collect()
 }
 
 #[test]
-fn attributes_look_as_their_insert_says() {
+fn attributes_have_the_layer_colour_and_visibility_of_their_insert() {
     let content = block("B", &line(["0", "0", "1", "1"]));
     let attribute = "0\nATTRIB\n8\n0\n62\n0\n10\n5\n20\n5\n40\n3\n1\nX\n2\nTAG\n70\n0\n0\nSEQEND\n";
     let with = |layer: &str| {
@@ -473,28 +473,28 @@ fn attributes_look_as_their_insert_says() {
     let frozen = read(file.as_bytes(), &PatternOptions::default()).unwrap();
     assert_eq!(frozen.pattern.paths.len(), 1);
     let expected = [("INSERT", "its layer is frozen"), ("ATTRIB", "the block that it belongs to is hidden")];
-    assert_eq!(named(&frozen), expected);
+    assert_eq!(skipped(&frozen), expected);
 }
 
 #[test]
-fn every_sheet_of_paper_space_is_named() {
+fn every_layout_in_paper_space_is_listed_as_skipped() {
     let sheets = block("*Paper_Space0", &(line(["0", "0", "1", "1"]) + "0\nVIEWPORT\n8\n0\n"));
     let reading = whole(&line(["0", "0", "1", "1"]), &sheets);
     assert_eq!(reading.pattern.paths.len(), 1);
-    let why = "it lies in paper space, beside the model";
-    assert_eq!(named(&reading), [("LINE", why), ("VIEWPORT", why)]);
+    let why = "it is in paper space, not in model space";
+    assert_eq!(skipped(&reading), [("LINE", why), ("VIEWPORT", why)]);
 }
 
 #[test]
-fn an_entity_named_like_a_section_hides_nothing() {
+fn an_entity_of_type_section_hides_nothing() {
     let entities = line(["0", "0", "1", "1"]) + "0\nSECTION\n5\nFF\n8\n0\n" + &line(["5", "0", "6", "1"]);
     let reading = whole(&entities, "");
     assert_eq!(reading.pattern.paths.len(), 2);
-    assert_eq!(named(&reading)[0].0, "SECTION");
+    assert_eq!(skipped(&reading)[0].0, "SECTION");
 }
 
 #[test]
-fn a_hatch_begun_backwards_is_one_square_on_the_side_that_its_extrusion_says() {
+fn a_hatch_with_a_reversed_first_edge_and_an_extrusion_is_one_square() {
     let edge = |x0, y0, x1, y1| format!("72\n1\n10\n{x0}\n20\n{y0}\n11\n{x1}\n21\n{y1}\n");
     let edges = edge(30, 0, 20, 0) + &edge(30, 0, 30, 10) + &edge(30, 10, 20, 10) + &edge(20, 10, 20, 0);
     let hatch = format!(
@@ -506,7 +506,7 @@ fn a_hatch_begun_backwards_is_one_square_on_the_side_that_its_extrusion_says() {
 }
 
 #[test]
-fn what_looks_different_in_the_drawing_program_is_told() {
+fn lines_that_look_different_in_the_drawing_program_are_reported() {
     let wide = "0\nLWPOLYLINE\n8\n0\n90\n2\n70\n0\n43\n0.3\n10\n0\n20\n5\n10\n9\n20\n5\n";
     let dashed = line(["0", "0", "9", "0"]).replace("8\nMARK", "8\nMARK\n6\nDASHED");
     let file = drawing(&(wide.to_owned() + &dashed), "").replace("0\nEOF\n", "")
@@ -520,8 +520,9 @@ fn what_looks_different_in_the_drawing_program_is_told() {
 }
 
 #[test]
-fn a_spline_that_the_file_calls_closed_is_a_contour_beside_other_ends() {
-    // A uniform cubic round four points, those repeated; evaluated where it exists it comes back but for rounding.
+fn a_spline_marked_as_closed_is_a_contour_even_beside_other_ends() {
+    // A uniform cubic around four points, with repeated points; where it is defined, its ends agree except for
+    // rounding.
     let points: String = [(0.0, 0.1), (7.3, 0.0), (7.1, 3.3), (0.2, 3.1), (0.0, 0.1), (7.3, 0.0), (7.1, 3.3)]
         .iter()
         .map(|(x, y)| format!("10\n{x}\n20\n{y}\n30\n0\n"))
@@ -531,14 +532,14 @@ fn a_spline_that_the_file_calls_closed_is_a_contour_beside_other_ends() {
     let strict = PatternOptions { strict: true, ..PatternOptions::default() };
     let reading = read(drawing(&spline, "").as_bytes(), &strict).unwrap();
     assert!(reading.pattern.paths[0].shape.is_closed());
-    // A line from its seam hinders nothing.
+    // A line that starts at its seam does not matter.
     let seam = reading.pattern.paths[0].shape.segments()[0].start();
     let both = spline + &line([&seam.x.to_string(), &seam.y.to_string(), "20", "20"]);
     let closed = whole(&both, "").pattern.paths.iter().filter(|path| path.shape.is_closed()).count();
     assert_eq!(closed, 1);
 }
 
-/// A hatch of a square with a side of 100 mm, with the lines of its pattern.
+/// A hatch of a square with a side of 100 mm, with families of pattern lines.
 fn hatch(pattern: &str, families: usize) -> String {
     let square = "91\n1\n92\n3\n72\n0\n73\n1\n93\n4\n10\n0\n20\n0\n10\n100\n20\n0\n10\n100\n20\n100\n10\n0\n20\n100\n97\n0\n";
     format!(
@@ -547,21 +548,21 @@ fn hatch(pattern: &str, families: usize) -> String {
     )
 }
 
-/// Parallel lines with one dash over and over.
+/// A family of parallel lines with repeated dashes.
 fn family(spacing: f64, dashes: &[f64]) -> String {
     let dashes: Vec<String> = dashes.iter().map(|dash| format!("49\n{dash}\n")).collect();
     format!("53\n0\n43\n0\n44\n0\n45\n0\n46\n{spacing}\n79\n{}\n{}", dashes.len(), dashes.concat())
 }
 
 #[test]
-fn hatches_too_dense_are_left_out_and_too_many_of_them_refused() {
+fn too_dense_hatches_are_skipped_and_too_many_of_them_are_refused() {
     let line = line(["0", "0", "1", "1"]);
     let gaps = hatch(&family(0.0002, &[-0.0002]), 1);
-    let left = read(drawing(&(gaps.clone() + &line), "").as_bytes(), &PatternOptions::default()).unwrap();
-    let [skipped] = left.facts.skipped.as_slice() else { panic!("{:?}", left.facts.skipped) };
+    let reading = read(drawing(&(gaps.clone() + &line), "").as_bytes(), &PatternOptions::default()).unwrap();
+    let [skipped] = reading.facts.skipped.as_slice() else { panic!("{:?}", reading.facts.skipped) };
     assert_eq!((skipped.entity.as_str(), skipped.handle.as_deref()), ("HATCH", Some("4A")));
     assert!(skipped.why.contains("too dense"), "{skipped:?}");
-    // A million lines outside of which nothing is drawn, family by family and hatch by hatch.
+    // Twenty families of 100,000 lines of gaps only, in ten hatches.
     let wide = hatch(&family(0.001, &[-1000.0, -1000.0]), 20);
     let error = refusal(drawing(&wide.repeat(10), "").as_bytes());
     let PatternReadError::TooMany { what, entity: Some(entity), .. } = error else { panic!("{error}") };
@@ -569,20 +570,20 @@ fn hatches_too_dense_are_left_out_and_too_many_of_them_refused() {
 }
 
 #[test]
-fn dots_count_as_much_as_segments() {
+fn dots_are_limited_like_segments() {
     let dots = hatch(&family(0.1, &[0.0, -0.12]), 1);
     let error = refusal(drawing(&dots.repeat(4), "").as_bytes());
     assert!(
         matches!(error, PatternReadError::TooMany { what: "segments and dots", entity: Some(_), .. }),
         "{error}"
     );
-    // In a block they are refused before the second copy is made.
+    // In a block they are refused before the second copy is created.
     let array = drawing(&insert("B", "70\n3\n44\n200\n71\n2\n45\n200\n"), &block("B", &dots));
     assert!(matches!(refusal(array.as_bytes()), PatternReadError::TooMany { what: "segments and dots", .. }));
 }
 
 #[test]
-fn curves_of_many_pieces_are_refused_before_they_are_made() {
+fn curves_of_many_pieces_are_refused_before_they_are_created() {
     let vertices: String =
         (0..13_000).map(|index| format!("10\n{}\n20\n0\n40\n1\n41\n2\n42\n99\n", index % 2)).collect();
     let tapered = drawing(&format!("0\nLWPOLYLINE\n5\n7\n8\n0\n90\n13000\n70\n0\n{vertices}"), "");
@@ -592,7 +593,7 @@ fn curves_of_many_pieces_are_refused_before_they_are_made() {
     };
     assert_eq!(entity.to_string(), "LWPOLYLINE 7");
 
-    // A spline of degree 4 so large that every span needs 1024 pieces, as an edge of a fill over and over.
+    // A spline of degree 4 so large that every span needs 1024 pieces, repeated as an edge of a fill.
     let knots: String =
         [0; 5].into_iter().chain(1..896).chain([896; 5]).map(|knot| format!("40\n{knot}\n")).collect();
     let points: String = (0..900u64)
@@ -601,18 +602,18 @@ fn curves_of_many_pieces_are_refused_before_they_are_made() {
     let edge = format!("72\n4\n94\n4\n73\n0\n74\n0\n95\n905\n96\n900\n{knots}{points}");
     let fill =
         format!("0\nHATCH\n8\n0\n2\nSOLID\n70\n1\n91\n1\n92\n1\n93\n4\n{}97\n0\n75\n0\n", edge.repeat(4));
-    let left = read(
+    let reading = read(
         drawing(&(fill.clone() + &line(["0", "0", "1", "1"])), "").as_bytes(),
         &PatternOptions::default(),
     );
-    let left = left.unwrap().facts.skipped;
-    assert!(left.len() == 1 && left[0].why.contains("steps"), "{left:?}");
+    let skipped = reading.unwrap().facts.skipped;
+    assert!(skipped.len() == 1 && skipped[0].why.contains("steps"), "{skipped:?}");
     let error = refusal(drawing(&fill.repeat(5), "").as_bytes());
     assert!(matches!(error, PatternReadError::TooMany { entity: Some(_), .. }), "{error}");
 }
 
 #[test]
-fn places_of_repairs_are_counted_and_the_first_of_them_told() {
+fn places_of_repairs_are_counted_and_the_first_thousand_listed() {
     let drawn = line(["0", "0", "1", "1"]).repeat(3001);
     let read = read(drawing(&drawn, "").as_bytes(), &PatternOptions::default()).unwrap();
     let [copies] = read.facts.repairs.as_slice() else { panic!("{:?}", read.facts.repairs) };
@@ -621,7 +622,7 @@ fn places_of_repairs_are_counted_and_the_first_of_them_told() {
 }
 
 #[test]
-fn long_formats_of_a_text_are_not_repeated_for_each_of_its_lines() {
+fn long_formats_of_a_text_are_not_copied_for_each_of_its_lines() {
     let name = "A".repeat(20_000);
     let entity = format!(
         "0\nMTEXT\n8\n0\n10\n0\n20\n0\n40\n1\n71\n1\n1\n\\pt{}5;\\f{name};{}a\n",
@@ -638,8 +639,8 @@ fn long_formats_of_a_text_are_not_repeated_for_each_of_its_lines() {
 }
 
 #[test]
-fn quirks_elsewhere_in_a_file_do_not_matter() {
-    // The reader crate refuses a whole file for each of these.
+fn invalid_data_that_is_not_needed_does_not_matter() {
+    // The dxf crate refuses a whole file for each of these.
     let groups = line(["0", "0", "1", "1"]) + "5000\nx\n-7\ny\n62\n300\n";
     assert!(read(drawing(&groups, "").as_bytes(), &PatternOptions::default()).is_ok());
     let tables = "0\nSECTION\n2\nTABLES\n0\nTABLE\n2\nDIMSTYLE\n70\n1\n0\nDIMSTYLE\n2\nSTANDARD\n5\n_Dot\n70\n0\n\
@@ -671,26 +672,26 @@ fn names_are_read_in_the_encoding_of_the_file() {
     assert_eq!(with("AC1009", "ANSI_1252", b"Gr\\U+00F6\\U+00DFe"), "Größe");
 }
 
-/// An ARC about the origin, its angles in degrees as they are written.
+/// An ARC around the origin, with its angles in degrees as text.
 fn arc(radius: &str, start: &str, end: &str, more: &str) -> String {
     format!("0\nARC\n5\nA1\n8\nMARK\n10\n0\n20\n0\n30\n0\n40\n{radius}\n50\n{start}\n51\n{end}\n{more}")
 }
 
-/// An ELLIPSE of 10 x 5 mm about the origin, its parameters as they are written.
+/// An ELLIPSE of 10 x 5 mm around the origin, with its parameters as text.
 fn ellipse(start: &str, end: &str, more: &str) -> String {
     format!(
         "0\nELLIPSE\n5\nE1\n8\nMARK\n10\n0\n20\n0\n30\n0\n11\n10\n21\n0\n31\n0\n40\n0.5\n41\n{start}\n42\n{end}\n{more}"
     )
 }
 
-/// A fill with a single round edge, its angles in degrees as they are written.
+/// A fill with a single round edge, with its angles in degrees as text.
 fn round_fill(shape: &str, start: &str, end: &str, counter_clockwise: u8) -> String {
     let edge = format!("{shape}50\n{start}\n51\n{end}\n73\n{counter_clockwise}\n");
     format!("0\nHATCH\n5\nF1\n8\nMARK\n2\nSOLID\n70\n1\n91\n1\n92\n1\n93\n1\n{edge}97\n0\n75\n0\n")
 }
 
 #[test]
-fn full_turns_beyond_or_short_of_one_by_rounding_are_whole() {
+fn rounded_full_turns_are_full_turns() {
     let circle = "72\n2\n10\n0\n20\n0\n40\n10\n";
     let oval = "72\n3\n10\n0\n20\n0\n11\n10\n21\n0\n40\n0.5\n";
     let turns = [
@@ -728,7 +729,7 @@ fn full_turns_beyond_or_short_of_one_by_rounding_are_whole() {
     for (entity, [width, height]) in drawn {
         for strict in [false, true] {
             let options = PatternOptions { strict, ..PatternOptions::default() };
-            // By itself, and mirrored and turned inside a block.
+            // Directly, and mirrored and rotated inside a block.
             let alone = drawing(&entity, "");
             let mirrored = drawing(&insert("B", "41\n-1\n42\n1\n50\n180\n"), &block("B", &entity));
             for file in [alone, mirrored] {
@@ -748,7 +749,7 @@ fn full_turns_beyond_or_short_of_one_by_rounding_are_whole() {
 
 #[test]
 fn short_arcs_stay_short() {
-    // A degree, the least angle that is no rounding, and a tenth of a micrometre of a bow on a large radius.
+    // A degree, an angle just above rounding, and a tiny angle on a large radius.
     for (radius, start, end, length) in [
         ("10", "0", "1", 10f64.to_radians()),
         ("10", "359.5", "360.5", 10f64.to_radians()),
@@ -765,18 +766,18 @@ fn short_arcs_stay_short() {
     }
 }
 
-/// The entities that are lost ink, with what they have in common.
+/// The types of the entities that are lost ink.
 fn lost(reading: &PatternReading) -> Vec<&str> {
     let lost = reading.facts.lost_ink(|_| true).0;
-    assert!(lost.iter().all(|left| left.is_loss && left.is_ink), "{lost:?}");
-    lost.iter().map(|left| left.entity.as_str()).collect()
+    assert!(lost.iter().all(|skipped| skipped.is_loss && skipped.is_ink), "{lost:?}");
+    lost.iter().map(|skipped| skipped.entity.as_str()).collect()
 }
 
 #[test]
 fn round_entities_with_a_radius_that_draw_nothing_are_lost_ink() {
     let besides = line(["0", "0", "1", "1"]);
     let circle = "0\nCIRCLE\n5\nC1\n8\nMARK\n10\n0\n20\n0\n40\n0.0000001\n".to_owned();
-    // Whether this was a full turn, taken back to one turn after it was rounded, or the rest of a cut nobody can know.
+    // It is unknown whether such an arc was a rounded full turn or the rest of a trimmed curve.
     for (entity, kind) in [
         (arc("10", "90", "90.000001", ""), "ARC"),
         (arc("10", "0", "0.0001", ""), "ARC"),
@@ -787,22 +788,22 @@ fn round_entities_with_a_radius_that_draw_nothing_are_lost_ink() {
         let reading = whole(&(entity.clone() + &besides), "");
         assert_eq!(lost(&reading), [kind], "{entity}");
         let why = reading.facts.skipped[0].why.as_ref();
-        assert!(why.contains("radius of ") && why.contains("draws nothing: draw it again"), "{why}");
+        assert!(why.contains("draws nothing, with a radius of ") && why.contains("draw it again"), "{why}");
         assert_eq!(reading.pattern.paths.len(), 1);
     }
-    // Made that small by its block.
+    // Scaled down by its block.
     let small = whole(
         &(insert("B", "41\n1e-8\n42\n1e-8\n43\n1e-8\n") + &besides),
         &block("B", &arc("10", "0", "180", "")),
     );
     assert_eq!(lost(&small), ["ARC"]);
-    // Without a radius it is nothing anywhere.
+    // Without a radius it draws nothing in any program.
     let none = whole(&(circle.replace("0.0000001", "0") + &besides), "");
     assert_eq!((lost(&none), none.facts.skipped[0].is_loss), (vec![], false));
 }
 
 #[test]
-fn what_counts_as_lost_ink() {
+fn lost_ink_is_distinguished_from_other_skipped_entities() {
     let besides = line(["0", "0", "1", "1"]);
     let simple = |kind: &str| format!("0\n{kind}\n5\n77\n8\nMARK\n10\n0\n20\n0\n11\n1\n21\n1\n");
     let text = |words: &str| format!("0\nTEXT\n5\n77\n8\nMARK\n10\n0\n20\n0\n40\n3\n1\n{words}\n");
@@ -845,7 +846,7 @@ fn what_counts_as_lost_ink() {
         assert_eq!(lost(&reading).len(), 1, "{entity}: {:?}", reading.facts.skipped);
         assert!(has_notice(&reading, "not-taken", Severity::Warning), "{entity}");
     }
-    // Named, and no ink that the drawing shows: nothing drawn, aids, and what is hidden or not plotted.
+    // Listed, but not lost ink: entities that draw nothing, construction lines, and hidden or not plotted entities.
     let single = "0\nLWPOLYLINE\n5\n77\n8\nMARK\n90\n1\n70\n0\n10\n1\n20\n1\n".to_owned();
     let template = "0\nATTDEF\n5\n77\n8\nMARK\n10\n0\n20\n0\n40\n3\n1\nX\n2\nTAG\n70\n0\n".to_owned();
     let mut none: Vec<String> =
@@ -859,37 +860,37 @@ fn what_counts_as_lost_ink() {
         assert!(lost(&reading).is_empty(), "{entity}: {:?}", reading.facts.skipped);
         assert_eq!(reading.facts.skipped.len(), 1, "{entity}");
     }
-    // Invisible characters beside letters hinder nothing.
+    // Invisible characters beside letters do not matter.
     assert!(whole(&(text("A\\U+200B\\U+2003B\\U+202E") + &besides), "").facts.skipped.is_empty());
     assert!(whole(&fit(9), "").facts.skipped.is_empty());
 }
 
 #[test]
-fn lost_ink_is_on_the_layer_that_it_would_be_drawn_on() {
+fn lost_ink_is_listed_with_its_final_layer() {
     let face = |layer: &str| format!("0\n3DFACE\n5\n77\n8\n{layer}\n10\n0\n20\n0\n");
     let on = |layer: &str| insert("B", "").replace("INSERT\n8\n0", &format!("INSERT\n8\n{layer}"));
     let content = block("B", &(face("0") + &face("OWN")));
     let reading = whole(&(on("MARK") + &on("MARK") + &on("NOTES") + &line(["0", "0", "1", "1"])), &content);
     let layers: Vec<&str> =
-        reading.facts.lost_ink(|_| true).0.iter().map(|left| left.layer.as_str()).collect();
+        reading.facts.lost_ink(|_| true).0.iter().map(|skipped| skipped.layer.as_str()).collect();
     assert_eq!(layers, ["MARK", "OWN", "NOTES"]);
     assert_eq!(reading.facts.lost_ink(|layer| layer == "NOTES").0.len(), 1);
     assert_eq!(reading.facts.lost_ink(|layer| layer == "0").0.len(), 0);
 }
 
 #[test]
-fn a_list_of_lost_ink_is_short_however_much_is_lost() {
+fn a_long_list_of_lost_ink_is_shortened() {
     let face = |number: usize| format!("0\n3DFACE\n5\n{number:X}\n8\nL{}\n10\n0\n20\n0\n", number % 50);
     let many: String = (0..5000).map(face).collect();
     let reading = whole(&(many + &line(["0", "0", "1", "1"])), "");
     let lost = reading.facts.lost_ink(|_| true);
-    let told = lost.to_string();
+    let text = lost.to_string();
     assert_eq!(lost.0.len(), 5000);
-    assert!(told.starts_with("3DFACE 0, 32, 64 and 97 more on layer L0: it is a surface"), "{told}");
-    assert!(told.ends_with("and 4400 more") && told.len() < 1000, "{told}");
+    assert!(text.starts_with("3DFACE 0, 32, 64 and 97 more on layer L0: it is a surface"), "{text}");
+    assert!(text.ends_with("and 4400 more") && text.len() < 1000, "{text}");
 }
 
-/// A polyline round a square of 10 mm that comes back to its first point without being closed, off by a gap.
+/// A polyline around a square of 10 mm that returns to its first point, except for a gap, without the closed flag.
 fn square_with_gap(gap: &str) -> String {
     let corners = [("0", "0"), ("10", "0"), ("10", "10"), ("0", "10"), ("0", gap)];
     let points: String = corners.iter().map(|(x, y)| format!("10\n{x}\n20\n{y}\n")).collect();
@@ -897,7 +898,7 @@ fn square_with_gap(gap: &str) -> String {
 }
 
 #[test]
-fn a_gap_within_rounding_is_none_and_its_contour_has_its_area() {
+fn a_gap_within_rounding_does_not_open_a_contour() {
     use isomark::geometry::ink::Ink;
     let inked = |reading: &PatternReading| Ink::sample(&reading.pattern, |_| true, 0.25, 0.1).area();
     for options in [
@@ -907,9 +908,9 @@ fn a_gap_within_rounding_is_none_and_its_contour_has_its_area() {
         for gap in ["0", "1e-15", "-1e-15", "0.0000009"] {
             let read = read(drawing(&square_with_gap(gap), "").as_bytes(), &options).unwrap();
             assert!(read.facts.notices.iter().all(|notice| notice.code != "nearly-closed"), "{gap}");
-            // A row of squares may lie beside.
+            // The sampled area may be off by a row of squares.
             assert!((inked(&read) - 100.0).abs() < 1.01, "{gap}: {}", inked(&read));
-            // The drawing itself stays as it is.
+            // The drawing is unchanged.
             assert!(matches!(&read.pattern.paths[0].shape, Shape::Open(sides) if sides.len() == 4), "{gap}");
         }
         let open = read(drawing(&square_with_gap("0.001"), "").as_bytes(), &options).unwrap();

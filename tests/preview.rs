@@ -1,11 +1,11 @@
-//! The picture of a job, drawn for parts whose true lengths are known in closed form.
+//! The preview of a job, for parts whose true lengths are known in closed form.
 
 use std::f64::consts::{PI, TAU};
 
 use isomark::geometry::space::Extents;
 use isomark::preview::{HeightPicture, Preview, PreviewPath, svg};
 
-/// A part that is known as a formula: its height, and how a flat drawing is laid on it.
+/// A part given by formulas: its height, and the map of a flat drawing onto it.
 struct Part {
     height: fn(f64, f64) -> Option<f64>,
     /// From the drawing to the view.
@@ -24,7 +24,7 @@ const BALL: Part = Part {
     half_size: [32.0, 32.0],
 };
 
-/// A round-ended shell 60 mm wide and 110 mm long; where the pattern lies it is a cylinder of radius 30 mm.
+/// A round-ended shell 60 mm wide and 110 mm long; under the pattern it is a cylinder of radius 30 mm.
 const SHELL: Part = Part {
     height: |x, y| {
         let beyond = (y.abs() - 25.0).max(0.0);
@@ -34,7 +34,7 @@ const SHELL: Part = Part {
     half_size: [32.0, 57.0],
 };
 
-/// The outlines of A, B and C in a box of 39 × 13 mm about the origin, cut into pieces of about 0.2 mm.
+/// The outlines of A, B and C in a box of 39 × 13 mm about the origin, divided into pieces of about 0.2 mm.
 fn letters() -> Vec<Vec<[f64; 2]>> {
     let arc = |center: [f64; 2], radii: [f64; 2], from: f64, to: f64| {
         let angle = move |step: usize| from + (to - from) * step as f64 / 48.0;
@@ -72,10 +72,10 @@ fn letters() -> Vec<Vec<[f64; 2]>> {
         bow([-0.3, 3.3], [2.3, 1.4], -2.9),
         c,
     ];
-    contours.into_iter().map(|contour| finely_cut(&contour)).collect()
+    contours.into_iter().map(|contour| subdivided(&contour)).collect()
 }
 
-fn finely_cut(contour: &[[f64; 2]]) -> Vec<[f64; 2]> {
+fn subdivided(contour: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let sides = contour.iter().zip(contour.iter().cycle().skip(1));
     sides
         .flat_map(|(a, b)| {
@@ -93,7 +93,7 @@ impl Part {
         [x, y, (self.height)(x, y).unwrap_or(f64::NAN)]
     }
 
-    /// The contour as it lies on the part when the laser draws `placed`, which stands for `drawn`.
+    /// The contour `drawn` with its stretch on the part when the laser draws `placed`.
     fn path(&self, drawn: &[[f64; 2]], placed: Vec<[f64; 2]>) -> PreviewPath {
         let length = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
         let stretch = (0..drawn.len()).map(|index| {
@@ -143,32 +143,32 @@ impl Part {
     }
 }
 
-/// How much longer or shorter the pieces of a contour are on the part, added up, mm.
+/// Sum of the absolute length changes of the pieces of a contour on the part, mm.
 fn length_error(drawn: &[[f64; 2]], path: &PreviewPath) -> f64 {
     let sides = drawn.iter().zip(drawn.iter().cycle().skip(1));
     sides.zip(&path.stretch).map(|((a, b), stretch)| (b[0] - a[0]).hypot(b[1] - a[1]) * stretch.abs()).sum()
 }
 
 #[test]
-fn letters_on_a_ball_show_what_was_stretched_and_what_remains() {
+fn letters_on_a_ball_show_the_stretch_before_and_after() {
     let picture = written("ball", &BALL.preview("ball · abc.dxf · azimuthal"));
-    assert!(picture.contains("0 % to +33.5 %"), "the plain projection stretches the ends");
-    assert!(picture.contains("−4.6 % to 0 %"), "and the azimuthal map shortens across them");
+    assert!(picture.contains("0 % to +33.5 %"), "without a correction the ends are stretched");
+    assert!(picture.contains("−4.6 % to 0 %"), "the azimuthal map shortens lengths across the radius");
     assert!(picture.contains("pattern 39 × 13 mm") && picture.contains("field 110 × 110 mm"));
     assert!(picture.contains("scale 1 : 1"));
     assert!(picture.len() < 250_000, "{} bytes", picture.len());
 }
 
 #[test]
-fn letters_on_a_shell_come_out_true() {
+fn letters_on_a_shell_have_true_lengths() {
     let picture = written("shell", &SHELL.preview("shell · abc.dxf · cylinder"));
     let after = picture.split(">After<").nth(1).unwrap();
-    assert!(after.contains("lengths on the part: 0 %"), "every length is true on a cylinder");
-    assert!(picture.contains("+31.1 %"), "and is not before");
+    assert!(after.contains("length change on the part: 0 %"), "every length is true on a cylinder");
+    assert!(picture.contains("+31.1 %"), "lengths are wrong without the correction");
 }
 
 #[test]
-fn a_small_and_a_large_pattern_are_drawn_at_a_named_scale() {
+fn small_and_large_patterns_are_drawn_at_a_stated_scale() {
     for (factor, name) in [(0.1, "scale 20 : 1"), (10.0, "scale 1 : 5")] {
         let mut preview = BALL.preview("scaled");
         for path in preview.before.iter_mut().chain(&mut preview.after) {
@@ -179,7 +179,7 @@ fn a_small_and_a_large_pattern_are_drawn_at_a_named_scale() {
 }
 
 #[test]
-fn a_picture_without_part_or_lines_is_still_a_picture() {
+fn a_preview_without_part_or_lines_is_still_valid() {
     let nothing = written("nothing", &Preview::default());
     assert!(nothing.contains("nothing drawn") && nothing.ends_with("</svg>\n"));
     let mut unmeasured = BALL.preview("<&\">'");
@@ -188,7 +188,7 @@ fn a_picture_without_part_or_lines_is_still_a_picture() {
     unmeasured.before[1].points[0] = [f64::INFINITY, 0.0];
     unmeasured.field = Some(Extents::EMPTY);
     let unmeasured = written("unmeasured", &unmeasured);
-    assert!(unmeasured.contains("no surface measured there"));
+    assert!(unmeasured.contains("no surface measured"));
     assert!(unmeasured.contains("&lt;&amp;&quot;&gt;&#39;"));
     assert!(!unmeasured.contains("NaN") && !unmeasured.contains("inf"));
 }
@@ -198,7 +198,7 @@ fn the_same_preview_gives_the_same_bytes() {
     assert_eq!(svg(&SHELL.preview("same")), svg(&SHELL.preview("same")));
 }
 
-/// The picture, left among the test's temporary files so that a person can look at it.
+/// The picture, also written to the test's temporary folder so that a person can look at it.
 fn written(name: &str, preview: &Preview) -> String {
     let picture = svg(preview);
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"))
@@ -208,17 +208,17 @@ fn written(name: &str, preview: &Preview) -> String {
 }
 
 #[test]
-fn where_the_surface_misses_the_part_is_shown_and_named() {
+fn places_with_a_large_residual_are_shown_and_explained() {
     let mut picture = BALL.picture();
     let middle = picture.rows / 2 * picture.columns + picture.columns / 2;
     picture.residual_limit = 0.02;
     picture.residuals = vec![0.001; picture.heights.len()];
     let drawn =
         |picture: &HeightPicture| svg(&Preview { part_outline: picture.clone(), ..Preview::default() });
-    let words = "the part is no smooth surface: &gt; 0.02 mm";
-    assert!(!drawn(&picture).contains(words));
-    for misfit in [0.021, -0.021] {
-        picture.residuals[middle] = misfit;
-        assert!(drawn(&picture).contains(words), "{misfit}");
+    let legend = "residual of the surface &gt; 0.02 mm";
+    assert!(!drawn(&picture).contains(legend));
+    for residual in [0.021, -0.021] {
+        picture.residuals[middle] = residual;
+        assert!(drawn(&picture).contains(legend), "{residual}");
     }
 }

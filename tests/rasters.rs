@@ -1,7 +1,7 @@
-//! Pictures as drawings: outlines against closed forms, against a drawing that another program made a picture of, and
-//! against one figure in all the ways that files differ. `tests/data/pictures/make.py` made the files.
+//! Pictures as drawings: outlines compared with closed forms, with a drawing that another program converted to a
+//! picture, and with one figure in many file variants. `tests/data/pictures/make.py` made the files.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
 use std::f64::consts::PI;
 
@@ -56,7 +56,7 @@ fn perimeter(outline: &[FlatPoint]) -> f64 {
     sides(outline).map(|(a, b)| a.distance(b)).sum()
 }
 
-/// A grey picture with pixels of 0.1 mm whose darkness is `coverage` of each pixel, as BMP.
+/// A grey picture as BMP, with pixels of 0.1 mm whose darkness is `coverage`.
 fn bmp(width: usize, height: usize, coverage: impl Fn(usize, usize) -> f64) -> Vec<u8> {
     let row = width.next_multiple_of(4);
     let pixels_at = 54 + 1024;
@@ -66,7 +66,7 @@ fn bmp(width: usize, height: usize, coverage: impl Fn(usize, usize) -> f64) -> V
     bytes.extend([1, 0, 8, 0]);
     let _ = [0, row * height, 10_000, 10_000, 0, 0].map(|value| word(&mut bytes, value));
     (0..=255u8).for_each(|grey| bytes.extend([grey, grey, grey, 0]));
-    // BMP begins with the lowest row.
+    // BMP starts with the bottom row.
     for y in (0..height).rev() {
         for x in 0..row {
             let covered = if x < width { coverage(x, y) } else { 0.0 };
@@ -76,7 +76,7 @@ fn bmp(width: usize, height: usize, coverage: impl Fn(usize, usize) -> f64) -> V
     bytes
 }
 
-/// The part of each pixel that lies in a shape, from 24 x 24 samples; y down, pixels.
+/// The share of each pixel inside a shape, from 24 x 24 samples; in pixels, y down.
 fn smooth(inside: impl Fn(f64, f64) -> bool) -> impl Fn(usize, usize) -> f64 {
     move |x, y| {
         let at = |pixel: usize, step: usize| pixel as f64 + (step as f64 + 0.5) / 24.0;
@@ -90,13 +90,13 @@ fn hard(inside: impl Fn(f64, f64) -> bool) -> impl Fn(usize, usize) -> f64 {
     move |x, y| f64::from(inside(x as f64 + 0.5, y as f64 + 0.5))
 }
 
-/// A point of a picture of `size` pixels of 0.1 mm, where the drawing has it.
+/// A point of a picture of `size` pixels of 0.1 mm, in the coordinates of the drawing.
 fn drawn(at: [f64; 2], size: [usize; 2]) -> FlatPoint {
     FlatPoint::new((at[0] - size[0] as f64 / 2.0) / 10.0, (size[1] as f64 / 2.0 - at[1]) / 10.0)
 }
 
 #[test]
-fn a_circle_is_found_to_a_twentieth_of_a_pixel() {
+fn a_circle_is_exact_to_a_twentieth_of_a_pixel() {
     for (radius, center) in [(100.3, [130.37, 129.81]), (12.7, [131.0, 130.5]), (4.2, [129.8, 130.1])] {
         let bytes = bmp(261, 260, smooth(|x, y| (x - center[0]).hypot(y - center[1]) < radius));
         let (pattern, facts) = try_read(&bytes, RasterOptions::default()).unwrap();
@@ -108,7 +108,7 @@ fn a_circle_is_found_to_a_twentieth_of_a_pixel() {
         let allowed = if radius > 50.0 { 0.05 } else { 0.12 };
         assert!(corners < allowed && chords < allowed, "{radius}: {corners} {chords} pixels");
         let relative = area(outline) / (PI * radius_mm * radius_mm) - 1.0;
-        // A twentieth of a pixel of radius in any case.
+        // This is always a twentieth of a pixel in radius.
         let allowed = if radius > 50.0 { 3e-4 } else { 0.1 / radius };
         assert!(relative.abs() < allowed, "{radius}: {relative}");
         assert!(outline.len() < 120, "{radius}: {} corners", outline.len());
@@ -116,8 +116,8 @@ fn a_circle_is_found_to_a_twentieth_of_a_pixel() {
 }
 
 #[test]
-fn holes_stay_and_corners_stay_sharp() {
-    // A plate that lies askew and between the pixels, with a round and a square hole.
+fn holes_are_kept_and_corners_stay_sharp() {
+    // A rotated plate that is not aligned with the pixels, with a round and a square hole.
     let (sin, cos) = 0.2f64.sin_cos();
     let local = |x: f64, y: f64| {
         let (x, y) = (x - 150.3, y - 120.6);
@@ -147,18 +147,18 @@ fn holes_stay_and_corners_stay_sharp() {
         let expected = drawn(corner(s, t), [300, 240]);
         let all = outlines.iter().flatten();
         let nearest = all.map(|corner| corner.distance(expected) * 10.0).fold(f64::INFINITY, f64::min);
-        assert!(nearest < 0.1, "corner ({s}, {t}) is missed by {nearest} pixels");
+        assert!(nearest < 0.1, "corner ({s}, {t}) is off by {nearest} pixels");
     }
     assert!(outlines.iter().all(|outline| outline.len() < 60));
     assert!(outlines.iter().any(|outline| outline.len() == 4));
-    // All of it is one region, in which holes are holes.
+    // Everything is one region, including its holes.
     assert!(pattern.paths.iter().all(|path| path.region == pattern.paths[0].region && path.layer == 0));
     assert_eq!((facts.layers["PICTURE"].paths, codes(&facts)), (3, Vec::new()));
 }
 
 #[test]
 fn a_pale_drawing_is_as_wide_as_a_black_one() {
-    // Edges at 20.3 and 80.8 pixels; the ink has 60 % of black. The level of 50 % lies far up its edges.
+    // Edges at 20.3 and 80.8 pixels; the ink has 60 % of black, so the level of 50 % is close to the ink at the edges.
     let pale = |x: usize, y: usize| 0.6 * smooth(|x, y| x > 20.3 && x < 80.8 && y > 10.0 && y < 40.0)(x, y);
     let (pattern, _) = try_read(&bmp(100, 50, pale), RasterOptions::default()).unwrap();
     let extents = pattern.extents();
@@ -167,7 +167,7 @@ fn a_pale_drawing_is_as_wide_as_a_black_one() {
 }
 
 #[test]
-fn hard_edges_make_no_stairs() {
+fn outlines_of_hard_edges_have_no_steps() {
     let circle = hard(|x, y| (x - 130.4).hypot(y - 129.7) < 100.0);
     let (pattern, facts) = try_read(&bmp(260, 260, circle), RasterOptions::default()).unwrap();
     let [outline] = &outlines(&pattern)[..] else { panic!() };
@@ -175,7 +175,10 @@ fn hard_edges_make_no_stairs() {
     let worst = outline.iter().map(|at| (at.distance(middle) * 10.0 - 100.0).abs()).fold(0.0, f64::max);
     assert!(worst < 0.7 && outline.len() < 60, "{worst} pixels, {} corners", outline.len());
     assert!((area(outline) * 100.0 / (PI * 1e4) - 1.0).abs() < 2e-3);
-    assert!((perimeter(outline) * 10.0 / (200.0 * PI) - 1.0).abs() < 5e-3, "stairs are a quarter longer");
+    assert!(
+        (perimeter(outline) * 10.0 / (200.0 * PI) - 1.0).abs() < 5e-3,
+        "with steps it is a quarter longer"
+    );
     assert!(codes(&facts).contains(&"picture-hard-edges"));
 
     // A slanting hairline of single pixels stays one line.
@@ -221,8 +224,8 @@ fn letters_drawn_by_another_program_are_the_letters_of_the_drawing() {
         let relative = sum(&found, of) / sum(&true_outlines, of) - 1.0;
         assert!(relative.abs() < 1e-3, "{relative}");
     }
-    // By ezdxf 181.96 mm of outlines round 127.34 mm². All corners are within 0.3 pixels but one: the waist of the B
-    // ends in a needle thinner than a pixel.
+    // By ezdxf, the outlines are 181.96 mm long and enclose 127.34 mm². All corners are within 0.3 pixels except one:
+    // the waist of the B ends in a needle thinner than a pixel.
     assert!((sum(&found, perimeter) - 181.96).abs() < 0.2);
     assert!((found.iter().map(|outline| area(outline)).sum::<f64>() - 127.335).abs() < 0.05);
     let distance = |at: FlatPoint, outlines: &[Vec<FlatPoint>]| {
@@ -248,7 +251,7 @@ fn letters_drawn_by_another_program_are_the_letters_of_the_drawing() {
     assert!((facts.size[0] - 40.0).abs() < 1e-3 && (facts.size[1] - 14.0).abs() < 1e-3, "{facts:?}");
 }
 
-/// The F with a foot of `make.py`, as its corners in its own pixels, y down.
+/// The figure of `make.py`, an F with a foot: its corners in pixels, y down.
 const FIGURE: [&[[f64; 2]]; 2] = [
     &[
         [2.0, 2.0],
@@ -283,7 +286,7 @@ fn assert_is_figure(name: &str, pattern: &Pattern, pixel: f64) {
 }
 
 #[test]
-fn every_way_to_store_a_picture_gives_the_same_drawing() {
+fn all_variants_of_a_picture_file_give_the_same_drawing() {
     let dots = 25.4 / 300.0;
     for name in [
         "grey.png",
@@ -309,9 +312,9 @@ fn every_way_to_store_a_picture_gives_the_same_drawing() {
             .unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_is_figure(name, &pattern, dots);
         assert_eq!(codes(&facts).contains(&"picture-turned"), name.starts_with("exif"), "{name}");
-        assert!(facts.unit_why.contains("300.0 pixels to an inch"), "{name}: {}", facts.unit_why);
+        assert!(facts.unit_why.contains("300.0 pixels per inch"), "{name}: {}", facts.unit_why);
     }
-    // Pixels twice as high as wide, without a length: one side gives both.
+    // Pixels twice as high as wide, without a resolution: one side is enough to get both.
     let wide = RasterOptions { width: Some(24.0), ..RasterOptions::default() };
     let (pattern, facts) = try_read(&picture("pixels-not-square.png"), wide).unwrap();
     assert_is_figure("pixels-not-square.png", &pattern, 1.0);
@@ -319,7 +322,7 @@ fn every_way_to_store_a_picture_gives_the_same_drawing() {
 }
 
 #[test]
-fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
+fn the_size_comes_from_the_settings_or_the_file_and_is_never_guessed() {
     let size = |width, height| RasterOptions { width, height, ..RasterOptions::default() };
     for name in ["no-size.png", "no-size.bmp"] {
         let error = try_read(&picture(name), size(None, None)).unwrap_err();
@@ -330,7 +333,7 @@ fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
         assert_is_figure(name, &try_read(&picture(name), size(Some(12.0), None)).unwrap().0, 0.5);
         assert_is_figure(name, &try_read(&picture(name), size(None, Some(4.5))).unwrap().0, 0.25);
     }
-    // What is given outranks the file, and both sides may draw it out.
+    // The settings take precedence over the file, and two sides can stretch the picture.
     let (pattern, facts) = try_read(&picture("grey.png"), size(Some(12.0), Some(18.0))).unwrap();
     let extents = pattern.extents();
     assert!((extents.size() - Vector2::new(10.0, 14.0)).norm() < 1e-9, "{extents:?}");
@@ -343,9 +346,9 @@ fn the_size_is_given_or_said_by_the_file_and_never_guessed() {
 }
 
 #[test]
-fn pictures_without_an_outline_are_refused_with_what_to_do() {
+fn pictures_without_an_outline_are_refused_with_a_remedy() {
     let inverted = RasterOptions { inverted: true, ..RasterOptions::default() };
-    // What is lighter than the threshold is marked below a higher one.
+    // A higher threshold marks lighter pixels.
     for (name, words, change) in [
         ("all-white.png", "lighter than the threshold of 50 %", "raise `--threshold`"),
         ("all-black.png", "no outline", "lower `--threshold`"),
@@ -360,7 +363,7 @@ fn pictures_without_an_outline_are_refused_with_what_to_do() {
     assert!(reason.remedy.contains("--invert"), "{reason}");
     assert_is_figure("white, inverted", &try_read(&white, inverted).unwrap().0, 25.4 / 300.0);
 
-    // Black on white the other way round: the ground is marked and the figure left out.
+    // Black on white, inverted: the background is marked, but not the figure.
     let (pattern, facts) = try_read(&picture("grey.png"), inverted).unwrap();
     let pixel = 25.4 / 300.0;
     let areas: Vec<f64> = outlines(&pattern).iter().map(|outline| area(outline) / pixel / pixel).collect();
@@ -369,7 +372,7 @@ fn pictures_without_an_outline_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn shades_and_specks_are_told() {
+fn shades_and_specks_are_reported() {
     let (_, facts) = try_read(&picture("shades.png"), RasterOptions::default()).unwrap();
     assert!(codes(&facts).contains(&"picture-shades"), "{:?}", facts.notices);
     let dust = bmp(120, 120, |x, y| f64::from(x % 4 == 1 && y % 4 == 1));
@@ -378,12 +381,12 @@ fn shades_and_specks_are_told() {
 }
 
 #[test]
-fn noise_and_bombs_end_soon_and_small() {
+fn noise_and_decompression_bombs_are_refused() {
     match try_read(&picture("bomb.png"), RasterOptions::default()) {
         Err(PatternReadError::PictureTooLarge { pixels: [60_000, 60_000], .. }) => {}
         other => panic!("{other:?}"),
     }
-    // 2.9 million pixels, a third of them dark without any order.
+    // 2.9 million pixels, a random third of them dark.
     let mut state = 1u64;
     let noise: Vec<bool> = (0..1700 * 1700)
         .map(|_| {
@@ -396,7 +399,7 @@ fn noise_and_bombs_end_soon_and_small() {
 }
 
 #[test]
-fn cut_files_are_told_from_damaged_ones() {
+fn cut_off_files_are_recognised() {
     for name in ["letters.png", "interlaced.png", "grey.bmp", "one-bit.bmp"] {
         let whole = picture(name);
         assert!(is_complete(&whole), "{name}");
@@ -410,7 +413,7 @@ fn cut_files_are_told_from_damaged_ones() {
 }
 
 #[test]
-fn damaged_files_never_end_the_program() {
+fn damaged_files_are_read_or_refused_without_a_panic() {
     for name in
         ["grey.png", "interlaced.png", "palette-transparent.png", "exif-turned.png", "rgb.bmp", "grey.bmp"]
     {
@@ -448,7 +451,7 @@ const MOUSE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/parts/mouse.g
 const LETTERS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/pictures/letters.png");
 
 #[test]
-fn a_picture_is_corrected_like_the_drawing_it_was_made_of() {
+fn a_picture_is_corrected_like_the_drawing_it_was_made_from() {
     let folder = tempfile::tempdir().unwrap();
     let correct = |drawing: &str, options: &[&str]| -> (Value, Pattern) {
         let arguments =
@@ -473,7 +476,7 @@ fn a_picture_is_corrected_like_the_drawing_it_was_made_of() {
     assert!(of_drawing["pattern"]["facts"].get("picture").is_none());
     assert_eq!(picture.layers[0].name, "PICTURE");
 
-    // Half as wide, by option.
+    // Half as wide, with an option.
     let (report, _) = correct(LETTERS, &["--width", "20"]);
     assert!((report["pattern"]["facts"]["size_mm"][0].as_f64().unwrap() - 19.5).abs() < 0.01, "{report:#}");
     let (code, _, err) =
@@ -487,7 +490,7 @@ fn a_picture_is_corrected_like_the_drawing_it_was_made_of() {
 }
 
 #[test]
-fn pictures_in_the_hot_folder_come_out_as_dxf() {
+fn pictures_in_the_hot_folder_become_dxf_drawings() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     for name in ["hot/mouse", "import", "skus"] {
@@ -510,7 +513,7 @@ fn pictures_in_the_hot_folder_come_out_as_dxf() {
         let dxf =
             fs::read(path(&format!("import/{name}.dxf"))).unwrap_or_else(|error| panic!("{error}\n{err}"));
         let size = read(&dxf, &PatternOptions::default()).unwrap().pattern.extents().size();
-        // The mouse leans a little away under the letters.
+        // The mouse is slightly inclined under the letters.
         assert!(size.x < width + 0.01 && size.x > 0.95 * width, "{name}: {size}");
     }
     assert_eq!(fs::read_dir(path("import")).unwrap().count(), 2);

@@ -1,9 +1,9 @@
-//! Drawings go through the whole program onto a plane, where nothing has to be bent, and ezdxf judges original and
-//! result: lengths, areas and extents by layer and colour.
+//! Drawings are corrected for a plane, where nothing has to be bent, and ezdxf measures original and result: lengths,
+//! areas and extents by layer and colour.
 //!
-//! `tests/ezdxf/original.py` unfolds and measures with ezdxf alone. Left out are drawings that ezdxf refuses or
-//! reads wrongly, that reach beyond any part, whose texts it would set in another font, or whose wide lines it measures
-//! along their middle; `tests/patterns.rs` has their sizes.
+//! `tests/ezdxf/original.py` resolves and measures drawings with ezdxf alone. Some drawings are excluded: those that
+//! ezdxf rejects or reads incorrectly, that extend beyond any part, whose texts it would set in another font, or
+//! whose wide lines it measures along their centre. `tests/patterns.rs` has their sizes.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
@@ -50,7 +50,7 @@ const SAMPLES: [&str; 24] = [
     "square",
 ];
 
-/// What is drawn on a layer in a colour, mm.
+/// The measurements of everything drawn on a layer in a colour, mm.
 #[derive(Debug, Clone, Deserialize)]
 struct Drawn {
     length: f64,
@@ -59,9 +59,9 @@ struct Drawn {
     extents: [f64; 4],
 }
 
-type Told = BTreeMap<String, Drawn>;
+type Measured = BTreeMap<String, Drawn>;
 
-fn told(files: &[PathBuf]) -> Vec<Option<Told>> {
+fn measured(files: &[PathBuf]) -> Vec<Option<Measured>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let script = root.join("tests/ezdxf/original.py");
     let output = Command::new("python3").arg(script).arg(root.join("fonts")).args(files).output().unwrap();
@@ -70,7 +70,7 @@ fn told(files: &[PathBuf]) -> Vec<Option<Told>> {
     lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// The drawings as they come out of the program, written into `folder`.
+/// The corrected drawings, written into `folder`.
 fn corrected(files: &[PathBuf], folder: &Path) -> Vec<PathBuf> {
     let mut settings = JobSettings::default();
     settings.correction.method = Method::None;
@@ -90,16 +90,23 @@ fn corrected(files: &[PathBuf], folder: &Path) -> Vec<PathBuf> {
     files.iter().map(correct).collect()
 }
 
-/// Compares original and result in mm, `unit` mm being the original's unit; gives lengths and boxes leeway where asked.
-fn compare(name: &str, unit: f64, original: &Told, result: &Told, leeway: impl Fn(&str) -> (f64, f64)) {
-    let keys = |told: &Told| told.keys().cloned().collect::<Vec<_>>();
+/// Compares original and result in mm; the unit of the original is `unit` mm. `leeway` gives additional tolerances
+/// for lengths (a share) and extents (mm).
+fn compare(
+    name: &str,
+    unit: f64,
+    original: &Measured,
+    result: &Measured,
+    leeway: impl Fn(&str) -> (f64, f64),
+) {
+    let keys = |measured: &Measured| measured.keys().cloned().collect::<Vec<_>>();
     assert_eq!(keys(original), keys(result), "{name}: layers and colours");
     for (key, expected) in original {
         let found = &result[key];
         let (share, shift) = leeway(key);
         let close = |found: f64, expected: f64, slack: f64| (found - expected).abs() <= slack;
-        // Chords within the tolerance are shorter than their arcs by less than 0.1 %, and cut areas by tolerance times
-        // length; joined ends may move by the joining tolerance.
+        // Chords within the tolerance are shorter than their arcs by less than 0.1 % and change areas by less than the
+        // tolerance times the length; joined ends may move by the joining tolerance.
         let length = expected.length * unit;
         assert!(
             close(found.length, length, 0.02 + (1e-3 + share) * length),
@@ -119,51 +126,51 @@ fn compare(name: &str, unit: f64, original: &Told, result: &Told, leeway: impl F
     }
 }
 
-/// Leaves the comparison to lengths and boxes, where ezdxf sees loose pieces and isomark a contour.
-fn without_areas(told: Told) -> Told {
-    told.into_iter().map(|(key, drawn)| (key, Drawn { area: 0.0, ..drawn })).collect()
+/// Sets all areas to 0, for drawings in which ezdxf has separate pieces and isomark a contour.
+fn without_areas(measured: Measured) -> Measured {
+    measured.into_iter().map(|(key, drawn)| (key, Drawn { area: 0.0, ..drawn })).collect()
 }
 
 #[test]
-fn real_drawings_come_out_as_they_are() {
-    if !ezdxf::is_here() {
+fn real_drawings_are_unchanged_on_a_plane() {
+    if !ezdxf::is_available() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/patterns");
     let originals: Vec<PathBuf> = SAMPLES.iter().map(|name| data.join(format!("{name}.dxf"))).collect();
     let results = corrected(&originals, folder.path());
-    for ((name, original), result) in SAMPLES.iter().zip(told(&originals)).zip(told(&results)) {
-        let Some(original) = original else { panic!("ezdxf refuses {name}") };
+    for ((name, original), result) in SAMPLES.iter().zip(measured(&originals)).zip(measured(&results)) {
+        let Some(original) = original else { panic!("ezdxf rejects {name}") };
         let unit = if *name == "ez-logo-inch" { 25.4 } else { 1.0 };
-        // ezdxf does not join loose pieces to contours.
+        // ezdxf does not join loose pieces into contours.
         compare(name, unit, &without_areas(original), &without_areas(result.unwrap()), |_| (0.0, 0.0));
     }
 }
 
 #[test]
-fn every_kind_of_entity_comes_out_as_ezdxf_made_it() {
-    if !ezdxf::is_here() {
+fn every_kind_of_entity_is_unchanged_on_a_plane() {
+    if !ezdxf::is_available() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ezdxf/samples.py");
-    let made = Command::new("python3").arg(script).arg(folder.path()).output().unwrap();
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let created = Command::new("python3").arg(script).arg(folder.path()).output().unwrap();
+    assert!(created.status.success(), "{}", String::from_utf8_lossy(&created.stderr));
     let mut originals: Vec<PathBuf> =
         std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
     originals.sort();
     assert!(originals.len() >= 6);
     let results = corrected(&originals, folder.path());
-    for ((file, original), result) in originals.iter().zip(told(&originals)).zip(told(&results)) {
+    for ((file, original), result) in originals.iter().zip(measured(&originals)).zip(measured(&results)) {
         let name = file.file_stem().unwrap().to_str().unwrap();
         let (mut original, mut result) = (original.unwrap(), result.unwrap());
         if name.starts_with("blocks") {
-            // Bulges in blocks that are scaled unevenly are taken apart by ezdxf.
+            // ezdxf explodes bulges in blocks that are scaled non-uniformly.
             (original, result) = (without_areas(original), without_areas(result));
         }
-        // ezdxf aligns texts by the ink of their letters, isomark by their widths: the difference is what fonts leave
-        // free beside the first and the last letter, at most 0.15 of the height of 3 mm.
+        // ezdxf aligns texts by the ink of their letters, isomark by their advance widths. The difference is the space
+        // beside the first and the last letter, at most 0.15 of the height of 3 mm.
         compare(name, 1.0, &original, &result, |key| match key.split(' ').next() {
             Some("FIT" | "ALIGNED") => (0.04, 0.6),
             Some("CENTER" | "RIGHT" | "MIDDLE" | "MIDDLE_CENTER" | "TOP_RIGHT" | "BOTTOM_LEFT")

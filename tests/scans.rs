@@ -1,4 +1,4 @@
-//! Scans against surfaces with a formula: how true the marked drawing is on the real thing, not on its noisy image.
+//! Scans of surfaces with a known formula: the errors of the marked drawing on the true surface, not on the noisy one.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
@@ -15,7 +15,7 @@ use isomark::geometry::surface::fit::FittedSurface;
 use isomark::geometry::surface::scan::{ScanError, ScanQuality, SmoothedScan, Smoothing};
 use nalgebra::{Point3, Vector3};
 
-/// Random numbers that are the same everywhere.
+/// Random numbers that are the same on every system.
 struct Random(u64);
 
 impl Random {
@@ -33,7 +33,7 @@ impl Random {
     }
 }
 
-/// Points of `height` over a disc of radius 28.5 mm, `step` mm apart.
+/// Points of the surface `height` over a disc of radius 28.5 mm, `step` mm apart.
 fn grid(step: f64, height: fn(f64, f64) -> f64) -> Vec<Point3<f64>> {
     let count = (28.5 / step) as i32;
     let places = (-count..=count).flat_map(|row| (-count..=count).map(move |column| (column, row)));
@@ -57,7 +57,7 @@ fn letters(at: FlatPoint) -> Pattern {
     pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.0, at))
 }
 
-/// The figures on the true surface.
+/// The distortion on the true surface.
 fn judged(surface: &FittedSurface, height: fn(f64, f64) -> f64, at: [f64; 2]) -> Distortion {
     let anchor = FlatPoint::new(at[0], at[1]);
     let pattern = letters(anchor);
@@ -70,14 +70,14 @@ fn judged(surface: &FittedSurface, height: fn(f64, f64) -> f64, at: [f64; 2]) ->
 const MANDARIN_AT: [f64; 2] = [0.0, 3.0];
 const NOISE: f64 = 0.05;
 
-/// e_l of the letters on the mandarin, mm, and what was found in its points.
+/// e_l of the letters on the mandarin, mm, and the quality of the scan.
 fn on_the_mandarin(points: Vec<Point3<f64>>) -> (f64, ScanQuality) {
     let (surface, quality) = smoothed(points, Smoothing::Auto);
     (judged(&surface, shapes::mandarin, MANDARIN_AT).length_error, quality)
 }
 
 #[test]
-fn noise_of_a_scanner_hardly_costs_lengths() {
+fn scanner_noise_has_little_effect_on_lengths() {
     for seed in 0..8 {
         let points = noisy(grid(1.0, shapes::mandarin), NOISE, &mut Random(seed));
         let (length_error, quality) = on_the_mandarin(points);
@@ -89,7 +89,7 @@ fn noise_of_a_scanner_hardly_costs_lengths() {
 }
 
 #[test]
-fn the_found_smoothing_is_near_the_best_there_is() {
+fn automatic_smoothing_is_close_to_the_best_one() {
     for seed in 0..2 {
         let points = noisy(grid(1.0, shapes::mandarin), NOISE, &mut Random(seed));
         let found = on_the_mandarin(points.clone()).0;
@@ -99,7 +99,7 @@ fn the_found_smoothing_is_near_the_best_there_is() {
         });
         let best = best.into_iter().fold(f64::INFINITY, f64::min);
         assert!(found < 1.1 * best, "{found} mm, best {best} mm");
-        // The reference's own figures: 1.18 mm where the noise is followed.
+        // Without smoothing, the reference has 1.18 mm.
         let (rough, _) = smoothed(points, Smoothing::None);
         assert!(judged(&rough, shapes::mandarin, MANDARIN_AT).length_error > 3.0 * found);
     }
@@ -122,7 +122,7 @@ fn points_without_noise_are_followed() {
 }
 
 #[test]
-fn outliers_gaps_and_any_arrangement_of_points_are_borne() {
+fn outliers_gaps_and_irregular_points_have_little_effect() {
     let mut random = Random(7);
     let clean = || grid(1.0, shapes::mandarin);
     let off = |points: &mut Vec<Point3<f64>>, share: f64, random: &mut Random| {
@@ -152,12 +152,12 @@ fn outliers_gaps_and_any_arrangement_of_points_are_borne() {
             anywhere(r * angle.cos(), r * angle.sin(), &mut random)
         })
         .collect();
-    // A line scanner: points 0.1 mm apart along lines that are 1 mm apart.
+    // A line scanner: points 0.1 mm apart on lines 1 mm apart.
     let lines = (-28..=28).flat_map(|row| (-280..=280).map(move |column| (column, row)));
     let lines = lines.map(|(column, row)| (f64::from(column) * 0.1, f64::from(row)));
     let lines: Vec<_> =
         lines.filter(|(x, y)| x.hypot(*y) < 28.0).map(|(x, y)| anywhere(x, y, &mut random)).collect();
-    // The whole fruit, its underside too.
+    // The whole fruit with its underside.
     let mut whole = noisy(clean(), NOISE, &mut random);
     whole.extend(
         clean().iter().map(|point| Point3::new(point.x + 0.3, point.y, 0.05 * random.normal() - point.z)),
@@ -179,7 +179,7 @@ fn outliers_gaps_and_any_arrangement_of_points_are_borne() {
 }
 
 #[test]
-fn a_camera_with_the_table_in_view_gives_fruit_and_table_with_a_cliff_between() {
+fn fruit_and_table_in_a_camera_image_are_separated_by_a_cliff() {
     let mut random = Random(11);
     let mut points = Vec::new();
     for row in 0..172 {
@@ -202,15 +202,15 @@ fn a_camera_with_the_table_in_view_gives_fruit_and_table_with_a_cliff_between() 
         let (sin, cos) = (f64::from(angle) * 0.2618).sin_cos();
         let mut crossed = (0..40).map(|step| 28.0 + 0.05 * f64::from(step));
         let is_surface = |r: f64| surface.field.is_surface(ViewPoint::new(r * cos, r * sin));
-        assert!(!crossed.all(is_surface), "no way down the cliff at {angle}");
+        assert!(!crossed.all(is_surface), "no cliff at {angle}");
     }
-    // The spline has to fall 36 mm at the cliff; 9 mm inside it the fruit feels nothing of that.
+    // The spline falls 36 mm at the cliff; 9 mm inside, this has no effect on the fruit.
     for step in 0..=400 {
         let at = ViewPoint::new(20.0 * (f64::from(step) / 400.0), f64::from(step % 7) * 0.5);
         let misfit = surface.difference(at);
         assert!(misfit.abs() < 0.02, "{misfit} mm at {at:?}");
     }
-    // Six times the noise of a laser scanner on points 0.6 mm apart.
+    // The noise is six times that of a laser scanner, with points 0.6 mm apart.
     let length_error = judged(&surface, shapes::mandarin, MANDARIN_AT).length_error;
     assert!(length_error < 0.6, "{length_error} mm");
 }
@@ -223,7 +223,7 @@ fn a_low_pass_halves_waves_of_its_length() {
         let height = |x: f64| (std::f64::consts::TAU * x / length).cos();
         points.map(|(x, y)| Point3::new(x, y, height(x))).collect::<Vec<_>>()
     };
-    // 1 / (1 + (L/l)^6): the square of a Butterworth filter of third order.
+    // 1 / (1 + (L/l)^6): the squared response of a third-order Butterworth filter.
     for (length, left) in [(8.0, 0.0154), (16.0, 0.5), (20.0, 0.792), (32.0, 0.985)] {
         let wavelength = Smoothing::THESIS_WAVELENGTH;
         let (surface, _) = smoothed(wave(length), Smoothing::LowPass { wavelength });
@@ -233,7 +233,7 @@ fn a_low_pass_halves_waves_of_its_length() {
 }
 
 #[test]
-fn a_rounded_edge_is_told() {
+fn a_rounded_edge_is_reported_as_departure() {
     let roof = |x: f64, _: f64| 10.0 - 0.4 * x.abs();
     let (_, quality) =
         smoothed(noisy(grid(1.0, roof), NOISE, &mut Random(3)), Smoothing::LowPass { wavelength: 16.0 });
@@ -242,7 +242,7 @@ fn a_rounded_edge_is_told() {
 }
 
 #[test]
-fn points_that_look_away_do_not_count() {
+fn points_that_face_away_from_the_laser_are_hidden() {
     let up = grid(1.0, shapes::mandarin);
     let lid: Vec<_> = up.iter().map(|point| Point3::new(point.x, point.y, point.z + 5.0)).collect();
     let normals = up.iter().map(|_| Vector3::z()).chain(lid.iter().map(|_| -Vector3::z())).collect();
@@ -254,7 +254,7 @@ fn points_that_look_away_do_not_count() {
 }
 
 #[test]
-fn what_is_no_surface_is_refused_with_its_reason() {
+fn points_that_form_no_surface_are_refused_with_the_reason() {
     let mut random = Random(1);
     let refused = |points: Vec<Point3<f64>>| {
         SmoothedScan::new(&PointCloud::new(points, Vec::new()), &View::top(), Smoothing::Auto).unwrap_err()
@@ -272,7 +272,7 @@ fn what_is_no_surface_is_refused_with_its_reason() {
 }
 
 #[test]
-fn strange_clouds_end_in_a_surface_or_a_reason() {
+fn unusual_clouds_give_a_surface_or_an_error() {
     let mut random = Random(5);
     let square = |step: f64| grid(step, |_, _| 1.0);
     let mut twice = square(1.0);

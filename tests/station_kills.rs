@@ -1,9 +1,8 @@
-//! The program as a station that is killed with −9 again and again while drops come in every manner; afterwards every
-//! drop is accounted for. An importer takes results away meanwhile, so that a second delivery cannot hide.
+//! The program as a station that is killed with −9 many times while drops arrive in many ways; afterwards every drop is
+//! accounted for. An importer takes results away meanwhile, so that a second delivery is noticed.
 //!
-//! `cargo test --test station_kills` kills a few times;
-//! `ISOMARK_KILLS=600 ISOMARK_SEED=7 cargo test --release --test station_kills -- --nocapture` as often as asked, and says
-//! what it counted.
+//! `cargo test --test station_kills` kills it a few times; `ISOMARK_KILLS=600 ISOMARK_SEED=7 cargo test --release
+//! --test station_kills -- --nocapture` as often as given, and prints the counts.
 
 #![allow(
     clippy::unwrap_used,
@@ -32,7 +31,7 @@ fn settings(repeat: &str) -> String {
     )
 }
 
-/// A shallow trough, of another depth for each SKU.
+/// A shallow trough, with a different depth for each SKU.
 fn part(sku: usize) -> String {
     let depth = 1.0 + sku as f64 * 0.5;
     format!(
@@ -63,20 +62,21 @@ impl Random {
     }
 }
 
-/// What was dropped under a name, and what may have become of it.
+/// What was dropped under a name, and the permitted outcomes.
 #[derive(Debug)]
 enum Fate {
-    /// Once, with these bytes.
+    /// Delivered once, with these bytes.
     Delivered { sku: usize, variant: usize, drops: usize },
-    /// Dropped again with other content: each at most once, the last one for certain.
+    /// Dropped again with different content: each version delivered at most once, the last one certainly.
     Replaced { sku: usize, variants: Vec<usize> },
-    /// Written again by a writer that holds it open: the first version at most once, the second for certain.
+    /// Written again by a writer that keeps it open: the first version delivered at most once, the second one
+    /// certainly.
     Rewritten { sku: usize, variants: [usize; 2] },
-    /// Taken away by the designer: at most once.
+    /// Removed by the designer: delivered at most once.
     Deleted { sku: usize, variant: usize },
-    /// To the rejected folder.
+    /// Moved to the rejected folder.
     Rejected,
-    /// It waits for a part that never comes.
+    /// It waits for a part that never arrives.
     Waits,
 }
 
@@ -85,7 +85,7 @@ struct Slow {
     rest: Vec<u8>,
 }
 
-/// A writer that has its drop open and writes another version into it some time.
+/// A writer that keeps its drop open and later writes another version into it.
 struct Held {
     file: File,
     second: Vec<u8>,
@@ -98,7 +98,7 @@ struct Harness {
     fates: BTreeMap<String, Fate>,
     slow: Vec<Slow>,
     held: Vec<Held>,
-    /// What the importer took away: name and content, in order.
+    /// The drawings that the importer took away: name and content, in order.
     taken: Vec<(String, Vec<u8>)>,
     repeat: &'static str,
     count: usize,
@@ -131,7 +131,7 @@ impl Harness {
 
     fn kill(&mut self) {
         let mut program = self.program.take().unwrap();
-        assert_eq!(program.try_wait().unwrap(), None, "it ended by itself: {}", self.log());
+        assert_eq!(program.try_wait().unwrap(), None, "the program ended by itself: {}", self.log());
         program.kill().unwrap();
         program.wait().unwrap();
     }
@@ -152,7 +152,7 @@ impl Harness {
         format!("{}@{}.dxf", SKUS[sku], self.count)
     }
 
-    /// One more drop, in one of the manners that people and programs have.
+    /// Makes one more drop, in one of the ways in which people and programs do it.
     fn drop_something(&mut self) {
         let (sku, variant) = (self.random.below(SKUS.len()), self.random.below(VARIANTS));
         let (name, bytes) = (self.name(sku), drawing(variant));
@@ -177,7 +177,7 @@ impl Harness {
                 let fate = Fate::Deleted { sku, variant };
                 self.fates.insert(name, fate);
                 if self.random.below(2) == 0 {
-                    // It may be done already.
+                    // The station may already have processed it.
                     let _ = std::fs::remove_file(hot);
                 }
             }
@@ -196,7 +196,7 @@ impl Harness {
                 self.fates.insert(name, Fate::Waits);
             }
             10..=13 => self.drop_again(),
-            // Windows lets nobody read what somebody has open to write.
+            // On Windows, a file that is open for writing cannot be read.
             14 if cfg!(unix) => {
                 let second = (variant + 1) % VARIANTS;
                 let outside = self.path("outside/held");
@@ -213,7 +213,7 @@ impl Harness {
         }
     }
 
-    /// A name that was dropped before, with the same or with other content.
+    /// Drops a file with a known name again, with the same or with different content.
     fn drop_again(&mut self) {
         let known: Vec<String> = self.fates.keys().cloned().collect();
         if known.is_empty() {
@@ -248,7 +248,7 @@ impl Harness {
         self.rename_into(&name, &bytes);
     }
 
-    /// What goes on outside while the station works: slow writers write on, the importer takes results away.
+    /// Does the work outside the station: slow writers continue, the importer takes results away.
     fn tick(&mut self) {
         for slow in &mut self.slow {
             let piece = slow.rest.len().min(40);
@@ -280,7 +280,7 @@ impl Harness {
             let bytes = fs::read(taken).unwrap();
             assert!(
                 bytes.ends_with(b"EOF\n") || bytes.ends_with(b"EOF\r\n"),
-                "half a drawing was there: {name}"
+                "the import folder contained an incomplete drawing: {name}"
             );
             self.taken.push((name, bytes));
         }
@@ -301,23 +301,23 @@ impl Harness {
         SKUS.iter().map(|name| (0..VARIANTS).map(|variant| read(name, variant)).collect()).collect()
     }
 
-    fn waits_until_all_is_over(&mut self) {
+    fn waits_until_all_is_done(&mut self) {
         let started = Instant::now();
         loop {
             self.tick();
             let left: Vec<String> = names(&self.path("hot"));
             let waits = |name: &String| matches!(self.fates.get(name), Some(Fate::Waits));
-            // What is done stays there as long as its writer may go on.
+            // A processed file stays parked while its writer may still write to it.
             let is_over = self.held.is_empty() && !self.path("state/parked").exists();
             if self.slow.is_empty() && is_over && left.iter().all(waits) {
                 break;
             }
-            assert!(started.elapsed() < Duration::from_secs(120), "there is still {left:?}: {}", self.log());
+            assert!(started.elapsed() < Duration::from_secs(120), "still in hot: {left:?}: {}", self.log());
         }
         self.take_results();
     }
 
-    /// Every drop has had exactly one of its outcomes; returns how many had which.
+    /// Checks that every drop had a permitted outcome; returns the counts as text.
     fn account(&self) -> String {
         let expected = self.expected();
         let archived = files(&self.path("archive"));
@@ -346,12 +346,12 @@ impl Harness {
                         .iter()
                         .map(|result| expected[*sku].iter().position(|e| e == *result))
                         .collect();
-                    let meant: Vec<_> = variants.iter().map(|variant| Some(*variant)).collect();
-                    // One that the importer left there too long was replaced before it was taken.
-                    let mut left = meant.iter();
+                    let dropped: Vec<_> = variants.iter().map(|variant| Some(*variant)).collect();
+                    // A version may be replaced before the importer takes it.
+                    let mut left = dropped.iter();
                     let in_order = found.iter().all(|result| left.any(|variant| variant == result));
-                    assert!(in_order && found.last() == meant.last(), "{found:?}: {}", context());
-                    assert_eq!(originals, meant.len(), "{}", context());
+                    assert!(in_order && found.last() == dropped.last(), "{found:?}: {}", context());
+                    assert_eq!(originals, dropped.len(), "{}", context());
                     counts[2] += 1;
                 }
                 Fate::Rewritten { sku, variants: [first, second] } => {
@@ -360,7 +360,7 @@ impl Harness {
                     let before = &found[..found.len().saturating_sub(1)];
                     let is_first = before.iter().all(|result| **result == expected[*sku][*first]);
                     assert!(is_second && is_first && before.len() <= 1, "{}", context());
-                    // The first one may have been written over before it was read, or before a kill filed it.
+                    // The first version may have been overwritten before it was read or filed.
                     assert!((1..=2).contains(&originals), "{}", context());
                     counts[6] += 1;
                 }
@@ -389,6 +389,7 @@ impl Harness {
         assert!(left.is_empty(), "left in the import folder: {left:?}");
         let [once, twice, replaced, deleted, rejected, waiting, rewritten] = counts;
         let log = fs::read_to_string(self.path("log.txt")).unwrap();
+        // Kills between delivery and archive.
         let resumed = log.matches("before the station was interrupted").count();
         format!(
             "{} drops: {once} delivered once, {twice} dropped again and delivered once, {replaced} in several versions, \
@@ -430,7 +431,7 @@ fn run(seed: u64, kills: usize) -> String {
     }
     for _ in 0..kills {
         let drops = harness.random.below(3);
-        // Every third kill is aimed at the moment in which something appears in the import folder.
+        // Every third kill is aimed at the moment at which a file appears in the import folder.
         let aimed = harness.random.below(3) == 0;
         if aimed {
             harness.take_results();
@@ -455,21 +456,22 @@ fn run(seed: u64, kills: usize) -> String {
             harness.tick();
         }
         harness.kill();
-        // Some drops come while nobody is there.
+        // Some drops arrive while the station is not running.
         if harness.random.below(3) == 0 {
             harness.drop_something();
         }
     }
     harness.start();
-    harness.waits_until_all_is_over();
+    harness.waits_until_all_is_done();
     harness.kill();
     harness.account()
 }
 
 #[test]
 fn every_drop_is_accounted_for_after_kills_at_any_moment() {
-    let asked = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
-    let (kills, seed) = (asked("ISOMARK_KILLS").unwrap_or(24) as usize, asked("ISOMARK_SEED").unwrap_or(1));
+    let setting = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
+    let (kills, seed) =
+        (setting("ISOMARK_KILLS").unwrap_or(24) as usize, setting("ISOMARK_SEED").unwrap_or(1));
     for (seed, share) in [(seed, kills / 2), (seed + 1, kills - kills / 2)] {
         println!("seed {seed}, {share} kills: {}", run(seed, share));
     }

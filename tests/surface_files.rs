@@ -1,4 +1,4 @@
-//! Fitted surfaces as files: what another program reads out of them is the part.
+//! Fitted surfaces as files: another program that reads them gets the part.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
@@ -13,7 +13,7 @@ use isomark::geometry::space::{Facing, View};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Rotation3, Vector3};
 
-/// A ball of radius 30 mm that looks at the laser from a side of its own, and that side.
+/// A ball of radius 30 mm that faces the laser from an oblique direction: the surface, the view and the ball's centre.
 fn ball() -> (FittedSurface, View, Point3<f64>) {
     let up = shapes::graph(20.0, 0.75, shapes::sphere);
     let side = Vector3::new(1.0, -2.0, 0.5).normalize();
@@ -27,7 +27,7 @@ fn ball() -> (FittedSurface, View, Point3<f64>) {
 }
 
 #[test]
-fn triangles_lie_on_the_part_and_look_at_the_laser() {
+fn triangles_lie_on_the_part_and_face_the_laser() {
     let (surface, view, middle) = ball();
     let bytes = write(&surface, &view, "ball.glb", SurfaceFormat::Obj);
     let options =
@@ -38,7 +38,7 @@ fn triangles_lie_on_the_part_and_look_at_the_laser() {
     for corners in mesh.triangles() {
         let [a, b, c] = mesh.corners(*corners);
         let normal = (b - a).cross(&(c - a));
-        assert!(normal.dot(&(a - middle)) > 0.0, "a triangle looks inwards");
+        assert!(normal.dot(&(a - middle)) > 0.0, "a triangle faces inwards");
     }
     let seen = |point: &&Point3<f64>| view.point(**point - middle.coords).xy().coords.norm() < 17.0;
     let inner: Vec<_> = mesh.positions().iter().filter(seen).collect();
@@ -48,7 +48,7 @@ fn triangles_lie_on_the_part_and_look_at_the_laser() {
     }
 }
 
-/// STEP's entity instances by name, as text.
+/// The entity instances of a STEP file by name, as text.
 fn instances(bytes: &[u8]) -> BTreeMap<String, String> {
     let text = std::str::from_utf8(bytes).unwrap();
     let data = text.split_once("DATA;\n").unwrap().1.split_once("ENDSEC;").unwrap().0;
@@ -60,7 +60,7 @@ fn instances(bytes: &[u8]) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// The nested lists of an entity's arguments, flattened one level: text between commas outside deeper brackets.
+/// The arguments of an entity: the texts between commas outside nested brackets.
 fn arguments(text: &str) -> Vec<String> {
     let inner = &text[text.find('(').unwrap() + 1..text.rfind(')').unwrap()];
     let (mut depth, mut parts) = (0, vec![String::new()]);
@@ -95,7 +95,7 @@ fn basis(knots: &[f64], index: usize, degree: usize, at: f64) -> f64 {
 }
 
 #[test]
-fn the_spline_in_step_is_the_part() {
+fn the_spline_in_step_lies_on_the_part() {
     let (surface, view, middle) = ball();
     let bytes = write(&surface, &view, "ball 'ø'.glb", SurfaceFormat::Step);
     let instances = instances(&bytes);
@@ -137,7 +137,7 @@ fn the_spline_in_step_is_the_part() {
         assert!(((point - middle).norm() - 30.0).abs() < 3e-4, "{point}");
     }
 
-    // The border is a closed loop of four edges over the corners of the net.
+    // The border is a closed loop of four edges between the corners of the net.
     let (last_u, last_v) = (net.len() - 1, net[0].len() - 1);
     let corners = [net[0][0], net[last_u][0], net[last_u][last_v], net[0][last_v]];
     let edges: Vec<[Point3<f64>; 2]> = arguments(&arguments(&instances[&entity("FACE_OUTER_BOUND")[1]])[1])

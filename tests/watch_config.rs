@@ -1,4 +1,4 @@
-//! Every sample in `watch-config/` is right, and says the defaults as they are.
+//! Every sample in `watch-config/` is valid, and the annotated station shows the defaults.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 

@@ -1,16 +1,16 @@
-"""isomark beside the flattenings of a well-known library, in one run, judged by one rule.
+"""Compares isomark with the flattening methods of a well-known library, in one run with the same measurements.
 
     python3 -m venv target/peers && target/peers/bin/pip install -r benches/peers/requirements.txt
     cargo build --release && target/peers/bin/python benches/peers/flattenings.py
 
-Three surfaces with a formula are meshed; on each the letters of examples/patterns are laid by isomark and by the
-LSCM, ARAP and SLIM of libigl (Jacobson, Panozzo and others). Neither side judges itself: the images of all pieces of
-the outlines (at most 0.25 mm) and of all squares of the inked area (0.2 mm) are lifted onto the formula here, and
-lengths, areas and angles are compared with those drawn.
+Three surfaces that are given by a formula are meshed. On each, isomark and the LSCM, ARAP and SLIM of libigl (Jacobson,
+Panozzo and others) place the letters of examples/patterns. Neither measures itself: this script projects the images of
+all pieces of the outlines (at most 0.25 mm) and of all squares of the inked area (0.2 mm) onto the formula, and compares
+lengths, areas and angles with those drawn.
 
-libigl flattens the neighbourhood of the letters only, because flattening the whole part is several times worse, and
-gets the uniform scale that is best for its length error. Times: isomark's whole process with the part's file read and
-fitted, its map alone as its report tells it, and for libigl the calls alone on a mesh that is already in memory.
+libigl flattens only the neighbourhood of the letters, because flattening the whole part is several times worse, and gets
+the uniform scale that minimises its length error. Times: for isomark the whole process including reading and fitting the
+part, and the map alone as stated in its report; for libigl the calls alone, on a mesh that is already in memory.
 """
 
 import argparse
@@ -55,7 +55,7 @@ CASES = {"sphere": (sphere, (0.0, 0.0)), "mandarin": (mandarin, (0.0, 3.0)), "mo
 
 
 def letters():
-    """The outlines of the letters about the origin, with corners at most PIECE apart."""
+    """The outlines of the letters, centred on the origin, with corners at most PIECE apart."""
     outlines = []
     for entity in ezdxf.readfile(ROOT / "examples/patterns/letters.dxf").modelspace():
         path = ezdxf.path.make_path(entity)
@@ -90,7 +90,7 @@ def squares_inside(outlines):
 
 
 class Drawing:
-    """Letters and squares as one list of points, so that a map has to be asked once."""
+    """Letters and squares as one list of points, so that one call of a map is enough."""
 
     def __init__(self, at):
         self.outlines = [outline + at for outline in letters()]
@@ -121,7 +121,7 @@ class Drawing:
 
 
 def graph_mesh(height, low, high):
-    """The graph of `height` over a rectangle with edges of about EDGE, in rows of nearly equilateral triangles."""
+    """The graph of `height` over a rectangle, in rows of nearly equilateral triangles with edges of about EDGE."""
     columns = math.ceil((high[0] - low[0]) / EDGE)
     rows = math.ceil((high[1] - low[1]) / (EDGE * math.sqrt(0.75)))
     row, column = np.meshgrid(np.arange(rows + 1), np.arange(columns + 1), indexing="ij")
@@ -132,7 +132,7 @@ def graph_mesh(height, low, high):
     a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     faces[twice < 0] = faces[twice < 0][:, ::-1]
-    # The hull of shifted rows has slivers at its sides.
+    # The convex hull of shifted rows has slivers at its sides.
     faces = faces[np.abs(twice) > 0.2 * EDGE**2]
     used = np.unique(faces)
     number = np.full(len(points), -1)
@@ -142,14 +142,14 @@ def graph_mesh(height, low, high):
 
 
 class Isomark:
-    """Runs the program on files."""
+    """Runs isomark on files."""
 
     def __init__(self, program, folder):
         self.program, self.folder = program, folder
 
     def images(self, name, height, at, method):
         drawing = Drawing(np.array(at))
-        # A disc, not a rectangle: that is what a part looks like from above.
+        # A disc instead of a rectangle: most parts look like that from above.
         part = self.folder / f"{name}.obj"
         if not part.exists():
             vertices, faces = graph_mesh(height, (-28.5, -28.5), (28.5, 28.5))
@@ -184,7 +184,7 @@ class Isomark:
 
 
 def inverse_of(flat, vertices, faces, points):
-    """Where points of the flattened mesh lie in the view, linear in each triangle."""
+    """The points of the view that belong to points of the flattened mesh, linear in each triangle."""
     a, b, c = (flat[faces[:, k]] for k in range(3))
     u, v = b - a, c - a
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -217,7 +217,7 @@ def lscm(vertices, faces):
 def arap(vertices, faces, steps=100):
     start = lscm(vertices, faces)
     data = igl.ARAPData()
-    # One vertex held costs nothing: the energy does not change when all are shifted.
+    # Fixing one vertex has no effect on the energy, because shifting all vertices does not change it.
     held = np.array([len(vertices) // 2], dtype=np.int32)
     igl.arap_precomputation(vertices, faces, 2, held, data)
     flat = start
@@ -241,14 +241,14 @@ def slim(vertices, faces, steps=40):
 
 
 def flattened(method, height, at):
-    """A peer's images of the drawing's points, with the best scale, and its time."""
+    """The images of the drawing's points by libigl, with the best scale, and the time it takes."""
     drawing = Drawing(np.array(at))
     reach = np.abs(drawing.points - at).max(0) + 3 * EDGE
     vertices, faces = graph_mesh(height, np.array(at) - reach, np.array(at) + reach)
     begin = time.perf_counter()
     flat = method(vertices, faces)
     elapsed = time.perf_counter() - begin
-    # The flattening is free to turn, mirror and shift: it is laid so that the anchor and the x direction there agree.
+    # A flattening may be rotated, mirrored and shifted: it is placed so that the anchor and the x direction there agree.
     where = np.linalg.norm(vertices[:, :2] - at, axis=1).argsort()[:12]
     source = np.column_stack([vertices[where, :2] - at, np.ones(len(where))])
     jacobian = np.linalg.lstsq(source, flat[where], rcond=None)[0]

@@ -1,13 +1,12 @@
-"""What other programs make of isomark's drawings: counts, extents and pictures, side by side.
+"""Checks isomark's drawings with other programs: entity counts, extents and printed pictures.
 
     sudo apt-get install --no-install-recommends gdal-bin libdxflib-dev librecad poppler-utils freecad g++
     python3 -m venv target/peers && target/peers/bin/pip install -r benches/peers/requirements.txt
     cargo build --release && target/peers/bin/python benches/peers/readers.py
 
-Every drawing of tests/data/patterns is laid on a plane in each DXF version that isomark writes. ezdxf has to
-find nothing to repair; GDAL, dxflib and FreeCAD's own importer have to see as many entities within the same extents;
-the picture that LibreCAD prints has to have its ink where ezdxf has the lines, and nowhere else. A reader that is not
-installed is named and left out. Ends with 1 if one disagrees.
+Every drawing of tests/data/patterns is placed on a plane, in each DXF version that isomark writes. ezdxf must find nothing
+to repair; GDAL, dxflib and FreeCAD's importer must find the same number of entities and the same extents; and LibreCAD must
+print ink exactly where ezdxf has lines. Readers that are not installed are skipped. Exits with 1 if a reader disagrees.
 """
 
 import json
@@ -27,7 +26,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 VERSIONS = ["R2000", "R12", "R12-lines"]
 # Extents may differ by this, mm: FreeCAD keeps seven digits of a coordinate.
 CLOSE = 1e-4
-# Ink and lines may be this far apart, pixels: half the printed line's width and rounding.
+# Ink and lines may be this far apart, pixels: half the width of the printed line plus rounding.
 PIXELS = 4.0
 
 PLANE = "v -300 -300 0\nv 300 -300 0\nv 300 300 0\nv -300 300 0\nf 1 2 3\nf 1 3 4\n"
@@ -82,7 +81,7 @@ def run(command, **options):
 
 
 def lines_of(file):
-    """The entities as arrays of points, contours with their first point again, and what ezdxf would repair."""
+    """The entities as arrays of points (contours end with their first point), and the number of repairs by ezdxf."""
     document = ezdxf.readfile(file)
     auditor = document.audit()
     lines = []
@@ -101,9 +100,9 @@ def lines_of(file):
 
 
 def by_gdal(file, _folder):
-    told = run(["ogrinfo", "-ro", "-al", "-so", file])
-    count = int(re.search(r"Feature Count: (\d+)", told)[1])
-    box = re.search(r"Extent: \((.*), (.*)\) - \((.*), (.*)\)", told)
+    output = run(["ogrinfo", "-ro", "-al", "-so", file])
+    count = int(re.search(r"Feature Count: (\d+)", output)[1])
+    box = re.search(r"Extent: \((.*), (.*)\) - \((.*), (.*)\)", output)
     return count, [float(edge) for edge in box.groups()]
 
 
@@ -124,7 +123,7 @@ def by_freecad(file, folder):
 
 
 def picture_of(file, folder, size):
-    """LibreCAD's print in true size, or what fits A4, as an array that is true where there is ink."""
+    """LibreCAD's print in true size, or scaled to fit A4, as an array that is true where there is ink."""
     for old in folder.glob("*.pdf"):
         old.unlink()
     scale = min(1.0, 180 / size[0], 270 / max(size[1], 1e-9))
@@ -138,7 +137,7 @@ def picture_of(file, folder, size):
 
 
 def apart(ink, lines):
-    """The largest distance between ink and lines and between lines and ink, pixels, both fitted to the same box."""
+    """The largest distance from ink to lines or from lines to ink, pixels, after scaling both to the same box."""
     rows, columns = np.nonzero(ink)
     corner = np.array([columns.min(), rows.max()], dtype=float)
     size = np.array([np.ptp(columns), np.ptp(rows)], dtype=float)
@@ -193,18 +192,18 @@ def main():
                     try:
                         count, seen = look(out, folder)
                     except (subprocess.SubprocessError, OSError, TypeError, ValueError) as error:
-                        wrong.append(f"{version} {pattern.stem}: {reader} fails: {error}")
+                        wrong.append(f"{version} {pattern.stem}: {reader} failed: {error}")
                         continue
-                    # FreeCAD counts the sides of polylines, the others the entities.
+                    # FreeCAD counts the sides of polylines, the other readers the entities.
                     expected = sides if reader == "freecadcmd" else len(lines)
                     off = max(abs(a - b) for a, b in zip(seen, box))
                     if count != expected or off > CLOSE:
-                        wrong.append(f"{version} {pattern.stem}: {reader} sees {count} of {expected}, box off by {off:.6f} mm")
+                        wrong.append(f"{version} {pattern.stem}: {reader} finds {count} of {expected}, extents differ by {off:.6f} mm")
                 if has_librecad:
                     off = apart(picture_of(out, folder, np.ptp(points, axis=0)), lines)
                     if off > PIXELS:
                         wrong.append(f"{version} {pattern.stem}: LibreCAD's ink is {off:.1f} pixels from the lines")
-    print(f"{judged} drawings judged, {len(wrong)} objections")
+    print(f"{judged} drawings checked, {len(wrong)} differences")
     print(*wrong, sep="\n")
     return bool(wrong)
 

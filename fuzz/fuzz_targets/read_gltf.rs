@@ -1,4 +1,4 @@
-//! Any bytes as a part in glTF, text or binary: read or refused with a reason, and what is read is finite.
+//! Any bytes as a part in glTF, text or binary, are read or rejected with a reason, and all sizes are finite.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Any bytes as a part in OBJ: read or refused with a reason, and what is read is finite.
+//! Any bytes as a part in OBJ are read or rejected with a reason, and all sizes are finite.
 
 #![no_main]
 

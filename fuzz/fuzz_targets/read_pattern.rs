@@ -1,4 +1,4 @@
-//! Any bytes as a drawing: read or refused with a reason, and what is read is finite.
+//! Any bytes as a drawing are read or rejected with a reason, and all coordinates are finite.
 
 #![no_main]
 

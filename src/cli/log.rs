@@ -14,7 +14,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, fmt as lines};
 
 use crate::config::LogSettings;
-use crate::hotfolder::lies_at;
+use crate::hotfolder::is_still_at;
 use crate::printable::on_one_line;
 
 /// Lines for people on standard error and in the file, if there is one; `RUST_LOG` chooses others.
@@ -113,7 +113,7 @@ impl RotatingFile {
 
     /// Forgets a file that somebody removed or moved away while it was written, so that the next line begins another.
     fn keep_in_place(&mut self) {
-        if self.file.as_ref().is_some_and(|file| !lies_at(file, &self.settings.file)) {
+        if self.file.as_ref().is_some_and(|file| !is_still_at(file, &self.settings.file)) {
             (self.file, self.full) = (None, self.settings.largest);
         }
     }

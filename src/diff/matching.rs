@@ -1,4 +1,4 @@
-//! Which path of the old drawing is which path of the new one.
+//! Pairs the paths of the old drawing with those of the new one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,17 +7,17 @@ use similar::{Algorithm, DiffOp, capture_diff_slices};
 use super::DiffKind;
 use super::outline::{Outline, quantum};
 
-/// Rounds of looking for paths that moved together.
+/// Maximum number of groups of paths that moved together.
 const MAX_GROUPS: usize = 12;
-/// A common move must explain at least one in this many of the paths that are left.
+/// A common move must explain at least one in this many of the remaining paths.
 const GROUP_SHARE: usize = 20;
-/// Pairs of equal shapes that vote for a common move.
+/// Maximum number of pairs of equal shapes that vote for a common move.
 const VOTES: usize = 64;
-/// Common moves that are tried out in each round.
+/// Number of common moves that are tried in each round.
 const CANDIDATES: usize = 4;
-/// Groups with at most this many possible pairs are matched by the shortest distance overall.
+/// Groups with at most this many possible pairs are matched by sorting all distances.
 const MAX_PAIRS: usize = 4096;
-/// Rings of cells, and paths in a cell, that the search for the nearest partner looks at.
+/// Maximum number of rings of cells, and of paths in a cell, in the search for the nearest partner.
 const MAX_RINGS: i64 = 12;
 const MAX_IN_CELL: usize = 64;
 
@@ -29,25 +29,25 @@ pub(super) struct Pair {
     pub(super) found: Found,
 }
 
-/// What a pair has in common.
+/// What the two paths of a pair have in common.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Found {
     /// Everything, in the same order.
     InPlace,
-    /// Everything but the place in the order.
+    /// Everything except the position in the drawing order.
     OutOfOrder,
-    /// The lines, on another layer or in another colour.
+    /// The lines, but not the layer or the colour.
     SameLines,
-    /// The shape, at another place.
+    /// The shape, but not the place.
     SameShape,
-    /// Kind and layer; what became of the shape is still to be looked at.
+    /// Kind and layer; the change of the shape is still to be determined.
     Alike,
 }
 
 /// The pairs of two drawings; the same pairs when the drawings are swapped.
 pub(super) fn pairs(old: &[Outline<'_>], new: &[Outline<'_>], tolerance: f64) -> Vec<Pair> {
     let [old, new] = items(old, new);
-    // The steps below prefer one side where several partners are as good; a fixed side makes them symmetric.
+    // The steps below prefer one side if several partners are equally good. A fixed side makes the result symmetric.
     let content = |items: &[Item]| items.iter().map(Item::content).collect::<Vec<_>>();
     let is_swapped = content(&old) > content(&new);
     let items = if is_swapped { [new, old] } else { [old, new] };
@@ -61,7 +61,7 @@ pub(super) fn pairs(old: &[Outline<'_>], new: &[Outline<'_>], tolerance: f64) ->
     pairs
 }
 
-/// What pairing compares of a path: whatever is equal has the same number in both drawings.
+/// The properties of a path that pairing compares: equal values have equal numbers in both drawings.
 #[derive(Clone, Copy)]
 struct Item {
     lines: usize,
@@ -79,7 +79,7 @@ impl Item {
         [self.lines, self.kind as usize, self.layer, self.color]
     }
 
-    /// Whether two paths may be the same one reshaped: close by for their size, and not of quite another size.
+    /// Whether one path may be the other one reshaped: close for their size, and of similar size.
     fn may_become(&self, other: &Self) -> bool {
         let [size, other_size] = [self.size, other.size].map(|size| size[0].hypot(size[1]));
         let [small, large] = [size.min(other_size), size.max(other_size)];
@@ -108,7 +108,7 @@ fn items(old: &[Outline<'_>], new: &[Outline<'_>]) -> [Vec<Item>; 2] {
     })
 }
 
-/// A number for each key, in the order of the keys, so that it does not depend on which drawing comes first.
+/// A number for each key, in the order of the keys, so that it does not depend on the order of the drawings.
 fn numbered<'a, K: Ord + 'a>(
     sides: [&'a [Outline<'a>]; 2],
     key: impl Fn(&'a Outline<'a>) -> &'a K,
@@ -150,7 +150,7 @@ impl Matching {
         self.nearest(Found::Alike, |item| [item.kind as usize]);
     }
 
-    /// The common part of both orders, as `similar` finds it.
+    /// Pairs the paths that are equal in both drawing orders, found by `similar`.
     fn in_order(&mut self) {
         let [first, second] =
             [0, 1].map(|side| self.items[side].iter().map(Item::content).collect::<Vec<_>>());
@@ -160,21 +160,21 @@ impl Matching {
                 self.pairs.extend(steps.map(|(old, new)| Pair { old, new, found: Found::InPlace }));
             }
         }
-        self.strike();
+        self.remove_paired();
     }
 
-    /// Pairs what has equal keys, in drawing order.
+    /// Pairs paths with equal keys, in drawing order.
     fn equal<const N: usize>(&mut self, found: Found, key: impl Fn(&Item) -> [usize; N]) {
         for [old, new] in self.classes(key) {
             self.pairs.extend(old.into_iter().zip(new).map(|(old, new)| Pair { old, new, found }));
         }
-        self.strike();
+        self.remove_paired();
     }
 
-    /// Looks for the move that explains most of what is left and pairs the paths that made it.
+    /// Finds the move that explains most of the remaining paths, and pairs the paths that made it.
     fn moved_together(&mut self, classes: &[Class]) -> bool {
-        let left: usize = classes.iter().map(|[old, new]| old.len().min(new.len())).sum();
-        let needed = (left / GROUP_SHARE).max(2);
+        let remaining: usize = classes.iter().map(|[old, new]| old.len().min(new.len())).sum();
+        let needed = (remaining / GROUP_SHARE).max(2);
         let mut votes: BTreeMap<[i64; 2], (usize, [f64; 2])> = BTreeMap::new();
         for [old, new] in classes {
             for (old, new) in voters(old, new) {
@@ -197,12 +197,12 @@ impl Matching {
         let is_found = best.len() >= needed;
         if is_found {
             self.pairs.append(&mut best);
-            self.strike();
+            self.remove_paired();
         }
         is_found
     }
 
-    /// The paths of a class that lie `step` away from their partner.
+    /// The pairs of a class whose paths are `step` apart.
     fn explained(&self, [old, new]: &Class, step: [f64; 2]) -> Vec<Pair> {
         let mut places: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
         let cell = 8.0 * self.tolerance;
@@ -241,13 +241,13 @@ impl Matching {
             };
             self.pairs.extend(chosen.into_iter().map(|(old, new)| Pair { old, new, found }));
         }
-        self.strike();
+        self.remove_paired();
     }
 
     fn nearest_of_all(&self, old: &[usize], new: &[usize], found: Found) -> Vec<(usize, usize)> {
         let all = old.iter().flat_map(|old| new.iter().map(|new| (*old, *new)));
         let mut all: Vec<_> = all.filter(|(old, new)| self.is_possible(*old, *new, found)).collect();
-        all.sort_by(|a, b| self.unlikeness(*a).total_cmp(&self.unlikeness(*b)).then(a.cmp(b)));
+        all.sort_by(|a, b| self.difference(*a).total_cmp(&self.difference(*b)).then(a.cmp(b)));
         let mut taken = [BTreeSet::new(), BTreeSet::new()];
         all.retain(|(old, new)| {
             let is_free = !taken[0].contains(old) && !taken[1].contains(new);
@@ -260,7 +260,7 @@ impl Matching {
         all
     }
 
-    /// Looks round each path in turn on a grid with about one partner in each cell.
+    /// Searches round each path on a grid with about one partner in each cell.
     fn nearest_in_cells(&self, old: &[usize], new: &[usize], found: Found) -> Vec<(usize, usize)> {
         let centers = || new.iter().map(|index| self.items[1][*index].center);
         let span = [0, 1].map(|axis| {
@@ -284,10 +284,10 @@ impl Matching {
                 for place in ring_cells([x, y], ring) {
                     let Some(here) = places.get(&place) else { continue };
                     for (position, new) in here.iter().enumerate().rev().take(MAX_IN_CELL) {
-                        let away = self.unlikeness((*index, *new));
-                        let is_nearer = best.is_none_or(|(nearest, ..)| away < nearest);
+                        let difference = self.difference((*index, *new));
+                        let is_nearer = best.is_none_or(|(nearest, ..)| difference < nearest);
                         if is_nearer && self.is_possible(*index, *new, found) {
-                            best = Some((away, place, position));
+                            best = Some((difference, place, position));
                         }
                     }
                 }
@@ -301,8 +301,8 @@ impl Matching {
         chosen
     }
 
-    /// How far two paths lie apart and how much their sizes differ, mm.
-    fn unlikeness(&self, (old, new): (usize, usize)) -> f64 {
+    /// Distance of two paths plus the difference of their sizes, mm.
+    fn difference(&self, (old, new): (usize, usize)) -> f64 {
         let (old, new) = (&self.items[0][old], &self.items[1][new]);
         distance(old.center, new.center) + distance(old.size, new.size)
     }
@@ -311,13 +311,13 @@ impl Matching {
         found != Found::Alike || self.items[0][old].may_become(&self.items[1][new])
     }
 
-    /// From the centre of a path to that of a possible partner, mm.
+    /// The vector from the centre of a path to that of a possible partner, mm.
     fn step(&self, old: usize, new: usize) -> [f64; 2] {
         let (from, to) = (self.items[0][old].center, self.items[1][new].center);
         [to[0] - from[0], to[1] - from[1]]
     }
 
-    /// The free paths by key, where both drawings have some.
+    /// The free paths grouped by key; groups with paths from only one drawing are omitted.
     fn classes<const N: usize>(&self, key: impl Fn(&Item) -> [usize; N]) -> Vec<Class> {
         let mut classes: BTreeMap<[usize; N], Class> = BTreeMap::new();
         for side in [0, 1] {
@@ -328,8 +328,8 @@ impl Matching {
         classes.into_values().filter(|[old, new]| !old.is_empty() && !new.is_empty()).collect()
     }
 
-    /// Takes the paths that found a partner off the free ones.
-    fn strike(&mut self) {
+    /// Removes the paths that have a partner from the free ones.
+    fn remove_paired(&mut self) {
         let mut is_free = [0, 1].map(|side| vec![true; self.items[side].len()]);
         for pair in &self.pairs {
             is_free[0][pair.old] = false;
@@ -341,7 +341,7 @@ impl Matching {
     }
 }
 
-/// The pairs of a class whose step is counted: all of a small class, first with first and last with last of a large one.
+/// The pairs of a class that vote: all pairs of a small class; for a large class, pairs in order from both ends.
 fn voters(old: &[usize], new: &[usize]) -> Vec<(usize, usize)> {
     if old.len() * new.len() <= VOTES {
         return old.iter().flat_map(|old| new.iter().map(|new| (*old, *new))).collect();

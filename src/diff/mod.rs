@@ -1,9 +1,9 @@
-//! What changed between two drawings, in words a person reads and in entries a program reads.
+//! The differences between two drawings, as text for people and as entries for programs.
 //!
-//! [`compare`] first lets `similar` order the paths that are the same in both drawings, then pairs what is left: the
-//! same lines in another place of the order, on another layer or in another colour, moved together, moved alone,
-//! resized, reshaped. Whatever finds no partner was added or removed. Where a contour starts and which way a path is
-//! traced do not count as a change.
+//! [`compare`] first finds the paths that are equal in both drawings with `similar`, then pairs the remaining ones:
+//! the same lines at another position in the order, on another layer or in another colour; paths that moved together
+//! or alone; resized and reshaped paths. A path without a partner was added or removed. A different start of a
+//! contour or a different direction of a path is not a change.
 //!
 //! ```
 //! use isomark::diff::{DiffKind, DiffPath, TOLERANCE, compare};
@@ -35,10 +35,10 @@ use outline::{Outline, deviation};
 
 pub use path::{DiffKind, DiffPath, PathNote};
 
-/// Smaller differences, in mm, are not looked at by default: drawings are written with a few more digits than that.
+/// Smaller differences, in mm, are ignored by default: drawings are written with a few more digits than this.
 pub const TOLERANCE: f64 = 0.001;
 
-/// The lines that two texts differ in, each behind the `-` or `+` that says in which of them it stands.
+/// The lines that differ between two texts: lines of the old text start with `-`, lines of the new one with `+`.
 ///
 /// ```
 /// let lines = isomark::diff::text_changes("a = 1\nb = 2\n", "a = 1\nb = 3\n");
@@ -54,7 +54,8 @@ pub fn text_changes(old: &str, new: &str) -> Vec<String> {
     changed.collect()
 }
 
-/// The differences between an old and a new drawing. Printed, it is a few lines, alike changes taken together.
+/// The differences between an old and a new drawing. [`Display`](std::fmt::Display) gives a few lines, with similar
+/// changes combined.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrawingDiff {
     /// The tolerance of the comparison, mm.
@@ -65,8 +66,8 @@ pub struct DrawingDiff {
     pub new_paths: usize,
     /// Number of paths that are the same in both.
     pub unchanged: usize,
-    /// The changes: those of old paths in the old drawing's order, then the added paths in the new one's. A path that
-    /// changed in several ways has an entry for each.
+    /// The changes: those of old paths in the order of the old drawing, then the added paths in the order of the new
+    /// one. A path with several changes has an entry for each.
     pub entries: Vec<Change>,
 }
 
@@ -84,7 +85,7 @@ pub enum Change {
         /// The old path.
         what: PathNote,
     },
-    /// The path lies elsewhere.
+    /// The path is at another place.
     Moved {
         /// The old path.
         what: PathNote,
@@ -96,10 +97,10 @@ pub enum Change {
         by: [f64; 2],
         /// The length of the move, mm.
         distance: f64,
-        /// Where to, in words.
+        /// The direction of the move.
         direction: Direction,
     },
-    /// The path has the same shape in another size.
+    /// The path has the same shape but another size.
     Resized {
         /// The old path.
         what: PathNote,
@@ -112,7 +113,7 @@ pub enum Change {
     Reshaped {
         /// The old path.
         what: PathNote,
-        /// The largest distance between old and new line, mm; after the move, where there is one.
+        /// The largest distance between the old and the new line, mm; after the move, if there is one.
         deviation: f64,
     },
     /// The path has another colour.
@@ -133,21 +134,21 @@ pub enum Change {
         /// Its new layer.
         to: String,
     },
-    /// The path is drawn at another point of the order.
+    /// The path is at another position in the drawing order.
     Reordered {
         /// The old path.
         what: PathNote,
-        /// Its place in the old order, counted from 1.
+        /// Its position in the old order, counted from 1.
         from: usize,
-        /// Its place in the new order, counted from 1.
+        /// Its position in the new order, counted from 1.
         to: usize,
     },
 }
 
-/// The direction of a move as people say it; a diagonal is a move with a sizeable part both ways.
+/// The direction of a move; it is diagonal if both components are large enough (see [`Direction::of`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "each name says it all")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub enum Direction {
     Right,
     UpRight,
@@ -159,10 +160,10 @@ pub enum Direction {
     DownRight,
 }
 
-/// Compares two drawings; differences of at most `tolerance` mm do not count (see [`TOLERANCE`]).
+/// Compares two drawings; differences of at most `tolerance` mm are ignored (see [`TOLERANCE`]).
 ///
-/// Comparing the other way round gives the same pairs: what one direction calls added, the other calls removed. Where
-/// many equal paths were shuffled, more than one story is true, and the same one is told every time.
+/// Comparing in the opposite direction gives the same pairs: added paths become removed paths. If many equal paths were
+/// shuffled, several descriptions are correct; the result is always the same one.
 pub fn compare(old: &[DiffPath], new: &[DiffPath], tolerance: f64) -> DrawingDiff {
     let tolerance = if tolerance.is_finite() && tolerance > 1e-9 { tolerance } else { 1e-9 };
     let outlines = [old, new].map(|paths| paths.iter().map(|path| Outline::of(path, tolerance)).collect());
@@ -201,7 +202,7 @@ pub fn compare(old: &[DiffPath], new: &[DiffPath], tolerance: f64) -> DrawingDif
     diff
 }
 
-/// The paths of a drawing for a comparison, flattened at 0.001 mm; colours by layer are resolved.
+/// The paths of a drawing for a comparison, flattened to 0.001 mm; colours by layer are resolved.
 pub fn paths_of(pattern: &Pattern) -> Vec<DiffPath> {
     let paths = pattern.paths.iter().map(|path| {
         let layer = pattern.layers.get(path.layer);
@@ -226,7 +227,7 @@ pub fn paths_of(pattern: &Pattern) -> Vec<DiffPath> {
     paths.collect()
 }
 
-/// What became of a path that has a partner.
+/// The changes of a path that has a partner.
 fn changes(old: &Outline<'_>, new: &Outline<'_>, found: Found, tolerance: f64) -> Vec<Change> {
     let mut changes = Vec::new();
     if old.path.layer != new.path.layer {
@@ -280,7 +281,7 @@ fn changes(old: &Outline<'_>, new: &Outline<'_>, found: Found, tolerance: f64) -
 }
 
 impl Change {
-    /// The path that changed: the new one where it was added, otherwise the old one.
+    /// The changed path: the new one if it was added, otherwise the old one.
     pub fn what(&self) -> &PathNote {
         match self {
             Self::Added { what }
@@ -296,7 +297,7 @@ impl Change {
 }
 
 impl Direction {
-    /// The direction of a step (x to the right, y up); a side of less than a tenth of the other is not named.
+    /// The direction of a step (x to the right, y up); a component of less than a tenth of the other is ignored.
     pub fn of([x, y]: [f64; 2]) -> Self {
         let (is_level, is_upright) = (y.abs() < 0.1 * x.abs(), x.abs() < 0.1 * y.abs());
         match (x >= 0.0, y >= 0.0) {

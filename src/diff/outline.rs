@@ -1,23 +1,23 @@
-//! A path made comparable: its centre and size, its quantised shape, and its distance from another one.
+//! A path prepared for comparison: its centre and size, its quantised shape, and its distance from another path.
 
 use super::{DiffKind, DiffPath, PathNote};
 
-/// Part of a quantum that is added before rounding, so that the round decimals people draw with never lie on the
-/// border between two quanta, where the last bit would decide.
+/// Fraction of a quantum that is added before rounding: round decimal coordinates are then never on the border between
+/// two quanta, where the last bit would decide.
 const OFF_BORDER: f64 = std::f64::consts::FRAC_1_PI;
-/// Segments that are looked at on either side of the last nearest one.
+/// Number of segments searched on each side of the last nearest one.
 const WINDOW: usize = 8;
-/// Distances that one comparison may compute in searches over the whole path.
+/// Maximum number of distances that one comparison computes in searches over the whole path.
 const SEARCH_BUDGET: usize = 250_000;
 
-/// A path with what pairing needs to know of it.
+/// A path with the properties needed for pairing.
 pub(super) struct Outline<'a> {
     pub(super) path: &'a DiffPath,
     /// Centre of its extents, mm.
     pub(super) center: [f64; 2],
     /// Width and height, mm.
     pub(super) size: [f64; 2],
-    /// Its points in quanta of the tolerance, freed from start and direction.
+    /// Its points in quanta of the tolerance, independent of start and direction.
     pub(super) lines: Vec<[i64; 2]>,
     /// The same relative to the centre.
     pub(super) shape: Vec<[i64; 2]>,
@@ -67,15 +67,15 @@ impl<'a> Outline<'a> {
     }
 }
 
-/// The cell of width `size` that a point or step lies in.
+/// The cell of width `size` that contains a point or step.
 pub(super) fn quantum(point: [f64; 2], size: f64) -> [i64; 2] {
     point.map(|coordinate| (coordinate / size + OFF_BORDER).floor() as i64)
 }
 
 /// The largest distance from a vertex of one path to the line of the other, mm, after `moving` the old one.
 ///
-/// Both paths are walked along in step; where that would raise the result, the whole path is searched. So the result
-/// is exact but for paths of very many vertices that differ nearly everywhere, where it may be too large.
+/// Both paths are followed in parallel; where that would increase the result, the whole path is searched. The result is
+/// exact, except for paths with very many vertices that differ almost everywhere, where it may be too large.
 pub(super) fn deviation(old: &Outline<'_>, new: &Outline<'_>, moving: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
     if old.path.points.is_empty() || new.path.points.is_empty() {
         return if old.path.points.len() == new.path.points.len() { 0.0 } else { f64::MAX };
@@ -130,7 +130,8 @@ fn to_segment(point: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
     (step[0] - along[0] * t).hypot(step[1] - along[1] * t)
 }
 
-/// The same points from the smallest one on (contours) and in the direction that compares less.
+/// The same points in a normal form: a contour starts at its smallest point, and the direction is the one that compares
+/// less.
 fn normalised(mut points: Vec<[i64; 2]>, kind: DiffKind) -> Vec<[i64; 2]> {
     let from_smallest = |points: &mut Vec<[i64; 2]>| {
         let smallest =
@@ -154,14 +155,14 @@ mod tests {
     }
 
     #[test]
-    fn start_and_direction_do_not_count() {
+    fn start_and_direction_are_ignored() {
         let there = path(DiffKind::Closed, vec![[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 1.0]]);
         let back = path(DiffKind::Closed, vec![[3.0, 2.0], [3.0, 0.0], [0.0, 0.0], [0.0, 1.0]]);
         assert_eq!(Outline::of(&there, 1e-3).lines, Outline::of(&back, 1e-3).lines);
     }
 
     #[test]
-    fn a_shape_keeps_its_quanta_when_it_is_moved() {
+    fn a_moved_shape_has_the_same_quanta() {
         let shape = |x: f64, y: f64| {
             let points = [[0.0, 0.0], [2.025, 0.0], [1.0005, 0.125]].map(|[a, b]| [a + x, b + y]);
             Outline::of(&path(DiffKind::Open, points.into()), 1e-3).shape
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_deviation_of_long_paths_is_that_of_the_one_bump() {
+    fn the_deviation_of_long_paths_includes_a_single_bump() {
         let wave = |bump: f64| {
             let point = |index: i32| {
                 let x = f64::from(index) * 0.01;

@@ -1,13 +1,13 @@
-//! The paths of a drawing as a comparison sees them.
+//! The paths of a drawing, prepared for a comparison.
 
 use serde::{Deserialize, Serialize};
 
-/// One path of a drawing, as far as a comparison needs it.
+/// One path of a drawing, with the properties that a comparison needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiffPath {
     /// The layer's name.
     pub layer: String,
-    /// The colour that is seen: an index of the AutoCAD colour table such as `7`, or `#rrggbb`.
+    /// The visible colour: an index of the AutoCAD colour table such as `7`, or `#rrggbb`.
     pub color: String,
     /// Dot, open path or contour.
     pub kind: DiffKind,
@@ -15,7 +15,7 @@ pub struct DiffPath {
     pub points: Vec<[f64; 2]>,
 }
 
-/// What a path is.
+/// The kind of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DiffKind {
@@ -27,7 +27,7 @@ pub enum DiffKind {
     Closed,
 }
 
-/// Enough of a path to find it again.
+/// The properties that identify a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PathNote {
     /// The layer's name.

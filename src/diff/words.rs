@@ -1,4 +1,4 @@
-//! The differences as a few lines of text: changes that are alike share a line.
+//! The differences as a few lines of text: similar changes share a line.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
@@ -7,9 +7,9 @@ use super::outline::quantum;
 use super::{Change, DiffKind, Direction, DrawingDiff, PathNote};
 use crate::printable::on_one_line;
 
-/// Lines for each kind of change; the rest is summed up in one more.
+/// Maximum number of lines for each kind of change; one more line summarises the rest.
 const MAX_LINES: usize = 8;
-/// Layers that a line names.
+/// Maximum number of layers named in a line.
 const MAX_LAYERS: usize = 3;
 
 impl Display for DrawingDiff {
@@ -25,7 +25,7 @@ impl Display for DrawingDiff {
 }
 
 impl DrawingDiff {
-    /// The changes in words, one line for each group of alike changes; empty when nothing changed.
+    /// The changes as text, one line for each group of similar changes; empty if nothing changed.
     pub fn lines(&self) -> Vec<String> {
         let mut lines = self.moved();
         lines.extend(self.reshaped());
@@ -37,8 +37,8 @@ impl DrawingDiff {
             Change::Recoloured { from, to, .. } => Some(format!("recoloured from {from} to {to}")),
             _ => None,
         }));
-        lines.extend(self.grouped("put on other layers", |change| match change {
-            Change::Relayered { to, .. } => Some(format!("put on layer {to}")),
+        lines.extend(self.grouped("moved to other layers", |change| match change {
+            Change::Relayered { to, .. } => Some(format!("moved to layer {to}")),
             _ => None,
         }));
         lines.extend(self.reordered());
@@ -55,7 +55,7 @@ impl DrawingDiff {
         lines
     }
 
-    /// One line for each layer and phrase; `summary` stands for the phrases that have no line of their own.
+    /// One line for each layer and phrase; `summary` is the phrase for all that have no separate line.
     fn grouped(&self, summary: &str, phrase: impl Fn(&Change) -> Option<String>) -> Vec<String> {
         let mut groups: BTreeMap<(&str, String), Vec<&PathNote>> = BTreeMap::new();
         for change in &self.entries {
@@ -85,21 +85,20 @@ impl DrawingDiff {
         }
         let total: usize = groups.values().map(Vec::len).sum();
         let groups = with_neighbours(groups);
-        // Among many moves in all directions a chance group says nothing.
-        let is_told = |group: &Vec<_>| groups.len() <= MAX_LINES || group.len() * 10 >= total;
-        let (told, more): (Vec<_>, Vec<_>) = groups.iter().partition(|group| is_told(group));
+        // Among many moves in all directions, small groups are coincidences and get no separate line.
+        let is_listed = |group: &Vec<_>| groups.len() <= MAX_LINES || group.len() * 10 >= total;
+        let (listed, more): (Vec<_>, Vec<_>) = groups.iter().partition(|group| is_listed(group));
         let mut lines: Vec<String> = Vec::new();
-        for group in told {
+        for group in listed {
             let notes: Vec<&PathNote> = group.iter().map(|(what, _)| *what).collect();
             lines.push(format!("{} moved by {}", self.subject(&notes), step(group[0].1, notes.len())));
         }
         if !more.is_empty() {
             let lengths = more.iter().copied().flatten().map(|(_, [x, y])| x.hypot(*y));
-            let (least, most) =
-                lengths.fold((f64::INFINITY, 0.0), |(a, b), x| (f64::min(a, x), f64::max(b, x)));
+            let (min, max) = lengths.fold((f64::INFINITY, 0.0), |(a, b), x| (f64::min(a, x), f64::max(b, x)));
             let notes: Vec<&PathNote> = more.iter().copied().flatten().map(|(what, _)| *what).collect();
             let subject = if lines.is_empty() { self.subject(&notes) } else { more_paths(notes.len()) };
-            lines.push(format!("{subject} moved by {} to {}", length(least), length(most)));
+            lines.push(format!("{subject} moved by {} to {}", length(min), length(max)));
         }
         lines
     }
@@ -135,7 +134,10 @@ impl DrawingDiff {
         match moves.as_slice() {
             [] => Vec::new(),
             [(what, from, to)] => {
-                vec![format!("{} drawn at place {to} instead of {from}", self.subject(&[*what]))]
+                vec![format!(
+                    "{} drawn at position {to} in the order instead of {from}",
+                    self.subject(&[*what])
+                )]
             }
             _ => {
                 let notes: Vec<_> = moves.iter().map(|(what, _, _)| *what).collect();
@@ -144,7 +146,7 @@ impl DrawingDiff {
         }
     }
 
-    /// What a line about old paths speaks of.
+    /// The subject of a line about old paths.
     fn subject(&self, notes: &[&PathNote]) -> String {
         if notes.len() > 1 && notes.len() == self.old_paths {
             return format!("all {}", paths(notes.len()));
@@ -168,7 +170,7 @@ impl Display for Direction {
     }
 }
 
-/// One path with its place, or how many on which layers.
+/// One path with its place, or the number of paths with their layers.
 fn some(notes: &[&PathNote]) -> String {
     let [note] = notes else {
         let layers: BTreeSet<&str> = notes.iter().map(|note| note.layer.as_str()).collect();
@@ -188,7 +190,7 @@ fn some(notes: &[&PathNote]) -> String {
     format!("layer {}: {what} near ({x}, {y}) mm", note.layer)
 }
 
-/// The groups of moves, largest first, each with the smaller groups that differ from it by rounding only.
+/// The groups of moves, largest first, each merged with the smaller groups that differ from it only by rounding.
 fn with_neighbours<T>(groups: BTreeMap<[i64; 2], Vec<T>>) -> Vec<Vec<T>> {
     let mut by_size: Vec<_> = groups.into_iter().collect();
     by_size.sort_by_key(|(_, members)| std::cmp::Reverse(members.len()));
@@ -208,7 +210,7 @@ fn with_neighbours<T>(groups: BTreeMap<[i64; 2], Vec<T>>) -> Vec<Vec<T>> {
     joined
 }
 
-/// A move of `count` paths: its length and direction, or its two components where several went a diagonal way.
+/// A move of `count` paths: its length and direction, or its two components if several paths moved diagonally.
 fn step(by: [f64; 2], count: usize) -> String {
     let [x, y] = by;
     let distance = length(x.hypot(y));
@@ -232,7 +234,7 @@ fn resized(from: [f64; 2], to: [f64; 2]) -> String {
     format!("resized from {old} to {new}")
 }
 
-/// A length with as many decimals as it needs to be seen.
+/// A length with as many decimals as its size requires.
 fn length(millimetres: f64) -> String {
     let decimals = decimals(millimetres);
     format!("{millimetres:.decimals$} mm")
@@ -255,7 +257,7 @@ fn more_paths(count: usize) -> String {
     format!("{} more {}", thousands(count), if count == 1 { "path" } else { "paths" })
 }
 
-/// A count with a comma between each three digits.
+/// A count with a comma after every three digits.
 fn thousands(count: usize) -> String {
     let digits = count.to_string();
     let groups: Vec<&[u8]> = digits.as_bytes().rchunks(3).rev().collect();

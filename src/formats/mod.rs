@@ -1,19 +1,19 @@
 //! Bytes to values and back; the only place that names a format crate. Nothing here opens a file.
 
-/// How long reading may take.
+/// A limit on the time that reading may take.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Pace {
-    /// Some tenths of a second: what turns out to be more work is refused as soon as that shows.
+    /// A few tenths of a second. A file that needs more work is refused as soon as this is known.
     Quick,
-    /// As long as it takes.
+    /// No limit.
     #[default]
     Any,
 }
 
 impl Pace {
-    /// Whether so much work may be done where a moment is enough for `moment` of it.
-    pub fn allows(self, work: usize, moment: usize) -> bool {
-        self == Self::Any || work <= moment
+    /// Whether this amount of work is allowed; [`Quick`](Self::Quick) allows at most `quick_limit`.
+    pub fn allows(self, work: usize, quick_limit: usize) -> bool {
+        self == Self::Any || work <= quick_limit
     }
 }
 

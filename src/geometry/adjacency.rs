@@ -2,21 +2,21 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// Positions closer together than this, mm, are one vertex: exporters repeat vertices at face borders, and a float
-/// holds a 200 mm part to 0.00002 mm.
+/// Positions closer together than this, mm, are treated as one vertex: exporters repeat vertices at face borders, and
+/// the precision of a 32-bit float is 0.00002 mm on a part of 200 mm.
 const WELD_DISTANCE: f64 = 1e-4;
 
-/// A triangle of a smaller height than this, mm, has no direction to speak of.
+/// The normal of a triangle whose smallest height is less than this, mm, is not reliable.
 const SLIVER: f64 = 0.005;
 
-/// No side.
+/// Marks a missing index, such as that of a side or a vertex.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// For each position the number of its place, from 0 in the order of first appearance; positions within a weld cell
-/// share one.
+/// For each position, the number of its place, from 0 in the order of first appearance; positions in one weld cell
+/// share a place.
 pub(super) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
     let cell = |position: &Point3<f64>| position.coords.map(|value| (value / WELD_DISTANCE).round() as i64);
-    // Open addressing with at most half the slots taken; each slot names the first position of its place.
+    // Open addressing with at most half of the slots used; each slot holds the first position of its place.
     let slots = (positions.len() * 2).next_power_of_two();
     let mut first = vec![NONE; slots];
     let mut places = vec![0; positions.len()];
@@ -47,13 +47,13 @@ pub(super) fn hash(numbers: [u64; 3]) -> u64 {
         .fold(0, |sum: u64, number| (sum.rotate_left(23) ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }
 
-/// For each side of each triangle (side 3·t + k runs from corner k to the next) the one other side over the same two
+/// For each side of each triangle (side 3·t + k runs from corner k to the next), the other side between the same two
 /// vertices; [`NONE`] at a border and where more than two triangles meet.
 pub(super) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
     let count = triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
     let ends = |side: usize| {
         let (from, to) = (triangles[side / 3][side % 3], triangles[side / 3][(side + 1) % 3]);
-        // (side + 1) % 3 is the next corner only because 3·t drops out of it.
+        // (side + 1) % 3 is the next corner, because 3·t is a multiple of 3.
         (from.min(to), from.max(to))
     };
     let sides = triangles.len() * 3;
@@ -82,7 +82,7 @@ pub(super) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
     opposite
 }
 
-/// For each vertex those that share a side with it.
+/// For each vertex, the vertices that share a side with it.
 pub(super) struct Neighbours {
     starts: Vec<u32>,
     vertices: Vec<u32>,
@@ -101,7 +101,7 @@ impl Neighbours {
             all[next[from as usize] as usize] = to;
             next[from as usize] += 1;
         }
-        // Inner sides were met from both of their triangles.
+        // Inner sides occur twice, once for each of their triangles.
         let mut vertices = Vec::with_capacity(all.len() / 2 + count);
         let mut unique_starts = vec![0u32; count + 1];
         for vertex in 0..count {
@@ -113,7 +113,7 @@ impl Neighbours {
         Self { starts: unique_starts, vertices }
     }
 
-    /// Those round a vertex, ascending.
+    /// The neighbours of a vertex, ascending.
     pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
         &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
@@ -123,8 +123,8 @@ pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 
-/// The longest side of a triangle that is too narrow to have a direction: exporters make such ones where the vertices of two
-/// faces do not meet.
+/// The longest side of a triangle that is too narrow for a reliable normal, `None` for other triangles. Exporters
+/// make such slivers where the vertices of two faces do not coincide.
 pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
     let [a, b, c] = points;
     let sides = [b - a, c - b, a - c].map(|side| side.norm_squared());

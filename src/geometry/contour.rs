@@ -1,8 +1,8 @@
-//! Repairs of drawings: loose pieces chained into contours, as CAD exporters write every line and arc of an outline on its
-//! own, what draws nothing new is taken out.
+//! Repairs drawings: joins loose pieces into contours, because CAD exporters write every line and arc of an outline
+//! separately, and removes duplicates and curves without length.
 //!
-//! Two ends are joined when they lie within the tolerance of each other and of no third end, on the same layer and in
-//! the same colour. A piece keeps its place in the drawing order; a chain takes that of its first piece.
+//! Two ends are joined when they are within the tolerance of each other, no third end is that close, and both have the
+//! same layer and colour. A piece keeps its place in the drawing order; a chain takes the place of its first piece.
 
 use std::collections::BTreeMap;
 
@@ -11,25 +11,24 @@ use nalgebra::{Matrix2, Vector2};
 use super::pattern::{Affine, Color, Path, SAME_POINT, Segment, Shape, Source};
 use super::space::FlatPoint;
 
-/// What the repair made of a drawing. Every list is in drawing order and names everything it is about.
+/// The result of a repair. Every list is complete and in drawing order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Repaired {
     /// The paths after the repair, in drawing order.
     pub paths: Vec<Path>,
-    /// Contours made of chained pieces.
+    /// Contours made by repaired pieces.
     pub contours: Vec<Finding>,
-    /// Open lines made of chained pieces.
+    /// Open lines made by repaired pieces.
     pub chains: Vec<Finding>,
-    /// Single paths whose ends met within the tolerance and that are contours now.
+    /// Single paths that were closed, because their ends met within the tolerance.
     pub closed: Vec<Finding>,
-    /// Open paths whose ends nearly meet, but not within the tolerance.
+    /// Open paths whose ends nearly meet, but are farther apart than the tolerance.
     pub nearly_closed: Vec<Finding>,
-    /// Paths that draw what another path on the same layer and in the same colour draws; taken out unless repairs
-    /// are off.
+    /// Paths that draw the same as another path on the same layer in the same colour; removed unless repairs are off.
     pub duplicates: Vec<Finding>,
-    /// Curves without length, and pieces without length inside longer ones; taken out unless repairs are off.
+    /// Curves without length, and pieces without length inside longer ones; removed unless repairs are off.
     pub without_length: Vec<Finding>,
-    /// Number of ends that were left alone because more than two meet there.
+    /// Number of ends that were not joined because more than two meet there.
     pub ambiguous_ends: usize,
 }
 
@@ -40,11 +39,11 @@ pub struct Finding {
     pub source: Source,
     /// Index of its layer.
     pub layer: usize,
-    /// Where it begins.
+    /// Its start, mm.
     pub at: FlatPoint,
     /// Number of pieces concerned.
     pub pieces: usize,
-    /// The widest gap between two ends that were, or should have been, one, mm.
+    /// The widest gap between two ends that were joined, or that nearly meet, mm.
     pub gap: f64,
 }
 
@@ -60,25 +59,26 @@ impl Finding {
     }
 }
 
-/// A gap up to this length, mm, makes an open path worth a look: far above rounding, far below a drawn opening.
+/// Open paths with a gap up to this length, mm, are reported: far above rounding, far below an intended opening.
 pub const NEARLY_CLOSED: f64 = 0.1;
 
-/// Repairs a drawing: takes out what has no length and what is drawn twice, chains open paths whose ends lie within
-/// `tolerance` mm of each other, and closes those that come back to themselves.
+/// Repairs a drawing: removes curves without length and duplicates, joins open paths whose ends are within
+/// `tolerance` mm of each other, and closes paths that return to their start.
 ///
-/// Paths that bound a fill and strokes of letters and patterns are not joined, and a fill is drawn twice only if all its contours are. Of an outline and an
-/// equal contour of a fill the fill's stays, of an open line and an equal contour the contour. Pieces no larger than the tolerance are no bridge: they stay as they are.
-/// A tolerance of 0 joins nothing. Takes O(n log n).
+/// Paths that bound a fill and strokes of letters and patterns are not joined. A fill is a duplicate only if all its
+/// contours are. Between an outline and an equal contour of a fill, the fill's contour is kept; between an open line
+/// and an equal contour, the contour is kept. Pieces no larger than the tolerance are joined only where ends
+/// coincide. A tolerance of 0 joins nothing. Takes O(n log n) time.
 pub fn repair(mut paths: Vec<Path>, tolerance: f64) -> Repaired {
     let mut result = Repaired::default();
     paths.retain_mut(|path| {
-        let found = take_out_empty(path);
+        let found = remove_empty(path);
         result.without_length.extend(found);
         matches!(path.shape, Shape::Dot(_)) || !path.shape.segments().is_empty()
     });
-    result.take_out_copies(&mut paths);
+    result.remove_copies(&mut paths);
     let mut loose: Vec<Loose> = paths.into_iter().map(|path| Loose { path, pieces: 1, gap: 0.0 }).collect();
-    // Ends that meet exactly belong together, whatever else is near.
+    // Ends that coincide are joined first, even if other ends are near.
     for tolerance in [tolerance.min(SAME_POINT), tolerance] {
         if tolerance > 0.0 {
             (loose, result.ambiguous_ends) = chained(loose, tolerance);
@@ -91,24 +91,25 @@ pub fn repair(mut paths: Vec<Path>, tolerance: f64) -> Repaired {
             (count, true) => result.contours.push(Finding::of(&path, count, gap)),
             (count, false) => result.chains.push(Finding::of(&path, count, gap)),
         }
-        result.see_opening(&path, tolerance);
+        result.note_opening(&path, tolerance);
         result.paths.push(path);
     }
-    // What was drawn once as a whole and once in pieces is a copy only now.
+    // If a path was drawn once as a whole and once in pieces, the two are equal only after repaired.
     if !(result.contours.is_empty() && result.chains.is_empty()) {
         let mut paths = std::mem::take(&mut result.paths);
-        result.take_out_copies(&mut paths);
+        result.remove_copies(&mut paths);
         result.paths = paths;
     }
     result
 }
 
-/// Changes nothing and finds what [`repair`] would take out, and openings of outlines that may not be meant.
+/// Finds everything that [`repair`] would remove, and small openings in outlines that may be unintended, without
+/// changing the paths.
 pub fn examine(paths: Vec<Path>) -> Repaired {
     let mut result = Repaired::default();
     for path in &paths {
-        result.without_length.extend(take_out_empty(&mut path.clone()));
-        result.see_opening(path, 0.0);
+        result.without_length.extend(remove_empty(&mut path.clone()));
+        result.note_opening(path, 0.0);
     }
     let copies = copies(&paths);
     let found = paths.iter().zip(&copies).filter(|(_, is_copy)| **is_copy);
@@ -118,7 +119,7 @@ pub fn examine(paths: Vec<Path>) -> Repaired {
 }
 
 impl Repaired {
-    fn take_out_copies(&mut self, paths: &mut Vec<Path>) {
+    fn remove_copies(&mut self, paths: &mut Vec<Path>) {
         let mut copies = copies(paths).into_iter();
         paths.retain(|path| {
             let is_copy = copies.next().unwrap_or(false);
@@ -129,7 +130,7 @@ impl Repaired {
         });
     }
 
-    fn see_opening(&mut self, path: &Path, tolerance: f64) {
+    fn note_opening(&mut self, path: &Path, tolerance: f64) {
         let Shape::Open(segments) = &path.shape else { return };
         let (Some(first), Some(last)) = (segments.first(), segments.last()) else { return };
         let gap = first.start().distance(last.end());
@@ -139,14 +140,14 @@ impl Repaired {
     }
 }
 
-/// A path made of so many pieces, with the widest gap between two of them, mm.
+/// A path, the number of pieces it is made of, and the widest gap between two of them, mm.
 struct Loose {
     path: Path,
     pieces: usize,
     gap: f64,
 }
 
-/// The paths chained where their ends meet, and how many ends meet more than one.
+/// The paths joined where their ends meet, and the number of ends that meet more than one other end.
 fn chained(mut loose: Vec<Loose>, tolerance: f64) -> (Vec<Loose>, usize) {
     let joinable: Vec<bool> = loose.iter().map(|loose| is_joinable(&loose.path, tolerance)).collect();
     let (partners, ambiguous_ends) = partners(&loose, &joinable, tolerance);
@@ -180,8 +181,8 @@ fn chained(mut loose: Vec<Loose>, tolerance: f64) -> (Vec<Loose>, usize) {
     (loose, ambiguous_ends)
 }
 
-/// Takes the pieces without length out of a path, all of them if there is nothing else.
-fn take_out_empty(path: &mut Path) -> Option<Finding> {
+/// Removes the pieces without length from a path; if the whole path has no length, all its pieces.
+fn remove_empty(path: &mut Path) -> Option<Finding> {
     let found = Finding::of(path, 0, 0.0);
     let segments = match &mut path.shape {
         Shape::Dot(_) => return None,
@@ -197,7 +198,8 @@ fn take_out_empty(path: &mut Path) -> Option<Finding> {
     (pieces > 0).then_some(Finding { pieces, ..found })
 }
 
-/// Whether the path is an open curve, larger than the tolerance, that bounds no fill and is not one stroke of several.
+/// Whether the path is an open curve, larger than the tolerance, that is neither part of a fill nor one stroke of
+/// several.
 fn is_joinable(path: &Path, tolerance: f64) -> bool {
     match &path.shape {
         Shape::Open(segments) => {
@@ -207,17 +209,17 @@ fn is_joinable(path: &Path, tolerance: f64) -> bool {
     }
 }
 
-/// Whether the way leads farther than `distance` mm from its start.
+/// Whether the curve goes farther than `distance` mm from its start.
 fn reaches_beyond(segments: &[Segment], distance: f64) -> bool {
     let Some(start) = segments.first().map(Segment::start) else { return false };
-    let on_the_way = |segment: &Segment| match segment {
+    let reaches = |segment: &Segment| match segment {
         Segment::Line { to, .. } => to.distance(start) > distance,
         curve => [0.25, 0.5, 0.75, 1.0].iter().any(|t| curve.point(*t).distance(start) > distance),
     };
-    segments.iter().any(on_the_way)
+    segments.iter().any(reaches)
 }
 
-// An end is numbered 2·path for its start and 2·path + 1 for its end; the other end of the same path is `end ^ 1`.
+// The start of a path has the number 2·path and its end 2·path + 1; the other end of the same path is `end ^ 1`.
 
 fn end_point(loose: &[Loose], end: usize) -> Option<FlatPoint> {
     let segments = loose[end / 2].path.shape.segments();
@@ -239,7 +241,7 @@ fn group(path: &Path) -> Group {
     (path.layer, color)
 }
 
-/// For every end the one end it meets, and how many ends meet more than one.
+/// For every end, the one other end that it meets; and the number of ends that meet more than one.
 fn partners(loose: &[Loose], joinable: &[bool], tolerance: f64) -> (Vec<Option<usize>>, usize) {
     // Cells of half the tolerance: all ends in one cell meet, so no cell is searched more than a few times.
     let cell = |coordinate: f64| (2.0 * coordinate / tolerance).floor() as i64;
@@ -249,8 +251,9 @@ fn partners(loose: &[Loose], joinable: &[bool], tolerance: f64) -> (Vec<Option<u
         .map(|(end, point)| ((group(&loose[end / 2].path), cell(point.x), cell(point.y)), end, point))
         .collect();
     ends.sort_unstable_by_key(|(cell, end, _)| (*cell, *end));
-    let mut met: Vec<Meeting> = vec![Meeting::Nobody; 2 * loose.len()];
-    // Where the search begins in each of the columns of cells around; as cells are taken in order it only moves on.
+    let mut met: Vec<Meeting> = vec![Meeting::None; 2 * loose.len()];
+    // The start of the search in each of the neighbouring columns of cells. Cells are visited in order, so it only
+    // moves forward.
     let mut begins = [0; 7];
     for here in ends.chunk_by(|a, b| a.0 == b.0) {
         let (group, x, y) = here[0].0;
@@ -270,7 +273,7 @@ fn partners(loose: &[Loose], joinable: &[bool], tolerance: f64) -> (Vec<Option<u
             let mut others =
                 near.filter(|(_, other, there)| other != end && there.distance(*point) <= tolerance);
             met[*end] = match (others.next(), others.next()) {
-                (None, _) => Meeting::Nobody,
+                (None, _) => Meeting::None,
                 (Some((_, other, _)), None) => Meeting::One(*other),
                 _ => Meeting::Many,
             };
@@ -286,13 +289,13 @@ fn partners(loose: &[Loose], joinable: &[bool], tolerance: f64) -> (Vec<Option<u
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meeting {
-    Nobody,
+    None,
     One(usize),
     Many,
 }
 
-/// The chain that `first` belongs to, as the ends at which its pieces are entered, and whether it comes back to itself.
-/// The first piece keeps its direction.
+/// The chain that `first` belongs to, as the ends at which its pieces are entered, and whether it is closed. The first
+/// piece keeps its direction.
 fn chain(first: usize, partners: &[Option<usize>]) -> (Vec<usize>, bool) {
     let start = 2 * first;
     let mut forward = vec![start];
@@ -307,7 +310,7 @@ fn chain(first: usize, partners: &[Option<usize>]) -> (Vec<usize>, bool) {
     let mut backward = Vec::new();
     let mut end = start;
     while let Some(previous) = partners[end] {
-        // Entered from its far end, so that it leads to the piece after it.
+        // It is entered at its far end, so that it leads to the following piece.
         backward.push(previous ^ 1);
         end = previous ^ 1;
     }
@@ -316,8 +319,8 @@ fn chain(first: usize, partners: &[Option<usize>]) -> (Vec<usize>, bool) {
     (backward, false)
 }
 
-/// The segments of the pieces in a row, each moved so that it starts exactly where the last one ended, and the widest gap
-/// between two of them, mm.
+/// The segments of consecutive pieces, with each piece adjusted to start exactly where the last one ended, and the
+/// widest gap between two pieces, mm.
 fn connected(ends: &[usize], loose: &mut [Loose]) -> (Vec<Segment>, f64) {
     let mut row: Vec<Segment> = Vec::new();
     let mut widest = 0.0f64;
@@ -345,7 +348,7 @@ fn connected(ends: &[usize], loose: &mut [Loose]) -> (Vec<Segment>, f64) {
     (row, widest)
 }
 
-/// Moves the last end onto the first start.
+/// Moves the end of the last segment onto the start of the first.
 fn close(segments: &mut Vec<Segment>) {
     let Some(start) = segments.first().map(Segment::start) else { return };
     if let [Segment::Arc { sweep, .. }] = segments.as_mut_slice() {
@@ -359,13 +362,13 @@ fn close(segments: &mut Vec<Segment>) {
     }
 }
 
-/// The segment with its ends moved to new ones near by; no point of it moves more than three times as far as the ends do
-/// together. `None` for an arc that would, because its ends are near to each other.
+/// The segment with its ends moved to nearby points; no point of it moves more than three times as far as both ends
+/// together. `None` for an arc that would move farther because its ends are close to each other.
 fn with_ends(segment: &Segment, start: FlatPoint, end: FlatPoint) -> Option<Segment> {
     let (first, last) = (start - segment.start(), end - segment.end());
     Some(match segment {
         Segment::Line { .. } => Segment::Line { from: start, to: end },
-        // Each control point goes with its end, so the directions at the ends stay.
+        // Each control point moves with its end, so the directions at the ends are kept.
         Segment::Bezier { points: [_, after, before, _], weights } => {
             Segment::Bezier { points: [start, *after + first, *before + last, end], weights: *weights }
         }
@@ -387,10 +390,10 @@ fn with_ends(segment: &Segment, start: FlatPoint, end: FlatPoint) -> Option<Segm
     })
 }
 
-/// Which paths draw what another one draws on the same layer and in the same colour.
+/// For each path, whether it draws the same as another one on the same layer in the same colour.
 fn copies(paths: &[Path]) -> Vec<bool> {
     let drawn: Vec<Drawn> = paths.iter().map(Drawn::by).collect();
-    // A fill is what all its contours are together.
+    // A fill is compared as a whole: all its contours together.
     let mut fills: BTreeMap<u32, (Group, Drawn)> = BTreeMap::new();
     for (path, drawn) in paths.iter().zip(&drawn) {
         if let Some(region) = path.region {
@@ -402,8 +405,8 @@ fn copies(paths: &[Path]) -> Vec<bool> {
         seen.entry(*key).or_insert(*region);
     }
     let is_kept = |region: u32| fills.get(&region).and_then(|key| seen.get(key)) == Some(&region);
-    // Of all that draw the same the first by rank stays: an open line that draws a contour adds nothing, and to take the
-    // contour out instead would lose what it bounds.
+    // Of equal paths, the first by rank is kept: fill, contour, line. Removing a contour instead of an equal open line
+    // would lose the area that it bounds.
     let (of_fill, contour, line) = (0, 1, 2);
     let mut is_copy = vec![false; paths.len()];
     let mut ranked: Vec<([u64; 2], i32, usize)> = Vec::with_capacity(paths.len());
@@ -428,7 +431,7 @@ fn copies(paths: &[Path]) -> Vec<bool> {
     is_copy
 }
 
-/// What is drawn, rounded to 1e-6 mm, as sums over its pieces that depend neither on their order nor on their direction.
+/// A hash of what is drawn, rounded to 1e-6 mm: sums over its pieces that do not depend on their order or direction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Drawn {
     pieces: usize,
@@ -440,11 +443,11 @@ impl Drawn {
     pub(super) fn by(path: &Path) -> Self {
         let mut drawn = Self::default();
         if let Shape::Dot(point) = path.shape {
-            drawn.see(mixed(point));
+            drawn.add_piece(mixed(point));
             drawn.pieces = 0;
         }
         for segment in path.shape.segments() {
-            drawn.see(match segment {
+            drawn.add_piece(match segment {
                 Segment::Line { from, to } => mixed(*from).wrapping_add(mixed(*to)),
                 curve => {
                     let pair = |a: f64, b: f64| mixed(curve.point(a)).wrapping_add(mixed(curve.point(b)));
@@ -456,14 +459,14 @@ impl Drawn {
         drawn
     }
 
-    /// A number that tells this drawn in one group from anything else in any.
+    /// A hash that also includes the layer and the colour.
     fn in_group(&self, (layer, (kind, aci, [red, green, blue])): Group) -> [u64; 2] {
         let color = u64::from_le_bytes([kind, aci, red, green, blue, 0, 0, 0]);
         let group = stirred(stirred(layer as u64) ^ color);
         [self.sum ^ group, stirred(self.sum_of_others ^ stirred(self.pieces as u64) ^ group)]
     }
 
-    fn see(&mut self, piece: u64) {
+    fn add_piece(&mut self, piece: u64) {
         self.pieces += 1;
         self.sum = self.sum.wrapping_add(stirred(piece));
         self.sum_of_others = self.sum_of_others.wrapping_add(stirred(piece ^ 0x5bd1_e995_9d1c_a3f7));
@@ -481,7 +484,7 @@ fn mixed(point: FlatPoint) -> u64 {
     stirred(stirred(rounded[0]).wrapping_add(rounded[1]))
 }
 
-/// Every bit of the number spread over all bits (Steele, Lea, Flood, "Fast splittable pseudorandom number generators",
+/// Mixes every bit of the number into all bits (Steele, Lea, Flood, "Fast splittable pseudorandom number generators",
 /// 2014, the mixer of SplitMix64).
 fn stirred(number: u64) -> u64 {
     let number = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -530,7 +533,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slot_of_loose_pieces_becomes_one_contour_in_the_place_of_its_first_piece() {
+    fn loose_pieces_become_one_contour_at_the_place_of_the_first_piece() {
         let pieces = vec![
             line((0.0, 0.0), (10.0, 0.0)),
             line((50.0, 0.0), (60.0, 0.0)),
@@ -538,12 +541,14 @@ mod tests {
             arc(point(10.0, 2.0), 2.0, -PI / 2.0, PI),
             arc(point(0.0005, 2.0), 2.0, PI / 2.0, PI),
         ];
-        let joining = repair(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.contours.len(), joining.contours[0].pieces), (2, 1, 4));
-        assert!((joining.contours[0].gap - 0.0005).abs() < 1e-9 && joining.contours[0].at == point(0.0, 0.0));
-        assert!(joining.paths[0].shape.is_closed());
-        assert_eq!(joining.paths[0].shape.segments()[0].start(), point(0.0, 0.0));
-        assert_connected(&joining.paths[0].shape);
+        let repaired = repair(pieces, 0.002);
+        assert_eq!((repaired.paths.len(), repaired.contours.len(), repaired.contours[0].pieces), (2, 1, 4));
+        assert!(
+            (repaired.contours[0].gap - 0.0005).abs() < 1e-9 && repaired.contours[0].at == point(0.0, 0.0)
+        );
+        assert!(repaired.paths[0].shape.is_closed());
+        assert_eq!(repaired.paths[0].shape.segments()[0].start(), point(0.0, 0.0));
+        assert_connected(&repaired.paths[0].shape);
     }
 
     #[test]
@@ -553,49 +558,49 @@ mod tests {
             line((10.0, 0.0), (0.0, 0.0)),
             line((30.0, 5.0), (20.0, 0.0)),
         ];
-        let joining = repair(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
-        let segments = joining.paths[0].shape.segments();
+        let repaired = repair(pieces, 0.002);
+        assert_eq!((repaired.paths.len(), repaired.chains.len()), (1, 1));
+        let segments = repaired.paths[0].shape.segments();
         assert_eq!((segments[0].start(), segments[2].end()), (point(0.0, 0.0), point(30.0, 5.0)));
-        assert_connected(&joining.paths[0].shape);
+        assert_connected(&repaired.paths[0].shape);
     }
 
     #[test]
-    fn three_ends_at_one_point_are_left_alone() {
+    fn three_ends_at_one_point_are_not_joined() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((0.0, 0.0), (0.0, 1.0)), line((0.0, 0.0), (-1.0, 0.0))];
-        let joining = repair(pieces.clone(), 0.002);
-        assert_eq!(joining.paths, pieces);
-        assert_eq!(joining.ambiguous_ends, 3);
+        let repaired = repair(pieces.clone(), 0.002);
+        assert_eq!(repaired.paths, pieces);
+        assert_eq!(repaired.ambiguous_ends, 3);
     }
 
-    /// How far the drawing reaches from the origin.
+    /// Largest distance of the drawing from the origin.
     fn reach(repaired: &Repaired) -> f64 {
         let points = repaired.paths.iter().flat_map(|path| path.shape.flattened(1e-4));
         points.map(|point| point.coords().norm()).fold(0.0, f64::max)
     }
 
     #[test]
-    fn closing_a_small_gap_moves_nothing_farther_than_the_gap() {
-        // An arc of almost a full turn, its ends 0.02 mm apart, is met by a line 0.0015 mm away.
+    fn closing_a_small_gap_moves_no_point_farther_than_the_gap() {
+        // An arc of almost a full turn with its ends 0.02 mm apart, and a line that ends 0.0015 mm from one of them.
         let open_by = 2e-4;
         let almost = || arc(point(0.0, 0.0), 50.0, open_by, 2.0 * PI - 2.0 * open_by);
         let (y, x) = open_by.sin_cos();
-        let met = repair(vec![line((60.0, 0.0), (50.0 * x + 0.0015, 50.0 * y)), almost()], 0.002);
-        assert_eq!((met.paths.len(), met.chains.len()), (1, 1));
-        assert_connected(&met.paths[0].shape);
+        let joined = repair(vec![line((60.0, 0.0), (50.0 * x + 0.0015, 50.0 * y)), almost()], 0.002);
+        assert_eq!((joined.paths.len(), joined.chains.len()), (1, 1));
+        assert_connected(&joined.paths[0].shape);
         let apart = repair(vec![almost()], 0.0);
-        assert!((reach(&apart) - 50.0).abs() < 1e-6 && (reach(&met) - 60.0).abs() < 1e-6);
-        let left = met.paths[0].shape.flattened(1e-4).iter().map(|at| at.x).fold(0.0, f64::min);
+        assert!((reach(&apart) - 50.0).abs() < 1e-6 && (reach(&joined) - 60.0).abs() < 1e-6);
+        let left = joined.paths[0].shape.flattened(1e-4).iter().map(|at| at.x).fold(0.0, f64::min);
         assert!((left + 50.0).abs() < 1e-3, "{left}");
-        // A loop whose ends are 0.04 mm apart keeps its shape, too.
+        // A loop whose ends are 0.04 mm apart also keeps its shape.
         let control = [point(0.0, 0.02), point(40.0, 30.0), point(40.0, -30.0), point(0.0, -0.02)];
         let turn = open(Segment::Bezier { points: control, weights: [1.0; 4] });
         let before = reach(&repair(vec![turn.clone()], 0.0));
         let lead = line((-1.0, 0.0), (-0.001, 0.021));
-        let met = repair(vec![lead, turn], 0.002);
-        assert_eq!(met.chains.len(), 1);
-        assert!((reach(&met) - before).abs() < 0.002, "{} for {before}", reach(&met));
+        let joined = repair(vec![lead, turn], 0.002);
+        assert_eq!(joined.chains.len(), 1);
+        assert!((reach(&joined) - before).abs() < 0.002, "{} for {before}", reach(&joined));
     }
 
     #[test]
@@ -611,10 +616,10 @@ mod tests {
     }
 
     #[test]
-    fn of_an_open_line_and_an_equal_contour_the_contour_stays() {
+    fn a_contour_is_kept_and_an_equal_open_line_is_removed() {
         let around = square([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]);
         let open = Path { shape: Shape::Open(around.shape.segments().to_vec()), ..around.clone() };
-        // A third end keeps the open line from being closed.
+        // A third end prevents the open line from being closed.
         let tail = line((0.0, 0.0), (-1.0, -1.0));
         let found = repair(vec![open, tail.clone(), around.clone()], 0.002);
         assert_eq!(found.paths, [tail, around]);
@@ -622,7 +627,7 @@ mod tests {
     }
 
     #[test]
-    fn other_layers_colours_and_distances_are_not_joined() {
+    fn pieces_on_other_layers_in_other_colours_or_too_far_away_are_not_joined() {
         let mut other_layer = line((1.0, 0.0), (2.0, 0.0));
         other_layer.layer = 1;
         let mut other_color = line((2.0, 0.0), (3.0, 0.0));
@@ -633,31 +638,31 @@ mod tests {
     }
 
     #[test]
-    fn a_line_drawn_twice_is_taken_out_and_makes_no_contour() {
+    fn a_duplicate_line_is_removed_and_makes_no_contour() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (0.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = repair(pieces, 0.002);
-        assert_eq!((joining.duplicates.len(), joining.duplicates[0].at), (1, point(1.0, 0.0)));
-        assert_eq!((joining.paths.len(), joining.contours.len(), joining.chains[0].pieces), (1, 0, 2));
+        let repaired = repair(pieces, 0.002);
+        assert_eq!((repaired.duplicates.len(), repaired.duplicates[0].at), (1, point(1.0, 0.0)));
+        assert_eq!((repaired.paths.len(), repaired.contours.len(), repaired.chains[0].pieces), (1, 0, 2));
     }
 
     #[test]
-    fn a_turn_that_almost_closes_is_closed_and_a_wider_gap_is_named() {
-        let joining = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
-        assert_eq!(joining.closed.len(), 1);
+    fn a_nearly_closed_circle_is_closed_and_a_wider_gap_is_reported() {
+        let repaired = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 2.0 * PI - 5e-6)], 0.002);
+        assert_eq!(repaired.closed.len(), 1);
         assert!(
-            matches!(joining.paths[0].shape.segments(), [Segment::Arc { sweep, .. }] if *sweep == 2.0 * PI)
+            matches!(repaired.paths[0].shape.segments(), [Segment::Arc { sweep, .. }] if *sweep == 2.0 * PI)
         );
-        let joining = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
-        assert!(joining.closed.is_empty() && joining.nearly_closed.len() == 1);
+        let repaired = repair(vec![arc(point(0.0, 0.0), 10.0, 0.0, 6.282)], 0.002);
+        assert!(repaired.closed.is_empty() && repaired.nearly_closed.len() == 1);
     }
 
     #[test]
-    fn pieces_without_length_are_taken_out_and_hide_no_joint() {
+    fn pieces_without_length_are_removed_and_do_not_prevent_joining() {
         let pieces =
             vec![line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 1.0))];
-        let joining = repair(pieces, 0.002);
-        assert_eq!((joining.paths.len(), joining.chains.len()), (1, 1));
+        let repaired = repair(pieces, 0.002);
+        assert_eq!((repaired.paths.len(), repaired.chains.len()), (1, 1));
     }
 
     fn square(corners: [(f64, f64); 4]) -> Path {
@@ -667,7 +672,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_are_found_whatever_their_start_direction_and_pieces() {
+    fn copies_are_found_with_any_start_direction_and_division() {
         let around = square([(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]);
         let back = square([(2.0, 1.0), (2.0, 0.0), (0.0, 0.0), (0.0, 1.0)]);
         let bow_tie = square([(0.0, 0.0), (2.0, 1.0), (2.0, 0.0), (0.0, 1.0)]);
@@ -679,7 +684,7 @@ mod tests {
     }
 
     #[test]
-    fn of_an_outline_and_its_fill_the_fill_stays_and_fills_are_compared_whole() {
+    fn an_outline_equal_to_a_fill_is_removed_and_fills_are_compared_whole() {
         let outer = square([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]);
         let hole = square([(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]);
         let of = |path: &Path, region| Path { region: Some(region), ..path.clone() };
@@ -687,13 +692,13 @@ mod tests {
         let paths = [vec![outer.clone()], ring.to_vec(), vec![of(&outer, 2), of(&hole, 3), of(&hole, 4)]];
         let found = repair(paths.concat(), 0.002);
         assert_eq!(found.paths, [ring.to_vec(), vec![of(&outer, 2), of(&hole, 3)]].concat());
-        // The same contour twice in one fill leaves nothing filled, and that is what is drawn.
+        // The same contour twice in one fill means that nothing is filled; this is kept.
         let nothing = vec![of(&outer, 1), of(&outer, 1)];
         assert_eq!(repair(nothing.clone(), 0.002).paths, nothing);
     }
 
     #[test]
-    fn repeated_points_go_and_are_counted() {
+    fn repeated_points_are_removed_and_counted() {
         let segment = |from: f64, to: f64| Segment::Line { from: point(from, 0.0), to: point(to, 0.0) };
         let repeated = Path {
             shape: Shape::Open(vec![segment(0.0, 0.0), segment(0.0, 3.0), segment(3.0, 3.0)]),
@@ -707,7 +712,7 @@ mod tests {
 
     #[test]
     fn pieces_smaller_than_the_tolerance_are_joined_where_they_meet_exactly() {
-        // 0.0002 mm each, so ten more ends are as near as the joining tolerance.
+        // Pieces of 0.0002 mm, so ten more ends are within the tolerance.
         let at = |step: i32| (f64::from(step % 5000) / 5000.0 * 2.0 * PI).sin_cos();
         let side = |step: i32| {
             let ((y0, x0), (y1, x1)) = (at(step), at(step + 1));
@@ -718,7 +723,7 @@ mod tests {
     }
 
     #[test]
-    fn examining_finds_the_same_and_changes_nothing() {
+    fn examining_reports_the_same_and_changes_nothing() {
         let pieces = vec![
             line((0.0, 0.0), (1.0, 0.0)),
             line((1.0, 0.0), (0.0, 0.0)),
@@ -732,7 +737,7 @@ mod tests {
     }
 
     #[test]
-    fn many_ends_in_one_place_take_no_time() {
+    fn many_ends_at_one_point_are_fast() {
         let star: Vec<Path> = (0..50_000).map(|i| line((0.0, 0.0), (f64::from(i), 1.0))).collect();
         assert_eq!(repair(star, 0.002).ambiguous_ends, 50_000);
     }

@@ -1,5 +1,5 @@
-//! The drawing through the length-true map and the optics: what the marking software is told to draw, and the checks
-//! that it can be marked.
+//! Maps the drawing through the length-true map and the optics to the field coordinates for the marking software, and
+//! checks that it can be marked.
 
 use nalgebra::{Point3, Vector2};
 
@@ -11,35 +11,36 @@ use super::pattern::{Pattern, Segment, Shape};
 use super::space::{Extents, FieldPoint, FlatPoint, ViewPoint};
 use super::surface::fit::FittedSurface;
 
-/// Which points of the drawing are carried over.
+/// How the lines of the drawing are divided into points.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Subdivision {
-    /// As many as the chord tolerance needs, and no more.
+    /// As few points as the chord tolerance allows.
     #[default]
     Adaptive,
     /// The ends of the drawing's own segments; arcs and curves are first flattened to the chord tolerance.
     Keep,
 }
 
-/// The part of the chord tolerance that is spent on points along the true image; the rest takes out those not needed.
-const REFINED: f64 = 0.05;
-/// No image of a straight line bends more sharply than with this radius, mm: finer than surfaces are sampled.
-const SHARPEST_BEND: f64 = 0.2;
+/// The share of the chord tolerance used when points are added along the true image; the rest is used to remove points
+/// that are not needed.
+const REFINEMENT_SHARE: f64 = 0.05;
+/// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
+const MIN_BEND_RADIUS: f64 = 0.2;
 
 /// Everything between the drawing's plane and the field.
 #[derive(Debug, Clone, Copy)]
 pub struct Projection<'a> {
-    /// The drawing onto the view.
+    /// Maps the drawing onto the view.
     pub map: &'a LengthTrueMap,
     /// The part's surface over the view.
     pub surface: &'a FittedSurface,
-    /// The view in the laser's frame.
+    /// Maps the view into the laser's frame.
     pub fixture: Fixture,
-    /// The laser's frame into the field.
+    /// Maps the laser's frame into the field.
     pub head: ScanHead,
 }
 
-/// The part reaches up to the lens: no beam comes there.
+/// The part reaches up to the lens, where no beam can reach it.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the part is as high as the lens at ({:.3}, {:.3}) mm", at.x, at.y)]
 pub struct AboveLens {
@@ -48,14 +49,14 @@ pub struct AboveLens {
 }
 
 impl Projection<'_> {
-    /// The point of the part that a point of the drawing comes to lie on, in the laser's frame, mm.
+    /// The point of the part onto which a point of the drawing is mapped: in the view, and in the laser's frame, mm.
     fn landing(&self, at: FlatPoint) -> (ViewPoint, Point3<f64>) {
         let view = self.map.point(at);
         let height = self.surface.nurbs.height(view) + self.surface.difference(view);
         (view, self.fixture.point(Point3::new(view.x, view.y, height)))
     }
 
-    /// What the marking software must be told for a point of the drawing, mm.
+    /// The field coordinates that mark a point of the drawing, mm.
     ///
     /// # Errors
     /// When the part is as high as the lens there.
@@ -88,7 +89,7 @@ impl Projection<'_> {
                 Shape::Closed(segments) => {
                     let mut points = bend(segments)?;
                     points.pop();
-                    // Drawings that repeat their first point do so but for rounding; a side of no length is none.
+                    // A repeated first point may differ by rounding; the side between the two has no length.
                     while points.len() > 2 && points.first().zip(points.last()).is_some_and(is_same) {
                         points.pop();
                     }
@@ -100,7 +101,7 @@ impl Projection<'_> {
         Ok(MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() })
     }
 
-    /// The images of the ends of all segments, those of curves flattened before.
+    /// The images of the ends of all segments, after curves are flattened.
     fn bend_point_by_point(
         &self,
         segments: &[Segment],
@@ -119,7 +120,7 @@ impl Projection<'_> {
         Ok(points)
     }
 
-    /// A polyline within `tolerance` mm of the image of the segments, with as few points as that takes and one at every
+    /// A polyline within `tolerance` mm of the image of the segments, with as few points as possible and one at every
     /// junction.
     fn bend_with_few_points(
         &self,
@@ -142,17 +143,17 @@ impl Projection<'_> {
             if points.is_empty() {
                 points.push(start);
             } else if junctions.contain(from) {
-                kept.extend(simplified(&points, tolerance * (1.0 - REFINED)));
+                kept.extend(simplified(&points, tolerance * (1.0 - REFINEMENT_SHARE)));
                 points.clear();
                 points.push(kept.pop().unwrap_or(start));
             }
-            self.subdivide(segment, (0.0, start), (1.0, end), tolerance * REFINED, &mut points)?;
+            self.subdivide(segment, (0.0, start), (1.0, end), tolerance * REFINEMENT_SHARE, &mut points)?;
         }
-        kept.extend(simplified(&points, tolerance * (1.0 - REFINED)));
+        kept.extend(simplified(&points, tolerance * (1.0 - REFINEMENT_SHARE)));
         Ok(kept)
     }
 
-    /// Adds the points after `from` up to `to`: the piece is halved until probes along it lie close to its chord.
+    /// Adds the points after `from` up to `to`: the piece is halved until probes along it are close to its chord.
     fn subdivide(
         &self,
         segment: &Segment,
@@ -163,22 +164,22 @@ impl Projection<'_> {
     ) -> Result<(), AboveLens> {
         let span = to.0 - from.0;
         let rough_length = from.1.distance(to.1);
-        // An arc of this length and of the sharpest bend of a surface leaves its chord by the tolerance.
-        let is_short = |length: f64| length * length <= 8.0 * tolerance * SHARPEST_BEND;
+        // An arc of this length with the smallest radius deviates from its chord by the tolerance.
+        let is_short = |length: f64| length * length <= 8.0 * tolerance * MIN_BEND_RADIUS;
         if is_short(rough_length)
             && matches!(segment, Segment::Line { from, to } if is_short(from.distance(*to)))
         {
             points.push(to.1);
             return Ok(());
         }
-        // Between probes 2 mm apart no product surface hides a wave; three probes see an S.
+        // Product surfaces have no waves between probes 2 mm apart; three probes detect an S-shape.
         let probes = ((rough_length / 2.0).ceil() as usize).clamp(3, 1000);
         let middle = from.0 + span / 2.0;
         let close = |t: f64| -> Result<bool, AboveLens> {
             let image = self.aim(segment.point(t))?;
             Ok(distance_to_line(image, from.1, to.1) <= tolerance)
         };
-        // A closed circle has a chord of no length, and a fold could hide between far probes: 1e-5 ends the search.
+        // A closed circle has a chord of length zero. The limit of 1e-5 ends the search at a fold between probes.
         let mut straight = span < 1.0 || !matches!(segment, Segment::Arc { sweep, .. } if sweep.abs() > 3.0);
         for probe in 1..=probes {
             straight = straight && close(from.0 + span * probe as f64 / (probes + 1) as f64)?;
@@ -192,7 +193,7 @@ impl Projection<'_> {
         self.subdivide(segment, halfway, to, tolerance, points)
     }
 
-    /// Looks at every sample of the ink: is there surface, at what angle and height, and where in the field?
+    /// Checks every sample of the ink: whether there is surface, its angle and height, and its position in the field.
     pub fn expose(&self, ink: &Ink) -> Exposure {
         let mut exposure = Exposure {
             samples: 0,
@@ -210,7 +211,7 @@ impl Projection<'_> {
         };
         let mut last = None;
         let ends = ink.pieces.iter().flat_map(|piece| {
-            // Pieces mostly continue each other.
+            // Most pieces start where the last one ended; that point is checked once.
             let start = Some(piece.from).filter(|from| last.replace(piece.to) != Some(*from));
             start.into_iter().chain([piece.to])
         });
@@ -245,8 +246,8 @@ impl Projection<'_> {
     }
 }
 
-/// The corners of a drawing that several paths share, or that one passes twice. They stay, or a line would no longer meet
-/// the one that it branches off from.
+/// The corners of a drawing that several paths share, or that one path passes twice. They are kept, so that branching
+/// lines still meet.
 struct Junctions(Vec<[u64; 2]>);
 
 impl Junctions {
@@ -266,16 +267,16 @@ impl Junctions {
         !self.0.is_empty() && self.0.binary_search(&Self::key(corner)).is_ok()
     }
 
-    /// Equal for equal points; -0 counts as 0.
+    /// Equal for equal points; -0 is treated as 0.
     fn key(point: FlatPoint) -> [u64; 2] {
         [(point.x + 0.0).to_bits(), (point.y + 0.0).to_bits()]
     }
 }
 
-/// What the beam meets where the ink lies.
+/// The part under the ink, as the beam reaches it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
-    /// Number of samples looked at.
+    /// Number of samples checked.
     pub samples: usize,
     /// How many of them have no surface under them.
     pub off_surface: usize,
@@ -295,18 +296,18 @@ pub struct Exposure {
     pub max_difference: f64,
     /// Where that is.
     pub max_difference_at: ViewPoint,
-    /// Farthest that the part may be from its samples, mm; see [`FittedSurface::doubt`].
+    /// Largest possible distance between the part and its samples, mm; see [`FittedSurface::doubt`].
     pub max_doubt: f64,
     /// Where that is.
     pub max_doubt_at: ViewPoint,
 }
 
-/// The polyline through as few of the points as a pass along it can leave, both ends among them, so that all others lie
-/// within `tolerance` mm of it.
+/// A polyline through a small selection of the points, including both ends, such that all others are within `tolerance`
+/// mm of it.
 ///
-/// From the last point kept, a line may go on while it meets the discs of this radius round all points passed, which
-/// narrow a wedge, and while the points lead away from it (Williams, An efficient algorithm for the piecewise linear
-/// approximation of planar curves, 1978).
+/// One pass along the points: from the last point kept, a line continues while it meets the discs of this radius round
+/// all points passed, each of which narrows a wedge of directions, and while the points move away from its start
+/// (Williams, An efficient algorithm for the piecewise linear approximation of planar curves, 1978).
 fn simplified(points: &[FieldPoint], tolerance: f64) -> Vec<FieldPoint> {
     let [first, rest @ ..] = points else { return Vec::new() };
     let mut kept = vec![*first];
@@ -326,23 +327,23 @@ fn simplified(points: &[FieldPoint], tolerance: f64) -> Vec<FieldPoint> {
     kept
 }
 
-/// The directions in which a line may go on, and how far the points passed are away.
+/// The directions in which a line may continue, and the distance of the farthest point passed.
 #[derive(Default)]
 struct Wedge {
-    /// The first direction, and the angles to the right and to the left of it, rad.
+    /// The first direction, and the limits to its right and left, rad.
     opening: Option<(Vector2<f64>, f64, f64)>,
     farthest: f64,
 }
 
 impl Wedge {
-    /// Whether a line may end at this offset; if so, the line through the next one has to pass it as closely.
+    /// Whether a line may end at this offset. If so, the wedge is narrowed to lines that pass close to it.
     fn narrow(&mut self, offset: Vector2<f64>, tolerance: f64) -> bool {
         let distance = offset.norm();
         if distance < self.farthest {
             return false;
         }
         self.farthest = distance;
-        // A disc round the start itself is met in every direction.
+        // A disc that contains the start is met in every direction.
         if distance <= tolerance {
             return true;
         }
@@ -421,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_where_another_line_ends_stays() {
+    fn a_corner_where_another_line_ends_is_kept() {
         let surface = surface(|_, _| 0.0);
         let at = |x: f64, y: f64| FlatPoint::new(x, y);
         let through = |points: &[FlatPoint]| {
@@ -438,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_round_a_cylinder_becomes_a_sine_within_the_tolerance() {
+    fn a_slanted_line_on_a_cylinder_becomes_a_sine_within_the_tolerance() {
         let surface = surface(shapes::cylinder);
         let pattern = line([-15.0, -15.0], [15.0, 15.0]);
         for tolerance in [0.1, 0.01, 0.001] {
@@ -452,8 +453,8 @@ mod tests {
                 worst = worst.max(nearest.fold(f64::INFINITY, f64::min));
             }
             assert!(worst < tolerance * 1.02 + 2e-4, "{worst} mm");
-            // A chord of length l leaves a curve of curvature k by k·l²/8 when its ends lie on the curve: the fewest
-            // chords are the integral of √(k / 8 / tolerance) along it.
+            // A chord of length l with its ends on a curve of curvature k deviates from it by k·l²/8, so the smallest
+            // number of chords is the integral of √(k / 8 / tolerance) along the curve.
             let root_of_curvature = |step: i32| {
                 let angle = -0.5 + (f64::from(step) + 0.5) / 1000.0;
                 let (speed, bend) = (angle.cos().hypot(1.0), angle.sin().abs() / 30.0);
@@ -465,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn on_a_plane_a_line_keeps_its_two_ends_and_a_circle_its_closure() {
+    fn on_a_plane_a_line_has_two_points_and_a_circle_stays_closed() {
         let surface = surface(|x, y| 5.0 + 0.0 * (x + y));
         let method = Method::Isometric(IsometricOptions::INK);
         let (straight, _) = bent(&surface, &line([-10.0, 2.0], [12.0, -3.0]), method, 0.01);
@@ -484,13 +485,14 @@ mod tests {
         let sides = (0..4).map(|i| Segment::Line { from: nearly[i], to: nearly[(i + 1) % 4] });
         let (triangle, _) = bent(&surface, &drawing(Shape::Closed(sides.collect())), method, 0.01);
         assert_eq!(triangle.paths[0].shape.points().len(), 3);
-        // With its corners on the circle the fewest sides of 0.01 mm sagitta are π / acos(1 − 0.001) = 70.2.
+        // With corners on the circle and a sagitta of 0.01 mm, the smallest number of sides is π / acos(1 − 0.001) =
+        // 70.2.
         assert!((71..=85).contains(&points.len()), "{}", points.len());
         assert!(points[0].distance(points[points.len() - 1]) > 0.1, "the first point is not repeated");
     }
 
     #[test]
-    fn a_line_drawn_in_a_thousand_pieces_is_one_and_corners_stay() {
+    fn collinear_pieces_are_merged_and_corners_are_kept() {
         let surface = surface(|x, y| 5.0 + 0.0 * (x + y));
         let method = Method::Isometric(IsometricOptions::INK);
         let at = |step: i32| match f64::from(step) / 500.0 {
@@ -506,8 +508,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_lies_within_the_tolerance_and_turns_back_stay() {
-        // A walk whose turns are all over, sharp ones and hairpins too.
+    fn removed_points_are_within_the_tolerance_and_hairpins_are_kept() {
+        // A walk with turns of every angle, including hairpins.
         let mut points = vec![FieldPoint::new(0.0, 0.0)];
         let mut angle = 0.0f64;
         for step in 0..3000 {
@@ -520,7 +522,7 @@ mod tests {
             let kept = simplified(&points, tolerance);
             assert_eq!((kept[0], kept[kept.len() - 1]), (points[0], points[points.len() - 1]));
             assert!(kept.len() < points.len());
-            // Every point left out lies beside the piece that stands for it, in order along it.
+            // Every removed point is close to the piece that replaces it.
             let mut rest = points.as_slice();
             for piece in kept.windows(2) {
                 let end = rest.iter().skip(1).position(|point| *point == piece[1]).unwrap() + 1;
@@ -536,7 +538,7 @@ mod tests {
     }
 
     #[test]
-    fn exposure_tells_tilt_height_and_missing_surface() {
+    fn exposure_measures_incidence_height_and_missing_surface() {
         let surface = surface(shapes::cylinder);
         let pattern = line([-15.0, 0.0], [15.0, 0.0]);
         let (_, map) = bent(&surface, &pattern, Method::Cylinder, 0.01);

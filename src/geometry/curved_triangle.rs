@@ -2,28 +2,29 @@
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-/// A normal that leans further than this from its facet, as a cosine, is damage; the facet's own normal is used instead.
-const LEAST_AGREEMENT: f64 = 0.5;
-/// Of two handles that share a turn none gets less than this share of the mean: beyond, the side is no arc.
-const LEAST_SHARE: f64 = 0.25;
-/// Ends that lie less than this below the tangent planes, mm, tell nothing of the turn between them: along a ruling both
-/// are the rounding of the file's numbers.
-const LEAST_FALL: f64 = 1e-3;
-/// How sharply sides along a ruling are told from sides across it: by this power of the squared cosine between them.
+/// A normal that deviates further than this from its facet's, as a cosine, is damaged; the facet's normal is used
+/// instead.
+const MIN_AGREEMENT: f64 = 0.5;
+/// When two handles share a turn, each gets at least this share of the mean: with less, the side is not an arc.
+const MIN_SHARE: f64 = 0.25;
+/// Ends that are less than this below the tangent planes, mm, give no information about the turn between them: along a
+/// ruling both distances are only the rounding of the file's numbers.
+const MIN_FALL: f64 = 1e-3;
+/// How sharply sides along a ruling are distinguished from sides across it: the exponent of the weight in [`handle`].
 const ALONG_POWER: i32 = 8;
-/// Barycentric coordinates may be this much below 0, so that no node on the border of two triangles is lost.
+/// Barycentric coordinates may be this far below 0, so that no node on the border of two triangles is missed.
 const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
 const FLATNESS: f64 = 1e-7;
 
-/// A cubic patch through the corners of a triangle and at right angles to their normals, in the frame of the view.
+/// A cubic patch through the corners of a triangle and perpendicular to their normals, in the frame of the view.
 ///
 /// Vlachos, Peters, Boyd & Mitchell, Curved PN triangles, Symposium on Interactive 3D Graphics 2001, section 3;
 /// with the edges' handles lengthened so that circular edges are circular.
 #[derive(Debug, Clone)]
 pub struct CurvedTriangle {
     corners: [Point3<f64>; 3],
-    /// Control net less the flat net: edge points 210, 120, 021, 012, 102, 201, then the middle 111.
+    /// Control net minus the flat net: edge points 210, 120, 021, 012, 102, 201, then the middle 111.
     bulge: [Vector3<f64>; 7],
     flat: bool,
 }
@@ -35,7 +36,7 @@ pub struct Hit {
     pub height: f64,
     /// (∂z/∂x, ∂z/∂y), no unit; infinite for a wall.
     pub gradient: Vector2<f64>,
-    /// Whether the curved patch was met; otherwise only its flat facet was, beside a neighbour that bulges over it.
+    /// Whether the curved patch was hit; otherwise only its flat facet was, next to a neighbour that bulges over it.
     pub on_patch: bool,
 }
 
@@ -47,14 +48,15 @@ impl Hit {
 }
 
 impl CurvedTriangle {
-    /// The patch over `corners` (mm) with their unit `normals`; a zero normal, or one that leans more than 60° from
-    /// the facet, is replaced by the facet's.
+    /// The patch over `corners` (mm) with their unit `normals`; a zero normal, or one more than 60° away from the
+    /// facet's, is replaced by the facet's.
     pub fn new(corners: [Point3<f64>; 3], normals: [Vector3<f64>; 3]) -> Self {
         Self::beside_edges(corners, normals, [None; 3])
     }
 
-    /// The same beside edges of the part: for each side that is one, from corner to next corner, the unit directions in which
-    /// the edge runs at its ends. The patches on both sides of an edge then meet in it.
+    /// The patch of a triangle at edges of the part. `edges` gives, for each side (corner to next corner) that is an
+    /// edge of the part, the unit directions of the edge at both ends. The patches on both sides of the edge then
+    /// share it.
     pub fn beside_edges(
         corners: [Point3<f64>; 3],
         normals: [Vector3<f64>; 3],
@@ -62,9 +64,9 @@ impl CurvedTriangle {
     ) -> Self {
         let [a, b, c] = corners;
         let facet = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        // Only the tangent plane counts, so normals of a part that was turned inside out serve as well.
+        // Only the tangent plane is used, so the normals of an inside-out part are valid too.
         let normals =
-            normals.map(|normal| if normal.dot(&facet).abs() < LEAST_AGREEMENT { facet } else { normal });
+            normals.map(|normal| if normal.dot(&facet).abs() < MIN_AGREEMENT { facet } else { normal });
         let edge = |from: usize, to: usize| {
             let side = if to == (from + 1) % 3 { from } else { to };
             match edges[side] {
@@ -114,7 +116,7 @@ impl CurvedTriangle {
         (point.into(), by_v, by_w)
     }
 
-    /// The height of the triangle over a point of the view, if it lies over it.
+    /// The height of the triangle at a point of the view, if the triangle covers that point.
     pub fn hit(&self, at: Vector2<f64>) -> Option<Hit> {
         let [a, b, c] = self.corners;
         let (ab, ac) = (b - a, c - a);
@@ -154,32 +156,33 @@ impl CurvedTriangle {
     }
 }
 
-/// The control point next to the first of two `ends`, less that of the straight side.
+/// The control point next to the first of two `ends`, minus that of the straight side.
 fn handle(ends: [Point3<f64>; 2], normals: [Vector3<f64>; 2]) -> Vector3<f64> {
     let along = ends[1] - ends[0];
     let mut tangent = along - normals[0] * along.dot(&normals[0]);
-    // How far each end lies below the tangent plane of the other.
+    // How far each end is below the tangent plane of the other.
     let falls = [-along.dot(&normals[0]), along.dot(&normals[1])];
     let turn = normals[1] - normals[0] * normals[0].dot(&normals[1]);
-    if falls[0] * falls[1] > 0.0 && falls[0].abs().min(falls[1].abs()) > LEAST_FALL {
-        // A long side along a cone turns by the same angle at a smaller radius: the part of the handle along the turn
-        // is longer where the surface is flatter. A side along the turn itself has no second radius to tell.
+    if falls[0] * falls[1] > 0.0 && falls[0].abs().min(falls[1].abs()) > MIN_FALL {
+        // Along a cone the radius changes from end to end: the component of the handle along the turn is longer where
+        // the surface is flatter. A side in the direction of the turn itself gives no information about a second
+        // radius.
         let across = tangent.dot(&turn).powi(2) / (tangent.norm_squared() * turn.norm_squared());
-        let share = (2.0 * falls[1] / (falls[0] + falls[1])).clamp(LEAST_SHARE, 2.0 - LEAST_SHARE);
+        let share = (2.0 * falls[1] / (falls[0] + falls[1])).clamp(MIN_SHARE, 2.0 - MIN_SHARE);
         let change = (share - 1.0) * (1.0 - across).powi(ALONG_POWER);
         tangent += turn * (tangent.dot(&turn) / turn.norm_squared() * change);
     }
     tangent * arc_share(normals) - along / 3.0
 }
 
-/// The same for an edge of the part that runs in known directions at its ends.
+/// The handle for an edge of the part whose directions at both ends are known.
 fn edge_handle(along: Vector3<f64>, directions: [Vector3<f64>; 2]) -> Vector3<f64> {
     directions[0] * (along.dot(&directions[0]) * arc_share(directions)) - along / 3.0
 }
 
-/// Handles of this length, against the projected side, make an edge of constant curvature, as on cylinders, cones and spheres,
-/// nearly a circular arc; the paper's are shorter by this factor. A straight edge stays straight. The normals or the
-/// directions at its ends tell how far it turns.
+/// Handle length as a share of the projected side. It makes an edge of constant curvature, as on cylinders, cones and
+/// spheres, nearly a circular arc; the paper's handles are shorter. A straight edge stays straight. The turn of the
+/// edge is the angle between the normals, or the directions, at its ends.
 fn arc_share(ends: [Vector3<f64>; 2]) -> f64 {
     let half_turn = (ends[0].dot(&ends[1]).clamp(0.0, 1.0) / 2.0 + 0.5).sqrt();
     2.0 / (3.0 * (1.0 + half_turn) * half_turn)
@@ -194,8 +197,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_facet_of_a_coarse_cylinder_yields_the_cylinder() {
-        // 0.5 rad a facet, as FreeCAD's coarse tessellation of a can of radius 33 mm: 1.03 mm of sagitta.
+    fn a_facet_of_a_coarse_cylinder_reproduces_the_cylinder() {
+        // 0.5 rad per facet, as in FreeCAD's coarse tessellation of a can of radius 33 mm: a sagitta of 1.03 mm.
         let on_cylinder = |angle: f64, y: f64| {
             let normal = Vector3::new(angle.sin(), 0.0, angle.cos());
             (Point3::from(normal * 33.0 + Vector3::new(0.0, y, 0.0)), normal)
@@ -210,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_that_are_damage_leave_the_facet() {
+    fn damaged_normals_leave_the_facet_flat() {
         let corners = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]].map(Point3::from);
         let patch = CurvedTriangle::new(corners, [Vector3::x(), Vector3::zeros(), Vector3::z()]);
         let hit = patch.hit(Vector2::new(0.2, 0.3)).unwrap();

@@ -1,29 +1,30 @@
-//! Normals where a wide facet continues in narrow ones, as a flat side in its fillet.
+//! Normals where a wide facet continues in narrow ones, as a flat side continues in its fillet.
 //!
-//! An estimate from the facets round such a vertex leans towards the narrow ones, and over the width of the flat side that is
-//! a bulge. The narrow side knows better: on a smooth curve the normals at the ends of a short chord lean away from it by
-//! equal and opposite angles (exactly on circles, to third order elsewhere), and at its far end the facets are alike.
+//! An estimate from the facets round such a vertex leans towards the narrow facets, which would make the flat side
+//! bulge over its whole width. The narrow side gives better information: on a smooth curve, the normals at both ends
+//! of a short chord lean away from it by equal and opposite angles (exactly on circles, to third order elsewhere),
+//! and at its far end all facets have similar widths.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
 use super::smooth_mesh::SmoothMesh;
 
-/// Facets belong to one plane when their corners are within this of it, mm, and their sides within [`COPLANAR`] of its
-/// normal (a cosine): a file's rounding.
+/// Facets belong to one plane if their corners are within this of it, mm, and the cosine between their normals is above
+/// [`COPLANAR`]: tolerances for the rounding in files.
 const PLANE_DISTANCE: f64 = 5e-4;
 const COPLANAR: f64 = 0.9998;
-/// What normals bend by less than this, mm, is left as it is.
-const PLAIN: f64 = 1e-3;
-/// A vertex is uneven where one plane's width is so many times another's.
+/// Triangles that their normals bend by less than this, mm, are not changed.
+const NEGLIGIBLE_BEND: f64 = 1e-3;
+/// A vertex is uneven if the width of one of its planes is this many times that of another.
 const UNEVEN: f64 = 2.5;
-/// Weight of the estimate that was there against that of the nearest vertex.
+/// Weight of the previous estimate relative to that of the nearest vertex.
 const PRIOR: f64 = 1e-3;
-/// A normal that leans from its widest plane by less than this share of the narrow facets' lean is that plane's own: the
-/// chords say so but for their third order.
-const LEANS: f64 = 0.15;
+/// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
+/// replaced by the plane's normal: the difference is within the third-order error of the chords.
+const MIN_LEAN: f64 = 0.15;
 
-/// Triangles that lie in one plane and continue each other.
+/// Groups of coplanar triangles that continue each other.
 struct Planes {
     of_triangle: Vec<u32>,
     /// Four times the area over the perimeter, mm: the side of a square, twice the width of a strip.
@@ -31,19 +32,20 @@ struct Planes {
     normals: Vec<Vector3<f64>>,
     /// mm².
     areas: Vec<f64>,
-    /// Whether there is more than one triangle in it.
-    are_cut: Vec<bool>,
-    /// Whether it is nothing but slivers.
+    /// Whether a plane has more than one triangle.
+    are_divided: Vec<bool>,
+    /// Whether a plane consists only of slivers.
     are_slivers: Vec<bool>,
 }
 
-/// Corrects the normals that are `estimated` at vertices of the `chosen` triangles ([`round_bent_ones`]) where facets of very different width continue each other, and
-/// returns for each triangle how far the part may be from the curved patch that the normals make of it, mm: where those of the
-/// file are not what the narrow facets lead to; nothing where they are everywhere.
+/// Corrects the normals that are `estimated` at vertices of the `chosen` triangles ([`round_bent_ones`]) where
+/// facets of very different width continue each other. Returns for each triangle how far the part may be from its
+/// curved patch, mm: where the file's normals contradict those derived from the narrow facets. Empty if there is no
+/// contradiction.
 ///
-/// A normal is led to as the direction that meets the chords to the vertices round it as obliquely as their normals do from
-/// the other end, in the least-squares sense, short chords first. A vertex without a neighbour between facets that are
-/// alike takes the normal of its widest plane, if that is more than one triangle.
+/// The derived normal meets the chords to the surrounding vertices at the same angles as the normals at their other
+/// ends, in the least-squares sense, with more weight on short chords. A vertex without a neighbour among even
+/// vertices gets the normal of its widest plane, if that plane has more than one triangle.
 pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<f64> {
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
@@ -51,7 +53,7 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[b
     if uneven.is_empty() {
         return Vec::new();
     }
-    // A normal at a border, or within a single plane, is known from one side only.
+    // At a border or within a single plane, a normal is known from one side only.
     let mut is_known: Vec<bool> = spans.iter().map(|span| span.turn > 0.0 && !span.is_uneven()).collect();
     for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
         let corners = mesh.triangles[side / 3];
@@ -61,36 +63,36 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[b
     let known = |&vertex: &usize| {
         let first = sides.partition_point(|side| (side[0] as usize) < vertex);
         let around = sides[first..].iter().take_while(|side| side[0] as usize == vertex);
-        led_by(mesh, vertex, around.map(|side| side[1] as usize).filter(|&other| is_known[other]))
+        derived_normal(mesh, vertex, around.map(|side| side[1] as usize).filter(|&other| is_known[other]))
     };
-    let led: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
-    let mut astray = vec![0.0f64; spans.len()];
+    let derived: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
+    let mut deviations = vec![0.0f64; spans.len()];
     let mut is_flat = vec![false; planes.normals.len()];
-    for (&vertex, led) in uneven.iter().zip(led) {
+    for (&vertex, derived) in uneven.iter().zip(derived) {
         let span = &spans[vertex];
         let widest = span.widest as usize;
         let flat = planes.normals[widest];
-        let leaning = led.filter(|led| led.angle(&flat) >= LEANS * span.turn);
-        // A face that was cut into several triangles can be flat; a single one may be a long chord of a curved surface, unless
-        // the narrow side says otherwise.
-        if !planes.are_cut[widest] && (led.is_none() || leaning.is_some()) {
+        let leaning = derived.filter(|derived| derived.angle(&flat) >= MIN_LEAN * span.turn);
+        // A face of several triangles can be flat. A single triangle may be a long chord of a curved surface, unless
+        // the derived normal shows that it is flat.
+        if !planes.are_divided[widest] && (derived.is_none() || leaning.is_some()) {
             continue;
         }
         is_flat[widest] |= leaning.is_none();
         let normal = leaning.unwrap_or(flat);
         if estimated[vertex] {
             mesh.normals[vertex] = normal;
-        } else if led.is_some() {
-            astray[vertex] = mesh.normals[vertex].angle(&normal);
+        } else if derived.is_some() {
+            deviations[vertex] = mesh.normals[vertex].angle(&normal);
         }
     }
-    // Where all facets lie in a flat side, its far ends tell nothing.
+    // A vertex inside a flat side gets the normal of that side: the far ends of its chords give no information.
     for (vertex, span) in spans.iter().enumerate() {
         if estimated[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
             mesh.normals[vertex] = planes.normals[span.widest as usize];
         }
     }
-    if astray.iter().all(|angle| *angle == 0.0) {
+    if deviations.iter().all(|angle| *angle == 0.0) {
         return Vec::new();
     }
     let doubt = |triangle: usize| {
@@ -99,13 +101,13 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[b
             return 0.0;
         }
         let width = planes.widths[plane as usize];
-        let led_astray = mesh.triangles[triangle].map(|vertex| astray[vertex as usize] * width / 4.0);
-        led_astray.into_iter().fold(0.0, f64::max)
+        let bulges = mesh.triangles[triangle].map(|vertex| deviations[vertex as usize] * width / 4.0);
+        bulges.into_iter().fold(0.0, f64::max)
     };
     (0..mesh.triangles.len()).map(doubt).collect()
 }
 
-/// The area of the plane that each triangle lies in, mm².
+/// For each triangle, the area of its plane, mm².
 pub(super) fn plane_areas(mesh: &SmoothMesh) -> Vec<f64> {
     let planes = Planes::of(mesh, |_| true);
     planes.of_triangle.iter().map(|&plane| planes.areas[plane as usize]).collect()
@@ -117,7 +119,7 @@ struct Span {
     width: f64,
     /// The widest plane.
     widest: u32,
-    /// The largest angle of another plane with it, rad.
+    /// The largest angle between it and another plane, rad.
     turn: f64,
 }
 
@@ -153,22 +155,26 @@ impl Span {
     }
 }
 
-/// Each of the `vertices` (rising) with each vertex that shares a side with it, in order.
+/// Each of the `vertices` (ascending) with each vertex that shares a side with it, in order.
 fn sides_of(mesh: &SmoothMesh, vertices: &[usize]) -> Vec<[u32; 2]> {
-    let mut is_meant = vec![false; mesh.positions.len()];
-    vertices.iter().for_each(|&vertex| is_meant[vertex] = true);
+    let mut is_included = vec![false; mesh.positions.len()];
+    vertices.iter().for_each(|&vertex| is_included[vertex] = true);
     let mut sides = Vec::new();
     for &[a, b, c] in &mesh.triangles {
         let around = [[a, b], [a, c], [b, c], [b, a], [c, a], [c, b]];
-        sides.extend(around.into_iter().filter(|side| is_meant[side[0] as usize]));
+        sides.extend(around.into_iter().filter(|side| is_included[side[0] as usize]));
     }
     sides.sort_unstable();
     sides.dedup();
     sides
 }
 
-/// The normal that the `known` vertices lead to.
-fn led_by(mesh: &SmoothMesh, vertex: usize, known: impl Iterator<Item = usize>) -> Option<Vector3<f64>> {
+/// The normal at a vertex, derived from the normals of the `known` vertices round it.
+fn derived_normal(
+    mesh: &SmoothMesh,
+    vertex: usize,
+    known: impl Iterator<Item = usize>,
+) -> Option<Vector3<f64>> {
     let before = mesh.normals[vertex];
     let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
     let mut heaviest = 0.0f64;
@@ -179,7 +185,7 @@ fn led_by(mesh: &SmoothMesh, vertex: usize, known: impl Iterator<Item = usize>) 
             continue;
         }
         let along = chord / length;
-        // What a chord says is off by the square of its length.
+        // The error of a chord's condition grows with the square of its length.
         let weight = length.powi(-4);
         heaviest = heaviest.max(weight);
         matrix += along * along.transpose() * weight;
@@ -194,14 +200,14 @@ fn led_by(mesh: &SmoothMesh, vertex: usize, known: impl Iterator<Item = usize>) 
 }
 
 impl Planes {
-    /// The planes of the `chosen` triangles; others belong to one of them, or to none.
+    /// The planes of the `chosen` triangles; other triangles belong to one of these planes or to none.
     fn of(mesh: &SmoothMesh, chosen: impl Fn(usize) -> bool) -> Self {
         let corners = |triangle: usize| mesh.triangles[triangle].map(|index| mesh.positions[index as usize]);
         let area = |triangle: usize| {
             let [a, b, c] = corners(triangle);
             (b - a).cross(&(c - a)).norm() / 2.0
         };
-        // The largest first: its plane is known best.
+        // The largest triangle first: its plane is the most accurate.
         let mut seeds: Vec<(f64, usize)> = (0..mesh.triangles.len())
             .filter(|&index| chosen(index))
             .map(|index| (area(index), index))
@@ -209,7 +215,7 @@ impl Planes {
         seeds.sort_unstable_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
         let mut of_triangle = vec![NONE; mesh.triangles.len()];
         let (mut widths, mut normals) = (Vec::new(), Vec::new());
-        let (mut areas, mut are_cut, mut are_slivers, mut front) =
+        let (mut areas, mut are_divided, mut are_slivers, mut front) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (_, seed) in seeds {
             if of_triangle[seed] != NONE {
@@ -236,11 +242,11 @@ impl Planes {
                     if is_same {
                         continue;
                     }
-                    let lies_in =
+                    let is_in_plane =
                         |point: &nalgebra::Point3<f64>| (point - start).dot(&normal).abs() < PLANE_DISTANCE;
                     let points = corners(other);
                     if of_triangle[other] == NONE
-                        && points.iter().all(lies_in)
+                        && points.iter().all(is_in_plane)
                         && (facet_normal(points).dot(&normal) > COPLANAR || sliver_side(points).is_some())
                     {
                         of_triangle[other] = plane;
@@ -253,22 +259,22 @@ impl Planes {
             widths.push(if perimeter > 0.0 { 4.0 * total / perimeter } else { f64::INFINITY });
             normals.push(normal);
             areas.push(total);
-            are_cut.push(count > 1);
-            // The largest of its triangles comes first.
+            are_divided.push(count > 1);
+            // The seed is the largest triangle of the plane.
             are_slivers.push(sliver_side(corners(seed)).is_some());
         }
-        Self { of_triangle, widths, normals, areas, are_cut, are_slivers }
+        Self { of_triangle, widths, normals, areas, are_divided, are_slivers }
     }
 }
 
-/// For each triangle whether it is of interest: one that its normals bend by more than [`PLAIN`], or one within two vertices
-/// of such a one.
+/// For each triangle, whether it is bent by its normals by more than [`NEGLIGIBLE_BEND`] or within two vertices of
+/// such a triangle; `None` if there is none.
 pub(super) fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
     let bends = |triangle: usize| {
         let (points, normals) = mesh.corners(triangle);
         (0..3).any(|corner| {
             let off = |other: usize| (points[other] - points[corner]).dot(&normals[corner]).abs();
-            off((corner + 1) % 3).max(off((corner + 2) % 3)) > 4.0 * PLAIN
+            off((corner + 1) % 3).max(off((corner + 2) % 3)) > 4.0 * NEGLIGIBLE_BEND
         })
     };
     let mut chosen: Vec<bool> = (0..mesh.triangles.len()).map(bends).collect();

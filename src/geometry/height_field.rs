@@ -1,4 +1,4 @@
-//! What the laser sees: the height of the part over a grid of the view.
+//! The height field: the height of the part over a grid of the view, as the laser sees it.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -7,29 +7,29 @@ use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::space::{Extents, View, ViewPoint};
 
-/// Surface that leans further than this from the laser's axis is not marked, rad. The limit for marking is lower
-/// (60° unless set otherwise); what lies between serves the fit as a border.
+/// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
+/// lower (60° by default); the fit uses the surface between the two limits as a border.
 pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 
-/// Two sides of the part whose meshes are not joined continue each other where their heights differ by less than this
-/// share of the distance between nodes from what their slopes say.
+/// Two sides of the part whose meshes are not joined continue each other where the difference of their heights is as
+/// their slopes predict, to within this share of the distance between nodes.
 const OFFSET: f64 = 0.1;
 
-/// Nodes round an edge of the part are within so many steps of its height, unless something hides it.
+/// Nodes round an edge of the part are within this many steps of its height, unless the edge is hidden.
 const NEAR: f64 = 4.0;
 
-/// What lies under a grid node.
+/// What the laser meets at a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Node {
-    /// Nothing: beside the part, or a hole through it.
+    /// Nothing: outside the part, or a hole through it.
     Empty,
-    /// Surface that is too steep to mark, or the brink of a cliff: its height, mm, is no part of the smooth surface.
+    /// Surface that is too steep to mark, or at a cliff. Its height, mm, is not part of the smooth surface.
     Wall(f64),
     /// Surface at this height, mm.
     Surface(f64),
 }
 
-/// A square grid over the view, mm; its nodes lie at whole multiples of the step.
+/// A square grid over the view, mm; its nodes are at whole multiples of the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// The lower left node.
@@ -49,7 +49,7 @@ pub struct HeightField {
     nodes: Vec<Node>,
 }
 
-/// A part turned to the laser and ready to be sampled at any spacing.
+/// A part turned to the laser, ready to be sampled at any spacing.
 #[derive(Debug, Clone)]
 pub struct FacingPart {
     mesh: SmoothMesh,
@@ -61,15 +61,15 @@ pub struct FacingPart {
 pub struct PartSamples {
     /// The heights.
     pub field: HeightField,
-    /// For each node whether an edge of the part runs beside it: between two of its smooth sides, or at a cliff.
+    /// For each node, whether an edge of the part is next to it: between two smooth sides, or at a cliff.
     pub is_at_edge: Vec<bool>,
-    /// For each node how far the part may be from its height, mm, where the part's normals contradict its facets; empty
-    /// where they do nowhere.
+    /// For each node, how far the part may be from its height, mm, where the part's normals contradict its facets;
+    /// empty if they contradict nowhere.
     pub doubts: Vec<f64>,
 }
 
 impl Grid {
-    /// The grid over `extents`, with an odd number of nodes along both sides, so that [`Grid::halved`] covers the same.
+    /// The grid over `extents`, with an odd number of nodes along both sides.
     pub fn over(extents: &Extents, step: f64) -> Self {
         let first = (extents.min / step).map(f64::floor);
         let count = (extents.max / step).map(f64::ceil) - first;
@@ -82,7 +82,7 @@ impl Grid {
         Self { step: self.step / 2.0, columns: 2 * self.columns - 1, rows: 2 * self.rows - 1, ..*self }
     }
 
-    /// Where a node lies.
+    /// The position of a node.
     pub fn position(&self, column: usize, row: usize) -> ViewPoint {
         (self.origin + Vector2::new(column as f64, row as f64) * self.step).into()
     }
@@ -92,7 +92,7 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// The grid cell that holds a point and the point's place in it, 0 to 1 along x and y.
+    /// The column and row of the grid cell that contains a point, and the point's place in it, 0 to 1 along x and y.
     pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
         let place = (at.coords() - self.origin) / self.step;
         let largest = Vector2::new((self.columns - 1) as f64, (self.rows - 1) as f64);
@@ -118,22 +118,22 @@ impl Grid {
 }
 
 impl FacingPart {
-    /// The part as `view` shows it. Normals of the file are used; a mesh without any gets estimated ones
+    /// The part as the `view` shows it. Normals of the file are used; for a mesh without normals they are estimated
     /// ([`SmoothMesh::new`]).
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
-        // What continues what is not asked for any more, and large.
+        // The table of continuing sides is large and no longer needed.
         let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::new(mesh, view) };
         let corners = mesh.triangles.iter().flatten();
         let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
         Self { mesh, extents }
     }
 
-    /// The rectangle of the view that the part fills, mm.
+    /// The bounding rectangle of the part in the view, mm.
     pub fn extents(&self) -> Extents {
         self.extents
     }
 
-    /// For every node of the grid the point of the part nearest to the laser, on the curved triangles.
+    /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
         let hits = self.hits(grid);
         let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
@@ -142,7 +142,7 @@ impl FacingPart {
         PartSamples { field, is_at_edge, doubts: self.doubts(&hits) }
     }
 
-    /// For every node the triangle that is met there, and where.
+    /// For every node, the triangle that is hit there, and where it is hit.
     fn hits(&self, grid: &Grid) -> Vec<Option<(u32, Hit)>> {
         let mut hits: Vec<Option<(u32, Hit)>> = vec![None; grid.count()];
         for triangle in 0..self.mesh.triangles.len() {
@@ -166,7 +166,7 @@ impl FacingPart {
                     }
                     let Some(hit) = patch.hit(at) else { continue };
                     let seen = &mut hits[row * grid.columns + column];
-                    // A bare facet under a neighbour's bulge must not win over the true surface by its sagitta.
+                    // A flat facet under a neighbour's bulge must not hide the true surface.
                     let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
                     match seen {
                         Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
@@ -187,8 +187,8 @@ impl FacingPart {
         hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()
     }
 
-    /// Marks the nodes round the edges of the part that only its facets tell: such an edge may end in the middle of a smooth
-    /// side.
+    /// Marks the nodes round creases, the edges of the part that only its facets show: such an edge may end in the
+    /// middle of a smooth side.
     fn mark_creases(&self, field: &HeightField, is_at_edge: &mut [bool]) {
         for crease in self.mesh.creases.iter().filter(|crease| crease.is_sharp) {
             let [from, to] = self.mesh.ends(crease.side as usize);
@@ -197,7 +197,7 @@ impl FacingPart {
                 let at = from + (to - from) * (index as f64 / count as f64);
                 let Some((column, row, _)) = field.grid.cell(ViewPoint::new(at.x, at.y)) else { continue };
                 for node in field.grid.cell_nodes(column, row) {
-                    // Others hide the edge.
+                    // A node at another height hides the edge.
                     let is_near = |height: f64| (height - at.z).abs() < NEAR * field.grid.step;
                     is_at_edge[node] |= matches!(field.nodes[node], Node::Surface(height) if is_near(height));
                 }
@@ -205,7 +205,7 @@ impl FacingPart {
         }
     }
 
-    /// For each node whether it and a neighbour lie on two smooth sides of the part that do not continue each other.
+    /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other.
     fn mark_edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>], is_at_edge: &mut [bool]) {
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
@@ -226,8 +226,7 @@ impl FacingPart {
 }
 
 impl HeightField {
-    /// A height field from its nodes, row by row; `None` if their number does not fit or the grid
-    /// is no grid.
+    /// A height field from its nodes, row by row; `None` if their number does not match or the grid is invalid.
     pub fn new(
         origin: Vector2<f64>,
         step: f64,
@@ -240,7 +239,7 @@ impl HeightField {
             .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
     }
 
-    /// The heights, and for each node whether a cliff runs beside it.
+    /// The heights, and for each node whether a cliff is next to it.
     fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> (Self, Vec<bool>) {
         let steepest = STEEPEST_SURFACE.tan();
         let mut nodes: Vec<Node> = hits
@@ -255,7 +254,7 @@ impl HeightField {
         let mut is_at_cliff = vec![false; nodes.len()];
         for_each_side(grid, |first, second, _| {
             let (Some((_, a)), Some((_, b))) = (hits[first], hits[second]) else { return };
-            // Between two nodes a smooth surface climbs no faster than its slopes there, with room for curvature.
+            // Between two nodes a smooth surface climbs no faster than its slopes there, plus a margin for curvature.
             let climb = 2.0 * steepness(first).max(steepness(second)) + 1.0;
             if (a.height - b.height).abs() > climb * grid.step {
                 nodes[first] = Node::Wall(a.height);
@@ -291,7 +290,7 @@ impl HeightField {
         &self.nodes
     }
 
-    /// Where a node lies.
+    /// The position of a node.
     pub fn position(&self, column: usize, row: usize) -> ViewPoint {
         self.grid.position(column, row)
     }
@@ -304,7 +303,7 @@ impl HeightField {
         })
     }
 
-    /// The grid cell that holds a point and the point's place in it, 0 to 1 along x and y.
+    /// The column and row of the grid cell that contains a point, and the point's place in it, 0 to 1 along x and y.
     pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
         self.grid.cell(at)
     }
@@ -314,7 +313,7 @@ impl HeightField {
         self.grid.cell_nodes(column, row)
     }
 
-    /// Whether the point lies on the smooth surface: all four nodes round it do.
+    /// Whether the point is on the smooth surface: all four nodes round it are.
     pub fn is_surface(&self, at: ViewPoint) -> bool {
         self.cell(at).is_some_and(|(column, row, _)| {
             self.cell_nodes(column, row).iter().all(|&index| matches!(self.nodes[index], Node::Surface(_)))
@@ -322,7 +321,7 @@ impl HeightField {
     }
 }
 
-/// Visits every two nodes that are neighbours along x or y, with the step from the first to the second, mm.
+/// Visits every pair of nodes that are neighbours along x or y, with the step from the first to the second, mm.
 fn for_each_side(grid: &Grid, mut visit: impl FnMut(usize, usize, Vector2<f64>)) {
     for row in 0..grid.rows {
         for column in 0..grid.columns {
@@ -363,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn the_side_nearest_to_the_laser_is_seen_and_cliffs_are_walls() {
+    fn the_side_nearest_to_the_laser_is_sampled_and_cliffs_are_walls() {
         let field = FacingPart::new(&two_floors(), &View::top()).sampled(0.5);
         let node = |x: f64, y: f64| {
             let (column, row, _) = field.cell(ViewPoint::new(x, y)).unwrap();
@@ -377,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn from_below_the_other_side_is_seen() {
+    fn a_view_from_below_samples_the_other_side() {
         let below = View::new(Facing::towards(-Vector3::z()).unwrap(), 0.0);
         let field = FacingPart::new(&two_floors(), &below).sampled(1.0);
         assert!(field.surface_nodes().all(|(_, _, height)| height.abs() < 1e-12));

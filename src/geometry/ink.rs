@@ -8,33 +8,34 @@ use super::contour::Drawn;
 use super::pattern::{Pattern, Segment, Shape};
 use super::space::{Extents, FlatPoint};
 
-/// What is shorter than this, mm, has no stretch of its own: far above what is lost by rounding, a twentieth of the finest
-/// laser spot.
+/// Pieces shorter than this, mm, are joined to a neighbour, because their stretch cannot be measured. It is far above
+/// rounding errors and a twentieth of the finest laser spot.
 pub const SHORTEST: f64 = 1e-3;
-/// Chords of a curve are cut finer until they have this share of its length: one chord of a small circle has none.
+/// A curve is divided further until its chords have this share of its length: a small circle as one chord would have
+/// none.
 const SHARE_OF_LENGTH: f64 = 0.98;
-/// Pieces are made longer rather than more than this many; the ends of segments come on top.
-const MOST_PIECES: f64 = 2e6;
+/// Maximum number of pieces, not counting those added at the ends of segments; beyond it, pieces are made longer.
+const MAX_PIECES: f64 = 2e6;
 
-/// Squares are made larger rather than more than this many.
-const MOST_SQUARES_IN_BOX: f64 = 4e6;
+/// Maximum number of squares in the bounding rectangle; beyond it, squares are made larger.
+const MAX_SQUARES_IN_BOX: f64 = 4e6;
 
-/// Pieces that continue each other are put together, up to the length asked for, rather than more than this many.
-const MOST_SHORT_PIECES: usize = 200_000;
+/// With more pieces than this, consecutive pieces are joined, up to the requested length.
+const MAX_SHORT_PIECES: usize = 200_000;
 
-/// The drawing as samples: what the quality figures sum over and what the length-true map is weighted by.
+/// The drawing as samples: the quality results are sums over them, and they weight the length-true map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ink {
-    /// Pieces of all curves: no longer than asked for, as long as they are no more than two million, and no shorter than
-    /// [`SHORTEST`].
+    /// Pieces of all curves: no longer than requested, unless there would be more than two million, and no shorter
+    /// than [`SHORTEST`].
     pub pieces: Vec<Piece>,
     /// Single spots.
     pub dots: Vec<FlatPoint>,
-    /// Centres of the squares of an axis-parallel grid that lie inside the inked area.
+    /// Centres of those squares of an axis-parallel grid that are inside the inked area.
     pub squares: Vec<FlatPoint>,
     /// Side of the squares, mm.
     pub side: f64,
-    /// The smallest rectangle round everything, dots included.
+    /// The bounding rectangle of everything, including dots.
     pub extents: Extents,
 }
 
@@ -55,21 +56,21 @@ impl Piece {
 }
 
 impl Ink {
-    /// Samples the paths for which `counts` says yes (given the layer's name) with pieces of at most `piece` mm and
-    /// squares of `side` mm.
+    /// Samples the paths on layers for which `is_marked` is true (given the layer's name) with pieces of at most
+    /// `piece` mm and squares of `side` mm.
     ///
-    /// The inked area of a layer is bounded by its contours under the even-odd rule, one that is drawn again by the first;
-    /// a fill (HATCH, SOLID) is a region of its own. What several regions cover counts once.
-    pub fn sample(pattern: &Pattern, counts: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
+    /// The inked area of a layer is bounded by its contours under the even-odd rule; a contour that is drawn twice
+    /// counts once. A fill (HATCH, SOLID) is a separate region. An area covered by several regions counts once.
+    pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
-        let is_ink = |layer: usize| pattern.layers.get(layer).is_some_and(|layer| counts(&layer.name));
+        let is_ink = |layer: usize| pattern.layers.get(layer).is_some_and(|layer| is_marked(&layer.name));
         let inked = || pattern.paths.iter().filter(|path| is_ink(path.layer));
         let (mut extents, mut length, mut outlines) = (Extents::EMPTY, 0.0, BTreeSet::new());
         for segment in inked().flat_map(|path| path.shape.segments()) {
             length += chords(segment, segment.steps(FINE), |point| extents.include(point.coords()));
         }
-        let piece = piece.max(length / MOST_PIECES);
+        let piece = piece.max(length / MAX_PIECES);
         for path in inked() {
             if let Shape::Dot(point) = path.shape {
                 extents.include(point.coords());
@@ -77,18 +78,18 @@ impl Ink {
             }
             let stations = stations(&path.shape, piece);
             pieces.extend(stations.windows(2).map(|ends| Piece { from: ends[0], to: ends[1] }));
-            // A second outline in the same place would make a hole of what the first one bounds.
+            // A second, identical outline would turn the area of the first one into a hole.
             if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path))))
             {
                 let group = contours.entry((path.layer, path.region)).or_default();
                 group.push(path.shape.flattened(side / 40.0));
             }
         }
-        if pieces.len() > MOST_SHORT_PIECES {
-            put_together(&mut pieces, piece);
+        if pieces.len() > MAX_SHORT_PIECES {
+            join_consecutive(&mut pieces, piece);
         }
         let size = extents.size();
-        let side = side.max((size.x * size.y / MOST_SQUARES_IN_BOX).max(0.0).sqrt());
+        let side = side.max((size.x * size.y / MAX_SQUARES_IN_BOX).max(0.0).sqrt());
         let squares =
             if contours.is_empty() { Vec::new() } else { squares_inside(&contours, &extents, side) };
         Self { pieces, dots, squares, side, extents }
@@ -105,25 +106,26 @@ impl Ink {
     }
 }
 
-/// Chords stay this close to the curve where its length is measured, mm.
+/// Chord tolerance for measuring lengths, mm.
 const FINE: f64 = 1e-3;
 
-/// Length of a segment cut into so many chords, mm; `meet` is given their ends.
-fn chords(segment: &Segment, count: usize, mut meet: impl FnMut(FlatPoint)) -> f64 {
+/// Length of a segment divided into `count` chords, mm; calls `visit` with the ends of the chords.
+fn chords(segment: &Segment, count: usize, mut visit: impl FnMut(FlatPoint)) -> f64 {
     let mut last = segment.point(0.0);
-    meet(last);
+    visit(last);
     let mut length = 0.0;
     for step in 1..=count {
         let next = segment.point(step as f64 / count as f64);
-        meet(next);
+        visit(next);
         length += last.distance(next);
         last = next;
     }
     length
 }
 
-/// Points along a curve from its start on, `piece` mm or less apart and at least [`SHORTEST`]: what is shorter belongs to the
-/// piece before or after it. The end itself is left out where it is nearer than that. None for a dot.
+/// Points along a curve, beginning at its start, at most `piece` mm and at least [`SHORTEST`] apart. Anything shorter
+/// is joined to the piece before or after it; the end of the curve is omitted if it is too close to the last point.
+/// Empty for a dot.
 pub fn stations(shape: &Shape, piece: f64) -> Vec<FlatPoint> {
     let mut stations: Vec<FlatPoint> = shape.segments().first().map(Segment::start).into_iter().collect();
     for segment in shape.segments() {
@@ -143,17 +145,17 @@ pub fn stations(shape: &Shape, piece: f64) -> Vec<FlatPoint> {
     stations
 }
 
-/// Lets the ends of pieces be one piece as long as none is longer than `longest` mm.
-fn put_together(pieces: &mut Vec<Piece>, longest: f64) {
+/// Joins consecutive pieces into pieces of at most `longest` mm.
+fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
     pieces.dedup_by(|next, piece| {
         let longer = Piece { from: piece.from, to: next.to };
-        // One that is shorter than what it is made of turns back, and would hide that.
-        let is_whole =
+        // If the joined piece is shorter than one of the two, the curve turns back there; joining would hide that.
+        let is_joined =
             piece.to == next.from && (piece.length().max(next.length())..=longest).contains(&longer.length());
-        if is_whole {
+        if is_joined {
             *piece = longer;
         }
-        is_whole
+        is_joined
     });
 }
 
@@ -218,16 +220,16 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_has_its_hole_and_its_lengths() {
+    fn a_frame_has_the_right_area_and_length() {
         let frame = ink(vec![square(5.0, None), square(2.0, None)]);
         assert!((frame.area() - 84.0).abs() < 1e-9, "{}", frame.area());
         assert!((frame.length() - 56.0).abs() < 1e-9);
         assert!(frame.pieces.iter().all(|piece| piece.length() <= 0.25 + 1e-12));
     }
 
-    /// Closing pieces of exporters, and outlines made of nothing but rounding.
+    /// Exporters write tiny closing pieces, and outlines that consist only of rounding errors.
     #[test]
-    fn what_is_too_short_to_have_a_stretch_is_part_of_its_neighbour() {
+    fn very_short_pieces_are_joined_to_a_neighbour() {
         let at = |x: f64| FlatPoint::new(x, 0.0);
         let line = |from: f64, to: f64| Segment::Line { from: at(from), to: at(to) };
         let path = |segments| Path { shape: Shape::Open(segments), ..square(1.0, None) };
@@ -243,9 +245,9 @@ mod tests {
         assert!((fine.length() - 1.0).abs() <= SHORTEST && fine.pieces.len() <= 1000, "{}", fine.length());
     }
 
-    /// The ends of a circle's only chord are one point.
+    /// With a single chord, a circle would have length zero.
     #[test]
-    fn a_circle_smaller_than_a_piece_has_its_length() {
+    fn a_circle_smaller_than_a_piece_has_the_right_length() {
         for radius in [0.01, 0.04, 0.3, 10.0] {
             let circle = Segment::Arc {
                 center: FlatPoint::new(3.0, 4.0),
@@ -261,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contour_that_repeats_its_first_point_has_its_area_and_a_stroke_has_none() {
+    fn a_contour_with_a_repeated_point_has_an_area_but_a_stroke_has_none() {
         let around = square(5.0, None);
         let open = Path { shape: Shape::Open(around.shape.segments().to_vec()), ..around.clone() };
         assert_eq!(ink(vec![open.clone()]), ink(vec![around]));
@@ -273,19 +275,19 @@ mod tests {
     }
 
     #[test]
-    fn a_contour_drawn_again_empties_nothing() {
+    fn a_contour_drawn_twice_keeps_its_area() {
         let back = match square(5.0, None).shape {
             Shape::Closed(sides) => Shape::Closed(sides.iter().rev().map(Segment::reversed).collect()),
             _ => panic!(),
         };
         let back = Path { shape: back, color: Color::Aci(1), ..square(5.0, None) };
         assert!((ink(vec![square(5.0, None), back]).area() - 100.0).abs() < 1e-9);
-        // In a fill it is what the fill is made of.
+        // In a fill, the even-odd rule applies to all contours.
         assert_eq!(ink(vec![square(5.0, Some(1)), square(5.0, Some(1))]).area(), 0.0);
     }
 
     #[test]
-    fn an_outline_round_a_fill_does_not_empty_it() {
+    fn an_outline_round_a_fill_keeps_its_area() {
         assert!((ink(vec![square(5.0, None), square(5.0, Some(1))]).area() - 100.0).abs() < 1e-9);
     }
 }

@@ -3,14 +3,14 @@
 use super::pattern::{Color, Layer};
 use super::space::{Extents, FieldPoint};
 
-/// What the marking software is told to draw, in field coordinates (mm), in drawing order.
+/// The drawing for the marking software, in field coordinates (mm).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MarkingDrawing {
     /// The layers that paths refer to by index.
     pub layers: Vec<Layer>,
     /// Everything to be marked, in drawing order.
     pub paths: Vec<MarkingPath>,
-    /// Lines for people at the head of the file; they mark nothing.
+    /// Comment lines at the start of the file; they are not marked.
     pub comments: Vec<String>,
 }
 
@@ -47,7 +47,7 @@ impl MarkingShape {
 }
 
 impl MarkingDrawing {
-    /// The smallest rectangle round everything drawn, mm; empty for an empty drawing.
+    /// The bounding rectangle of everything drawn, mm; empty for an empty drawing.
     pub fn extents(&self) -> Extents {
         let points = self.paths.iter().flat_map(|path| path.shape.points());
         Extents::of(points.map(|point| point.coords()))

@@ -4,8 +4,8 @@ use nalgebra::{Point3, Vector3};
 
 /// A triangle mesh in the part frame: mm, +Z up as the designer modelled it, counter-clockwise seen from outside.
 ///
-/// Vertices may be repeated (CAD exports split them at face borders). Normals, where the file had any, stand one for
-/// each vertex; whether they carry curvature or only repeat the facets is found out when the surface is sampled.
+/// Vertices may be repeated (CAD exports split them at face borders). If the file has normals, there is one for each
+/// vertex; whether they describe the curvature or only repeat the facets is decided when the surface is sampled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriMesh {
     positions: Vec<Point3<f64>>,
@@ -14,31 +14,31 @@ pub struct TriMesh {
     normals_only_shade: bool,
 }
 
-/// Why a set of triangles is no mesh.
+/// Why a set of triangles is not a valid mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// There is no triangle with an area.
-    #[error("the part has no triangle with an area")]
+    /// No triangle has an area above zero.
+    #[error("the part has no triangle with an area above zero")]
     Empty,
     /// A coordinate is not finite or beyond [`TriMesh::LARGEST_COORDINATE`].
-    #[error("vertex {vertex} has the coordinates ({}, {}, {})", coordinate[0], coordinate[1], coordinate[2])]
+    #[error("vertex {vertex} has invalid coordinates ({}, {}, {})", coordinate[0], coordinate[1], coordinate[2])]
     BadCoordinate {
         /// Index of the vertex, from 0.
         vertex: usize,
         /// The coordinates as read, converted to mm.
         coordinate: [f64; 3],
     },
-    /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices}")]
+    /// A triangle refers to a vertex that does not exist.
+    #[error("triangle {triangle} refers to vertex {vertex}, but the number of vertices is {vertices}")]
     BadIndex {
         /// Index of the triangle, from 0.
         triangle: usize,
-        /// The index it names.
+        /// The vertex index it refers to.
         vertex: u32,
         /// Number of vertices.
         vertices: usize,
     },
-    /// There are neither zero normals nor one for each vertex.
+    /// The number of normals is neither zero nor the number of vertices.
     #[error("{normals} normals for {vertices} vertices")]
     NormalCount {
         /// Number of normals.
@@ -49,11 +49,11 @@ pub enum MeshError {
 }
 
 impl TriMesh {
-    /// No product on a marking table is larger than 100 m; a coordinate beyond is damage, mm.
+    /// Larger coordinates are rejected as damaged, mm: no product on a marking table is larger than 100 m.
     pub const LARGEST_COORDINATE: f64 = 1e5;
 
-    /// A mesh of `positions` (mm), one normal for each (any length; empty when the file has none) and `triangles`
-    /// (three indices each). Triangles without area are left out.
+    /// A mesh of `positions` (mm), one normal for each position (any length; empty when the file has none) and
+    /// `triangles` (three indices each). Triangles with an area of zero are skipped.
     ///
     /// # Errors
     /// See [`MeshError`].
@@ -77,7 +77,7 @@ impl TriMesh {
         }
         for normal in &mut normals {
             let length = normal.norm();
-            // A normal that is no direction is marked as missing by zero; the sampler then estimates it.
+            // A normal without a direction becomes zero, which means missing; the sampler then estimates it.
             *normal = if length.is_finite() && length > 1e-12 { *normal / length } else { Vector3::zeros() };
         }
         triangles.retain(|corners| {
@@ -95,25 +95,25 @@ impl TriMesh {
         &self.positions
     }
 
-    /// Unit normals, one for each vertex (zero where the file's was no direction), or none at all.
+    /// Unit normals, one for each vertex (zero where the file's normal has no direction); empty if the file has none.
     pub fn normals(&self) -> &[Vector3<f64>] {
         &self.normals
     }
 
-    /// The same mesh with normals that tell its edges but not its curvature: averages of facets, as smooth shading makes
-    /// them.
+    /// The same mesh, with its normals marked as shading normals: averages of facets from smooth shading, which show
+    /// the edges of the part but not its curvature.
     pub fn with_shading_normals(self) -> Self {
         Self { normals_only_shade: true, ..self }
     }
 
-    /// The same mesh with some of its triangles wound the other way round; one flag for each triangle.
+    /// The same mesh with the winding of some of its triangles reversed; one flag for each triangle.
     pub(super) fn with_reversed(mut self, is_reversed: &[bool]) -> Self {
         let chosen = self.triangles.iter_mut().zip(is_reversed).filter(|(_, reversed)| **reversed);
         chosen.for_each(|(corners, _)| corners.swap(1, 2));
         self
     }
 
-    /// Whether the normals tell edges only.
+    /// Whether the normals show only the edges of the part, not its curvature.
     pub fn normals_only_shade(&self) -> bool {
         self.normals_only_shade
     }
@@ -140,7 +140,7 @@ impl TriMesh {
         (min, max)
     }
 
-    /// Largest extents along x, y and z, mm.
+    /// Extents along x, y and z, mm.
     pub fn size(&self) -> Vector3<f64> {
         let (min, max) = self.bounds();
         max - min
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_meshes_are_refused_with_their_place() {
+    fn invalid_meshes_are_rejected_with_the_index_at_fault() {
         assert!(matches!(triangle([0.0, f64::NAN, 0.0]), Err(MeshError::BadCoordinate { vertex: 2, .. })));
         assert!(matches!(triangle([0.0, 1e6, 0.0]), Err(MeshError::BadCoordinate { vertex: 2, .. })));
         assert_eq!(triangle([2.0, 0.0, 0.0]), Err(MeshError::Empty));
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn size_is_that_of_the_triangles_not_of_stray_vertices() {
+    fn the_size_ignores_vertices_without_triangles() {
         let positions = vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 1.0], [90.0, 90.0, 90.0]]
             .into_iter()
             .map(Point3::from);

@@ -1,6 +1,6 @@
-//! Pure mathematics: values in, values out. No file, clock, thread, log or format is known here.
+//! Pure mathematics: values in, values out. No file, clock, thread, log or file format is used here.
 //!
-//! Lengths are in mm and angles in rad. Frames are told apart by their types ([`space`]).
+//! Lengths are in mm and angles in rad. Each frame has its own point type ([`space`]).
 
 pub mod space;
 pub mod mesh;

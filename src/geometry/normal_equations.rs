@@ -1,14 +1,15 @@
 //! Least squares over a tensor grid of control points: sparse normal equations and their solution.
 //!
-//! The surface fit and the length-true map both look for the control points of a bicubic B-spline, so both lead to a
-//! symmetric positive definite matrix in which a control point meets only its neighbours within three rows and columns.
+//! The surface fit and the length-true map both solve for the control points of a bicubic B-spline. Both lead to a
+//! symmetric positive definite matrix in which a control point is coupled only to its neighbours within three rows and
+//! columns.
 
 use faer::Side;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 
-/// Neighbours of a control point that come after it, row by row, with itself first: (columns, rows) to the right and up.
+/// The control point itself, then its neighbours that follow it row by row: (columns, rows) to the right and up.
 const STENCIL: [(isize, isize); 25] = {
     let mut offsets = [(0, 0); 25];
     let mut next = 0;
@@ -25,7 +26,8 @@ const STENCIL: [(isize, isize); 25] = {
     offsets
 };
 
-/// Position in [`STENCIL`] of the neighbour `column` to the right and `row` up; it must not lie before the point itself.
+/// Position in [`STENCIL`] of the neighbour `column` to the right and `row` up, which must not precede the point
+/// itself.
 const fn stencil_index(column: isize, row: isize) -> usize {
     if row == 0 { column as usize } else { (row * 7 + column) as usize }
 }
@@ -43,13 +45,13 @@ pub struct NormalEquations<const COMPONENTS: usize> {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// The matrix is not positive definite: the data do not determine the control points.
-    #[error("the {unknowns} unknowns of the fit are not determined by the data")]
+    #[error("the data do not determine the {unknowns} unknowns of the fit")]
     NotPositiveDefinite {
         /// Number of unknowns.
         unknowns: usize,
     },
     /// The solution does not satisfy the equations.
-    #[error("the solution of {unknowns} equations leaves a relative residual of {residual:.1e}")]
+    #[error("the solution of {unknowns} equations has a relative residual of {residual:.1e}")]
     Inaccurate {
         /// Number of unknowns.
         unknowns: usize,
@@ -57,32 +59,32 @@ pub enum SolveError {
         residual: f64,
     },
     /// There is not enough memory.
-    #[error("there is not enough memory to solve for {unknowns} unknowns")]
+    #[error("not enough memory to solve for {unknowns} unknowns")]
     OutOfMemory {
         /// Number of unknowns.
         unknowns: usize,
     },
 }
 
-/// A control point that is not looked for.
+/// Marks a control point that is not an unknown.
 const FIXED: u32 = u32::MAX;
 
-/// The elimination order of a grid, found once and used for every matrix on it.
+/// The elimination order of a grid, computed once and used for every matrix on it.
 #[derive(Debug, Clone)]
 pub struct GridSolver<const COMPONENTS: usize> {
     columns: usize,
     rows: usize,
-    /// The number of each control point among those that are looked for, row by row.
+    /// The number of each control point among the unknowns, row by row, or [`FIXED`].
     numbers: Vec<u32>,
     column_starts: Vec<usize>,
     row_indices: Vec<usize>,
     symbolic: SymbolicLlt<usize>,
 }
 
-/// One observation that touches the 4 × 4 control points of a cell: its derivative by each of their components.
+/// One observation that depends on the 4 × 4 control points of a cell: its derivative by each of their components.
 pub type CellRow<const COMPONENTS: usize> = [[f64; COMPONENTS]; 16];
 
-/// Observations of one cell, summed up before they are spread over the grid: 16 control points at a time fit a cache.
+/// Observations of one cell, summed before they are added to the grid: 16 control points fit into the CPU's cache.
 #[derive(Debug, Clone)]
 pub struct CellSum<const COMPONENTS: usize> {
     matrix: [[[[f64; COMPONENTS]; COMPONENTS]; 16]; 16],
@@ -112,8 +114,8 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
     }
 }
 
-/// Observations at one place, summed up before they are spread over the control points: each is known by its
-/// derivatives by `PARTS` quantities, such as a value and its slopes, that depend linearly on the 16 control points.
+/// Observations at one place, summed before they are added to the control points: each is given by its derivatives by
+/// `PARTS` quantities, such as a value and its slopes, that depend linearly on the 16 control points.
 #[derive(Debug, Clone)]
 pub struct ComposedSum<const PARTS: usize, const COMPONENTS: usize> {
     matrix: [[[[f64; COMPONENTS]; COMPONENTS]; PARTS]; PARTS],
@@ -213,13 +215,13 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         }
     }
 
-    /// The right side Aᵀb, row by row.
+    /// The right-hand side Aᵀb, row by row.
     pub fn right(&self) -> &[[f64; COMPONENTS]] {
         &self.right
     }
 
-    /// Adds `weight` times the square of the third difference along each row and column, for every component: it
-    /// vanishes on quadratics, so it continues a surface smoothly where there are no data and hardly bends it where
+    /// Adds `weight` times the square of the third difference along each row and column, for every component. It
+    /// vanishes on quadratics, so it continues a surface smoothly where there are no data and hardly changes it where
     /// there are (Eilers & Marx, Flexible smoothing with B-splines and penalties, Statistical Science 1996, eq. 4).
     pub fn add_third_difference_penalty(&mut self, weight: f64) {
         const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
@@ -250,7 +252,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// Adds the square of the third derivative in every direction, in differences of the control points:
     /// ∂³x² + 3 (∂²x ∂y)² + 3 (∂x ∂²y)² + ∂³y², for every component. It has no preferred direction and vanishes on
     /// quadratics (Wahba, Spline models for observational data, 1990, eq. 2.4.9, for m = 3; as differences after
-    /// Eilers & Marx 1996). `weight` gives the weight at a place that is counted in control points along x and y.
+    /// Eilers & Marx 1996). `weight` gives the weight at a place, in units of control points along x and y.
     pub fn add_roughness_penalty(&mut self, weight: impl Fn(f64, f64) -> f64) {
         const DIFFERENCES: [&[f64]; 4] = [&[1.0], &[-1.0, 1.0], &[1.0, -2.0, 1.0], &[-1.0, 3.0, -3.0, 1.0]];
         for (along, share) in [(3, 1.0), (2, 3.0), (1, 3.0), (0, 1.0)] {
@@ -279,7 +281,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         }
     }
 
-    /// The control points that satisfy the equations, row by row; those that the solver does not look for are 0.
+    /// The control points that satisfy the equations, row by row; those that are not unknowns of the solver are 0.
     ///
     /// # Errors
     /// See [`SolveError`]; the residual of every solution is checked.
@@ -293,20 +295,20 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         Ok(solution)
     }
 
-    /// Replaces each of several right sides, row by row, by the control points that satisfy the equations with it; those
-    /// that the solver does not look for become 0.
+    /// Replaces each of several right-hand sides, row by row, by the control points that satisfy the equations with
+    /// it; those that are not unknowns of the solver become 0.
     ///
     /// # Errors
     /// See [`SolveError`]; the residual of every solution is checked.
     ///
     /// # Panics
-    /// Never, if `solver` was made for the same grid and each right side is as long as it.
+    /// Never, if `solver` was made for the same grid and each right-hand side has its length.
     pub fn solve_each(
         &self,
         solver: &GridSolver<COMPONENTS>,
         rights: &mut [Vec<[f64; COMPONENTS]>],
     ) -> Result<(), SolveError> {
-        assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "the solver is of another grid");
+        assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "solver made for another grid");
         let unknowns = solver.column_starts.len() - 1;
         let mut values = Vec::with_capacity(solver.row_indices.len());
         for_each_column::<COMPONENTS>(self.columns, &solver.numbers, |point, component, neighbour, other| {
@@ -323,13 +325,14 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         let factor = Llt::try_new_with_symbolic(solver.symbolic.clone(), matrix, Side::Lower)
             .map_err(|_| SolveError::NotPositiveDefinite { unknowns })?;
         for right in rights {
-            assert_eq!(right.len(), self.right.len(), "a right side is of another grid");
-            let looked_for = right.iter().zip(&solver.numbers).filter(|(_, number)| **number != FIXED);
-            let rest: Vec<f64> = looked_for.flat_map(|(point, _)| point).copied().collect();
+            assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
+            let unknown = right.iter().zip(&solver.numbers).filter(|(_, number)| **number != FIXED);
+            let rest: Vec<f64> = unknown.flat_map(|(point, _)| point).copied().collect();
             let mut solution = rest.clone();
             factor.solve_in_place(faer::ColMut::from_slice_mut(&mut solution).as_mat_mut());
             let residual = relative_residual(rest, solver, &values, &solution);
-            // The matrix squares the condition of the observations; 1e-7 of the right side is far below 1e-6 mm.
+            // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
+            // 1e-6 mm.
             if !(residual <= 1e-7) {
                 return Err(SolveError::Inaccurate { unknowns, residual });
             }
@@ -351,7 +354,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     }
 }
 
-/// ‖Ax − b‖ / ‖b‖ for the lower triangle `values` of A and the right side b, `rest`.
+/// ‖Ax − b‖ / ‖b‖ for the lower triangle `values` of A and the right-hand side b, `rest`.
 fn relative_residual<const COMPONENTS: usize>(
     mut rest: Vec<f64>,
     solver: &GridSolver<COMPONENTS>,
@@ -376,19 +379,23 @@ impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
     /// The solver for `columns` × `rows` control points.
     ///
     /// # Errors
-    /// When the memory does not suffice.
+    /// When there is not enough memory.
     pub fn new(columns: usize, rows: usize) -> Result<Self, SolveError> {
         Self::for_some(columns, rows, |_| true)
     }
 
-    /// The solver that looks only for the control points (by index, row by row) that are `wanted`.
+    /// The solver whose unknowns are only the control points (by index, row by row) for which `is_unknown` is true.
     ///
     /// # Errors
-    /// When the memory does not suffice.
-    pub fn for_some(columns: usize, rows: usize, wanted: impl Fn(usize) -> bool) -> Result<Self, SolveError> {
+    /// When there is not enough memory.
+    pub fn for_some(
+        columns: usize,
+        rows: usize,
+        is_unknown: impl Fn(usize) -> bool,
+    ) -> Result<Self, SolveError> {
         let mut count = 0u32;
         let number = |point: usize| {
-            let number = if wanted(point) { count } else { FIXED };
+            let number = if is_unknown(point) { count } else { FIXED };
             count += u32::from(number != FIXED);
             number
         };
@@ -397,7 +404,8 @@ impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
         let mut column_starts = vec![0; unknowns + 1];
         let mut row_indices = Vec::with_capacity(unknowns * STENCIL.len() * COMPONENTS);
         for_each_column::<COMPONENTS>(columns, &numbers, |point, component, neighbour, other| {
-            row_indices.push(numbers[reached(columns, point, neighbour)] as usize * COMPONENTS + other);
+            row_indices
+                .push(numbers[neighbour_index(columns, point, neighbour)] as usize * COMPONENTS + other);
             column_starts[numbers[point] as usize * COMPONENTS + component + 1] = row_indices.len();
         });
         let pattern =
@@ -409,13 +417,13 @@ impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
 }
 
 /// The control point that is a neighbour of another.
-fn reached(columns: usize, point: usize, neighbour: usize) -> usize {
+fn neighbour_index(columns: usize, point: usize, neighbour: usize) -> usize {
     let (right, up) = STENCIL[neighbour];
     (point as isize + up * columns as isize + right) as usize
 }
 
-/// Visits the lower triangle of the matrix column by column, rows ascending, leaving out control points that are not
-/// looked for: (point, component, neighbour in the stencil, its component).
+/// Visits the lower triangle of the matrix column by column, rows ascending, skipping control points that are not
+/// unknowns: (point, component, neighbour in the stencil, its component).
 fn for_each_column<const COMPONENTS: usize>(
     columns: usize,
     numbers: &[u32],
@@ -429,7 +437,7 @@ fn for_each_column<const COMPONENTS: usize>(
                 if column + right < 0 || column + right >= columns as isize || row + up >= rows as isize {
                     continue;
                 }
-                if numbers[reached(columns, point, neighbour)] == FIXED {
+                if numbers[neighbour_index(columns, point, neighbour)] == FIXED {
                     continue;
                 }
                 let first = if neighbour == 0 { component } else { 0 };
@@ -444,7 +452,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn observations_of_known_control_points_give_them_back() {
+    fn observations_of_known_control_points_recover_them() {
         let (columns, rows) = (6, 5);
         let truth = |point: usize, component: usize| (point as f64).sin() + component as f64;
         let mut equations = NormalEquations::<2>::new(columns, rows);
@@ -474,7 +482,7 @@ mod tests {
                 assert!((value - truth(point, component)).abs() < 1e-9);
             }
         }
-        // Without what the others ask for, the equations of a few are those of a smaller grid.
+        // A solver for some control points sets all others to 0.
         let corner = |point: usize| point % columns < 5 && point / columns < 4;
         let some = equations.solve(&GridSolver::for_some(columns, rows, corner).unwrap()).unwrap();
         for (point, components) in some.iter().enumerate() {
@@ -483,7 +491,7 @@ mod tests {
     }
 
     #[test]
-    fn undetermined_control_points_are_an_error_until_the_penalty_ties_them() {
+    fn undetermined_control_points_are_an_error_without_a_penalty() {
         let solver = GridSolver::<1>::new(8, 4).unwrap();
         let mut equations = NormalEquations::<1>::new(8, 4);
         let mut sum = CellSum::default();

@@ -1,11 +1,11 @@
-//! Where the part stands under the laser, and where the marking software must aim to hit a point of it.
+//! The position of the part under the laser, and the aim with which the marking software hits a point of it.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::space::FieldPoint;
 
-/// Where the part's view stands in the laser's frame; z = 0 is the plane the marking software's own lens correction was
-/// calibrated at.
+/// The position of the part's view in the laser's frame; z = 0 is the plane in which the marking software's lens
+/// correction was calibrated.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Fixture {
     /// Offset to the right in the field, mm.
@@ -14,7 +14,7 @@ pub struct Fixture {
     pub y: f64,
     /// Height of the part's origin above the calibrated plane, mm.
     pub z: f64,
-    /// Turn about the laser's axis, counter-clockwise, rad.
+    /// Rotation about the laser's axis, counter-clockwise, rad.
     pub rotation: f64,
 }
 
@@ -31,29 +31,29 @@ impl Fixture {
     }
 }
 
-/// How the lens projects. Pincushion and barrel distortion belong to the marking software's correction file.
+/// The projection of the lens. Pincushion and barrel distortion are left to the marking software's correction file.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Lens {
-    /// The beam is parallel to the axis everywhere: height shifts nothing.
+    /// The beam is parallel to the axis everywhere, so the height of the part does not shift the mark.
     #[default]
     Telecentric,
-    /// The beams seem to meet in one point for each mirror.
+    /// For each mirror, all beams seem to start from one point.
     Perspective {
-        /// Distance from the calibrated plane to where the beams meet in x, mm.
+        /// Distance from the calibrated plane to that point for x, mm.
         x: f64,
-        /// Distance from the calibrated plane to where the beams meet in y, mm.
+        /// Distance from the calibrated plane to that point for y, mm.
         y: f64,
     },
 }
 
-/// The scan head over the field: its lens, and where the lens' axis meets the field.
+/// The scan head over the field: its lens, and the position of the lens axis in the field.
 ///
-/// The marking software's zero may lie at a corner of the field; the axis does not move with it.
+/// The origin of the marking software may be at a corner of the field; the axis does not move with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScanHead {
-    /// How the lens projects.
+    /// The projection of the lens.
     pub lens: Lens,
-    /// Where the lens' axis meets the field; a telecentric lens has no use for it.
+    /// Where the lens axis meets the field; not used for a telecentric lens.
     pub axis: FieldPoint,
 }
 
@@ -61,8 +61,8 @@ impl ScanHead {
     /// A head whose beam is parallel to its axis everywhere.
     pub const TELECENTRIC: Self = Self { lens: Lens::Telecentric, axis: FieldPoint::new(0.0, 0.0) };
 
-    /// What the drawing must say to hit a point of the laser's frame (mm): X = x·Lx/(Lx − z), and alike for y, with x and
-    /// X measured from the lens' axis. `None` if the point lies as high as the lens or higher.
+    /// The point of the drawing that hits a point of the laser's frame (mm): X = x·Lx/(Lx − z), and similarly for y,
+    /// with x and X measured from the lens axis. `None` if the point is as high as the lens or higher.
     ///
     /// The stretch is linear in z as in Scanlab's RTC5 manual, page 176, "correction for z ≠ 0".
     pub fn aim(&self, at: Point3<f64>) -> Option<FieldPoint> {
@@ -77,7 +77,7 @@ impl ScanHead {
         }
     }
 
-    /// Unit direction from a point of the laser's frame (mm), which must lie below the lens, against the beam.
+    /// Unit direction against the beam, from a point of the laser's frame (mm) that must be below the lens.
     pub fn towards(&self, at: Point3<f64>) -> Vector3<f64> {
         match self.lens {
             Lens::Telecentric => Vector3::z(),
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn height_shifts_the_aim_by_the_lens_distance() {
-        // marking field notes: at r = 50 mm, z = 10 mm, L = 300 mm the shift is 1.7 mm.
+        // At r = 50 mm, z = 10 mm, L = 300 mm the shift is 1.7 mm.
         let aim = head(300.0, 300.0, [0.0, 0.0]).aim(Point3::new(50.0, 0.0, 10.0)).unwrap();
         assert!((aim.x - 50.0 - 50.0 / 29.0).abs() < 1e-12 && aim.y == 0.0);
         assert_eq!(head(300.0, 290.0, [0.0, 0.0]).aim(Point3::new(1.0, 1.0, 290.0)), None);
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_shifted_on_the_axis_wherever_the_zero_is() {
+    fn a_point_on_the_lens_axis_is_not_shifted() {
         let head = head(300.0, 285.0, [100.0, 75.0]);
         let on_axis = Point3::new(100.0, 75.0, 20.0);
         assert_eq!(head.aim(on_axis), Some(FieldPoint::new(100.0, 75.0)));
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fixture_turns_before_it_shifts() {
+    fn the_fixture_rotates_before_it_shifts() {
         let fixture = Fixture { x: 5.0, y: 1.0, z: -2.0, rotation: std::f64::consts::FRAC_PI_2 };
         assert!((fixture.point(Point3::new(3.0, 0.0, 4.0)) - Point3::new(5.0, 4.0, 2.0)).norm() < 1e-12);
     }

@@ -7,31 +7,32 @@ use super::adjacency::Neighbours;
 /// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
 const COEFFICIENTS: usize = 9;
 
-/// A vertex whose sides leave the surface by less than this, mm, keeps its normal: an estimate is wrong by some per cent of
-/// it, and finely cut meshes have many vertices.
-const PLAIN: f64 = 1e-3;
+/// Where the sides at a vertex deviate from the surface by less than this, mm, the vertex keeps its normal: the first
+/// estimate is wrong by only a few per cent of the deviation, and fine meshes have many vertices.
+const NEGLIGIBLE_RISE: f64 = 1e-3;
 
-/// Vertices looked at round one at most.
-const MOST_NEIGHBOURS: usize = 64;
+/// Maximum number of neighbours used for one vertex.
+const MAX_NEIGHBOURS: usize = 64;
 
-/// What is known beforehand (standard deviations, the radius of curvature taken as the unit of length): the slope that a
-/// first estimate is wrong by, against the distance of the nearest vertex; second derivatives; third derivatives times
-/// that distance; and the height that a cubic leaves, against the fourth power of a vertex's distance, times the square
-/// of that distance, but at least [`FLOOR`].
+/// Prior standard deviations, with the radius of curvature as the unit of length: the slope error of the first
+/// estimate, divided by the distance of the nearest vertex; second derivatives; third derivatives times that
+/// distance; the height that a cubic leaves at a vertex, divided by the fourth power of the vertex's distance and
+/// times the square of the nearest distance. [`FLOOR`] is added to that height.
 const SLOPE: f64 = 0.5;
 const SECOND: f64 = 4.0;
 const THIRD: f64 = 0.6;
 const FOURTH: f64 = 0.01;
 const FLOOR: f64 = 1e-6;
 
-/// A better normal at a vertex whose `normals` are first estimates, unit vectors: that of the cubic, over the estimated
-/// tangent plane, that goes through the vertices round it and round its neighbours (Cazals & Pouget, Estimating
-/// differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design 22(2), 2005).
+/// A better normal at a vertex; `normals` are the first estimates, unit vectors. A cubic over the estimated tangent
+/// plane is fitted to the vertices round it and round its neighbours, and its normal is taken (Cazals & Pouget,
+/// Estimating differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design
+/// 22(2), 2005).
 ///
-/// Each vertex counts by what a cubic leaves at its distance, and no derivative is expected to be far beyond the radius of
-/// curvature, so that the few, far vertices of long strips leave the estimate where it is. Second derivatives are taken
-/// along chords instead of their projections, which makes spheres exact. A vertex without neighbours, or on a flat part,
-/// keeps its estimate.
+/// Each vertex is weighted by the height that a cubic is expected to leave at its distance. The priors keep derivatives
+/// within the order of the radius of curvature, so the few, far vertices of long strips hardly change the estimate.
+/// Second derivatives are taken along chords instead of their projections, which makes spheres exact. A vertex without
+/// neighbours, or on a flat region, keeps its estimate.
 pub(super) fn refined_normal(
     positions: &[Point3<f64>],
     normals: &[Vector3<f64>],
@@ -50,7 +51,7 @@ pub(super) fn refined_normal(
             radius = radius.min(distance / turn);
         }
     }
-    if !(rise > PLAIN && nearest > 0.0 && normal != Vector3::zeros()) {
+    if !(rise > NEGLIGIBLE_RISE && nearest > 0.0 && normal != Vector3::zeros()) {
         return normal;
     }
     let mut known: Vec<u32> =
@@ -66,7 +67,7 @@ pub(super) fn refined_normal(
     let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
     let mut matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_diagonal(&expected);
     let mut right = SVector::<f64, COEFFICIENTS>::zeros();
-    for &other in known.iter().filter(|&&other| other as usize != vertex).take(MOST_NEIGHBOURS) {
+    for &other in known.iter().filter(|&&other| other as usize != vertex).take(MAX_NEIGHBOURS) {
         let step = (positions[other as usize] - here) / radius;
         let (at, height) = (plane * step, normal.dot(&step));
         let (flat, square) = (at.norm_squared(), step.norm_squared());

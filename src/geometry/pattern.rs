@@ -4,10 +4,10 @@ use nalgebra::Vector2;
 
 use super::space::{Extents, FlatPoint};
 
-/// Points no farther apart than this, mm, are one point: a nanometre, and numbers in drawings end there.
+/// Points no farther apart than this, mm, are treated as one point: a nanometre, the precision of numbers in drawings.
 pub const SAME_POINT: f64 = 1e-6;
 
-/// A drawing in its own plane, mm, in drawing order.
+/// A flat drawing, mm.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pattern {
     /// The layers that paths refer to by index.
@@ -25,14 +25,14 @@ pub struct Layer {
     pub color: Color,
 }
 
-/// A colour as drawings know it. Marking software may choose the pen by it, so it is kept, not converted.
+/// A colour as the drawing file gives it. Marking software may choose the pen by colour, so it is kept, not converted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Color {
     /// The colour of the path's layer.
     ByLayer,
     /// An index of the AutoCAD colour table, 1 to 255.
     Aci(u8),
-    /// A true colour, with the nearest or given index for readers that know only the table.
+    /// A true colour, with the given or nearest index for readers that support only the table.
     Rgb {
         /// Index of the AutoCAD colour table, 1 to 255.
         aci: u8,
@@ -61,8 +61,8 @@ pub struct Path {
     pub color: Color,
     /// What is drawn.
     pub shape: Shape,
-    /// The filled region the path bounds, if it comes from a fill (HATCH, SOLID): paths with the same number bound one
-    /// region by the even-odd rule. A path without one bounds, if closed, the inked area of its layer.
+    /// The filled region that the path bounds, if it comes from a fill (HATCH, SOLID): paths with the same number bound
+    /// one region by the even-odd rule. A closed path without a number bounds the inked area of its layer.
     pub region: Option<u32>,
     /// Where the path comes from.
     pub source: Source,
@@ -86,15 +86,15 @@ pub struct Source {
     pub entity: String,
     /// The entity's handle in hexadecimal, if the file has one.
     pub handle: Option<String>,
-    /// Whether it is one of several strokes that the entity draws, as letters and hatch patterns do. The ends of such
-    /// strokes are not those of a line that was taken apart.
+    /// Whether the path is one of several strokes that the entity draws, as letters and hatch patterns do. Such strokes
+    /// are not pieces of an exploded line, so their ends are not joined.
     pub is_stroke: bool,
 }
 
 /// A smooth piece of a path, mm, with a parameter from 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Segment {
-    /// A straight line.
+    /// A straight line segment.
     Line {
         /// Start, mm.
         from: FlatPoint,
@@ -105,7 +105,7 @@ pub enum Segment {
     Arc {
         /// Centre, mm.
         center: FlatPoint,
-        /// Half axis at angle 0, mm (any conjugate half diameter will do).
+        /// Half axis at angle 0, mm; any conjugate half diameter is allowed.
         u: Vector2<f64>,
         /// Half axis at angle π/2, mm.
         v: Vector2<f64>,
@@ -163,7 +163,7 @@ impl Segment {
         }
     }
 
-    /// The segment traced the other way.
+    /// The segment in the opposite direction.
     pub fn reversed(&self) -> Self {
         match self {
             Self::Line { from, to } => Self::Line { from: *to, to: *from },
@@ -193,14 +193,15 @@ impl Segment {
         }
     }
 
-    /// The smallest rectangle round the segment, mm: exact but for rational Bézier curves, for those to 1e-6 of their size.
+    /// The bounding rectangle of the segment, mm: exact, except for rational Bézier curves, where it is accurate to
+    /// 1e-6 of their size.
     pub fn extents(&self) -> Extents {
         let mut extents = Extents::of([self.start().coords(), self.end().coords()]);
         match self {
             Self::Line { .. } => {}
             Self::Arc { u, v, start, sweep, .. } => {
                 for axis in 0..2 {
-                    // Along an axis the arc turns where u·cos + v·sin is extreme, once every half turn.
+                    // Along an axis, u·cos + v·sin has an extremum once every half turn.
                     let turn = v[axis].atan2(u[axis]);
                     for half in 0..2 {
                         let angle = turn + std::f64::consts::PI * f64::from(half);
@@ -214,7 +215,7 @@ impl Segment {
             Self::Bezier { points, weights: [a, b, c, d] } if a == b && b == c && c == d => {
                 for axis in 0..2 {
                     let [a, b, c, d] = points.map(|point| point.coords()[axis]);
-                    for t in turns([b - a, c - b, d - c]) {
+                    for t in roots([b - a, c - b, d - c]) {
                         extents.include(self.point(t).coords());
                     }
                 }
@@ -256,7 +257,7 @@ impl Segment {
         match self {
             Self::Line { .. } => 0.0,
             Self::Arc { u, v, sweep, .. } => {
-                // Largest half axis of the ellipse with the conjugate half diameters u, v is at most |(u, v)|.
+                // An upper bound of the largest half axis of the ellipse with the conjugate half diameters u and v.
                 let radius = (u.norm_squared().max(v.norm_squared()) + u.dot(v).abs()).sqrt();
                 let half = (sweep.abs() / pieces / 2.0).min(std::f64::consts::PI);
                 radius * (1.0 - half.cos())
@@ -272,11 +273,11 @@ impl Segment {
         }
     }
 
-    /// Number of equal parameter steps after which chords stay within `tolerance` mm of the curve (at most 65,536).
+    /// Number of equal parameter steps for which the chords stay within `tolerance` mm of the curve (at most 65,536).
     pub fn steps(&self, tolerance: f64) -> usize {
         let mut pieces = match self {
             Self::Line { .. } => return 1,
-            // A closed arc in fewer than four pieces would fold onto itself.
+            // The chords of a closed arc in fewer than four pieces would fold onto each other.
             Self::Arc { sweep, .. } => {
                 (sweep.abs() / std::f64::consts::FRAC_PI_2).ceil().clamp(1.0, 64.0) as usize
             }
@@ -289,11 +290,11 @@ impl Segment {
     }
 }
 
-/// Where the quadratic Bézier polynomial with these coefficients is 0 between 0 and 1.
-fn turns([a, b, c]: [f64; 3]) -> impl Iterator<Item = f64> {
+/// The roots between 0 and 1 of the quadratic Bézier polynomial with these coefficients.
+fn roots([a, b, c]: [f64; 3]) -> impl Iterator<Item = f64> {
     let (square, half) = (a - 2.0 * b + c, b - a);
     let root = (half * half - square * a).max(0.0).sqrt();
-    // Of the two ways to write a root the one without cancellation (Press and others, Numerical Recipes, section 5.6).
+    // The form of the roots that avoids cancellation (Press et al., Numerical Recipes, section 5.6).
     let sum = -(half + root.copysign(half));
     [sum / square, a / sum].into_iter().filter(|t| (0.0..=1.0).contains(t))
 }
@@ -313,7 +314,7 @@ impl Affine {
         (self.linear * point.coords() + self.offset).into()
     }
 
-    /// The rigid motion that turns by `angle` rad about `anchor` and then carries `anchor` to `target`.
+    /// The rigid motion that rotates by `angle` rad about `anchor` and then moves `anchor` to `target`.
     pub fn rigid(anchor: FlatPoint, angle: f64, target: FlatPoint) -> Self {
         let linear = *nalgebra::Rotation2::new(angle).matrix();
         Self { linear, offset: target.coords() - linear * anchor.coords() }
@@ -321,7 +322,7 @@ impl Affine {
 }
 
 impl Shape {
-    /// The segments of a curve; none for a dot.
+    /// The segments of a curve; empty for a dot.
     pub fn segments(&self) -> &[Segment] {
         match self {
             Self::Dot(_) => &[],
@@ -334,7 +335,7 @@ impl Shape {
         matches!(self, Self::Closed(_))
     }
 
-    /// Points along the shape with chords within `tolerance` mm of it; for a contour the first point is not repeated.
+    /// Points along the shape whose chords stay within `tolerance` mm of it; a contour's first point is not repeated.
     pub fn flattened(&self, tolerance: f64) -> Vec<FlatPoint> {
         let mut points = Vec::new();
         match self {
@@ -356,8 +357,9 @@ impl Shape {
 }
 
 impl Path {
-    /// Whether the path goes round an area: it is closed, or its ends are one point, as where a program repeats the first
-    /// point instead of closing the line. A stroke of a letter or a pattern is a line, wherever its ends are.
+    /// Whether the path bounds an area: it is closed, or its two ends coincide, as when a program repeats the first
+    /// point instead of closing the line. A stroke of a letter or a hatch pattern is always a line, even if its ends
+    /// coincide.
     pub fn is_contour(&self) -> bool {
         match &self.shape {
             Shape::Dot(_) => false,
@@ -373,7 +375,7 @@ impl Path {
 }
 
 impl Pattern {
-    /// The smallest rectangle round everything drawn, to within 0.001 mm; empty for an empty drawing.
+    /// The bounding rectangle of everything drawn, to within 0.001 mm; empty for an empty drawing.
     pub fn extents(&self) -> Extents {
         Extents::of(self.paths.iter().flat_map(|path| path.shape.flattened(1e-3)).map(FlatPoint::coords))
     }
@@ -443,10 +445,10 @@ mod tests {
         let (center, u, v) = (FlatPoint::new(0.0, 0.0), Vector2::new(2.0, 0.0), Vector2::new(0.0, 1.0));
         let upper = Segment::Arc { center, u, v, start: PI, sweep: -PI };
         close(upper.extents(), [-2.0, 0.0, 2.0, 1.0]);
-        // y = 3·4·t(1 − t) has its top, 3, in the middle.
+        // y = 3·4·t(1 − t) has its maximum, 3, in the middle.
         let points = [[0.0, 0.0], [1.0, 4.0], [2.0, 4.0], [3.0, 0.0]].map(|[x, y]| FlatPoint::new(x, y));
         close(Segment::Bezier { points, weights: [1.0; 4] }.extents(), [0.0, 0.0, 3.0, 3.0]);
-        // x = t (1 - t) (1 - 2 t) turns at t = 1/2 ± √3/6, where it is ±√3/18; weights that differ hardly change that.
+        // x = t (1 - t) (1 - 2 t) has extrema ±√3/18 at t = 1/2 ± √3/6; slightly different weights hardly change them.
         let points =
             [[0.0, 0.0], [1.0 / 3.0, 1.0], [-1.0 / 3.0, 2.0], [0.0, 3.0]].map(|[x, y]| FlatPoint::new(x, y));
         let turn = 3.0f64.sqrt() / 18.0;
@@ -456,7 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn an_affine_image_of_an_arc_is_the_arc_of_the_images() {
+    fn affine_maps_and_reversal_commute_with_evaluation() {
         let map =
             Affine { linear: nalgebra::Matrix2::new(2.0, 0.5, -0.3, -1.0), offset: Vector2::new(3.0, -4.0) };
         let arc = circle(5.0);
@@ -467,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rigid_motion_carries_the_anchor_to_its_place() {
+    fn a_rigid_motion_moves_the_anchor_to_its_target() {
         let anchor = FlatPoint::new(3.0, 1.0);
         let map = Affine::rigid(anchor, PI / 3.0, FlatPoint::new(-7.0, 2.0));
         assert!(map.point(anchor).distance(FlatPoint::new(-7.0, 2.0)) < 1e-12);

@@ -1,4 +1,4 @@
-//! Point clouds, as scanners give them.
+//! Point clouds from scanners.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,9 +12,9 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
-    /// A cloud of `points` (mm), with one normal for each (any length) or none at all; normals in another number are
-    /// left out. Points that are not finite or lie beyond [`TriMesh::LARGEST_COORDINATE`] are how some scanners mark
-    /// a missing one; they are left out.
+    /// A cloud of `points` (mm), with one normal for each (any length) or none at all; if the number of normals
+    /// differs, they are ignored. Points that are not finite or beyond [`TriMesh::LARGEST_COORDINATE`] are skipped:
+    /// some scanners mark missing points this way.
     pub fn new(mut points: Vec<Point3<f64>>, mut normals: Vec<Vector3<f64>>) -> Self {
         let is_point =
             |point: &Point3<f64>| point.iter().all(|value| value.abs() <= TriMesh::LARGEST_COORDINATE);
@@ -39,7 +39,7 @@ impl PointCloud {
         &self.normals
     }
 
-    /// Largest extents along x, y and z, mm; zero for an empty cloud.
+    /// Extents along x, y and z, mm; zero for an empty cloud.
     pub fn size(&self) -> Vector3<f64> {
         let Some(first) = self.points.first() else { return Vector3::zeros() };
         let bounds = |(min, max): (Vector3<f64>, Vector3<f64>), point: &Point3<f64>| {
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_for_missing_points_are_left_out_with_their_normals() {
+    fn placeholders_for_missing_points_are_skipped_with_their_normals() {
         let points = [[0.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1e30]];
         let normals = [0.0, 1.0, 2.0, 3.0].map(|x| Vector3::new(x, 0.0, 1.0)).to_vec();
         let cloud = PointCloud::new(points.map(Point3::from).to_vec(), normals);

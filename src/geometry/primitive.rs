@@ -1,4 +1,4 @@
-//! A part that needs no mesh: a cylinder or cone given by its sizes, as the laser sees it.
+//! A part without a mesh: a cylinder or cone given by its sizes, as the laser sees it.
 
 use nalgebra::{Point3, Unit, Vector2, Vector3};
 
@@ -8,8 +8,8 @@ use super::mapping::cylinder::Cylinder;
 use super::space::ViewPoint;
 use super::surface::fit::{FitError, FittedSurface};
 
-/// A round bar, straight or tapered, that lies before the laser: the middle of its crest, the line nearest to the laser,
-/// is the origin of the view.
+/// A round bar, straight or tapered, under the laser. The origin of the view is the middle of its crest, the line
+/// that is nearest to the laser.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Primitive {
     start_diameter: f64,
@@ -20,24 +20,24 @@ pub struct Primitive {
     middle: Point3<f64>,
 }
 
-/// What a [`Primitive`] unrolls as.
+/// The surface that a [`Primitive`] is unrolled as.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
-    /// Both ends are alike.
+    /// Both ends have the same diameter.
     Cylinder(Cylinder),
-    /// It is tapered.
+    /// The bar is tapered.
     Cone(Cone),
 }
 
-/// A taper below this, rad, is that of a cylinder: it moves no line by a micrometre.
-const LEAST_TAPER: f64 = 1e-6;
-/// Steps of the sampling along the longer side: as fine as the finest fit of a mesh.
+/// With a taper below this, rad, the primitive is treated as a cylinder: lines move by less than a micrometre.
+const MIN_TAPER: f64 = 1e-6;
+/// Sampling steps along the longer side: as fine as the finest fit of a mesh.
 const STEPS: f64 = 256.0;
 
 impl Primitive {
     /// The primitive with these diameters at its two ends (mm, positive) and this length along its axis (mm, positive);
-    /// `axis` points from the first end to the other, in the frame of the view. `None` for sizes that are none, a
-    /// cone that would end in its apex, or an axis that points at the laser.
+    /// `axis` points from the first end to the other, in the frame of the view. `None` for invalid sizes, including a
+    /// cone that ends in its apex, and for an axis that points at the laser.
     pub fn new(start_diameter: f64, end_diameter: f64, length: f64, axis: Vector3<f64>) -> Option<Self> {
         let sizes = [start_diameter, end_diameter, length];
         let axis = Unit::try_new(axis, 1e-9).filter(|axis| axis.iter().all(|part| part.is_finite()))?;
@@ -59,7 +59,7 @@ impl Primitive {
         self.axis
     }
 
-    /// Growth of the radius for each length along the axis.
+    /// Change of the radius per length along the axis.
     fn taper(&self) -> f64 {
         (self.end_diameter - self.start_diameter) / (2.0 * self.length)
     }
@@ -71,7 +71,7 @@ impl Primitive {
     /// The cylinder or cone itself.
     pub fn form(&self) -> Form {
         let (taper, radius) = (self.taper(), self.middle_radius());
-        if taper.abs() < LEAST_TAPER {
+        if taper.abs() < MIN_TAPER {
             return Form::Cylinder(Cylinder { center: self.middle, axis: self.axis, radius });
         }
         let axis = if taper > 0.0 { self.axis } else { -self.axis };
@@ -82,7 +82,7 @@ impl Primitive {
         })
     }
 
-    /// Height over a point of the view, mm; `None` beside the primitive and over its ends.
+    /// Height at a point of the view, mm; `None` outside the round side of the primitive.
     pub fn height(&self, at: ViewPoint) -> Option<f64> {
         self.hit(at).map(|(height, _)| height)
     }
@@ -101,13 +101,14 @@ impl Primitive {
         if !(a > 0.0 && height.is_finite() && reached.abs() <= self.length / 2.0) {
             return None;
         }
-        let outwards = from + Vector3::z() * height - *self.axis * reached;
-        Some((height, (outwards.normalize() - *self.axis * taper).normalize()))
+        let outward = from + Vector3::z() * height - *self.axis * reached;
+        Some((height, (outward.normalize() - *self.axis * taper).normalize()))
     }
 
-    /// The smallest upright box round the primitive: its lowest and its highest corner, mm, in the frame of the view.
+    /// The axis-parallel bounding box of the primitive: its lowest and highest corner, mm, in the frame of the view.
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
-        // An end is a circle, which reaches along each axis by its radius times the sine of the angle to it.
+        // An end is a circle; it extends along each coordinate axis by its radius times the sine of the angle to that
+        // axis.
         let reach = self.axis.map(|part| (1.0 - part * part).max(0.0).sqrt());
         let end = |share: f64, diameter: f64, side: f64| {
             self.middle.coords + *self.axis * (share * self.length) + reach * (side * diameter / 2.0)
@@ -116,10 +117,10 @@ impl Primitive {
         [end(-0.5, start, -1.0).inf(&end(0.5, far, -1.0)), end(-0.5, start, 1.0).sup(&end(0.5, far, 1.0))]
     }
 
-    /// The primitive as a fitted surface with exact samples, for checks, pictures and every general method.
+    /// The primitive as a fitted surface with exact samples, for checks, previews and all general methods.
     ///
     /// # Errors
-    /// When hardly anything of it faces the laser, or it is a thousand times as long as thick.
+    /// When too little of it faces the laser, or its length is more than a thousand times its thickness.
     pub fn surface(&self) -> Result<FittedSurface, FitError> {
         let [min, max] = self.bounds().map(|corner| corner.xy());
         let size = max - min;
@@ -168,7 +169,7 @@ mod tests {
             let primitive = Primitive::new(sizes[0], sizes[1], sizes[2], axis).unwrap();
             assert!(primitive.height(ViewPoint::new(0.0, 0.0)).unwrap().abs() < 1e-9);
             let surface = primitive.surface().unwrap();
-            let mut met = 0;
+            let mut nodes = 0;
             for (column, row, height) in surface.field.surface_nodes() {
                 let at = surface.field.position(column, row);
                 let point = Point3::new(at.x, at.y, height);
@@ -178,10 +179,10 @@ mod tests {
                 };
                 assert!(distance.abs() < 1e-9, "{distance} mm at {at:?}");
                 assert!(height <= 1e-9 + 0.3 * at.coords().norm());
-                met += 1;
+                nodes += 1;
             }
-            assert!(met > 10_000);
-            // Between the nodes the fit and its linear remainder stand for the primitive.
+            assert!(nodes > 10_000);
+            // Between the nodes, the fit and the interpolated residual represent the primitive.
             let worst = (0..500).map(|step| {
                 let at = ViewPoint::new(0.06 * f64::from(step) - 15.0, 0.031 * f64::from(step) - 7.0);
                 (surface.sampled_height(at).unwrap() - primitive.height(at).unwrap()).abs()
@@ -191,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_figure_is_none() {
+    fn invalid_sizes_and_axes_give_none() {
         for (sizes, axis) in [
             ([0.0, 73.0, 180.0], Vector3::x()),
             ([73.0, f64::NAN, 180.0], Vector3::x()),
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_no_surface() {
+    fn there_is_no_surface_beyond_the_ends() {
         let primitive = Primitive::new(40.0, 40.0, 100.0, Vector3::x()).unwrap();
         assert!(primitive.height(ViewPoint::new(49.9, 0.0)).is_some());
         assert!(primitive.height(ViewPoint::new(50.1, 0.0)).is_none());

@@ -1,8 +1,8 @@
-//! Whether a file's normals belong to the surface or only to its shading.
+//! Decides whether a file's normals describe the surface or are only for shading.
 //!
-//! CAD programs write the normals of the modelled surface. Modelling programs with smooth shading write averages of the facets
-//! round a vertex, so that an edge looks round in a picture: beside a narrow bevel such a normal leans by half the bevel's
-//! angle from a large flat side, and a surface that obeyed it would be a cushion.
+//! CAD programs write the normals of the modelled surface. Modelling programs with smooth shading write averages of
+//! the facets round a vertex, so that an edge looks round in a picture. Beside a narrow bevel, such a normal leans
+//! away from a large flat side by half the bevel's angle; a surface with these normals would bulge like a cushion.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,32 +12,33 @@ use super::mesh::TriMesh;
 use super::smooth_mesh::SmoothMesh;
 use super::space::View;
 
-/// Vertices looked at, at most; larger meshes are sampled evenly.
+/// Maximum number of vertices examined; larger meshes are sampled evenly.
 const SAMPLE: usize = 5_000;
-/// Places of the table that tells most other vertices from these: many times as many.
-const LIKELY: usize = 1 << 19;
-/// Vertices of larger meshes that are asked, at most.
-const MOST_VOTES: usize = 500;
-/// A wrong normal matters where its facets bulge by more than this, mm.
-const MATTERS: f64 = 0.002;
-/// A normal equals an average when it is within this of it, rad: files round normals to three or four digits.
+/// Size of the table that quickly rules out most vertices that were not sampled: many times larger than [`SAMPLE`].
+const TABLE_SIZE: usize = 1 << 19;
+/// Maximum number of vertices that vote, in meshes of more than [`SMALL`] triangles.
+const MAX_VOTES: usize = 500;
+/// Smallest bulge, mm, at which a wrong normal matters.
+const MIN_BULGE: f64 = 0.002;
+/// A normal equals an average when the angle between them is at most this, rad: files round normals to three or four
+/// digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
-/// Facets that turn by less than this at a vertex, rad, do not tell an average from the surface's own normal.
-const BENT: f64 = std::f64::consts::PI / 180.0;
-/// Meshes of at most so many triangles are put together to the faces that they were cut from; in larger ones every triangle
-/// stands for itself.
+/// Facets at a vertex whose normals differ by at most this, rad, are treated as one plane.
+const COPLANAR: f64 = std::f64::consts::PI / 180.0;
+/// In meshes of at most this many triangles, coplanar triangles are grouped into faces; in larger meshes every
+/// triangle is a separate face.
 const SMALL: usize = 6_000;
-/// Two directions are told apart when their angle is at least this share of the facets' bend at the vertex: estimates on coarse
-/// meshes are off by some per cent of it.
-const NOTABLE: f64 = 0.2;
-/// The same where the estimate is the normal of one of the facets, which it is beside a flat side, rad.
-const SURE: f64 = 0.05 * std::f64::consts::PI / 180.0;
-/// A vertex votes for one of two directions when the file's is within this share of their angle from it.
-const DECIDED: f64 = 0.25;
-/// Share of the normals between bent facets that must be averages before it is asked what else they could be.
-const MOSTLY: f64 = 0.5;
+/// Two directions are distinguished when their angle is at least this share of the facets' bend at the vertex:
+/// estimates on coarse meshes are wrong by a few per cent of it.
+const MIN_SHARE_OF_BEND: f64 = 0.2;
+/// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
+const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
+const VOTE_SHARE: f64 = 0.25;
+/// The share of the normals between bent facets that must be averages before the estimate is computed at all.
+const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
-/// A facet at one of its corners.
+/// A facet, seen from one of its corners.
 struct Facet {
     corner: usize,
     normal: Vector3<f64>,
@@ -51,10 +52,10 @@ struct Facet {
     reach: f64,
 }
 
-/// Whether the normals of the file are averages of its facets where the surface has other ones.
+/// Whether the normals of the file are only averages of its facets, for shading. `false` for a mesh without normals.
 ///
-/// A vertex votes where the average of the facets that share its normal and the normal that is estimated for a smooth
-/// surface with edges (see [`SmoothMesh`]) differ: by which of the two the file's is. `false` for a mesh without normals.
+/// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
+/// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal.
 pub fn only_shade(mesh: &TriMesh) -> bool {
     if mesh.normals().is_empty() {
         return false;
@@ -71,13 +72,15 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
         return false;
     };
-    if averages.is_empty() || (matches(&averages, weighting) as f64) < MOSTLY * averages.len() as f64 {
+    if averages.is_empty()
+        || (matches(&averages, weighting) as f64) < MIN_SHARE_OF_AVERAGES * averages.len() as f64
+    {
         return false;
     }
     let (smooth, part) = match whole {
         Some(smooth) => (smooth, None),
         None => {
-            let every = averages.len().div_ceil(MOST_VOTES).max(1);
+            let every = averages.len().div_ceil(MAX_VOTES).max(1);
             averages = averages.into_iter().step_by(every).collect();
             let Some((part, triangles)) = neighbourhood(mesh, averages.iter().map(|there| there.corner / 3))
             else {
@@ -96,24 +99,28 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
         let estimated = smooth.corners(triangle).1[there.corner % 3];
         let average = there.averages[weighting];
         let apart = angle(average, estimated);
-        let least = if there.is_own(estimated) { SURE } else { SAME.max(there.bend * NOTABLE) };
+        let least = if there.is_normal_of_a_face(estimated) {
+            MIN_ANGLE_TO_FACE
+        } else {
+            SAME.max(there.bend * MIN_SHARE_OF_BEND)
+        };
         if apart < least {
             continue;
         }
-        if angle(there.file, average) < apart * DECIDED {
+        if angle(there.file, average) < apart * VOTE_SHARE {
             shading += 1;
-        } else if angle(there.file, estimated) < apart * DECIDED {
+        } else if angle(there.file, estimated) < apart * VOTE_SHARE {
             surface += 1;
         }
     }
     shading > surface
 }
 
-/// Ways in which modelling programs weight the facets round a vertex.
+/// Number of ways in which modelling programs weight the facets round a vertex.
 const WEIGHTINGS: usize = 6;
 
-/// The triangles within three vertices of the given ones, as a mesh, and their numbers, rising: what an estimate at one of
-/// those depends on.
+/// The triangles within three vertices of the given ones, on which their estimates depend: as a mesh, and their
+/// indices in ascending order.
 fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Option<(TriMesh, Vec<usize>)> {
     let places = weld(mesh.positions());
     let mut chosen = vec![false; mesh.triangles().len()];
@@ -138,21 +145,21 @@ fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Opti
     Some((TriMesh::new(positions, normals, triangles).ok()?, numbers))
 }
 
-/// What a normal of the file could be an average of.
+/// A normal of the file, and the averages that it could be.
 struct Averages {
     /// A corner that has the normal: 3·triangle + 0, 1 or 2.
     corner: usize,
     file: Vector3<f64>,
     /// The largest angle between two of the facets, rad.
     bend: f64,
-    /// One for each way.
+    /// One for each way of weighting.
     averages: [Vector3<f64>; WEIGHTINGS],
     /// The normals of the facets.
     faces: Vec<Vector3<f64>>,
 }
 
 impl Averages {
-    /// For each different normal at a place, if the facets that share it are bent.
+    /// For each different normal at a place, if the facets that share it are not coplanar.
     fn at(mesh: &TriMesh, facets: &[Facet]) -> Vec<Self> {
         let normal =
             |facet: &Facet| mesh.normals()[mesh.triangles()[facet.corner / 3][facet.corner % 3] as usize];
@@ -170,7 +177,7 @@ impl Averages {
                 .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
             let bend = bends.fold(0.0, f64::max);
             let reach = shared.iter().map(|facet| facet.reach).fold(0.0, f64::max);
-            if bend * reach / 8.0 < MATTERS {
+            if bend * reach / 8.0 < MIN_BULGE {
                 continue;
             }
             let sum = |weight: &dyn Fn(&Facet) -> f64| {
@@ -191,15 +198,15 @@ impl Averages {
     }
 
     /// Whether a normal is that of one of the facets.
-    fn is_own(&self, normal: Vector3<f64>) -> bool {
-        self.faces.iter().any(|face| is_within(*face, normal, SURE / 2.0))
+    fn is_normal_of_a_face(&self, normal: Vector3<f64>) -> bool {
+        self.faces.iter().any(|face| is_within(*face, normal, MIN_ANGLE_TO_FACE / 2.0))
     }
 }
 
-/// Facets at a vertex that lie in one plane: a face of the model, which was cut into triangles when it was exported.
+/// Facets at a vertex that lie in one plane: a face of the model that was divided into triangles on export.
 struct Polygon {
     normal: Vector3<f64>,
-    /// Of the whole face, mm², where that is known.
+    /// Of the whole face, mm², if that is known.
     area: f64,
     angle: f64,
 }
@@ -208,7 +215,7 @@ impl Polygon {
     fn of(facets: &[&Facet]) -> Vec<Self> {
         let mut polygons: Vec<Self> = Vec::new();
         for facet in facets {
-            match polygons.iter_mut().find(|polygon| is_within(polygon.normal, facet.normal, BENT)) {
+            match polygons.iter_mut().find(|polygon| is_within(polygon.normal, facet.normal, COPLANAR)) {
                 Some(polygon) => polygon.angle += facet.angle,
                 None => {
                     polygons.push(Self { normal: facet.normal, area: facet.plane_area, angle: facet.angle });
@@ -231,12 +238,12 @@ impl Places {
         let mut sampled: Vec<[u64; 3]> = positions.iter().step_by(stride).map(key).collect();
         sampled.sort_unstable();
         sampled.dedup();
-        // Most corners of a large mesh are not sampled; one bit each keeps them from being searched for.
-        let mut is_likely = vec![false; LIKELY];
-        sampled.iter().for_each(|key| is_likely[likely_place(key)] = true);
+        // Most corners of a large mesh are not sampled; this table saves searching for them.
+        let mut is_likely = vec![false; TABLE_SIZE];
+        sampled.iter().for_each(|key| is_likely[table_place(key)] = true);
         let place_of = |position| {
             let key = key(position);
-            is_likely[likely_place(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
+            is_likely[table_place(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
         };
         let of_vertex: Vec<u32> =
             positions.iter().map(|at| place_of(at).map_or(NONE, |place| place as u32)).collect();
@@ -270,13 +277,13 @@ impl Places {
     }
 }
 
-/// Equal for equal positions; -0 counts as 0.
+/// Equal for equal positions; -0 is treated as 0.
 fn key(position: &Point3<f64>) -> [u64; 3] {
     [position.x, position.y, position.z].map(|coordinate| (coordinate + 0.0).to_bits())
 }
 
-fn likely_place(key: &[u64; 3]) -> usize {
-    (hash(*key) >> 40) as usize % LIKELY
+fn table_place(key: &[u64; 3]) -> usize {
+    (hash(*key) >> 40) as usize % TABLE_SIZE
 }
 
 fn direction(sum: Vector3<f64>) -> Vector3<f64> {

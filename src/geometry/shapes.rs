@@ -1,4 +1,4 @@
-//! Surfaces with a formula, and their meshes: the yardsticks of the tests and benchmarks, in mm.
+//! Surfaces given by formulas, and their meshes, mm: reference shapes for tests and benchmarks.
 
 use nalgebra::{Point3, Vector2};
 
@@ -52,8 +52,8 @@ pub fn bumps(x: f64, y: f64) -> f64 {
     (turn * x).sin() * (turn * y).sin()
 }
 
-/// The top of a ring of tube radius 25 mm that lies flat, its axis 45 mm below the origin in y: domed on the outer side,
-/// a saddle on the inner one.
+/// The top of a flat torus with a tube radius of 25 mm; its axis is at y = −45 mm, and its centre circle has a radius
+/// of 45 mm. The outer side is domed, the inner side is a saddle.
 pub fn torus(x: f64, y: f64) -> f64 {
     let beyond = x.hypot(y + 45.0) - 45.0;
     (625.0 - beyond * beyond).max(0.0).sqrt()
@@ -64,8 +64,8 @@ pub fn ellipsoid(x: f64, y: f64) -> f64 {
     22.0 * (1.0 - (x / 45.0).powi(2) - (y / 30.0).powi(2)).max(0.0).sqrt()
 }
 
-/// The whole part that stands under `height` on a table at z = 0, over ± `half` mm in x and y, its heights exact and `step`
-/// mm apart. Beside the part there is nothing.
+/// The height field of a whole part below the surface `height` that stands on a table at z = 0, over ± `half` mm in x
+/// and y. Its heights are exact, with a grid step of `step` mm; outside the part the nodes are empty.
 pub fn standing(half: [f64; 2], step: f64, height: impl Fn(f64, f64) -> f64) -> HeightField {
     let [columns, rows] = half.map(|half| (2.0 * half / step).round() as usize + 1);
     let node = |index: usize| {
@@ -85,8 +85,8 @@ pub fn standing(half: [f64; 2], step: f64, height: impl Fn(f64, f64) -> f64) -> 
         .expect("a part larger than a step has a grid")
 }
 
-/// The graph of `height` over a disc of radius `radius` mm as a mesh of nearly equilateral triangles with edges of
-/// about `edge` mm over the plane, without normals.
+/// The graph of `height` over a disc of radius `radius` mm as a mesh without normals. In the plane, its triangles are
+/// nearly equilateral with edges of about `edge` mm.
 pub fn graph(radius: f64, edge: f64, height: impl Fn(f64, f64) -> f64) -> TriMesh {
     let row_step = edge * 0.75f64.sqrt();
     let rows = (radius / row_step).ceil() as i64;

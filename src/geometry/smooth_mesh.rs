@@ -1,5 +1,5 @@
-//! A mesh that knows where it is smooth: one vertex with one normal where facets continue each other, several where
-//! they meet at an edge of the part.
+//! A mesh divided into smooth regions: where facets continue each other, a place has one vertex with one normal; at an
+//! edge of the part, it has one vertex for each side.
 
 mod creases;
 mod joining;
@@ -10,11 +10,12 @@ use nalgebra::{Point3, Vector3};
 
 use super::curved_triangle::CurvedTriangle;
 
-/// Facets that meet at a larger angle than this, rad, are taken for the two sides of an edge of the part when the file
-/// has no normals; at a smaller one where they stand alone (`creases`). CAD tessellations turn by up to 28.6° (0.5 rad) from facet to facet of one face; chamfers by 45°.
+/// In files without normals, facets that meet at a larger angle than this, rad, are the two sides of an edge of the
+/// part; smaller angles are edges only where they stand out from their neighbours (`creases`). In CAD tessellations
+/// the angle between two facets of one face is up to 28.6° (0.5 rad); at chamfers it is 45°.
 pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
-/// Normals of the file that differ by more than this, rad, at one place are those of two sides of an edge of the part.
+/// Normals of the file at one place that differ by more than this, rad, belong to two sides of an edge of the part.
 /// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
 pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
@@ -27,16 +28,17 @@ pub struct SmoothMesh {
     pub normals: Vec<Vector3<f64>>,
     /// Three vertices each.
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle the smooth region it belongs to: those that can be reached without crossing an edge of the
-    /// part.
+    /// For each triangle, the number of its smooth region: the triangles that can be reached without crossing an edge
+    /// of the part.
     pub regions: Vec<u32>,
-    /// For each side of each triangle (side 3·t + k runs from corner k to the next) the side of the neighbour that continues it;
-    /// [`NONE`](super::adjacency::NONE) at a border and at an edge of the part.
+    /// For each side of each triangle (side 3·t + k runs from corner k to the next), the neighbour's side that
+    /// continues it; [`NONE`](super::adjacency::NONE) at a border and at an edge of the part.
     pub(super) continued: Vec<u32>,
-    /// For each triangle how far the part may be from the surface that the normals make of it, mm: where they round an edge of
-    /// the facets, or contradict one another (`flats`); empty where there is no doubt.
+    /// For each triangle, how far the part may be from its curved patch, mm: where the normals round an edge of the
+    /// facets, or contradict one another (`flats`); empty if there is no doubt.
     pub doubts: Vec<f64>,
-    /// Edges of the part that the facets alone tell, from both of their sides, in rising order of these.
+    /// Edges of the part that only the facets show: one entry for each of the two sides, in ascending order of the
+    /// sides.
     pub(super) creases: Vec<Crease>,
 }
 

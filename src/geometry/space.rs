@@ -1,20 +1,20 @@
-//! The frames: part, view, laser, field, and the plane the pattern is drawn in. Lengths in mm, angles in rad.
+//! The frames: part, view, laser, field, and the plane of the drawing. Lengths in mm, angles in rad.
 //!
 //! A point of the drawing, a point of the view and a point of the field are all two numbers in mm, and mixing them up
-//! is scrap; so they are different types ([`FlatPoint`], [`ViewPoint`], [`FieldPoint`]).
+//! would produce scrap. So they have different types ([`FlatPoint`], [`ViewPoint`], [`FieldPoint`]).
 
 use std::marker::PhantomData;
 use std::ops::{Add, Sub};
 
 use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
-/// The plane the pattern is drawn in, after its placement: coordinates (s, t) in mm, true lengths.
+/// The plane of the placed drawing: coordinates (s, t) in mm, true lengths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FlatSpace {}
 /// The part as the laser sees it, along its axis: x to the right, y up, in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ViewSpace {}
-/// The marking software's working area: what the corrected drawing says, in mm.
+/// The marking software's working area: the coordinates of the corrected drawing, in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldSpace {}
 
@@ -50,7 +50,7 @@ impl<Space> Point2<Space> {
         (other - self).norm()
     }
 
-    /// The point at parameter `t` on the straight line to `other`: 0 here, 1 there.
+    /// The point at parameter `t` on the straight line to `other`: this point at 0, the other at 1.
     pub fn lerp(self, other: Self, t: f64) -> Self {
         Self::new(self.x + (other.x - self.x) * t, self.y + (other.y - self.y) * t)
     }
@@ -101,7 +101,7 @@ impl<Space> Add<Vector2<f64>> for Point2<Space> {
     }
 }
 
-/// An axis-parallel rectangle in one of the plane frames, in mm; empty until a point was included.
+/// An axis-parallel rectangle in one of the plane frames, in mm; empty until a point is included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extents {
     /// Smallest x and y, mm.
@@ -111,19 +111,19 @@ pub struct Extents {
 }
 
 impl Extents {
-    /// The rectangle that holds nothing.
+    /// The empty rectangle.
     pub const EMPTY: Self = Self {
         min: Vector2::new(f64::INFINITY, f64::INFINITY),
         max: Vector2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    /// Grows the rectangle so that it holds `point`.
+    /// Extends the rectangle to include `point`.
     pub fn include(&mut self, point: Vector2<f64>) {
         self.min = self.min.inf(&point);
         self.max = self.max.sup(&point);
     }
 
-    /// The smallest rectangle round the points.
+    /// The bounding rectangle of the points.
     pub fn of(points: impl IntoIterator<Item = Vector2<f64>>) -> Self {
         let mut extents = Self::EMPTY;
         points.into_iter().for_each(|point| extents.include(point));
@@ -135,12 +135,12 @@ impl Extents {
         self.min.x > self.max.x || self.min.y > self.max.y
     }
 
-    /// Width and height, mm; −∞ where nothing was included.
+    /// Width and height, mm; −∞ for the empty rectangle.
     pub fn size(&self) -> Vector2<f64> {
         self.max - self.min
     }
 
-    /// The middle, mm; not a number where nothing was included.
+    /// The centre, mm; NaN for the empty rectangle.
     pub fn center(&self) -> Vector2<f64> {
         (self.min + self.max) / 2.0
     }
@@ -157,13 +157,13 @@ impl Extents {
         Self { min: self.center() - half, max: self.center() + half }
     }
 
-    /// The rectangle widened about its centre so that both sides measure at least `least` mm.
-    pub fn grown_to(&self, least: f64) -> Self {
-        let half = self.size().map(|side| side.max(least) / 2.0);
+    /// The rectangle extended about its centre so that both sides are at least `min_side` mm long.
+    pub fn grown_to(&self, min_side: f64) -> Self {
+        let half = self.size().map(|side| side.max(min_side) / 2.0);
         Self { min: self.center() - half, max: self.center() + half }
     }
 
-    /// Whether the point lies inside or on the border.
+    /// Whether the point is inside or on the border.
     pub fn contains(&self, point: Vector2<f64>) -> bool {
         point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y
     }
@@ -179,8 +179,8 @@ impl Facing {
     /// The part's top: +Z points to the laser.
     pub const TOP: Self = Self { direction: Vector3::new(0.0, 0.0, 1.0) };
 
-    /// The side whose outward direction is `direction` (any length but zero, part frame); `None` for a vector that is
-    /// no direction.
+    /// The side whose outward direction is `direction` (any length except zero, part frame); `None` if the length is
+    /// zero or not finite.
     pub fn towards(direction: Vector3<f64>) -> Option<Self> {
         let length = direction.norm();
         (length.is_finite() && length > 0.0).then(|| Self { direction: direction / length })
@@ -192,9 +192,9 @@ impl Facing {
     }
 }
 
-/// The turn from the part frame to the view: x to the right, y up, z to the laser; the origin stays the part's.
+/// The rotation from the part frame to the view: x to the right, y up, z to the laser; the origin is that of the part.
 ///
-/// For `±x` and `±y` the part's +Z is up, for `±z` its +Y is up; any other direction takes +Z for up as far as it can.
+/// For `±x` and `±y` the part's +Z is up, for `±z` its +Y is up; for any other direction +Z is as far up as possible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     rotation: Matrix3<f64>,
@@ -204,7 +204,7 @@ impl View {
     /// The view onto the side `facing`, turned by `roll` rad counter-clockwise about the laser's axis.
     pub fn new(facing: Facing, roll: f64) -> Self {
         let out = facing.direction;
-        // Within 1e-6 rad of ±Z the part's +Z gives no direction on the page any more.
+        // Within 1e-6 rad of ±Z, the part's +Z no longer defines a direction in the view.
         let up_hint = if out.x.hypot(out.y) < 1e-6 { Vector3::y() } else { Vector3::z() };
         let right = up_hint.cross(&out).normalize();
         let up = out.cross(&right);
@@ -216,12 +216,12 @@ impl View {
         Self { rotation }
     }
 
-    /// The view onto the part's top, without a turn.
+    /// The view onto the part's top, without a rotation.
     pub fn top() -> Self {
         Self { rotation: Matrix3::identity() }
     }
 
-    /// A point of the part, mm, as the laser sees it: (x, y) on the page, z towards the laser.
+    /// A point of the part, mm, in the view: x to the right, y up, z towards the laser.
     pub fn point(&self, part: Point3<f64>) -> Point3<f64> {
         Point3::from(self.rotation * part.coords)
     }
@@ -236,7 +236,7 @@ impl View {
         self.rotation.tr_mul(&view)
     }
 
-    /// A direction of the part in the view.
+    /// A direction of the part frame in the view.
     pub fn vector(&self, part: Vector3<f64>) -> Vector3<f64> {
         self.rotation * part
     }
@@ -252,18 +252,18 @@ mod tests {
 
     #[test]
     fn facing_keeps_the_part_upright() {
-        let up_on_page = |view: View, up: Vector3<f64>| (view.vector(up) - Vector3::y()).norm() < 1e-12;
+        let is_up_in_view = |view: View, up: Vector3<f64>| (view.vector(up) - Vector3::y()).norm() < 1e-12;
         for side in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
-            assert!(up_on_page(view_of(side), Vector3::z()), "{side:?}");
+            assert!(is_up_in_view(view_of(side), Vector3::z()), "{side:?}");
         }
         for side in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
-            assert!(up_on_page(view_of(side), Vector3::y()), "{side:?}");
+            assert!(is_up_in_view(view_of(side), Vector3::y()), "{side:?}");
         }
         assert_eq!(view_of([0.0, 0.0, 1.0]), View::top());
     }
 
     #[test]
-    fn a_view_is_a_rotation_and_looks_along_its_side() {
+    fn a_view_is_a_rotation_that_turns_its_side_to_the_laser() {
         for side in [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [0.3, -0.4, 0.8]] {
             let view = view_of(side);
             assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn roll_turns_the_page_counter_clockwise() {
+    fn roll_rotates_the_view_counter_clockwise() {
         let view = View::new(Facing::TOP, std::f64::consts::FRAC_PI_2);
         assert!((view.vector(Vector3::x()) - Vector3::y()).norm() < 1e-12);
     }

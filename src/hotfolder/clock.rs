@@ -1,43 +1,43 @@
-//! The time of day as people and programs read it, and the time that nobody sets.
+//! The time of day, as people and programs read it, and the uptime, which nobody can set.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// How long the machine has been running: unlike the time of day, nobody sets it.
+/// How long the machine has been running. Unlike the time of day, it cannot be set.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Uptime {
-    /// Which start of the machine it counts from; empty where the system does not tell.
+    /// The start of the machine that it is counted from; empty where the system does not report it.
     pub(crate) boot: String,
     pub(crate) since: Duration,
 }
 
 impl Uptime {
-    /// How much time has passed at least since `earlier`. Of the time between two starts of the machine only that after the
-    /// second is certain.
+    /// The least time that has passed since `earlier`. After a restart of the machine, only the time since that restart
+    /// is certain.
     pub(crate) fn passed_since(&self, earlier: &Self) -> Duration {
         let same_start = self.boot == earlier.boot;
         self.since.checked_sub(earlier.since).filter(|_| same_start).unwrap_or(self.since)
     }
 }
 
-/// How long the machine has been running; `None` where the system does not tell.
+/// How long the machine has been running; `None` where the system does not report it.
 #[cfg(target_os = "linux")]
 pub(crate) fn uptime() -> Option<Uptime> {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?.trim().to_owned();
-    // Seconds since the start, the time in which the machine slept included, and another number.
+    // Two numbers: seconds since the start, including sleep, and the idle time.
     let text = std::fs::read_to_string("/proc/uptime").ok()?;
     let seconds: f64 = text.split(' ').next()?.parse().ok()?;
     Some(Uptime { boot, since: Duration::try_from_secs_f64(seconds).ok()? })
 }
 
-/// How long the machine has been running; `None` where the system does not tell.
+/// How long the machine has been running; `None` where the system does not report it.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn uptime() -> Option<Uptime> {
     let seconds = sysinfo::System::uptime();
     (seconds > 0).then(|| Uptime { boot: String::new(), since: Duration::from_secs(seconds) })
 }
 
-/// A moment as `2026-03-01T12:34:56Z`: universal time to the second, as RFC 3339 writes it. What lies before 1970, as
-/// on a machine without a clock, reads as its first second.
+/// A moment as `2026-03-01T12:34:56Z`: universal time to the second, in the form of RFC 3339. A time before 1970, as on
+/// a machine without a clock, is shown as the first second of 1970.
 pub(crate) fn timestamp(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let (days, second) = (seconds / 86_400, seconds % 86_400);
@@ -45,7 +45,7 @@ pub(crate) fn timestamp(time: SystemTime) -> String {
     format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", second / 3600, second / 60 % 60, second % 60)
 }
 
-/// This moment, as [`timestamp`] writes it.
+/// The current time, in the form of [`timestamp`].
 pub(crate) fn now() -> String {
     timestamp(SystemTime::now())
 }
@@ -68,14 +68,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_passes_at_least_as_long_as_is_certain() {
+    fn passed_time_is_never_overestimated() {
         let at = |boot: &str, seconds| Uptime { boot: boot.into(), since: Duration::from_secs(seconds) };
         for (name, earlier, now, seconds) in [
             ("one start", at("a", 100), at("a", 130), 30),
-            ("another start, which may have been a second later", at("a", 100), at("b", 20), 20),
-            ("another start long ago", at("a", 100), at("b", 5000), 5000),
-            ("starts are not told apart", at("", 100), at("", 130), 30),
-            ("it can only be another start", at("", 100), at("", 20), 20),
+            ("a restart, which may have been a second later", at("a", 100), at("b", 20), 20),
+            ("a restart long ago", at("a", 100), at("b", 5000), 5000),
+            ("starts cannot be distinguished", at("", 100), at("", 130), 30),
+            ("it can only be a restart", at("", 100), at("", 20), 20),
         ] {
             assert_eq!(now.passed_since(&earlier), Duration::from_secs(seconds), "{name}");
         }
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_read_as_the_calendar_has_them() {
+    fn timestamps_agree_with_the_calendar() {
         // GNU date: `date -u -d @SECONDS +%FT%TZ`.
         for (seconds, expected) in [
             (0, "1970-01-01T00:00:00Z"),

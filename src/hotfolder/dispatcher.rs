@@ -1,10 +1,10 @@
-//! The station at work: hears, lists, hands out jobs to its threads, and takes in what became of them.
+//! The running station: receives events, lists the hot folder, gives jobs to its threads, and handles their outcomes.
 //!
-//! One thread knows all drops and decides; the jobs themselves are done by others ([`Executor`]). A part is fitted while no
-//! other job of its SKU is done. Drawings are done side by side, of one SKU, too; those with one result one after the other,
-//! in the order in which the drops came. Every job that is not known to be large begins as a quick one, and is given up as soon as what it reads turns out
-//! to be more than a moment's work; then it waits for its turn among the large ones, which never take all threads. So a
-//! small one has to wait for small ones at most.
+//! One thread knows all drops and decides; other threads do the jobs ([`Executor`]). A part is fitted while no other
+//! job of its SKU runs. Drawings are corrected in parallel, also those of one SKU. Drawings with the same result are
+//! corrected one after the other, in the order in which they arrived. Every job that is not known to be large starts as
+//! a quick one. It is cancelled as soon as its input turns out to be a large job; then it waits for its turn among the
+//! large jobs, which never take all threads. So a small job waits for small jobs only.
 
 mod hand_out;
 mod lanes;
@@ -37,23 +37,24 @@ use late::Late;
 use rounds::Rounds;
 use threads::Threads;
 
-/// How long an incomplete file is waited for after its writer closed it: some programs write in two goes.
+/// How long to wait for the rest of a file after its writer closed it: some programs write in two steps.
 const INCOMPLETE_AFTER_CLOSE: Duration = Duration::from_secs(3);
-/// How long the station looks at delivered drawings before it sees to its drops again.
+/// How long the station checks delivered drawings before it handles its drops again.
 const LOOK: Duration = Duration::from_millis(20);
-/// The station wakes at least this often, to say that it is alive and to look for requests.
+/// The station wakes up at least this often, to report that it is alive and to look for requests.
 const HEARTBEAT: Duration = Duration::from_secs(1);
-/// Events that may wait to be heard; when there are more, the folder is listed instead.
-const MOST_MESSAGES: usize = 4096;
-/// The greatest number of threads that is of use.
-const MOST_THREADS: usize = 64;
+/// Events that may wait in the channel; if there are more, the folder is listed instead.
+const MAX_MESSAGES: usize = 4096;
+/// The largest useful number of threads.
+const MAX_THREADS: usize = 64;
 
-/// Runs a station: once over what lies there, or until it is stopped. `pulse` is called when the station is ready, at
-/// least every second as long as it is alive, and when it stops.
+/// Runs a station: once over the files in the hot folder, or until it is stopped. `pulse` is called when the station is
+/// ready, at least every second while it is alive, and when it stops.
 ///
 /// # Errors
-/// When another process runs the station, one of its own folders cannot be made or written, or a job says that nothing
-/// can be done any more. Whatever goes wrong with a single drop is no error: the drop is rejected or waits.
+/// When another process runs the station, when one of its own folders cannot be created or written, or when a job
+/// reports that the station cannot continue. A problem with a single drop is not an error: the drop is rejected or
+/// waits.
 pub fn run(
     settings: LiveSettings,
     corrector: &impl Corrector,
@@ -79,11 +80,11 @@ pub fn run(
         Journal::open(&state).map_err(|source| StationError::Journal { path: state.clone(), source })?;
     let known = uncertain_in(&journal);
     let executor = Executor::new(corrector, journal, Shares::open(&state), stop.clone());
-    let (sender, messages) = sync_channel(MOST_MESSAGES);
+    let (sender, messages) = sync_channel(MAX_MESSAGES);
     stop.connect(sender.clone());
     let count = threads(station.watch.jobs);
     let (tasks, taken) = sync_channel(count);
-    // Memory that a thread had stays with it, so these only take what the others cannot.
+    // A thread keeps the memory that it once used, so the spare threads only take what the others cannot.
     let (spare_tasks, taken_by_spare) = sync_channel(count);
     let keeper = Keeper::new(&station, &state, stop.clone());
     let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
@@ -95,13 +96,13 @@ pub fn run(
             }
         }
         let keeper = &keeper;
-        // Their threads end with this one, however that ends.
-        let _ends = keeper.ends_with_this();
+        // The keeper's threads end when this function returns or panics.
+        let _ends = keeper.end_on_drop();
         scope.spawn(|| {
-            goes_on(|| keeper.keep_journal_short(|| executor.journal()), "keeps the journal short")
+            run_side_task(|| keeper.keep_journal_short(|| executor.journal()), "shortens the journal")
         });
         let cleaning = scope.spawn(|| {
-            goes_on(|| keeper.run(|| executor.journal(), mode == Mode::Once), "removes old files");
+            run_side_task(|| keeper.run(|| executor.journal(), mode == Mode::Once), "removes old files");
         });
         let mut dispatcher = Dispatcher {
             settings,
@@ -131,27 +132,27 @@ pub fn run(
         };
         executor.parking.restore(&station.folders);
         dispatcher.introduce();
-        executor.tell_of_older_form();
+        executor.warn_of_older_form();
         pulse(Pulse::Ready);
         dispatcher.work_until_done(pulse);
         pulse(Pulse::Stopping);
         if mode == Mode::UntilStopped || stop.is_raised() || dispatcher.stopped.is_some() {
             keeper.end();
         }
-        // What it removed is in the status.
+        // The status reports what it removed.
         let _ = cleaning.join();
         keeper.end();
         dispatcher.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
             tracing::info!(
-                "files that are done and kept in case their writers go on: {parked}; the next start looks at them"
+                "{parked} processed files are kept in case a program still writes to them; the next start checks them"
             );
         }
-        // The threads end when nothing can come any more.
+        // Dropping the rest of the dispatcher closes the channels, so the threads end.
         let Dispatcher { drops, tally, stopped, .. } = dispatcher;
         let (waiting, incomplete) = drops.left();
-        // Also what was filed without a job of its own.
+        // This includes drawings that the listing filed without a job.
         let uncertain = uncertain_in(&executor.journal()).difference(&known).count() as u64;
         match stopped {
             Some(reason) => Err(StationError::Stopped(reason)),
@@ -160,15 +161,15 @@ pub fn run(
     })
 }
 
-/// Does what a station can do without: a panic there ends nothing else.
-fn goes_on(work: impl FnOnce(), what: &str) {
+/// Does work that a station can do without: a panic there stops nothing else.
+fn run_side_task(work: impl FnOnce(), what: &str) {
     let work = || {
         work();
         Ok(())
     };
     if guarded(work).is_err() {
         tracing::error!(
-            "isomark no longer {what}, for a fault of its own: start the station again, and report this"
+            "an internal error stopped a task: isomark no longer {what}. Restart the station and report this"
         );
     }
 }
@@ -178,13 +179,14 @@ fn uncertain_in(journal: &Journal) -> BTreeSet<(String, String)> {
     journal.uncertain().map(|result| (result.job.name.clone(), result.at.clone())).collect()
 }
 
-/// As many as the machine has, or as the settings say; at least two, so that a large job blocks no small one.
+/// The number of threads: from the settings, or one for each processor; at least two, so that a large job never blocks
+/// the small ones.
 fn threads(asked: Option<usize>) -> usize {
     let cores = std::thread::available_parallelism().map_or(2, usize::from);
-    asked.unwrap_or(cores).clamp(2, MOST_THREADS)
+    asked.unwrap_or(cores).clamp(2, MAX_THREADS)
 }
 
-/// A station at work.
+/// A running station.
 struct Dispatcher<'a, C> {
     settings: LiveSettings,
     executor: &'a Executor<'a, C>,
@@ -193,9 +195,9 @@ struct Dispatcher<'a, C> {
     mode: Mode,
     lock: StationLock,
     hot_lock: Option<HotLock>,
-    /// The state folder in which lock and journal are, whatever the settings say later.
+    /// The state folder with lock and journal; later changes of the settings do not move it.
     state: PathBuf,
-    /// The log file that is written, whatever the settings say later.
+    /// The log file that is written; later changes of the settings do not move it.
     log: Option<LogSettings>,
     messages: Receiver<Message>,
     threads: Threads,
@@ -204,7 +206,7 @@ struct Dispatcher<'a, C> {
     lanes: Lanes,
     started: Instant,
     rounds: Rounds,
-    /// Patterns whose result is delivered while report or original could not be filed yet.
+    /// Patterns whose result is delivered, but whose report or original could not be filed yet.
     unfiled: BTreeMap<PathBuf, Unfiled>,
     /// How often the settings changed so far.
     settings_changes: u64,
@@ -220,7 +222,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn work_until_done(&mut self, pulse: &mut dyn FnMut(Pulse)) {
         loop {
             let ends = self.stop.is_raised() || self.stopped.is_some();
-            let mut looks_on = false;
+            let mut has_more_to_check = false;
             if !ends {
                 self.refresh_settings();
                 if self.now() >= self.rounds.due() {
@@ -228,7 +230,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
                 self.look_at_parked();
                 self.take_requests();
-                looks_on = self.look_for_outdated();
+                has_more_to_check = self.look_for_outdated();
                 self.hand_out();
             }
             pulse(Pulse::Alive);
@@ -239,7 +241,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let now = self.now();
             let mut next = now + HEARTBEAT;
             let mut due = Moment::MAX;
-            // A station that ends does neither.
+            // A station that is ending does not list the folder or check parked files.
             if !ends {
                 next = next.min(self.rounds.due());
             }
@@ -247,53 +249,53 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 next = next.min(self.next_look_at_parked.max(now));
             }
             if !ends && self.threads.have_room(now) {
-                // What is ready and cannot begin waits for a job to finish, which is heard.
+                // A drop that is ready and cannot start waits for a job to finish, which sends a message.
                 due = self.drops.next_due(self.lanes.made, &self.times()).unwrap_or(due);
                 next = if self.lanes.stale { now } else { next.min(due) };
             }
-            if looks_on {
+            if has_more_to_check {
                 next = now;
             }
             match self.messages.recv_timeout(next.saturating_sub(now).max(Duration::from_millis(1))) {
                 Ok(message) => self.drain_events(message),
-                // Something may have settled or healed.
+                // A drop may have settled, or a folder may be available again.
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.lanes.stale = true,
             }
             self.lanes.stale |= due <= self.now();
         }
     }
 
-    /// Somebody may have tidied up the state folder: without lock and journal a second station could start, and deliver
-    /// again what this one delivered.
+    /// Restores lock and journal if somebody removed the state folder: without them a second station could start and
+    /// deliver the same drawings again.
     fn keep_state(&mut self) {
         let state = self.state.display().to_string();
         match self.lock.keep_in_place(&self.state, &self.settings.station().name) {
             Ok(false) => {}
             Ok(true) => {
                 tracing::error!(
-                    "the state folder {state} was removed while the station ran; it is made anew"
+                    "the state folder {state} was removed while the station was running; created it again"
                 );
             }
             Err(StationError::Lock { source, .. }) => {
                 return self
                     .rounds
-                    .trouble(format!("the state folder {state} cannot be made anew: {source}"));
+                    .trouble(format!("the state folder {state} cannot be created again: {source}"));
             }
             Err(error) => return self.stopped = Some(error.reason()),
         }
         if let Err(error) = self.executor.journal().keep_in_place() {
-            self.rounds.trouble(format!("the journal was removed and cannot be written anew: {error}"));
+            self.rounds.trouble(format!("the journal was removed and cannot be written again: {error}"));
         }
     }
 
     fn is_idle(&self) -> bool {
         let now = self.now();
-        // What settled a moment ago may let others go on that are in no lane yet.
+        // A drop that settled a moment ago may unblock others that are not in a lane yet.
         !self.lanes.stale
             && self.lanes.are_empty()
             && self.reprocessing.is_idle(now)
             && !self.executor.parking.any_changes()
-            // As of the moment when the lanes were made: what settled since is not in them yet.
+            // At the moment when the lanes were made: drops that settled later are not in them yet.
             && !self.drops.any_settles(self.lanes.made, &self.times())
     }
 
@@ -304,7 +306,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
     fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
         let settings = self.settings.job(sku);
-        self.tell_settings_events();
+        self.log_settings_events();
         settings
     }
 
@@ -320,7 +322,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let watch = &self.settings.station().watch;
         SettleTimes {
             still: watch.settle,
-            // Windows lets nobody read what somebody has open to write.
+            // On Windows, a file cannot be read while another program has it open for writing.
             open_ended: if cfg!(windows) { watch.settle } else { watch.open_ended.min(watch.incomplete) },
             incomplete: watch.incomplete,
             incomplete_after_close: INCOMPLETE_AFTER_CLOSE,
@@ -329,33 +331,30 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
     fn refresh_settings(&mut self) {
         self.settings.refresh();
-        self.tell_settings_events();
+        self.log_settings_events();
     }
 
-    fn tell_settings_events(&mut self) {
+    fn log_settings_events(&mut self) {
         for event in self.settings.take_events() {
             match event {
                 SettingsEvent::StationChanged { old, new } => {
                     self.settings_changes += 1;
-                    tracing::info!(
-                        "the station's settings changed and are in force: {}",
-                        changes(&old, &new)
-                    );
+                    tracing::info!("using the changed station settings: {}", changes(&old, &new));
                     if let Err((purpose, _, error)) = filing::prepare(self.folders()) {
-                        tracing::warn!("the {purpose} folder cannot be made: {error}");
+                        tracing::warn!("the {purpose} folder cannot be created: {error}");
                     }
                     let station = self.settings.station();
                     if station.folders.state != self.state {
                         tracing::warn!(
-                            "`folders.state` counts from the next start on; until then it is {}",
+                            "`folders.state` takes effect after a restart; until then it is {}",
                             self.state.display()
                         );
                     }
                     if threads(station.watch.jobs) != self.threads.count {
-                        tracing::warn!("`watch.jobs` counts from the next start on");
+                        tracing::warn!("`watch.jobs` takes effect after a restart");
                     }
                     if station.log != self.log {
-                        tracing::warn!("`[log]` counts from the next start on");
+                        tracing::warn!("`log` takes effect after a restart");
                     }
                     self.executor.corrector.follow(station);
                     self.status.follow(station);
@@ -365,29 +364,29 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;
-                    tracing::info!("the settings of {sku} changed and are in force: {}", changes(&old, &new));
+                    tracing::info!("using the changed settings of {sku}: {}", changes(&old, &new));
                     self.drops.release(&sku);
                     self.reprocessing.check(sku);
                 }
                 SettingsEvent::Broken { error, old_stay: true } => {
-                    tracing::error!("{error} The old settings stay in force.");
+                    tracing::error!("{error} Keeping the previous settings.");
                 }
                 SettingsEvent::Broken { error, old_stay: false } => {
-                    tracing::error!("{error} There are no older ones; drawings of this SKU wait.");
+                    tracing::error!("{error} There are no previous settings: drawings of this SKU wait.");
                 }
-                SettingsEvent::Mended(file) => tracing::info!("{} is right again", file.display()),
+                SettingsEvent::Mended(file) => tracing::info!("{} is valid again", file.display()),
             }
         }
     }
 
-    /// What people asked for from another terminal.
+    /// Handles the requests from other terminals.
     fn take_requests(&mut self) {
         for request in requests::take(&self.state) {
             match request {
                 Request::Waiting => {
                     self.drops.free_all();
                     self.reprocessing.free_all();
-                    tracing::info!("what waits is tried again, as asked");
+                    tracing::info!("trying all waiting drops again, as requested");
                 }
                 Request::Outdated(sku) => self.reprocessing.ask_for(sku),
                 Request::Uncertain(name) => self.deliver_again(name.as_deref()),
@@ -396,21 +395,22 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Somebody decided what becomes of the drawing of this name, or of all, that may not have been delivered.
+    /// Delivers the drawing of this name again, or all drawings that may not have been delivered: somebody asked for
+    /// it.
     fn deliver_again(&mut self, name: Option<&str>) {
         let archive = self.folders().archive.clone();
         let is_meant = |result: &Delivered| name.is_none_or(|name| result.is_called(name));
         let results: Vec<Delivered> = self.executor.journal().uncertain().filter(is_meant).collect();
         if results.is_empty() {
             match name {
-                Some(name) => tracing::warn!("{name} is not uncertain, and is not delivered again"),
-                None => tracing::info!("no drawing is uncertain: none is delivered again"),
+                Some(name) => tracing::warn!("not delivering {name} again: its delivery is not uncertain"),
+                None => tracing::info!("nothing to deliver again: no delivery is uncertain"),
             }
         }
         for result in results {
             match result.job.sku.parse::<Sku>() {
                 Ok(sku) if !result.original.is_empty() => {
-                    tracing::info!("{} is delivered again, as asked", result.job.name);
+                    tracing::info!("delivering {} again, as requested", result.job.name);
                     let archive = archive.join(sku.key());
                     self.reprocessing.deliver_again(sku, &result, &archive);
                 }
@@ -422,7 +422,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Looks for a moment which delivered drawings would be others today; whether there is more to look at.
+    /// Checks for a moment which delivered drawings are outdated; returns whether there is more to check.
     fn look_for_outdated(&mut self) -> bool {
         let (started, station) = (Instant::now(), self.settings.station().clone());
         loop {
@@ -438,7 +438,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 Err(_) => self.reprocessing.leave(&sku),
             }
         }
-        // A part that is learned asks for another look by itself; one that is not whole would hold up the end.
+        // A part that is being learned causes another check. A part that is incomplete must not delay the end.
         if self.mode == Mode::Once {
             self.reprocessing.leave_all(|sku| !self.threads.are_fitting(sku));
         }
@@ -480,7 +480,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 }
 
-/// The lines of a settings file that changed, on one line of the log.
+/// The changed lines of a settings file, as one line for the log.
 fn changes(old: &str, new: &str) -> String {
     diff::text_changes(old, new).join("; ")
 }
@@ -490,7 +490,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changes_of_settings_stand_on_one_line() {
+    fn changed_settings_are_logged_on_one_line() {
         let (old, new) = ("[beam]\na = 1\nb = 2\n", "[beam]\na = 1\nb = 3\nc = 4\n");
         assert_eq!(changes(old, new), "- b = 2; + b = 3; + c = 4");
     }

@@ -1,61 +1,62 @@
-//! The hot folder: drops in, corrected drawings out, and a reason for everything that cannot be done.
+//! The hot folder: drops go in, corrected drawings come out, and every drop that cannot be processed gets a reason.
 //!
 //! ```text
 //! hot/ ──listing + events──▶ settle ──whole files──▶ job ──┬▶ import/<pattern's name>, original to archive/<sku>/
 //!                                                          ├▶ rejected/, with <name>.reason.json and .reason.txt
-//!                                                          └▶ stays in hot/: waits for its part, or for a folder
+//!                                                          └▶ stays in hot/, waiting for its part or for a folder
 //! ```
 //!
-//! The listing of the folder is the truth, events only make it quick. A drop stays in the hot folder until its result
-//! lies in the import folder; the journal remembers what cannot be taken back, so that after any interruption the job
-//! goes on where it was and nothing is delivered twice.
+//! The listing of the folder decides; events only make the station react faster. A drop stays in the hot folder until
+//! its result is in the import folder. The journal records the steps that cannot be undone, so after any interruption
+//! the job continues where it stopped and nothing is delivered twice.
 //!
-//! | room | holds |
+//! | module | contains |
 //! |---|---|
-//! | `seen` | what is there: [`names`], [`settle`], folders, the watcher, the drops |
-//! | `jobs` | what is done, step by step, by threads that know one job each |
-//! | `state` | what is remembered: the journal, the lock, [`status`], requests |
-//! | `beamserver` | the marking software |
-//! | `dispatcher` | the one thread that knows all drops and decides what is done next |
+//! | `seen` | what is in the folders: [`names`], [`settle`], folders, the watcher, the drops |
+//! | `jobs` | the work, step by step, in threads that know one job each |
+//! | `state` | what the station remembers: the journal, the lock, [`status`], requests |
+//! | `beamserver` | the client of the marking software |
+//! | `dispatcher` | the one thread that knows all drops and decides what is processed next |
 //!
 //! # A drop in memory
 //!
-//! The dispatcher owns every drop and moves it from state to state; `settle` and `Drops::ready` only say what is due, and
-//! a job only returns its outcome.
+//! The dispatcher owns every drop and moves it from state to state. `settle` and `Drops::ready` only report what is
+//! due, and a job only returns its outcome.
 //!
 //! ```text
-//!  listed, heard of ──▶ Verdict::Wait ──its time comes, or a change is seen──▶ Verdict::Read, or Verdict::GiveUp
+//!  listed, or an event ─▶ Verdict::Wait ──its time is over, or it changes──▶ Verdict::Read, or Verdict::GiveUp
 //!                           ▲                                                       │ Block::Free, and a thread is free
-//!   changed, or lacks       │                                                       ▼
-//!   something: Block::Free  └───────────────────────────────────────────────── at work: one thread, one Task
+//!   changed, or             │                                                       ▼
+//!   incomplete: Block::Free └───────────────────────────────────────────────── at work: one thread, one Task
 //!                                                                                   │ Outcome
 //!   Block::Until, UnknownSku, PartUnderWay, Unclaimed ◀──── not now ────────────────┤
-//!        └── until what it waits for comes, then Block::Free                        ▼
+//!        └── until the obstacle is removed, then Block::Free                        ▼
 //!                                                                              done: forgotten
 //! ```
 //!
 //! | a drop is | until |
 //! |---|---|
 //! | `Block::Free` | it is due; then a thread takes it |
-//! | `Block::Until` | the pause is over: an `Obstacle` is in the way, which is `Obstacle::RefusedPart`, `Obstacle::NoImportFolder`, `Obstacle::SettingsBeingSaved` or `Obstacle::Other` |
+//! | `Block::Until` | the pause after an `Obstacle` is over: `Obstacle::RefusedPart`, `Obstacle::NoImportFolder`, `Obstacle::SettingsBeingSaved` or `Obstacle::Other` |
 //! | `Block::UnknownSku` | its SKU has a surface |
-//! | `Block::PartUnderWay` | no part of its SKU lies in the hot folder |
+//! | `Block::PartUnderWay` | no part of its SKU is in the hot folder |
 //! | `Block::Unclaimed` | a part or pattern takes it along |
 //!
 //! | a job ends with | and its drop |
 //! |---|---|
 //! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Rejected` | is done |
-//! | `Outcome::Changed` | is looked at again, as it is now |
+//! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
-//! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large ones |
+//! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |
 //! | `Outcome::NoSurface` | is `Block::UnknownSku` |
-//! | `Outcome::PartCame` | is `Block::PartUnderWay` |
+//! | `Outcome::PartArrived` | is `Block::PartUnderWay` |
 //! | `Outcome::PartRefused`, `Outcome::NoImportFolder`, `Outcome::Retry` | is `Block::Until` |
 //! | `Outcome::Stop` | stays, and the station ends |
 //!
 //! # A job on the disk
 //!
-//! The journal's lines are its steps, written by the job that takes them; between two of them the program may end.
+//! Each line of the journal is one step, written by the job that takes the step. The program may end between any two
+//! steps.
 //!
 //! ```text
 //!              delivering                  delivered                filing                done, learned
@@ -68,22 +69,22 @@
 //!
 //! | at | the disk holds |
 //! |---|---|
-//! | `Stage::Renaming` | the drawing, checked and flushed in the import folder under a temporary name, or already under its own |
+//! | `Stage::Renaming` | the drawing, checked and flushed in the import folder, under a temporary name or already under its final name |
 //! | `Stage::Delivered` | the drawing in the import folder, unless an importer took it; the original in the hot folder |
-//! | `Stage::Filing` | the original in the hot folder, or in the archive, or in both; the report is written |
+//! | `Stage::Filing` | the original in the hot folder, in the archive, or in both; the report is written |
 //!
 //! # After an interruption
 //!
-//! One pure function, `after_a_crash`, decides from the stage and from what is found how a job goes on. It is asked by the
-//! job itself when its drop is still there, and by the listing when the drop is gone.
+//! One pure function, `after_a_crash`, decides how a job continues, from its stage and the files that are found. The
+//! job itself calls it when its drop is still there, the listing when the drop was removed.
 //!
-//! | it answers | which means |
+//! | result | meaning |
 //! |---|---|
-//! | `Resume::Wait` | a folder is another one than it was: nothing is done yet |
-//! | `Resume::Redo` | not delivered: the job is cancelled, and a drop that is there is done from its start |
-//! | `Resume::Finish` | delivered: what follows is done |
-//! | `Resume::Refile` | a part: it is learned again, and its original filed where it was to go |
-//! | `Resume::NoteDrawing`, `Resume::NotePart` | all was done but the last line |
+//! | `Resume::Wait` | a folder was replaced by a different one: nothing is done yet |
+//! | `Resume::Redo` | not delivered: the job is cancelled, and a drop that is still there is processed from the start |
+//! | `Resume::Finish` | delivered: the remaining steps are done |
+//! | `Resume::Refile` | a part: it is learned again, and its original is filed at the planned place |
+//! | `Resume::NoteDrawing`, `Resume::NotePart` | everything is done except the last line |
 
 mod clock;
 mod api;
@@ -103,7 +104,7 @@ pub use dispatcher::run;
 pub use error::StationError;
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use pipeline_corrector::PipelineCorrector;
-pub(crate) use seen::folders::lies_at;
+pub(crate) use seen::folders::is_still_at;
 pub use seen::names::{self, CURRENT_PART};
 pub use seen::{StopSignal, settle};
 pub use state::{Holder, Request, StationLock, status};
@@ -112,7 +113,7 @@ pub use state::{Holder, Request, StationLock, status};
 mod tests {
     use std::collections::BTreeSet;
 
-    /// The variants of an enum, as its source has them.
+    /// The names of an enum's variants, from its source.
     fn variants(source: &str, name: &str) -> BTreeSet<String> {
         let body = source.split_once(&format!("enum {name} {{\n")).unwrap().1.split_once("\n}").unwrap().0;
         let lines = body.lines().filter_map(|line| line.strip_prefix("    "));

@@ -1,4 +1,4 @@
-//! The pipeline behind the hot folder's [`Corrector`].
+//! The [`Corrector`] of the hot folder, implemented with the [`Pipeline`].
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -15,10 +15,10 @@ use crate::pipeline::{Corrected, LearnedPart, PatternInput, Pipeline, PipelineEr
 use crate::preview::{Backdrop, Preview, svg, svg_on};
 use crate::reason::Reason;
 
-/// Surfaces that are held in memory: most drops in a row are for few products.
+/// Number of surfaces that are kept in memory: successive drops are usually for few products.
 const SURFACES: usize = 16;
 
-/// As many zeros at the end of a binary mesh are no triangle of it, bytes.
+/// A binary mesh that ends with this many zeros is incomplete: no triangle looks like this, bytes.
 const UNWRITTEN: usize = 64;
 
 /// Fits parts and corrects patterns with the [`Pipeline`].
@@ -34,10 +34,10 @@ struct Recent {
     known: Arc<Known>,
 }
 
-/// A surface that is held in memory.
+/// A surface that is kept in memory.
 struct Known {
     learned: LearnedPart,
-    /// The part in previews that show residuals beyond this limit, mm.
+    /// The drawn part for previews, with the limit above which they show residuals, mm.
     backdrop: OnceLock<(f64, Backdrop)>,
 }
 
@@ -65,7 +65,7 @@ impl PipelineCorrector {
         self.recent.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The surface kept for a SKU, from memory while the cache says it is still the current one.
+    /// The surface of a SKU, from memory while it is the current one in the cache.
     fn surface(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<Arc<Known>>, PipelineError> {
         let pipeline = self.pipeline();
         let Some(current) = pipeline.current_key(sku, settings)? else { return Ok(None) };
@@ -79,7 +79,7 @@ impl PipelineCorrector {
         Ok(recalled.map(|learned| self.remember(sku, settings, learned)))
     }
 
-    /// Remembers what was learned, and sums it up.
+    /// Remembers a learned part, and summarizes it.
     fn learned(
         &self,
         sku: &Sku,
@@ -125,7 +125,7 @@ impl Corrector for PipelineCorrector {
     }
 
     fn knows(&self, sku: &Sku, settings: &JobSettings) -> bool {
-        // A cache that cannot be read is told by the job itself, as something to try again.
+        // If the cache cannot be read, the job itself reports that, and is tried again.
         !matches!(self.surface(sku, &settings.part), Ok(None))
     }
 
@@ -169,11 +169,11 @@ impl Corrector for PipelineCorrector {
         pace: Pace,
     ) -> Result<Delivery, JobError> {
         let known = self.surface(sku, &settings.part)?.ok_or_else(|| {
-            let what = format!("The surface of the SKU {sku} went from the cache.");
+            let what = format!("The surface of {sku} was removed from the cache.");
             JobError::Retry(Reason::new(
                 "surface-gone",
                 what,
-                "Wait: the part is fitted again from the archive.",
+                "Wait: isomark fits the part again from the archive.",
             ))
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
@@ -210,7 +210,7 @@ impl From<PipelineError> for JobError {
             PipelineError::Environment(error) => Self::Retry(Reason::new(
                 "cache-unusable",
                 format!("The cache cannot be used: {error}."),
-                "Check that its folder may be written and its disk is not full.",
+                "Check that its folder is writable and its disk is not full.",
             )),
         }
     }
@@ -223,7 +223,7 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
     let options = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
     match pattern::read(bytes, &options) {
         Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
-        // Whatever else is wrong, more bytes would not help; nothing at all may still be a file in the making.
+        // More bytes do not resolve other errors. An empty file may still be written.
         Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
         _ => Completeness::Whole { companions: Vec::new() },
     }
@@ -233,7 +233,7 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
     let ends_with_a_line = bytes.last() == Some(&b'\n');
     let cut = |error: &MeshReadError| error.is_cut_short() || bytes.is_empty();
     match format {
-        // A whole last line is all the end an OBJ has; only without one is a closer look worth its time.
+        // An OBJ has no end mark except a complete last line; only without one is the file checked further.
         MeshFormat::Obj if ends_with_a_line => {}
         MeshFormat::Obj => {
             let options = MeshOptions { pace: Pace::Quick, ..MeshOptions::default() };
@@ -242,9 +242,9 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
                 return Completeness::CutShort(error.reason().in_file(name));
             }
         }
-        // Some copies give a file its full length first.
+        // Some programs reserve the full length of a file before they copy it.
         MeshFormat::Stl | MeshFormat::Ply if bytes.ends_with(&[0; UNWRITTEN]) => {
-            let what = "The file ends in nothing but zeros, as a copy does that is not done.";
+            let what = "The file ends with zeros only: its copy is incomplete.";
             return Completeness::CutShort(
                 Reason::new("mesh-truncated", what, "Copy it again.").in_file(name),
             );
@@ -269,12 +269,12 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
     Completeness::Whole { companions: material_libraries(format, bytes) }
 }
 
-/// The `.mtl` files an OBJ names: not read, but they travel with their part.
+/// The `.mtl` files that an OBJ names: they are not read, but filed with their part.
 fn material_libraries(format: MeshFormat, bytes: &[u8]) -> Vec<Companion> {
     if format != MeshFormat::Obj {
         return Vec::new();
     }
-    // Exporters name them at the head.
+    // Exporters name them at the start of the file.
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]).into_owned();
     let named = head.lines().filter_map(|line| line.trim().strip_prefix("mtllib "));
     named.map(|name| Companion { name: name.trim().to_owned(), needed: false, bytes: 0 }).collect()

@@ -1,4 +1,4 @@
-//! What stands between a drawing and the laser: every refusal and every warning of a job, with its number and remedy.
+//! The checks of a job: every reason for rejection and every warning, with its number and remedy.
 
 use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap,
@@ -18,31 +18,31 @@ use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 
-/// How far a drawing may reach beyond the part, in diagonals of the part as the laser sees it: along a surface that is
-/// nowhere steeper than 75 deg no way is longer than 1 / cos 75 deg = 3.9 of them.
+/// How far a drawing may extend beyond the part, in diagonals of the part as the laser sees it: on a surface that is
+/// nowhere steeper than 75 deg, no path is longer than 1 / cos 75 deg = 3.9 of them.
 const FARTHEST_REACH: f64 = 4.0;
-/// The greatest length of all lines together, mm: more than an hour of marking.
+/// Maximum total length of all lines, mm: more than an hour of marking.
 const LONGEST_INK: f64 = 5e6;
-/// Remaining stretch above this is warned of.
+/// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
-/// A drawing so many times as long as the part holds stray lines or has another unit.
+/// A drawing this many times as long as the part has stray lines or another unit.
 const STRAY: f64 = 3.0;
 
-/// A file came for a part that needs none.
+/// A file was given for a part that the settings define by its sizes.
 pub(super) fn part_not_needed(primitive: &Primitive) -> Reason {
     Reason::new(
         "part-not-needed",
-        format!("The settings give this part as a {primitive}; no file is read for it."),
-        "Leave the part away, or set `shape = \"mesh\"` in the SKU's settings to take its part from files.",
+        format!("The settings define this part as a {primitive}, so no file is read for it."),
+        "Remove the file, or set `shape = \"mesh\"` in the SKU's settings to read the part from a file.",
     )
 }
 
-/// Another part was learned since the one that is to be learned again.
+/// Another part was learned after the one that is to be restored.
 pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
     Reason::new(
         "newer-elsewhere",
-        format!("Another station learned {newer} for {sku} since."),
-        format!("Drop {newer} here, too."),
+        format!("Another station has learned a newer part for {sku}: {newer}."),
+        format!("Drop {newer} here too."),
     )
 }
 
@@ -52,8 +52,8 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     match error {
         FitError::NoSurface { nodes, all, limit } => Reason::new(
             "part-without-surface",
-            format!("Hardly any of {side} can be marked."),
-            "Check `facing`: it names the side of the part that the laser looks at.",
+            format!("Almost nothing of {side} can be marked."),
+            "Check `facing`: it must name the side of the part that faces the laser.",
         )
         .with_number(
             "samples on the surface",
@@ -63,7 +63,7 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
         ),
         FitError::TooSmall { width, height } => Reason::new(
             "part-too-thin",
-            format!("The part measures {width:.4} x {height:.4} mm as the laser sees it."),
+            format!("The part is too small or too thin: {width:.4} x {height:.4} mm as the laser sees it."),
             "Check the part's unit and `facing`.",
         )
         .with_number("shorter side", width.min(*height), "mm", None),
@@ -75,19 +75,19 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
     }
 }
 
-/// The length of all lines, mm. Refuses, before any work, ink that cannot lie on the part wherever it is placed, and more of
-/// it than anybody marks.
+/// The length of all lines, mm. Rejects, before any work is done, ink that is too far away to be on the part, and
+/// unreasonable amounts of it.
 pub(super) fn reach(
     placed: &Pattern,
-    counts: impl Fn(&str) -> bool,
+    is_ink: impl Fn(&str) -> bool,
     part: &CachedSurface,
 ) -> Result<f64, Reason> {
     let domain = part.surface.nurbs.domain();
     let area = domain.grown(FARTHEST_REACH * domain.size().norm());
     let inked =
-        placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| counts(&l.name)));
+        placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| is_ink(&l.name)));
     let (mut length, mut drawn, mut far) = (0.0, Extents::EMPTY, None);
-    let mut meet = |point: FlatPoint| {
+    let mut visit = |point: FlatPoint| {
         drawn.include(point.coords());
         if !area.contains(point.coords()) {
             far.get_or_insert(point);
@@ -95,11 +95,11 @@ pub(super) fn reach(
     };
     for path in inked {
         if let Shape::Dot(point) = path.shape {
-            meet(point);
+            visit(point);
         }
         for segment in path.shape.segments() {
             let points = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|t| segment.point(t));
-            points.iter().for_each(|point| meet(*point));
+            points.iter().for_each(|point| visit(*point));
             length += points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         }
     }
@@ -109,7 +109,7 @@ pub(super) fn reach(
     if length > LONGEST_INK {
         return Err(Reason::new(
             "too-much-ink",
-            "The drawing's lines are too long to be marked.",
+            "The lines of the drawing are too long to be marked.",
             "Check the drawing's unit; fill areas with HATCH instead of single lines.",
         )
         .with_number("length of all lines", length, "mm", Some(LONGEST_INK)));
@@ -117,13 +117,12 @@ pub(super) fn reach(
     Ok(length)
 }
 
-/// Refuses a drawing that shows ink on an ink layer which cannot be taken over, unless that is only warned of.
+/// Rejects a drawing with visible ink, on an ink layer, that cannot be marked, unless the settings only warn.
 pub(super) fn lost_ink(facts: &PatternFacts, settings: &JobSettings) -> Result<(), Reason> {
     let lost = facts.lost_ink(|layer| settings.pattern.counts_as_ink(layer));
     let (Losses::Refuse, Some(first)) = (settings.pattern.losses, lost.0.first()) else { return Ok(()) };
     let count = lost.0.len();
-    let entities =
-        if count == 1 { "entity that the drawing shows" } else { "entities that the drawing shows" };
+    let entities = if count == 1 { "visible entity" } else { "visible entities" };
     let item = first
         .handle
         .as_ref()
@@ -131,8 +130,8 @@ pub(super) fn lost_ink(facts: &PatternFacts, settings: &JobSettings) -> Result<(
     Err(Reason::new(
         "ink-lost",
         format!("{count} {entities} cannot be marked: {lost}."),
-        "Turn them into curves or outlines in the drawing program; hide their layer if they are not to be marked; or set \
-         `losses = \"warn\"` under [pattern] (`--losses warn`) to mark the drawing without them.",
+        "Convert them to curves or outlines in the drawing program; hide their layer if they are not to be marked; or \
+         set `losses = \"warn\"` under [pattern] (`--losses warn`) to mark the drawing without them.",
     )
     .at(Place { item: Some(item), layer: Some(first.layer.clone()), ..Place::default() })
     .with_number("entities not marked", count as f64, "", None))
@@ -146,12 +145,12 @@ pub(super) fn anything_inked(ink: &Ink, pattern: &Pattern, settings: &JobSetting
     let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
     Err(Reason::new(
         "no-ink",
-        format!("Nothing in the drawing lies on the ink layers {named}."),
-        format!("Name layers of the drawing in `ink_layers`: {}.", layers.join(", ")),
+        format!("The drawing has nothing on the ink layers {named}."),
+        format!("Set `ink_layers` to layers of the drawing: {}.", layers.join(", ")),
     ))
 }
 
-/// Tells of ink layers that the drawing does not have: a typing mistake there keeps a layer out of the ink.
+/// Warns of ink layers that the drawing does not have: because of a typing error, a layer may not be marked.
 pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mut Vec<Notice>) {
     let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
     let missing = settings.pattern.ink_layers_missing_in(&layers);
@@ -169,7 +168,7 @@ pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mu
 
 pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurface, ink: &Ink) -> Reason {
     let surface = &part.surface;
-    // Beside the part there is nothing to bend to; that is the plainer reason then.
+    // If ink is outside the part, that is the clearer reason.
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
     let seen = |flat: FlatPoint| ViewPoint::from(flat.coords());
     let samples: Vec<ViewPoint> =
@@ -191,7 +190,7 @@ pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurfac
             return Reason::new(
                 "map-folded",
                 format!(
-                    "The drawing would lie folded over itself on the part near ({:.1}, {:.1}) mm.",
+                    "The drawing would be folded over itself on the part near ({:.1}, {:.1}) mm.",
                     at.x, at.y
                 ),
                 "Make the drawing smaller, or place it where the part is less strongly curved.",
@@ -226,7 +225,7 @@ pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurfac
             };
             Reason::new(
                 "no-mapping-domain",
-                format!("There is no mapping domain for the drawing: {error}."),
+                format!("No mapping domain was found for the drawing: {error}."),
                 remedy,
             )
         }
@@ -237,7 +236,7 @@ pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurfac
             };
             Reason::new(
                 "no-parametrisation",
-                format!("The part cannot be laid on a square: {error}."),
+                format!("The part cannot be mapped to a square: {error}."),
                 remedy,
             )
         }
@@ -247,13 +246,14 @@ pub(super) fn map_reason(error: &MapError, place: FlatPoint, part: &CachedSurfac
 
 const PLACE_ON_PART: &str = "Place the drawing on the part (`place_mm`, `--place`).";
 const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part.";
-const PLACE_ANCHOR: &str = "Place the anchor over the cylinder or cone, off its apex (`place_mm` or `anchor`, `--place` or `--anchor`).";
+const PLACE_ANCHOR: &str = "Place the anchor on the cylinder or cone, away from its apex (`place_mm` or `anchor`, \
+                            `--place` or `--anchor`).";
 
 pub(super) fn above_lens(error: &AboveLens) -> Reason {
     let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
     Reason::new(
         "part-above-lens",
-        format!("{error}."),
+        format!("The part is as high as the lens at ({:.3}, {:.3}) mm.", error.at.x, error.at.y),
         "Check the fixture's `z_mm` and the lens distances of the station.",
     )
     .at(place)
@@ -264,17 +264,17 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
     let what = if domain.contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
     } else {
-        "The drawing reaches beyond the part."
+        "The drawing extends beyond the part."
     };
     let sides = |extents: &Extents| (extents.max - extents.min).max();
     let unit = &part.facts.unit;
     let remedy = match sides(drawn) > STRAY * sides(&domain) {
         true if part.facts.has_doubtful_unit() => format!(
-            "Check the unit of the part: its numbers are taken as {} because {} (`--part-unit`, `unit` under [part]). If it \
-             is right, check the drawing's unit, and delete stray lines far from it.",
+            "Check the unit of the part: its numbers are taken as {} because {} (`--part-unit`, `unit` under [part]). \
+             If that is correct, check the drawing's unit, and delete stray lines far from the drawing.",
             unit.value, unit.why
         ),
-        true => "Delete stray lines far from the drawing, or check its unit; `isomark inspect` tells what is in it."
+        true => "Delete stray lines far from the drawing, or check its unit; `isomark inspect` shows its content."
             .to_owned(),
         false => "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the \
                   laser (`facing`)."
@@ -298,7 +298,7 @@ fn span(extents: &Extents, axis: usize) -> String {
     format!("{:.1} to {:.1}", extents.min[axis], extents.max[axis])
 }
 
-/// Refuses what cannot be marked and notes what should be looked at.
+/// Rejects ink that cannot be marked, and adds notices for ink that should be checked.
 pub(super) fn exposure(
     seen: &Exposure,
     part: &CachedSurface,
@@ -326,21 +326,19 @@ fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>)
     let limits = &settings.optics.incidence;
     let degrees = seen.steepest.to_degrees();
     let at = seen.steepest_at;
-    let text = format!(
-        "the beam meets the part at {degrees:.1} deg from its normal at ({:.2}, {:.2}) mm",
-        at.x, at.y
-    );
+    let text =
+        format!("the beam hits the part at {degrees:.1} deg to its normal at ({:.2}, {:.2}) mm", at.x, at.y);
     if seen.steepest > limits.refuse {
         return Err(Reason::new(
             "too-steep",
-            format!("The beam would meet the part at {degrees:.1} deg from its normal."),
+            format!("The beam would hit the part at {degrees:.1} deg to its normal."),
             "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
     }
     if seen.steepest > limits.warn {
-        notices.push(Notice::warning("steep", format!("{text}; marks get paler and wider there")));
+        notices.push(Notice::warning("steep", format!("{text}; marks are paler and wider there")));
     } else if seen.steepest > limits.note {
         notices.push(Notice::note("inclined", text));
     }
@@ -353,7 +351,8 @@ fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
         notices.push(Notice::warning(
             "out-of-focus",
             format!(
-                "the ink spans {range:.2} mm of height, the focus only {depth:.2} mm; focus at z = {best:.2} mm to share the blur"
+                "the ink spans {range:.2} mm of height, but the depth of focus is only {depth:.2} mm; focus at z = \
+                 {best:.2} mm for the least blur"
             ),
         ));
     }
@@ -369,35 +368,38 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
     Err(Reason::new(
         "outside-field",
         format!(
-            "The corrected drawing spans x {} and y {} mm, the field only x {} and y {} mm.",
+            "The corrected drawing is not inside the field: it spans x {} and y {} mm, the field x {} and y {} mm.",
             span(&seen.field, 0),
             span(&seen.field, 1),
             span(&area, 0),
             span(&area, 1)
         ),
-        "Move the drawing (`place_mm`, `--place`), or the part with the station's `[fixture]`.",
+        "Move the drawing (`place_mm`, `--place`), or move the part with the station's `[fixture]`.",
     )
     .with_number("overhang", beyond, "mm", Some(0.0)))
 }
 
-/// The file's normals do not belong to its facets: nobody can tell how the part bends between its vertices.
+/// Checks for normals that contradict the facets: then the shape of the part between its vertices is not known.
 fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
     let (largest, limit) = (seen.max_doubt, settings.correction.max_residual);
     let at = seen.max_doubt_at;
     if largest > limit {
         return Err(Reason::new(
             "normals-contradict-facets",
-            "Under the drawing the part's normals contradict its facets, as smooth shading does beside a flat side: the surface between its vertices is not known well enough.",
-            "Export the part from CAD with its own normals or with a smaller deviation; in Blender apply a finer bevel or shade it flat; or raise `max_residual_mm`.",
+            "Under the drawing, the part's normals contradict its facets, as with smooth shading next to a flat side. \
+             The surface between the vertices is not known accurately enough.",
+            "Export the part from CAD with its own normals or with a smaller deviation; in Blender, use a finer bevel \
+             or flat shading; or raise `max_residual_mm`.",
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
-        .with_number("height that is not known", largest, "mm", Some(limit)));
+        .with_number("uncertainty of the height", largest, "mm", Some(limit)));
     }
     if largest > limit / 5.0 {
         notices.push(Notice::warning(
             "normals-contradict-facets",
             format!(
-                "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be off by {largest:.3} mm; export it with a smaller deviation",
+                "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be wrong by \
+                 {largest:.3} mm; export it with a smaller deviation",
                 at.x, at.y
             ),
         ));
@@ -416,8 +418,9 @@ fn residual(
     if largest > limit {
         return Err(Reason::new(
             "surface-not-met",
-            "The fitted surface does not meet the part under the drawing: an edge, a groove or a coarse mesh lies there.",
-            "Place the drawing beside the edge, export a finer mesh, or raise `max_residual_mm`.",
+            "The fitted surface does not match the part under the drawing: there is an edge, a groove or a coarse \
+             mesh.",
+            "Place the drawing away from the edge, export a finer mesh, or raise `max_residual_mm`.",
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("distance to the part", largest, "mm", Some(limit)));
@@ -426,7 +429,8 @@ fn residual(
         notices.push(Notice::warning(
             "surface-loose",
             format!(
-                "the fitted surface leaves up to {largest:.4} mm under the ink, near ({:.1}, {:.1}) mm (largest anywhere {:.4} mm)",
+                "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm \
+                 (up to {:.4} mm on the whole side)",
                 at.x, at.y, surface.residual.max
             ),
         ));
@@ -434,11 +438,10 @@ fn residual(
     Ok(())
 }
 
-/// Steps that the length-true map takes at most on smooth parts.
+/// Usual maximum number of steps of the length-true map on smooth parts.
 const USUAL_STEPS: usize = 6;
 
-/// Logs a length-true map that was hard to find, warns where its solver had to stop early, and tells of weights that
-/// nothing was weighted by.
+/// Logs a length-true map that took many steps, and warns if its search did not converge or if weights have no effect.
 pub(super) fn settled(sku: &Sku, map: &LengthTrueMap, settings: &JobSettings, notices: &mut Vec<Notice>) {
     let LengthTrueMap::Isometric(map) = map else { return };
     let steps = map.iterations.len();
@@ -448,7 +451,9 @@ pub(super) fn settled(sku: &Sku, map: &LengthTrueMap, settings: &JobSettings, no
     if !map.settled {
         let last = map.iterations.last();
         let text = format!(
-            "the search for the length-true map stopped early, after {steps} steps: the last one still moved it by {:.4} mm and left a mean strain of {:.2e}. The part is rough under the drawing, and a truer map may exist",
+            "the search for the length-true map did not converge in {steps} steps: the last step still moved it by \
+             {:.4} mm and left a mean strain of {:.2e}; the part is rough under the drawing, and a better map may \
+             exist",
             last.map_or(0.0, |last| last.step),
             last.map_or(0.0, |last| last.reached.sqrt()),
         );
@@ -460,31 +465,34 @@ pub(super) fn settled(sku: &Sku, map: &LengthTrueMap, settings: &JobSettings, no
         notices.push(Notice::warning(
             "weights-unused",
             format!(
-                "the length weight of {length_weight} and the angle weight of {angle_weight} change nothing with the weighting `uniform`; they belong to `ink`"
+                "the length weight of {length_weight} and the angle weight of {angle_weight} have no effect with the \
+                 weighting `uniform`; they apply to `ink`"
             ),
         ));
     }
 }
 
-/// Warns of a cylinder or cone that was asked for where the part is none.
+/// Warns if the part does not match the requested cylinder or cone.
 pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
     if let Some(residual) = map.fit_residual().filter(|residual| *residual > Method::EXACT_TOLERANCE) {
         notices.push(Notice::warning(
             "no-true-figure",
             format!(
-                "under the drawing the part leaves the cylinder or cone by up to {residual:.3} mm; the method `auto` may keep lengths better"
+                "under the drawing, the part deviates from the cylinder or cone by up to {residual:.3} mm; the method \
+                 `auto` may keep lengths better"
             ),
         ));
     }
 }
 
-/// Warns of what even the best map leaves, and of maps that are not the best.
+/// Warns of errors that even the best map leaves, and of maps that are only for comparison.
 pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec<Notice>) {
     if map.is_for_comparison() {
         notices.push(Notice::warning(
             "not-length-true",
             format!(
-                "the method is there to be compared with; lines stay up to {:.1} % off their lengths, and `auto` keeps them better",
+                "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
+                 better",
                 after.max_stretch * 100.0
             ),
         ));
@@ -493,7 +501,8 @@ pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec
         notices.push(Notice::warning(
             "stretch-remains",
             format!(
-                "a line near ({:.1}, {:.1}) mm of the placed drawing stays {:.1} % off its length: the part is curved both ways there, and no map can keep all lengths",
+                "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: the part is \
+                 curved in both directions there, and no map can keep all lengths",
                 at.x,
                 at.y,
                 after.max_stretch * 100.0

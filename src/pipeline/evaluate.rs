@@ -1,4 +1,4 @@
-//! Every method for one drawing on one part, side by side.
+//! Compares all methods for one drawing on one part.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::report::{DistortionReport, MapReport, PlacementReport, Timing};
 /// Name and version of the JSON form of an [`Evaluation`].
 pub const EVALUATION_SCHEMA: &str = "isomark.evaluate/1";
 
-/// How true each method is for a drawing on a part.
+/// The accuracy of each method for a drawing on a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// [`EVALUATION_SCHEMA`].
@@ -35,43 +35,43 @@ pub struct Evaluation {
     pub length_mm: f64,
     /// Its inked area, mm².
     pub area_mm2: f64,
-    /// Where it was put.
+    /// Its placement.
     pub placement: PlacementReport,
-    /// A row for each method and choice.
+    /// One row for each method and variant.
     pub rows: Vec<EvaluationRow>,
-    /// How long each stage took.
+    /// The time of each stage.
     pub timings: Vec<Timing>,
 }
 
-/// One method with its choices.
+/// One method in one variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationRow {
     /// The method's name, as in the settings.
     pub method: String,
-    /// What was chosen besides, in words; empty for methods without choices.
+    /// The variant as text; empty for methods without variants.
     pub variant: String,
     /// Time to find the map, ms.
     pub map_ms: f64,
-    /// How the drawing would be bent; absent where the method cannot be used.
+    /// The map of the drawing; absent if the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<MapReport>,
-    /// How true it would be on the part itself; absent where the method cannot be used.
+    /// The distortion on the part; absent if the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<DistortionReport>,
     /// Why the method cannot be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<Reason>,
-    /// What to know of the figures.
+    /// A remark on the results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
 impl Pipeline {
-    /// Finds and measures the map of each of `methods`, with all their choices.
+    /// Finds and measures the maps of `methods`, in all their variants.
     ///
     /// # Errors
-    /// When the pattern cannot be read, or has nothing to mark within reach of the part. A method that fails is no error;
-    /// its row says why.
+    /// When the pattern cannot be read, or has nothing to mark on the part. If a method fails, that is not an error;
+    /// its row states the reason.
     pub fn evaluate(
         &self,
         sku: &Sku,
@@ -82,8 +82,8 @@ impl Pipeline {
     ) -> Result<Evaluation, PipelineError> {
         let mut clock = Clock::start();
         let placed = self.place(input, &learned.kept, settings, &mut clock)?;
-        let contenders = methods.iter().flat_map(|method| choices(*method, &settings.correction));
-        let rows = contenders
+        let compared = methods.iter().flat_map(|method| variants(*method, &settings.correction));
+        let rows = compared
             .map(|(variant, correction)| {
                 let settings = JobSettings { correction, ..settings.clone() };
                 row(learned, &placed, variant, &settings, &mut clock)
@@ -108,12 +108,12 @@ impl Pipeline {
     }
 }
 
-/// A method with each of its choices, in words.
-fn choices(method: Method, given: &CorrectionSettings) -> Vec<(String, CorrectionSettings)> {
+/// A method in each of its variants, with their names.
+fn variants(method: Method, given: &CorrectionSettings) -> Vec<(String, CorrectionSettings)> {
     let given = CorrectionSettings { method, ..given.clone() };
-    let domain = |words: &str, as_printed: AsPrinted| {
+    let domain = |name: &str, as_printed: AsPrinted| {
         let mapping_domain = MappingDomainOptions { as_printed, ..given.mapping_domain };
-        (words.to_owned(), CorrectionSettings { mapping_domain, ..given.clone() })
+        (name.to_owned(), CorrectionSettings { mapping_domain, ..given.clone() })
     };
     match method {
         Method::Isometric => [Weighting::Ink, Weighting::Uniform]
@@ -142,11 +142,11 @@ fn row(
 ) -> EvaluationRow {
     let surface = &learned.kept.surface;
     let PlacedPattern { placed: pattern, placing, ink, .. } = placed;
-    let counts = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
     let name = settings.correction.method.name();
     let label = if variant.is_empty() { name.to_owned() } else { format!("{name}, {variant}") };
     clock.lap("measure");
-    let map = LengthTrueMap::find(surface, pattern, counts, placing.place, &method(settings));
+    let map = LengthTrueMap::find(surface, pattern, is_ink, placing.place, &method(settings));
     clock.lap(&format!("map {label}"));
     let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
     let empty = EvaluationRow {

@@ -1,4 +1,4 @@
-//! The preview of a job: the part, the drawing before and after, and the stretch of every line.
+//! The preview of a job: the part, the drawing before and after the correction, and the stretch of every line.
 
 use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
@@ -8,9 +8,9 @@ use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::preview::{HeightPicture, Preview, PreviewPath};
 
-/// Lines are shown in pieces of this length, mm; more of them than this in all make longer ones.
+/// Lines are shown in pieces of this length, mm, or longer ones if there would be more than [`MAX_PIECES`].
 const PIECE: f64 = 0.5;
-const MOST_PIECES: f64 = 40_000.0;
+const MAX_PIECES: f64 = 40_000.0;
 
 pub(super) fn preview(
     title: String,
@@ -21,9 +21,10 @@ pub(super) fn preview(
     before: Option<&Distortion>,
     after: &Distortion,
 ) -> Preview {
-    let piece = PIECE.max(after.length / MOST_PIECES);
+    let piece = PIECE.max(after.length / MAX_PIECES);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
-    // The field is given in the laser's frame; the picture shows the view. Only a shift lies between, unless turned.
+    // The field is given in the laser's frame, and the preview shows the view. Without a rotation, the two differ
+    // only by a shift.
     let fixture = &settings.fixture;
     let field = settings.field.filter(|_| fixture.rotation == 0.0).map(|field| {
         let mut area = field.extents();
@@ -32,7 +33,7 @@ pub(super) fn preview(
         area
     });
     let row = |label: &str, value: &dyn Fn(&Distortion) -> String| {
-        let old = before.map_or("off the part".to_owned(), value);
+        let old = before.map_or("not on the part".to_owned(), value);
         (label.to_owned(), format!("{old} → {}", value(after)))
     };
     let mut summary = vec![row("length error", &|d| format!("{:.3} mm", d.length_error))];
@@ -43,13 +44,13 @@ pub(super) fn preview(
     summary.push(row("largest angle error", &|d| format!("{:.2}°", d.max_angle_error.to_degrees())));
     let residual = &surface.residual;
     summary.push((
-        "surface, misfit to the part".to_owned(),
+        "surface residual".to_owned(),
         format!(
             "{:.4} mm rms; {:.3} mm at most, at ({:.1}, {:.1})",
             residual.rms, residual.max, residual.at.x, residual.at.y
         ),
     ));
-    // What lies beside the part has no figures as a whole, but the rest still has its range.
+    // If a part of the drawing is outside the part, there are no results for the whole, but a range for the rest.
     let plain = |at: FlatPoint| ViewPoint::from(at.coords());
     let before_range = match before {
         Some(before) => Some(before.stretch_range),
@@ -67,7 +68,8 @@ pub(super) fn preview(
     }
 }
 
-/// The part's heights, and where the fit leaves more than `limit` mm: edges, which no smooth surface follows.
+/// The part's heights, and the residuals of the fit, of which those above `limit` mm are shown: at edges, which no
+/// smooth surface follows.
 fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
     let field = &surface.field;
     let (columns, rows) = field.size();

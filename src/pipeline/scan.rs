@@ -1,4 +1,4 @@
-//! From a part's shape to its surface; a scan is smoothed on the way, and its facts tell how.
+//! From a part's shape to its surface; a scan is smoothed first, and its facts record how.
 
 use super::checks;
 use crate::config::PartSettings;
@@ -9,14 +9,14 @@ use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::geometry::surface::scan::{ScanError, SmoothedScan};
 use crate::reason::{Notice, Reason};
 
-/// Noise above this is worth a warning, mm: what depth cameras have; the scanners meant for parts have a tenth of it.
+/// Noise above this is worth a warning, mm: typical of depth cameras; scanners made for parts have a tenth of it.
 const NOTABLE_NOISE: f64 = 0.5;
 /// A departure of the surface from the scan above this is worth a warning, mm.
 const NOTABLE_DEPARTURE: f64 = 0.05;
 /// A share of dropped points above this is worth a warning.
 const NOTABLE_LOSS: f64 = 0.1;
 
-/// The fitted surface of a shape. What was found in a scan goes to `facts`, with notices.
+/// The fitted surface of a shape. Measurements of a scan are added to `facts`, with notices.
 ///
 /// # Errors
 /// When nothing of the part that faces the laser can be marked.
@@ -47,7 +47,7 @@ fn notices(facts: &ScanFacts) -> Vec<Notice> {
     notices.push(Notice::note("scan-smoothed", facts.summary()));
     if main.noise_mm > NOTABLE_NOISE {
         let text = format!(
-            "the scan's points scatter by {:.2} mm about the surface; lengths can be as wrong as that allows",
+            "the points of the scan scatter by {:.2} mm about the surface; lengths may be inaccurate by that amount",
             main.noise_mm
         );
         notices.push(Notice::warning("scan-noisy", text));
@@ -56,8 +56,8 @@ fn notices(facts: &ScanFacts) -> Vec<Notice> {
     if let Some(surface) = facts.surfaces.iter().find(departs) {
         let [x, y] = surface.departure_at_mm;
         let text = format!(
-            "the smoothed surface departs from the scan by {:.3} mm at ({x:.1}, {y:.1}) mm, which is no noise: an edge \
-             there was rounded; mark beside it, or smooth less",
+            "the smoothed surface deviates from the scan by {:.3} mm at ({x:.1}, {y:.1}) mm, more than the noise \
+             explains: an edge there was rounded; mark away from it, or smooth less",
             surface.departure_mm
         );
         notices.push(Notice::warning("scan-rounded", text));
@@ -75,13 +75,13 @@ fn scan_reason(error: &ScanError, settings: &PartSettings) -> Reason {
         ScanError::TooFewPoints { points, needed } => Reason::new(
             "scan-too-few-points",
             what,
-            "Scan the part with closer points; check `facing` if the points have normals.",
+            "Scan the part with a smaller point distance; check `facing` if the points have normals.",
         )
         .with_number("points", *points as f64, "", Some(*needed as f64)),
         ScanError::NoArea { width, .. } => Reason::new(
             "scan-without-area",
             what,
-            "Check `facing`, the part's unit and the order of the columns; a single profile is no surface.",
+            "Check `facing`, the part's unit and the order of the columns; a single profile is not a surface.",
         )
         .with_number("width", *width, "mm", None),
         ScanError::NoSurface { points } => {
@@ -90,7 +90,7 @@ fn scan_reason(error: &ScanError, settings: &PartSettings) -> Reason {
                 "scan-without-surface",
                 what,
                 format!(
-                    "Check the part's unit and `facing` ({}, {}, {}), or scan with closer points.",
+                    "Check the part's unit and `facing` ({}, {}, {}), or scan with a smaller point distance.",
                     facing.x, facing.y, facing.z
                 ),
             )

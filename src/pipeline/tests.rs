@@ -11,12 +11,12 @@ fn settings() -> PartSettings {
 }
 
 #[test]
-fn a_part_is_plain_data() {
+fn a_part_is_plain_data_that_threads_can_share() {
     fn is_plain<Data: Send + Sync + Clone + 'static>() {}
     is_plain::<PartFile>();
 }
 
-/// A change here outdates every drawing of such parts that stations delivered.
+/// A change here makes every delivered drawing for such parts outdated.
 #[test]
 fn the_hash_of_a_part_is_that_of_its_files() {
     let hash = |siblings: &[(&str, &str)]| {
@@ -28,7 +28,7 @@ fn the_hash_of_a_part_is_that_of_its_files() {
     assert_eq!(hash(&[]), of(b"{}"));
     assert_eq!(hash(&[("a.bin", "xyz")]), of(b"{}xyz"));
     assert_ne!(hash(&[("a.bin", "xyZ")]), hash(&[("a.bin", "xyz")]));
-    // In the order in which the part names them, whatever the names are.
+    // The files are hashed in the order in which the part names them.
     let text = r#"{"asset": {"version": "2.0"}, "buffers": [
         {"uri": "part10.bin", "byteLength": 1}, {"uri": "part2.bin", "byteLength": 2}]}"#;
     let named = [("part2.bin", "yz"), ("part10.bin", "x")];
@@ -38,7 +38,7 @@ fn the_hash_of_a_part_is_that_of_its_files() {
 }
 
 #[test]
-fn sizes_in_the_settings_leave_the_skus_own_part_what_it_is() {
+fn sizes_in_the_settings_do_not_change_the_current_part() {
     let folder = tempfile::tempdir().unwrap();
     let (pipeline, sku) = (Pipeline::new(Some(Cache::new(folder.path()))), "plate".parse().unwrap());
     let [flat, _] = PLATES.map(|text| PartFile::alone("plate.obj", text));
@@ -57,17 +57,17 @@ fn sizes_in_the_settings_leave_the_skus_own_part_what_it_is() {
 }
 
 #[test]
-fn a_part_is_learned_again_unless_another_one_came_since() {
+fn a_part_is_restored_unless_another_one_was_learned_since() {
     let folder = tempfile::tempdir().unwrap();
     let (pipeline, sku) = (Pipeline::new(Some(Cache::new(folder.path()))), "plate".parse().unwrap());
     let [flat, bent] = PLATES.map(|text| PartFile::alone("plate.obj", text));
-    // Nobody knows the SKU in a new cache.
+    // In a new cache the SKU is unknown.
     let first = pipeline.restore(&sku, &flat, &settings()).unwrap();
     assert!(!first.from_cache && pipeline.restore(&sku, &flat, &settings()).unwrap().from_cache);
     let second = pipeline.learn(&sku, &bent, &settings()).unwrap();
     assert_ne!(first.key, second.key);
     let Err(PipelineError::Rejected(reason)) = pipeline.restore(&sku, &flat, &settings()) else {
-        panic!("the older part is taken")
+        panic!("the older part is accepted")
     };
     assert_eq!(reason.code, "newer-elsewhere");
     assert_eq!(pipeline.current_part(&sku, &settings()).unwrap(), Some(identified(&bent).0));

@@ -1,4 +1,4 @@
-//! The drawn lines: cut into runs of one colour, and thinned when there are more of them than a picture can show.
+//! The drawn lines: divided into runs of one colour, and thinned if there are more segments than a picture can show.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,20 +7,20 @@ use super::page::PathData;
 use super::stretch_scale::{Shade, StretchScale};
 use super::{PreviewPath, grid_cell};
 
-/// Segments a picture may hold; beyond that neighbours are joined, because no screen shows them apart.
+/// Maximum number of segments in a picture; beyond it neighbours are joined, because no screen can resolve them.
 const MAX_SEGMENTS: usize = 200_000;
 
-/// Coordinates beyond this, mm, are taken for damage: no part is a kilometre long.
+/// Coordinates beyond this, mm, are treated as damaged: no part is a kilometre long.
 const MAX_COORDINATE: f64 = 1e6;
 
-/// A connected line with its stretch for each segment: one point more than stretches. A dot has one point.
+/// A connected line with the stretch of each segment: there is one more point than stretches. A dot has one point.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Line {
     pub(super) points: Vec<[f64; 2]>,
     pub(super) stretch: Vec<f64>,
 }
 
-/// The paths as connected lines, broken where a coordinate is not a number; missing stretches are unknown.
+/// The paths as connected lines, split where a coordinate is not finite; missing stretches are unknown.
 pub(super) fn lines(paths: &[PreviewPath]) -> Vec<Line> {
     let mut lines = Vec::new();
     for path in paths {
@@ -52,7 +52,7 @@ pub(super) fn weighted(lines: &[Line]) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// One path of SVG data per colour: each holds the runs of consecutive segments that share it.
+/// One path of SVG data for each colour, with the runs of consecutive segments in that colour.
 pub(super) fn runs(lines: &[Line], scale: &StretchScale) -> BTreeMap<Shade, PathData> {
     let mut runs: BTreeMap<Shade, PathData> = BTreeMap::new();
     for line in thinned(lines).iter() {
@@ -85,7 +85,7 @@ fn thinned(lines: &[Line]) -> Cow<'_, [Line]> {
         return Cow::Borrowed(lines);
     }
     let total_length = weighted(lines).map(|(length, _)| length).sum::<f64>();
-    // The total length over the number of segments is where joining starts to matter; dots have none.
+    // Joining has an effect from chords of the total length divided by the number of segments; dots have no length.
     let mut chord = (total_length / MAX_SEGMENTS as f64).max(1e-4);
     loop {
         let joined = joined(lines, chord);
@@ -96,7 +96,7 @@ fn thinned(lines: &[Line]) -> Cow<'_, [Line]> {
     }
 }
 
-/// The lines with segments of at least `chord` mm, and short lines that cover each other drawn once.
+/// The lines with segments of at least `chord` mm; short lines at the same place are drawn once.
 fn joined(lines: &[Line], chord: f64) -> Vec<Line> {
     let mut seen = BTreeSet::new();
     let mut joined = Vec::new();
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_is_no_number_breaks_the_line() {
+    fn a_point_that_is_not_a_number_splits_the_line() {
         let points = vec![[0.0, 0.0], [1.0, 0.0], [f64::NAN, 0.0], [3.0, 0.0], [4.0, 0.0]];
         let lines = lines(&[path(points, false, vec![0.1, 0.2, 0.3, 0.4])]);
         assert_eq!(lines.iter().map(|line| line.stretch.clone()).collect::<Vec<_>>(), [[0.1], [0.4]]);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn more_segments_than_a_picture_holds_are_joined() {
+    fn too_many_segments_are_joined() {
         let spiral = |index: i32| {
             let angle = f64::from(index) * 1e-3;
             [angle * angle.cos() / 30.0, angle * angle.sin() / 30.0]

@@ -1,4 +1,4 @@
-//! Where everything stands on the page.
+//! The layout of the page.
 
 use super::Preview;
 use super::ink::{self, Line};
@@ -11,7 +11,7 @@ use crate::printable::on_one_line;
 
 /// Width of the colour scale, mm.
 const LEGEND_WIDTH: f64 = 52.0;
-/// Ink of the working area's border.
+/// Colour of the field's border.
 const FIELD: &str = "#0f766e";
 
 const TITLE: Type = Type::new(4.2, DARK).bold();
@@ -22,9 +22,9 @@ const TICK: Type = Type::new(1.9, QUIET);
 
 /// Draws the preview: two panels, an inset of the whole part, a legend and the summary.
 ///
-/// One user unit is one mm of paper, and a pattern between a coin and a hand in size is drawn in true size; smaller and
-/// larger ones are drawn at the scale that the picture names. Coordinates and stretches that are not finite are left
-/// out. More segments than a screen can show apart are joined, so that the text stays within some megabytes.
+/// One user unit is one mm of paper. A pattern between a coin and a hand in size is drawn in true size, smaller and
+/// larger ones at the scale that the picture states. Coordinates and stretches that are not finite are skipped. If
+/// there are more segments than a screen can resolve, they are joined, so that the text stays within a few megabytes.
 pub fn svg(preview: &Preview) -> String {
     svg_on(&Backdrop::of(&preview.part_outline), preview)
 }
@@ -60,7 +60,7 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
 
     let thickness = line_width(&before, &drawn, left.scale);
     for (window, name, how, lines, range) in [
-        (&left, "Before", "drawn as it is", &before, preview.before_range),
+        (&left, "Before", "uncorrected", &before, preview.before_range),
         (&right, "After", "corrected", &after, preview.after_range),
     ] {
         page.text([window.at[0], 18.5], HEADING, name);
@@ -120,7 +120,7 @@ fn background(page: &mut Page, window: &Window, has_part: bool, field: Option<&E
     ));
 }
 
-/// The original lines, thin and grey, so that the shift is seen.
+/// The original lines, thin and grey, to show the shift.
 fn outline(page: &mut Page, lines: &[Line], thickness: f64) {
     let data = ink::outline(lines);
     page.add(format_args!(
@@ -168,7 +168,7 @@ fn frame(page: &mut Page, window: &Window) {
     }
 }
 
-/// Multiples of `step` strictly inside the range, as many as fit.
+/// Multiples of `step` inside the range, at most 100.
 fn ticks(min: f64, max: f64, step: f64) -> impl Iterator<Item = f64> {
     let (first, last) = ((min / step).ceil() as i64, (max / step).floor() as i64);
     (first..=last).take(100).map(move |index| index as f64 * step)
@@ -182,9 +182,9 @@ fn signed(value: f64) -> String {
 
 /// A bar of round length in the lower left corner.
 fn scale_bar(page: &mut Page, window: &Window) {
-    let known = round_step(7.0 / window.scale);
-    let length = known * window.scale;
-    let text = format!("{} · {}", millimetres(known), window.scale_name());
+    let shown = round_step(7.0 / window.scale);
+    let length = shown * window.scale;
+    let text = format!("{} · {}", millimetres(shown), window.scale_name());
     let [left, bottom] = [window.at[0] + 2.0, window.at[1] + window.paper_size()[1] - 2.0];
     let width = length + 1.5 + LABEL.width(&text) * 0.9;
     page.rect(
@@ -196,7 +196,7 @@ fn scale_bar(page: &mut Page, window: &Window) {
     page.text([left + length + 1.2, bottom - 0.2], VALUE, &text);
 }
 
-/// The whole part with the box of the pattern; returns where it ends.
+/// The whole part with the bounding rectangle of the pattern; returns its lower edge.
 fn draw_inset(
     page: &mut Page,
     window: &Window,
@@ -222,7 +222,7 @@ fn draw_inset(
     for (name, extents, color) in named {
         if let Some(extents) = extents {
             let size = extents.size();
-            // Below a centimetre the tenths count.
+            // Below a centimetre, tenths of a millimetre matter.
             let side =
                 |length: f64| if size.max() < 10.0 { format!("{length:.1}") } else { format!("{length:.0}") };
             y += 2.8;
@@ -236,7 +236,7 @@ fn draw_inset(
     y
 }
 
-/// The colour scale with its numbers; returns where it ends.
+/// The colour scale with its numbers; returns its lower edge.
 fn legend(
     page: &mut Page,
     at: [f64; 2],
@@ -248,11 +248,11 @@ fn legend(
     page.text([x, y + 2.3], HEADING, "Length on the part");
     let swatch = LEGEND_WIDTH / StretchScale::steps().count() as f64;
     for (index, step) in StretchScale::steps().enumerate() {
-        // A hair of overlap keeps the page from shining through between two colours.
+        // A small overlap prevents gaps between two colours.
         let size = [swatch + 0.05, 3.2];
         page.rect([x + index as f64 * swatch, y + 5.2], size, &format!("fill=\"{}\"", color(Some(step))));
     }
-    for (place, word) in [(0.0, "too short"), (0.5, "true"), (1.0, "too long")] {
+    for (place, word) in [(0.0, "too short"), (0.5, "correct"), (1.0, "too long")] {
         page.text([x + place * LEGEND_WIDTH, y + 14.0], LABEL.anchored(anchor_at(place)), word);
     }
     for (place, share) in [(0.0, -1.0), (0.25, -0.5), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)] {
@@ -272,20 +272,20 @@ fn legend(
         note(page, &last_color(), 0.5, &text);
     }
     if is_unknown {
-        note(page, &color(None), 0.5, "no surface measured there");
+        note(page, &color(None), 0.5, "no surface measured");
     }
     note(page, "#7c8798", 0.15, "original drawing");
     if let Some(relief) = relief.filter(|relief| !relief.contours.is_empty()) {
-        note(page, "#b9c0cb", 0.15, &format!("height lines every {}", millimetres(relief.contour_step)));
+        note(page, "#b9c0cb", 0.15, &format!("contour lines every {}", millimetres(relief.contour_step)));
     }
     if let Some(relief) = relief.filter(|relief| !relief.residual.is_empty()) {
-        let text = format!("the part is no smooth surface: > {}", millimetres(relief.residual_limit));
+        let text = format!("residual of the surface > {}", millimetres(relief.residual_limit));
         note(page, RESIDUAL, 1.2, &text);
     }
     line + 1.5
 }
 
-/// Text at the ends of the scale stays above it.
+/// The anchor that keeps text within the ends of the scale.
 fn anchor_at(place: f64) -> Anchor {
     match place {
         0.0 => Anchor::Start,
@@ -294,7 +294,7 @@ fn anchor_at(place: f64) -> Anchor {
     }
 }
 
-/// The table of the summary; returns where it ends.
+/// The table of the summary; returns its lower edge.
 fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)]) -> f64 {
     let [x, mut y] = at;
     y += 2.3;
@@ -314,25 +314,25 @@ fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)])
     y - 3.0
 }
 
-/// The least and the largest stretch in words: as measured, or of the lines themselves.
+/// The smallest and largest stretch as text: as measured, or of the lines themselves.
 fn stretch_range(lines: &[Line], measured: Option<[f64; 2]>) -> String {
     let of_lines = || {
         let stretches =
             ink::weighted(lines).map(|(_, stretch)| stretch).filter(|stretch| stretch.is_finite());
-        stretches.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], stretch| {
-            [least.min(stretch), largest.max(stretch)]
+        stretches.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], stretch| {
+            [min.min(stretch), max.max(stretch)]
         })
     };
-    let [least, largest] = measured.unwrap_or_else(of_lines);
-    match (lines.is_empty(), least <= largest) {
+    let [min, max] = measured.unwrap_or_else(of_lines);
+    match (lines.is_empty(), min <= max) {
         (true, _) => "nothing drawn".to_owned(),
         (_, false) => "lengths on the part not measured".to_owned(),
-        _ if percent(least) == percent(largest) => format!("lengths on the part: {}", percent(least)),
-        _ => format!("lengths on the part: {} to {}", percent(least), percent(largest)),
+        _ if percent(min) == percent(max) => format!("length change on the part: {}", percent(min)),
+        _ => format!("length change on the part: {} to {}", percent(min), percent(max)),
     }
 }
 
-/// Thickness of the lines on paper, mm: thinner where they lie so close that they would run together.
+/// Thickness of the lines on paper, mm: thinner if they are so close that they would merge.
 fn line_width(lines: &[Line], drawn: &Extents, scale: f64) -> f64 {
     let length: f64 = ink::weighted(lines).map(|(length, _)| length).sum::<f64>() * scale;
     let area = drawn.size().x * drawn.size().y * scale * scale;

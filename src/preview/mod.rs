@@ -1,8 +1,8 @@
-//! The picture of a job: the part as the laser sees it, and on it the lines before and after the correction.
+//! The preview of a job: the part as the laser sees it, and on it the lines before and after the correction.
 //!
-//! [`svg`] turns values into text; it opens no file and measures nothing. Two panels stand side by side and zoom on the
-//! pattern, an inset shows the whole part, and colours say how much longer or shorter each line is on the part than
-//! in the drawing. The same preview gives the same bytes.
+//! [`svg`] turns values into text; it opens no file and measures nothing. Two panels side by side show the pattern,
+//! an inset shows the whole part, and colours show how much longer or shorter each line is on the part than in the
+//! drawing. The same preview gives the same bytes.
 //!
 //! ```
 //! use isomark::preview::{HeightPicture, Preview, PreviewPath, svg};
@@ -24,28 +24,28 @@ use crate::geometry::space::Extents;
 pub use layout::{svg, svg_on};
 pub use relief::Backdrop;
 
-/// Everything the picture shows. All lengths are in mm of the view, x to the right and y up as the laser sees it.
+/// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Preview {
     /// Heading, such as `mouse · date.dxf · isometric`.
     pub title: String,
     /// The part as the laser sees it.
     pub part_outline: HeightPicture,
-    /// The lines drawn as they are: plain projection.
+    /// The lines without a correction.
     pub before: Vec<PreviewPath>,
-    /// The lines that are sent to the laser, with the stretch that remains.
+    /// The corrected lines, with the remaining stretch.
     pub after: Vec<PreviewPath>,
-    /// Least and largest stretch of the lines before, as they were measured; without them those of the shown segments.
+    /// Smallest and largest measured stretch of the lines without a correction; if absent, that of the shown segments.
     pub before_range: Option<[f64; 2]>,
-    /// The same of the lines after.
+    /// Smallest and largest measured stretch of the corrected lines; if absent, that of the shown segments.
     pub after_range: Option<[f64; 2]>,
     /// The working area, if it is known.
     pub field: Option<Extents>,
-    /// Rows of the table at the foot: label and text, such as `length error` and `6.83 mm → 0.05 mm`.
+    /// Rows of the table at the bottom: label and text, such as `length error` and `6.83 mm → 0.05 mm`.
     pub summary: Vec<(String, String)>,
 }
 
-/// Heights of the part on a square grid, the background of the picture. Some 200 nodes along its longer side
+/// Heights of the part on a square grid, for the background of the picture. About 200 nodes along the longer side
 /// give a smooth rim; more are thinned.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HeightPicture {
@@ -59,8 +59,7 @@ pub struct HeightPicture {
     pub rows: usize,
     /// Height of each node towards the laser, mm, row by row from the lowest y; `None` where there is no surface.
     pub heights: Vec<Option<f64>>,
-    /// What the fitted surface leaves at each node, mm of either sign, in the order of the heights; empty if it is not
-    /// known.
+    /// Signed residual of the fitted surface at each node, mm, in the order of the heights; empty if not known.
     pub residuals: Vec<f64>,
     /// Residuals beyond this are shown, mm.
     pub residual_limit: f64,
@@ -73,12 +72,12 @@ pub struct PreviewPath {
     pub points: Vec<[f64; 2]>,
     /// Whether the line returns to its first point.
     pub closed: bool,
-    /// Stretch of each segment: length on the part over length in the drawing, less 1. Segments without a finite
-    /// stretch are shown as lying where nothing was measured.
+    /// Stretch of each segment: length on the part divided by length in the drawing, minus 1. Segments without a finite
+    /// stretch are shown as not measured.
     pub stretch: Vec<f64>,
 }
 
-/// The cell of a square grid that a point lies in, for joining what no picture shows apart.
+/// The cell of a square grid that contains a point, for joining points that a picture cannot resolve.
 fn grid_cell(point: [f64; 2], size: f64) -> [i64; 2] {
     point.map(|coordinate| (coordinate / size).floor() as i64)
 }

@@ -1,14 +1,14 @@
-//! The page: SVG elements with fixed number formatting, so that the same picture has the same bytes.
+//! The page: SVG elements with fixed number formatting, so that equal previews have equal bytes.
 
 use std::fmt::Arguments;
 
 use crate::printable::on_one_line;
 
-/// Ink of headings and true lengths.
+/// Colour of headings and correct lengths.
 pub(super) const DARK: &str = "#111827";
-/// Ink of explanations.
+/// Colour of explanations.
 pub(super) const QUIET: &str = "#5b6472";
-/// Ink of frames and rules.
+/// Colour of frames and rules.
 pub(super) const FAINT: &str = "#b4bcc8";
 
 /// An SVG document under construction; lengths in mm of paper, y downwards.
@@ -17,7 +17,7 @@ pub(super) struct Page {
     body: String,
 }
 
-/// How a piece of text stands on the page.
+/// The style of a text.
 #[derive(Clone, Copy)]
 pub(super) struct Type {
     /// Height of the font, mm.
@@ -27,7 +27,7 @@ pub(super) struct Type {
     pub(super) anchor: Anchor,
 }
 
-/// Which end of the text its position names.
+/// The point of the text that is at its position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -48,13 +48,13 @@ impl Type {
         Self { anchor, ..self }
     }
 
-    /// The width the text will have at most, mm: taken from a wide sans-serif, because the reader's is not known.
+    /// An upper bound of the text's width, mm: that of a wide sans-serif, because the viewer's font is not known.
     pub(super) fn width(&self, text: &str) -> f64 {
         let per_letter = if self.bold { 0.66 } else { 0.58 };
         text.chars().count() as f64 * per_letter * self.size
     }
 
-    /// The text, or its beginning and an ellipsis when it is wider than `width` mm.
+    /// The text, shortened with an ellipsis if it is wider than `width` mm.
     pub(super) fn shortened(&self, text: &str, width: f64) -> String {
         if self.width(text) <= width {
             return text.to_owned();
@@ -80,13 +80,13 @@ impl Type {
 }
 
 impl Page {
-    /// Adds an element as it is.
+    /// Adds an element without escaping.
     pub(super) fn add(&mut self, element: Arguments<'_>) {
         self.body.push_str(&element.to_string());
         self.body.push('\n');
     }
 
-    /// Adds text whose baseline starts, centres or ends at (x, y).
+    /// Adds text with its baseline at (x, y), anchored as the style says.
     pub(super) fn text(&mut self, at: [f64; 2], style: Type, text: &str) {
         let weight = if style.bold { " font-weight=\"bold\"" } else { "" };
         let anchor = match style.anchor {
@@ -116,7 +116,7 @@ impl Page {
         ));
     }
 
-    /// Adds a rectangle with its upper left corner at `at`; `paint` holds its fill and stroke attributes.
+    /// Adds a rectangle with its upper left corner at `at`; `paint` contains its fill and stroke attributes.
     pub(super) fn rect(&mut self, at: [f64; 2], size: [f64; 2], paint: &str) {
         self.add(format_args!(
             "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {paint}/>",
@@ -142,7 +142,7 @@ impl Page {
     }
 }
 
-/// The data of an SVG path: relative steps in thousandths of a user unit, summed up without rounding drift.
+/// The data of an SVG path: relative steps in thousandths of a user unit, without accumulated rounding errors.
 #[derive(Default)]
 pub(super) struct PathData {
     text: String,
@@ -163,7 +163,7 @@ impl PathData {
             }
         }
         if !drawn {
-            // A line of no length still leaves a round spot.
+            // A line without length is drawn as a round spot.
             self.text.push_str("h0");
         }
     }
@@ -205,7 +205,8 @@ pub(super) fn number(value: f64) -> String {
     text
 }
 
-/// Text that may stand between tags or in an attribute; what does not print is spelled out, and what XML does not know left out.
+/// Text escaped for XML content and attributes; non-printing characters are escaped, and characters that XML does not
+/// allow are omitted.
 pub(super) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in on_one_line(text).chars() {
@@ -247,7 +248,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_have_no_negative_zero() {
+    fn numbers_are_short_and_never_negative_zero() {
         let cases =
             [(0.0, "0"), (-0.0001, "0"), (12.0, "12"), (-0.25, "-.25"), (7.12345, "7.123"), (100.1, "100.1")];
         for (value, text) in cases {
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn path_data_returns_to_its_points_without_drift() {
+    fn path_data_has_no_accumulated_rounding_errors() {
         let mut data = PathData::default();
         data.polygon(&[[0.0, 0.0], [1.0 / 3.0, 0.0], [2.0 / 3.0, -0.5]]);
         data.polyline(&[[1.0, 1.0], [1.0, 1.0]]);
@@ -264,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn markup_in_names_stays_text() {
+    fn markup_in_names_is_escaped() {
         assert_eq!(escaped("a<b> & \"c\" d's"), "a&lt;b&gt; &amp; &quot;c&quot; d&#39;s");
         assert_eq!(escaped("a\u{1}\n\u{202e}b\u{ffff}"), "a\\u{1}\\n\\u{202e}b");
     }

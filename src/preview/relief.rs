@@ -1,7 +1,7 @@
 //! The part as a soft relief: grey bands of equal brightness and thin lines of equal height.
 //!
-//! Bands are nested polygons, each painted over the darker one before it, so that no seams show and the file stays
-//! small. They come from marching squares (Lorensen and Cline, SIGGRAPH 1987, in two dimensions).
+//! Bands are nested polygons, each painted over the darker one before it, so that there are no seams and the file stays
+//! small. They are computed by marching squares (Lorensen and Cline, SIGGRAPH 1987, in two dimensions).
 
 use super::HeightPicture;
 use super::page::{PathData, number};
@@ -9,16 +9,16 @@ use crate::geometry::space::Extents;
 
 /// Nodes along the longer side of the relief; finer grids are thinned, because the relief is only the background.
 const MAX_NODES: usize = 240;
-/// The places where the fitted surface leaves too much.
+/// Colour of the places where the residual of the fitted surface is too large.
 pub(super) const RESIDUAL: &str = "#c026d3";
-/// Grey bands of the relief.
+/// Number of grey bands in the relief.
 const BANDS: usize = 36;
-/// Where the light comes from, in the view: upper left, towards the viewer.
+/// Direction of the light in the view: from the upper left, in front.
 const LIGHT: [f64; 3] = [-0.42, 0.50, 0.757];
-/// The nodes outside the part that take their brightness from their neighbours, counted from the rim.
+/// Number of nodes beyond the rim that get their brightness from their neighbours.
 const APRON: usize = 3;
 
-/// The part behind the lines, which is the same in all pictures of it.
+/// The part behind the lines, which is the same in all previews of one part.
 pub struct Backdrop {
     pub(super) relief: Option<Relief>,
     /// The elements that draw it.
@@ -26,7 +26,7 @@ pub struct Backdrop {
 }
 
 impl Backdrop {
-    /// Draws the part; nothing when the picture holds no surface.
+    /// Draws the part; empty if the picture contains no surface.
     pub fn of(part: &HeightPicture) -> Self {
         let relief = relief(part);
         let definitions = relief.as_ref().map(Relief::definitions).unwrap_or_default();
@@ -48,7 +48,7 @@ pub(super) struct Relief {
     pub(super) residual: PathData,
     /// That limit, mm.
     pub(super) residual_limit: f64,
-    /// The rectangle round what the laser sees of the part, mm of the view.
+    /// The bounding rectangle of the visible part, mm of the view.
     pub(super) extents: Extents,
 }
 
@@ -62,7 +62,7 @@ struct Grid {
     values: Vec<Option<f64>>,
 }
 
-/// The relief of a part; `None` when the picture holds no surface.
+/// The relief of a part; `None` if the picture contains no surface.
 fn relief(part: &HeightPicture) -> Option<Relief> {
     let heights = Grid::of(part)?;
     let mut shades = heights.shades();
@@ -142,7 +142,7 @@ impl Relief {
 }
 
 impl Grid {
-    /// The picture's heights, thinned to [`MAX_NODES`] nodes a side, with a border of no surface.
+    /// The picture's heights, thinned to [`MAX_NODES`] nodes along each side, with an empty border.
     fn of(part: &HeightPicture) -> Option<Self> {
         let height =
             |node: usize| part.heights.get(node).copied().flatten().filter(|height| height.is_finite());
@@ -150,7 +150,7 @@ impl Grid {
         grid.values.iter().any(Option::is_some).then_some(grid)
     }
 
-    /// The sizes of the picture's residuals on the same nodes; of those that are thinned out the largest counts.
+    /// The absolute residuals of the picture at the same nodes; each is the largest of the nodes it replaces.
     fn of_residuals(part: &HeightPicture) -> Option<Self> {
         let size = |node: usize| part.residuals.get(node).map(|residual| residual.abs());
         Self::thinned(part, |column, row, stride| {
@@ -162,7 +162,7 @@ impl Grid {
         })
     }
 
-    /// A value for every `stride`th column and row of the picture, and a border without.
+    /// A value for every `stride`th column and row of the picture, and an empty border.
     fn thinned(part: &HeightPicture, value: impl Fn(usize, usize, usize) -> Option<f64>) -> Option<Self> {
         let is_placed = part.origin.iter().all(|start| start.is_finite()) && part.step.is_finite();
         if part.columns < 2 || part.rows < 2 || !is_placed || part.step <= 0.0 {
@@ -202,7 +202,7 @@ impl Grid {
         self.with(|column, row| Some(if self.at(column, row).is_some() { 1.0 } else { 0.0 }))
     }
 
-    /// The mean over each node's neighbourhood, which turns the stairs of a coarse rim into a smooth line.
+    /// The mean over each node's neighbourhood, which smooths the staircase of a coarse rim.
     fn blurred(&self) -> Self {
         self.with(|column, row| {
             if self.is_border(column, row) {
@@ -296,7 +296,7 @@ impl Grid {
         rings
     }
 
-    /// Where the level crosses an edge: in its middle where one end has no value.
+    /// The point where the level crosses an edge: its middle if one end has no value.
     fn crossing(&self, edge: usize, level: f64, value: impl Fn(usize, usize) -> f64) -> [f64; 2] {
         let (column, row) = (edge / 2 % self.columns, edge / 2 / self.columns);
         let (right, up) = if edge.is_multiple_of(2) { (1, 0) } else { (0, 1) };
@@ -309,7 +309,7 @@ impl Grid {
     }
 }
 
-/// The grey of a brightness: pale throughout, so that the lines stay the picture's subject.
+/// The grey of a brightness: always pale, so that the lines stand out.
 fn gray(shade: f64) -> String {
     let share = shade.clamp(0.0, 1.0).powf(1.4);
     let [red, green, blue] =
@@ -317,7 +317,7 @@ fn gray(shade: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", red.round() as u8, green.round() as u8, blue.round() as u8)
 }
 
-/// The ring without points that lie within `tolerance` mm of the chord that replaces them (Douglas and Peucker 1973).
+/// The ring without points that are within `tolerance` mm of the chord that replaces them (Douglas and Peucker 1973).
 fn simplified(ring: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
     let mut kept = vec![false; ring.len()];
     let half = ring.len() / 2;
@@ -359,7 +359,7 @@ pub(super) fn round_step(length: f64) -> f64 {
     rounds.into_iter().find(|round| *round >= length * (1.0 - 1e-9)).unwrap_or(10.0 * decade)
 }
 
-/// A length with its unit, without superfluous zeros.
+/// A length with its unit, without trailing zeros.
 pub(super) fn millimetres(length: f64) -> String {
     let text = number(length);
     if let Some(fraction) = text.strip_prefix('.') {
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hole_is_a_ring_of_its_own() {
+    fn a_hole_is_a_separate_ring() {
         let mut part = dome(30.0, 1.0);
         let middle = part.rows / 2 * part.columns + part.columns / 2;
         part.heights[middle] = None;
@@ -418,21 +418,21 @@ mod tests {
     }
 
     #[test]
-    fn a_fine_grid_gives_no_larger_relief() {
+    fn a_fine_grid_does_not_make_the_relief_larger() {
         let relief = relief(&dome(30.0, 0.05)).unwrap();
         assert!((relief.extents.size().x - 60.0).abs() < 1.0);
         assert!(relief.definitions().len() < 150_000, "{}", relief.definitions().len());
     }
 
     #[test]
-    fn nothing_to_see_gives_no_relief() {
+    fn a_picture_without_a_surface_gives_no_relief() {
         let nothing = HeightPicture { heights: vec![None; 9], columns: 3, rows: 3, ..dome(1.0, 0.5) };
         assert!(relief(&nothing).is_none());
         assert!(relief(&HeightPicture { columns: 0, rows: 0, heights: Vec::new(), ..nothing }).is_none());
     }
 
     #[test]
-    fn a_saddle_closes_its_rings() {
+    fn rings_at_a_saddle_are_closed() {
         let heights = (0..25).map(|index| Some(f64::from((index % 2) as u8))).collect();
         let part = HeightPicture {
             origin: [0.0, 0.0],
@@ -442,7 +442,7 @@ mod tests {
             heights,
             ..HeightPicture::default()
         };
-        // The middle of each cell is 0.5: apart above it, joined below it.
+        // The middle of each cell is 0.5: regions are separate above this level and joined below it.
         let rings = Grid::of(&part).unwrap().region(0.6);
         assert_eq!(rings.len(), 12);
         assert!(rings.iter().all(|ring| area(ring) > 0.0));

@@ -1,25 +1,26 @@
-//! The colours of the stretch: dark where a length is true, blue where it is short, orange where it is long.
+//! The colours of the stretch: dark for a correct length, blue for too short, orange for too long.
 //!
-//! Blue against orange is told apart with every common colour blindness, and the darkness alone already says how
-//! true a line is when the picture is printed in grey.
+//! Blue and orange can be distinguished with every common type of colour blindness. In a grey print, the darkness alone
+//! shows how correct a line is.
 
-/// Colours on either side of the true length; with it there are 21.
+/// Number of colours on each side of the correct length; there are 21 in all.
 const STEPS: i32 = 10;
-/// Limits that read well, in % up to a power of ten.
+/// Round limits, in % times a power of ten.
 const ROUND: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0];
-/// Share of the drawn length that the scale must cover; a few steep segments must not flatten all the others.
+/// Share of the drawn length that the scale must cover: a few segments with a large stretch must not determine the
+/// scale.
 const COVERED: f64 = 0.99;
 
-/// From stretch to colour: symmetric about the true length, with a round limit.
+/// From stretch to colour: symmetric about the correct length, with a round limit.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct StretchScale {
     /// Stretch at the ends of the scale, without unit (0.1 is 10 %).
     pub(super) limit: f64,
-    /// Whether some stretch is beyond the limit and takes the end colours.
+    /// Whether some stretch is beyond the limit and is shown in the end colours.
     pub(super) exceeded: bool,
 }
 
-/// One of the 21 colours, counted from the true length: negative is shorter, positive longer; `None` is unknown.
+/// One of the 21 colours, counted from the correct length: negative is shorter, positive is longer; `None` is unknown.
 pub(super) type Shade = Option<i32>;
 
 impl StretchScale {
@@ -38,12 +39,12 @@ impl StretchScale {
         });
         let largest = sizes.last().map_or(0.0, |(size, _)| *size);
         let limit = round_limit(covered.map_or(0.0, |(size, _)| *size));
-        // A scale that almost holds everything is widened rather than called exceeded.
+        // If the scale covers almost everything, it is extended to cover all.
         let limit = if largest <= 1.3 * limit { round_limit(largest) } else { limit };
         Self { limit, exceeded: largest > limit }
     }
 
-    /// The colour step of a stretch; unknown where it is not a number.
+    /// The colour step of a stretch; unknown if it is not finite.
     pub(super) fn shade(&self, stretch: f64) -> Shade {
         stretch.is_finite().then(|| {
             let step = stretch / self.limit * f64::from(2 * STEPS + 1) / 2.0;
@@ -56,7 +57,7 @@ impl StretchScale {
         -STEPS..=STEPS
     }
 
-    /// The steps in drawing order: the farther from true, the later, so that trouble lies on top.
+    /// The steps in drawing order: the largest errors last, so that they are on top.
     pub(super) fn drawing_order() -> impl Iterator<Item = Shade> {
         let pairs = (1..=STEPS).flat_map(|step| [Some(-step), Some(step)]);
         [None, Some(0)].into_iter().chain(pairs)
@@ -65,19 +66,19 @@ impl StretchScale {
 
 /// The colour of a step, as `#rrggbb`.
 pub(super) fn color(shade: Shade) -> String {
-    const TRUE: [f64; 3] = [17.0, 24.0, 39.0];
-    const SHORTER: [[f64; 3]; 3] = [TRUE, [29.0, 78.0, 216.0], [56.0, 189.0, 248.0]];
-    const LONGER: [[f64; 3]; 3] = [TRUE, [190.0, 62.0, 8.0], [251.0, 146.0, 20.0]];
+    const CORRECT: [f64; 3] = [17.0, 24.0, 39.0];
+    const SHORTER: [[f64; 3]; 3] = [CORRECT, [29.0, 78.0, 216.0], [56.0, 189.0, 248.0]];
+    const LONGER: [[f64; 3]; 3] = [CORRECT, [190.0, 62.0, 8.0], [251.0, 146.0, 20.0]];
     let Some(step) = shade else { return "#a3a3a3".to_owned() };
     let [dark, middle, end] = if step < 0 { SHORTER } else { LONGER };
-    // The eye sees no colour in the darkest third of an even ramp; the power lets it set in earlier.
+    // In the darkest third of a linear ramp no colour is visible; the exponent makes the colour start earlier.
     let along = (f64::from(step.abs()) / f64::from(STEPS)).powf(0.7) * 2.0;
     let (from, to, t) = if along <= 1.0 { (dark, middle, along) } else { (middle, end, along - 1.0) };
     let [red, green, blue] = [0, 1, 2].map(|channel| from[channel] + (to[channel] - from[channel]) * t);
     format!("#{:02x}{:02x}{:02x}", red.round() as u8, green.round() as u8, blue.round() as u8)
 }
 
-/// A stretch as people read it: a sign, a number that shows what matters, and the unit.
+/// A stretch as text: sign, a number with enough decimals, and unit.
 pub(super) fn percent(stretch: f64) -> String {
     let value = stretch * 100.0;
     let decimals = match value.abs() {
@@ -97,12 +98,12 @@ pub(super) fn percent(stretch: f64) -> String {
     format!("{sign}{digits} %")
 }
 
-/// The colour of everything beyond a scale that is exceeded on the long side.
+/// The colour of everything beyond the scale on the long side.
 pub(super) fn last_color() -> String {
     color(Some(STEPS))
 }
 
-/// A round share of a scale as people read it, such as `−2.5 %`.
+/// A round value of the scale as text, such as `−2.5 %`.
 pub(super) fn round_percent(stretch: f64) -> String {
     let digits = format!("{:.3}", stretch.abs() * 100.0);
     let digits = digits.trim_end_matches('0').trim_end_matches('.');
@@ -114,13 +115,13 @@ pub(super) fn round_percent(stretch: f64) -> String {
     format!("{sign}{digits} %")
 }
 
-/// The smallest round number that is at least `stretch`; 0.1 % at least, so that noise does not look like stretch.
+/// The smallest round number that is at least `stretch`, and at least 0.1 %, so that noise does not look like stretch.
 fn round_limit(stretch: f64) -> f64 {
     let mut decade = 0.1;
     loop {
         for round in ROUND {
             let limit = decade * round / 100.0;
-            // Ten digits of slack: 0.2 read from a file may be a hair more than a limit of 20 %.
+            // A margin in the tenth digit: 0.2 may be slightly more than the limit of 20 % because of rounding.
             if limit * (1.0 + 1e-10) >= stretch || decade >= 1e6 {
                 return limit;
             }
@@ -142,14 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn one_steep_segment_does_not_flatten_the_rest() {
+    fn one_segment_with_a_large_stretch_does_not_determine_the_scale() {
         let scale = StretchScale::covering([(100.0, 0.02), (0.1, 4.0)].into_iter());
         assert!((scale.limit - 0.02).abs() < 1e-12 && scale.exceeded);
         assert_eq!(scale.shade(4.0), Some(10));
     }
 
     #[test]
-    fn true_lengths_are_dark_and_unknown_ones_are_grey() {
+    fn correct_lengths_are_dark_and_unknown_ones_are_grey() {
         let scale = StretchScale { limit: 0.1, exceeded: false };
         assert_eq!(scale.shade(0.004), Some(0));
         assert_eq!(scale.shade(-0.1), Some(-10));
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn percentages_carry_a_sign_and_a_unit() {
+    fn percentages_have_a_sign_and_a_unit() {
         for (stretch, text) in [
             (0.2284, "+22.8 %"),
             (-0.0312, "−3.1 %"),

@@ -1,4 +1,4 @@
-//! What a panel shows of the view, and at which scale.
+//! The section of the view that a panel shows, and its scale.
 
 use super::page::number;
 use crate::geometry::space::Extents;
@@ -9,16 +9,16 @@ pub(super) const MARGIN: f64 = 8.0;
 pub(super) const PANEL_TOP: f64 = 26.0;
 /// Largest width and height of the inset, mm.
 pub(super) const INSET: [f64; 2] = [34.0, 40.0];
-/// Panels are at least this wide, mm, so that the foot has room for its text.
+/// Panels are at least this wide, mm, so that there is room for the text below them.
 const PANEL_WIDTH: f64 = 78.0;
-/// A panel is at least this share of its width high.
+/// Minimum height of a panel as a share of its width.
 const PANEL_ASPECT: f64 = 0.5;
-/// Panels of these sides, mm, are drawn in true size; together two of them fit on a landscape A4 page.
+/// Panels with longer sides in this range, mm, are drawn in true size; two of them fit on a landscape A4 page.
 const TRUE_SIZE: std::ops::RangeInclusive<f64> = 32.0..=130.0;
 
-/// A window onto the view: the part of it that is shown, and where.
+/// A window: the section of the view that is shown, and its place on the page.
 pub(super) struct Window {
-    /// What is shown, mm of the view.
+    /// The section shown, mm of the view.
     pub(super) shown: Extents,
     /// Upper left corner on the page, mm.
     pub(super) at: [f64; 2],
@@ -42,27 +42,27 @@ impl Window {
         rectangle(&self.shown, "")
     }
 
-    /// Opens a group in coordinates of the view (mm, y negated) that shows nothing outside the window.
+    /// Opens a group in coordinates of the view (mm, y negated) that is clipped to the window.
     pub(super) fn opening(&self, clip: &str) -> String {
         let [x, y] = self.place(0.0, 0.0).map(number);
         format!("<g transform=\"translate({x} {y}) scale({:.6})\" clip-path=\"url(#{clip})\">", self.scale)
     }
 
-    /// The page's name for the scale.
+    /// The scale as text.
     pub(super) fn scale_name(&self) -> String {
         let ratio = |a: f64, b: f64| format!("scale {} : {}", number(a), number(b));
         if self.scale >= 1.0 { ratio(self.scale, 1.0) } else { ratio(1.0, 1.0 / self.scale) }
     }
 }
 
-/// The window of a panel: the drawing and a margin, at a scale that people know.
+/// The window of a panel: the drawing with a margin, at a standard scale.
 pub(super) fn panel_window(drawn: &Extents, part: Option<&Extents>) -> Window {
     let fallback = || part.copied().unwrap_or(Extents::of([[-20.0, -10.0].into(), [20.0, 10.0].into()]));
     let crop = if drawn.is_empty() { fallback() } else { *drawn };
     let longer = crop.size().max().max(0.5);
     let crop = crop.grown(0.14 * longer);
     let longer = crop.size().max();
-    let scale = if TRUE_SIZE.contains(&longer) { 1.0 } else { known_scale(*TRUE_SIZE.end() / longer) };
+    let scale = if TRUE_SIZE.contains(&longer) { 1.0 } else { standard_scale(*TRUE_SIZE.end() / longer) };
     let width = (crop.size().x * scale).max(PANEL_WIDTH).ceil();
     let height = (crop.size().y * scale).max(PANEL_ASPECT * width).ceil();
     let half = nalgebra::Vector2::new(width, height) / (2.0 * scale);
@@ -70,7 +70,7 @@ pub(super) fn panel_window(drawn: &Extents, part: Option<&Extents>) -> Window {
     Window { shown, at: [MARGIN, PANEL_TOP], scale }
 }
 
-/// The window of the inset: the whole part, and the field unless the part would be lost in it.
+/// The window of the inset: the whole part, and the field unless the part would be too small in it.
 pub(super) fn inset_window(
     drawn: &Extents,
     part: Option<&Extents>,
@@ -94,7 +94,7 @@ pub(super) fn inset_window(
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is at most `scale`.
-fn known_scale(scale: f64) -> f64 {
+fn standard_scale(scale: f64) -> f64 {
     let decade = 10f64.powf(scale.log10().floor());
     [5.0, 2.0]
         .map(|round| round * decade)

@@ -1,6 +1,6 @@
-"""Drawings of ezdxf with one entity beside a line each: what isomark loses of them is ink (`ink-…`) or not (`none-…`).
+"""Drawings by ezdxf, each with a line and one entity that isomark does not mark: `losses.py FOLDER`.
 
-Written into the folder that is named.
+The name of the file states whether the entity is lost ink (`ink-…`) or not (`none-…`).
 """
 
 import sys

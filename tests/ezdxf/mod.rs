@@ -1,6 +1,6 @@
-//! ezdxf as a judge of written drawings.
+//! Checks of written drawings with ezdxf.
 
-#![allow(dead_code, reason = "each test uses its part")]
+#![allow(dead_code, reason = "each test uses only some of these functions")]
 
 use std::process::{Command, Stdio};
 
@@ -32,8 +32,8 @@ print(json.dumps({
 }))
 "#;
 
-/// Whether python3 with ezdxf is here; in CI it has to be.
-pub(crate) fn is_here() -> bool {
+/// Whether python3 with ezdxf is available; in CI it must be.
+pub(crate) fn is_available() -> bool {
     let has_ezdxf = Command::new("python3")
         .args(["-c", "import ezdxf"])
         .stderr(Stdio::null())
@@ -41,14 +41,14 @@ pub(crate) fn is_here() -> bool {
         .is_ok_and(|status| status.success());
     if !has_ezdxf {
         assert!(std::env::var("CI").is_err(), "python3 with ezdxf is required in CI");
-        eprintln!("SKIPPED: python3 with ezdxf is not installed, the files were not judged");
+        eprintln!("SKIPPED: python3 with ezdxf is not installed, the files were not checked");
     }
     has_ezdxf
 }
 
-/// What ezdxf says about the file, or nothing when there is no ezdxf here.
+/// What ezdxf reports about the file; `None` if ezdxf is not available.
 pub(crate) fn judged(dxf: &[u8]) -> Option<serde_json::Value> {
-    if !is_here() {
+    if !is_available() {
         return None;
     }
     let mut file = tempfile::Builder::new().suffix(".dxf").tempfile().unwrap();
@@ -58,8 +58,8 @@ pub(crate) fn judged(dxf: &[u8]) -> Option<serde_json::Value> {
     Some(serde_json::from_slice(&output.stdout).unwrap())
 }
 
-/// Fails unless ezdxf found nothing wrong and nothing to repair.
-pub(crate) fn assert_clean(told: &serde_json::Value) {
-    assert_eq!(told["errors"], serde_json::json!([]));
-    assert_eq!(told["fixes"], serde_json::json!([]));
+/// Fails if ezdxf found errors or repaired something.
+pub(crate) fn assert_clean(report: &serde_json::Value) {
+    assert_eq!(report["errors"], serde_json::json!([]));
+    assert_eq!(report["fixes"], serde_json::json!([]));
 }

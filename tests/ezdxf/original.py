@@ -1,8 +1,7 @@
-"""What ezdxf makes of drawings: length, area and extents of what is drawn, by layer and colour.
+"""Measures drawings with ezdxf: length, area and extents of the visible entities, by layer and colour.
 
-Usage: `original.py FONTS DRAWING.dxf...`. Curves become chords within 1e-5 units; letters are those of the font in the
-folder FONTS, so that the same outlines are compared. Prints a JSON object for each drawing, null for one that ezdxf
-refuses.
+Usage: `original.py FONTS DRAWING.dxf...`. Curves become chords within 1e-5 units; letters use the font in the folder
+FONTS, so that the same outlines are compared. Prints a JSON object for each drawing, null for one that ezdxf rejects.
 """
 
 import json
@@ -22,7 +21,7 @@ CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"
 class Drawing:
     def __init__(self, file):
         self.doc = ezdxf.readfile(file)
-        self.told = {}
+        self.measured = {}
         self.scratch = self.doc.blocks.new_anonymous_block()
         for entity, layer, color in self.parts(self.doc.modelspace(), None, 7):
             self.draw(entity, f"{layer} {color}")
@@ -31,7 +30,7 @@ class Drawing:
         return self.doc.layers.get(name) if name in self.doc.layers else None
 
     def color_of(self, entity, layer, by_block):
-        """`#rrggbb` or the index; entities by layer have the layer's."""
+        """`#rrggbb` or the index; entities by layer have the colour of the layer."""
         if entity.dxf.hasattr("true_color"):
             return f"#{entity.dxf.true_color:06x}"
         if entity.dxf.color == 0:
@@ -44,12 +43,12 @@ class Drawing:
         return f"#{entry.dxf.true_color:06x}" if entry.dxf.hasattr("true_color") else entry.color
 
     def parts(self, entities, outer, by_block):
-        """Everything drawn, with its layer and colour, blocks unfolded."""
+        """Everything that is drawn, with its layer and colour; blocks are expanded."""
         for entity in entities:
             kind = entity.dxftype()
             layer = outer if outer is not None and entity.dxf.layer == "0" else entity.dxf.layer
             entry = self.layer_of(layer)
-            # Layers are compared without regard to case.
+            # Layer names are not case-sensitive.
             layer = entry.dxf.name if entry else layer
             color = self.color_of(entity, layer, by_block)
             if entity.dxf.invisible or (entry and entry.is_frozen()):
@@ -99,14 +98,14 @@ class Drawing:
     def add(self, key, points, closed):
         if closed:
             points = points + points[:1]
-        told = self.told.setdefault(key, {"length": 0.0, "area": 0.0, "box": [math.inf, math.inf, -math.inf, -math.inf]})
+        entry = self.measured.setdefault(key, {"length": 0.0, "area": 0.0, "box": [math.inf, math.inf, -math.inf, -math.inf]})
         pairs = list(zip(points, points[1:]))
-        told["length"] += sum(math.dist(a, b) for a, b in pairs)
+        entry["length"] += sum(math.dist(a, b) for a, b in pairs)
         if closed:
-            told["area"] += abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2)
+            entry["area"] += abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2)
         for x, y in points:
-            box = told["box"]
-            told["box"] = [min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)]
+            box = entry["box"]
+            entry["box"] = [min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)]
 
 
 if __name__ == "__main__":
@@ -114,6 +113,6 @@ if __name__ == "__main__":
     fonts.font_manager.build([sys.argv[1]])
     for file in sys.argv[2:]:
         try:
-            print(json.dumps(Drawing(file).told))
+            print(json.dumps(Drawing(file).measured))
         except ezdxf.DXFError:
             print("null")

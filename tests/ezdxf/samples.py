@@ -1,4 +1,4 @@
-"""One drawing for each kind of entity, made by ezdxf into a folder: `samples.py FOLDER`."""
+"""Writes one drawing for each kind of entity with ezdxf into a folder: `samples.py FOLDER`."""
 
 import math
 import sys
@@ -55,7 +55,7 @@ doc, msp, file = drawing("hatch-patterns")
 for index, (pattern, scale, angle) in enumerate([("ANSI31", 0.5, 0), ("ANSI37", 0.5, 20), ("DASH", 0.5, 0), ("BRICK", 0.2, 0)]):
     hatch = msp.add_hatch(dxfattribs={"layer": pattern})
     hatch.set_pattern_fill(pattern, scale=scale, angle=angle)
-    # No line runs through a corner of the boundary, where readers may differ.
+    # Shifted so that no line runs through a corner of the boundary, where readers may differ.
     for line in hatch.pattern.lines:
         line.base_point += Vec2(0.13, 0.27)
     x = 30 * index

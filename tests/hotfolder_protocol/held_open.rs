@@ -1,5 +1,5 @@
-//! Writers that hold their drops open, and write them again when these are done: what they write is a new drop, and what
-//! was done lies where it was filed as it was. Windows lets nobody read what somebody has open to write.
+//! Writers that keep their drops open and write to them again after they were processed: the new content is a new drop,
+//! and the filed files stay unchanged. On Windows, a file that is open for writing cannot be read.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use super::{Line, Mode, SETTINGS, files};
 struct Writer(fs::File);
 
 impl Writer {
-    /// It renames a file into the hot folder, and keeps it open.
+    /// Renames a file into the hot folder, and keeps it open.
     fn drops(line: &Line, name: &str, text: &str) -> Self {
         let elsewhere = line.path("elsewhere/held");
         fs::write(&elsewhere, text).unwrap();
@@ -28,7 +28,7 @@ impl Writer {
     }
 }
 
-/// A station with its archive, and all else but the hot folder, on another disk, where there is one.
+/// A station with archive, rejected and state folder on another disk; `None` where there is none.
 fn with_archive_elsewhere() -> Option<(Line, tempfile::TempDir)> {
     let disk = tempfile::tempdir_in("/dev/shm").ok()?;
     let mut line = Line::new();
@@ -41,7 +41,7 @@ fn with_archive_elsewhere() -> Option<(Line, tempfile::TempDir)> {
     Some((line, disk))
 }
 
-/// Once its original is filed, a drawing is written again by whoever still has it open.
+/// The writer that still has a drawing open writes it again after its original was filed.
 fn a_drawing_is_written_again(line: &Line, archive: PathBuf) {
     line.drop("can.glb", "part");
     let mut writer = Writer::drops(line, "can.dxf", "one\nEOF\n");
@@ -49,32 +49,32 @@ fn a_drawing_is_written_again(line: &Line, archive: PathBuf) {
     line.waits_for("the first version in the archive", is_filed);
     writer.writes("two\nEOF\n");
     line.waits_for_text("import/can.dxf", "two on part at 0");
-    // In the hot folder it would be waited for until its writer closes it.
+    // In the hot folder, the station would wait until its writer closes it.
     let is_filed =
         |line: &Line| archive.join("can/(2)/can.dxf").exists() && !line.path("hot/can.dxf").exists();
     line.waits_for("the second version in the archive", is_filed);
     let text = |relative: &str| fs::read_to_string(archive.join(relative)).unwrap();
     assert_eq!((text("can/can.dxf"), text("can/(2)/can.dxf")), ("one\nEOF\n".into(), "two\nEOF\n".into()));
-    // The second time it is one file still.
+    // The file is still the same, also for the third version.
     writer.writes("three\nEOF\n");
     line.waits_for_text("import/can.dxf", "three on part at 0");
     drop(writer);
 }
 
 #[test]
-fn a_drawing_that_is_written_again_after_it_was_filed_is_a_new_drop() {
+fn a_filed_drawing_that_is_written_again_is_a_new_drop() {
     let line = Line::running();
     a_drawing_is_written_again(&line, line.path("archive"));
 }
 
 #[test]
-fn so_it_is_with_the_archive_on_another_disk() {
+fn the_same_with_the_archive_on_another_disk() {
     let Some((line, disk)) = with_archive_elsewhere() else { return };
     a_drawing_is_written_again(&line, disk.path().join("archive"));
 }
 
 #[test]
-fn a_part_that_is_written_again_after_it_was_filed_is_a_new_drop() {
+fn a_filed_part_that_is_written_again_is_a_new_drop() {
     let line = Line::running();
     let mut writer = Writer::drops(&line, "can.glb", "first\nEOF\n");
     line.waits_for_empty_hot();
@@ -97,7 +97,7 @@ fn a_rejected_drop_that_is_written_again_is_a_new_drop() {
 }
 
 #[test]
-fn settings_and_buffers_that_are_written_again_wait_in_the_hot_folder() {
+fn settings_and_buffers_written_again_wait_in_the_hot_folder() {
     let line = Line::running();
     line.drop("can.glb", "part");
     let turned = |degrees| format!("[placement]\nrotate_deg = {degrees}\n");
@@ -118,9 +118,9 @@ fn settings_and_buffers_that_are_written_again_wait_in_the_hot_folder() {
     assert_eq!(line.text("archive/mug/mug.bin").unwrap(), "first buffer");
 }
 
-/// The station does not have to run for that, nor to end in good order.
+/// The station need not be running when the file is written again.
 #[test]
-fn what_was_written_while_the_station_did_not_run_is_a_new_drop() {
+fn a_file_written_while_the_station_was_stopped_is_a_new_drop() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     let mut writer = Writer::drops(&line, "can.dxf", "one\nEOF\n");
@@ -132,9 +132,9 @@ fn what_was_written_while_the_station_did_not_run_is_a_new_drop() {
     line.waits_for_text("import/can.dxf", "two on part at 0");
 }
 
-/// A newer drop of its name is not undone by it.
+/// A newer drop with its name is not replaced.
 #[test]
-fn what_is_written_again_under_the_name_of_a_newer_drop_is_rejected() {
+fn a_file_written_again_is_rejected_if_a_newer_drop_has_its_name() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     let mut writer = Writer::drops(&line, "can.dxf", "one\nEOF\n");
@@ -143,10 +143,10 @@ fn what_is_written_again_under_the_name_of_a_newer_drop_is_rejected() {
     line.stop();
     writer.writes("one, written again\nEOF\n");
     line.start(Mode::UntilStopped);
-    // It has no end, and stays.
+    // The newer file is incomplete, so it remains in the hot folder.
     fs::write(line.path("elsewhere/file"), "half of a newer o").unwrap();
     fs::rename(line.path("elsewhere/file"), line.path("hot/can.dxf")).unwrap();
-    line.waits_for("one of both", |line| {
+    line.waits_for("either outcome", |line| {
         line.path("rejected/can.dxf").exists() || line.path("archive/can/(2)/can.dxf").exists()
     });
     if line.path("rejected/can.dxf").exists() {
@@ -157,7 +157,7 @@ fn what_is_written_again_under_the_name_of_a_newer_drop_is_rejected() {
 }
 
 #[test]
-fn nothing_is_left_of_what_was_set_aside_when_its_time_is_over() {
+fn parked_files_are_removed_when_their_time_is_over() {
     let mut line = Line::new();
     let settings = SETTINGS.replace("rescan_s = 0.2\n", "rescan_s = 0.2\nincomplete_s = 0\n");
     fs::write(line.path("station.toml"), settings).unwrap();

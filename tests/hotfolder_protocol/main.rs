@@ -1,4 +1,5 @@
-//! Drops into a running station, with a stand-in for the pipeline: what lies where afterwards, whatever the order.
+//! Drops into a running station, with a stand-in for the pipeline: all files are in the right place afterwards, in any
+//! order of the drops.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 
@@ -23,39 +24,40 @@ mod held_open;
 mod side_by_side;
 mod uncertain;
 
-/// Parts and patterns are lines of text that end in `EOF`; the words before it say what shall happen.
+/// A stand-in for the pipeline. Parts and patterns are lines of text that end with `EOF`; the first word is an
+/// instruction.
 #[derive(Default)]
-struct Pretender {
+struct StandIn {
     surfaces: Mutex<BTreeMap<Sku, String>>,
     seen: Arc<Seen>,
 }
 
-/// What the stand-in and the test tell each other.
+/// The state that the stand-in and the test share.
 #[derive(Default)]
 struct Seen {
-    /// Jobs that were told to hold may go on.
+    /// Jobs that are held may continue.
     released: AtomicBool,
-    /// Jobs that hold.
+    /// Number of jobs that are held.
     holding: AtomicUsize,
-    /// The patterns that were corrected, in their order.
+    /// The corrected patterns, in their order.
     corrected: Mutex<Vec<String>>,
-    /// The parts that were learned, in their order.
+    /// The learned parts, in their order.
     learned: Mutex<Vec<String>>,
-    /// The files beside the parts that were learned, in their order.
+    /// The files that the learned parts need, in the order of the parts.
     siblings: Mutex<Vec<BTreeMap<String, Vec<u8>>>>,
     /// How often the station woke up.
     pulses: AtomicUsize,
 }
 
-impl Pretender {
+impl StandIn {
     fn obey(&self, bytes: &[u8], pace: Pace) -> Result<String, JobError> {
         let text = String::from_utf8(bytes.to_vec()).unwrap();
-        let reason = |code| Reason::new(code, "As asked.", "Ask for something else.");
+        let reason = |code| Reason::new(code, "As requested.", "Ask for something else.");
         match text.split_whitespace().next() {
             Some("slow") if pace == Pace::Quick => Err(JobError::TakesLong),
             Some("reject") => Err(JobError::Rejected(reason("asked"))),
             Some("stop") => Err(JobError::Stop(reason("asked"))),
-            Some("panic") => panic!("as asked"),
+            Some("panic") => panic!("as requested"),
             Some("hold" | "slow") => {
                 self.seen.holding.fetch_add(1, Ordering::SeqCst);
                 while !self.seen.released.load(Ordering::SeqCst) {
@@ -68,7 +70,7 @@ impl Pretender {
     }
 }
 
-impl Corrector for Pretender {
+impl Corrector for StandIn {
     fn completeness(&self, _: &str, bytes: &[u8]) -> Completeness {
         let text = String::from_utf8_lossy(bytes);
         if !text.ends_with("EOF\n") {
@@ -126,7 +128,7 @@ impl Corrector for Pretender {
         let turn = settings.placement.rotate.to_degrees();
         let surface = self.surfaces.lock().unwrap()[sku].clone();
         let drawing = format!("{} on {surface} at {turn:.0}", self.obey(&pattern.bytes, pace)?);
-        let meant = drawing.replace("garbled", "clear");
+        let expected = drawing.replace("garbled", "clear");
         self.seen.corrected.lock().unwrap().push(pattern.name.clone());
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {
@@ -137,9 +139,10 @@ impl Corrector for Pretender {
             check: drawing.contains("checked").then(|| Check {
                 vertices: drawing.len(),
                 read_back: Box::new(move |file| match String::from_utf8_lossy(file) {
-                    file if *file == *meant => Ok(format!("read back: {file}").into_bytes()),
+                    file if *file == *expected => Ok(format!("read back: {file}").into_bytes()),
                     _ => {
-                        let reason = Reason::new("readback-differs", "As asked.", "Ask for something else.");
+                        let reason =
+                            Reason::new("readback-differs", "As requested.", "Ask for something else.");
                         let place = Place { line: Some(7), ..Place::default() };
                         Err(JobError::Rejected(reason.at(place)))
                     }
@@ -150,6 +153,7 @@ impl Corrector for Pretender {
     }
 }
 
+/// A station with its folders.
 struct Line {
     folder: tempfile::TempDir,
     stop: StopSignal,
@@ -181,12 +185,12 @@ impl Line {
         let settings = LiveSettings::open(&self.path("station.toml")).unwrap();
         self.stop = StopSignal::default();
         let stop = self.stop.clone();
-        let pretender = Pretender { seen: self.seen.clone(), ..Pretender::default() };
+        let corrector = StandIn { seen: self.seen.clone(), ..StandIn::default() };
         let seen = self.seen.clone();
         let mut count = move |_| {
             seen.pulses.fetch_add(1, Ordering::SeqCst);
         };
-        let work = move || hotfolder::run(settings, &pretender, &stop, mode, &mut count);
+        let work = move || hotfolder::run(settings, &corrector, &stop, mode, &mut count);
         self.running = Some(std::thread::spawn(work));
     }
 
@@ -227,16 +231,16 @@ impl Line {
     fn waits_for(&self, what: &str, condition: impl Fn(&Self) -> bool) {
         let started = Instant::now();
         loop {
-            let looked = Instant::now();
+            let checked = Instant::now();
             if condition(self) {
                 return;
             }
-            let told =
+            let state =
                 || ["state/journal.log", "state/status.json"].map(|file| self.text(file).unwrap_or_default());
             let limit = Duration::from_secs(120);
-            assert!(started.elapsed() < limit, "{what}; there is {:#?}\n{}", self.tree(), told().join("\n"));
-            // Looking takes time from the station where opening files is slow.
-            std::thread::sleep(Duration::from_millis(2).max(4 * looked.elapsed()));
+            assert!(started.elapsed() < limit, "{what}; files: {:#?}\n{}", self.tree(), state().join("\n"));
+            // Where opening files is slow, checking all the time would slow down the station.
+            std::thread::sleep(Duration::from_millis(2).max(4 * checked.elapsed()));
         }
     }
 
@@ -316,7 +320,7 @@ fn a_part_and_its_patterns_in_any_order() {
 }
 
 #[test]
-fn what_lies_there_at_the_start_is_done_and_counted() {
+fn drops_present_at_the_start_are_processed_and_counted() {
     let mut line = Line::new();
     line.drop("a.dxf", "pattern");
     line.drop("a.glb", "part");
@@ -336,7 +340,7 @@ fn what_lies_there_at_the_start_is_done_and_counted() {
 }
 
 #[test]
-fn half_a_part_of_a_known_sku_is_left_there_too() {
+fn an_incomplete_part_of_a_known_sku_is_left_in_place() {
     let mut line = Line::new();
     line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
@@ -344,11 +348,11 @@ fn half_a_part_of_a_known_sku_is_left_there_too() {
     fs::write(line.path("hot/can.obj"), "half a pa").unwrap();
     let started = Instant::now();
     assert_eq!(line.once().incomplete[0].drop, "can.obj");
-    assert!(started.elapsed() < Duration::from_secs(60), "it was waited for");
+    assert!(started.elapsed() < Duration::from_secs(60), "the station waited for it");
 }
 
 #[test]
-fn a_folder_per_sku() {
+fn a_sku_may_have_its_own_folder() {
     let line = Line::running();
     line.drop("Can/body.glb", "body");
     line.drop("Can/date.dxf", "date");
@@ -359,7 +363,7 @@ fn a_folder_per_sku() {
     assert_eq!(line.text("import/Can@date.dxf").unwrap(), "date on body at 0");
     assert!(line.path("archive/can/Can@date.dxf").exists());
 
-    // The name's case makes no other SKU of it, and a whole folder may be renamed into place.
+    // The case of the name does not matter, and a whole folder may be renamed into place.
     fs::create_dir(line.path("elsewhere/CAN")).unwrap();
     fs::write(line.path("elsewhere/CAN/logo.dxf"), "logo\nEOF\n").unwrap();
     fs::remove_dir(line.path("hot/Can")).unwrap();
@@ -368,7 +372,7 @@ fn a_folder_per_sku() {
 }
 
 #[test]
-fn a_rename_into_place_is_answered_at_once() {
+fn a_file_renamed_into_place_is_processed_at_once() {
     let line = Line::running();
     line.rename_into("can.glb", "part");
     line.waits_for_empty_hot();
@@ -379,12 +383,12 @@ fn a_rename_into_place_is_answered_at_once() {
         line.waits_for("a result", |line| line.path(&format!("import/can@{round}.dxf")).exists());
         quickest = quickest.min(started.elapsed());
     }
-    // Only Linux tells that a file is whole; elsewhere the settle time is waited for.
+    // Only Linux reports that a file is complete; on other systems it must settle first.
     assert!(!cfg!(target_os = "linux") || quickest < Duration::from_millis(30), "{quickest:?}");
 }
 
 #[test]
-fn a_slow_writer_is_waited_for() {
+fn the_station_waits_for_a_slow_writer() {
     use std::io::Write;
     let line = Line::running();
     line.drop("can.glb", "part");
@@ -404,7 +408,7 @@ fn a_slow_writer_is_waited_for() {
 }
 
 #[test]
-fn what_ends_too_early_is_rejected_in_the_end() {
+fn an_incomplete_file_is_rejected_in_the_end() {
     let mut line = Line::new();
     fs::write(line.path("station.toml"), format!("{SETTINGS}incomplete_s = 0.2\n")).unwrap();
     fs::write(line.path("hot/can.glb"), "half").unwrap();
@@ -427,7 +431,7 @@ fn what_ends_too_early_is_rejected_in_the_end() {
 }
 
 #[test]
-fn a_bad_drop_is_rejected_with_its_reason_and_the_station_goes_on() {
+fn an_invalid_drop_is_rejected_and_the_station_continues() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     for name in ["can@1.dxf", "can@2.dxf"] {
@@ -444,14 +448,15 @@ fn a_bad_drop_is_rejected_with_its_reason_and_the_station_goes_on() {
     assert_eq!(json["code"], "asked");
     assert_eq!(json["place"]["file"], "can@1.dxf");
     let text = line.text("rejected/can@2.dxf.reason.txt").unwrap();
-    assert!(text.contains("internal error") && text.contains("as asked"), "{text}");
+    assert!(text.contains("internal error") && text.contains("as requested"), "{text}");
     assert!(line.text("rejected/Kännchen.pdf.reason.txt").unwrap().contains(".dxf"));
     assert_eq!(line.stop().rejected, 3);
 }
 
-/// The file is read from the disk before it gets its name, and again when it lies there unchanged.
+/// The file is read back from the disk before it gets its final name, and also when it is unchanged in the import
+/// folder.
 #[test]
-fn what_is_written_and_not_what_was_meant_is_never_delivered() {
+fn a_drawing_that_differs_in_its_file_is_never_delivered() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -476,14 +481,14 @@ fn what_is_written_and_not_what_was_meant_is_never_delivered() {
     }
     line.drop("can@good.dxf", "checked and garbled");
     line.waits_for_empty_hot();
-    assert_eq!(line.text("import/can@good.dxf").unwrap(), "checked on part at 0", "the older one stays");
+    assert_eq!(line.text("import/can@good.dxf").unwrap(), "checked on part at 0", "the older one remains");
     assert_eq!(line.import(), ["can@good.dxf"]);
     assert_eq!(line.stop().rejected, 2);
 }
 
-/// The drawings here are some thirty vertices long.
+/// The drawings here have about thirty vertices.
 #[test]
-fn drawings_are_read_back_as_the_settings_ask() {
+fn drawings_are_read_back_as_set_in_the_settings() {
     for (verify, is_read) in [("false", false), ("10", false), ("1000", true), ("true", true)] {
         let mut line = Line::new();
         let settings = format!("{SETTINGS}[delivery]\nverify = {verify}\n");
@@ -516,12 +521,12 @@ fn nothing_in_archive_or_rejected_is_ever_overwritten() {
     assert_eq!(
         line.text("reports/can/can.dxf.report.json").unwrap(),
         "before: pattern 1 on part at 0",
-        "the report knows what it replaces"
+        "the report names the drawing that it replaces"
     );
 }
 
 #[test]
-fn companions_travel_with_their_part() {
+fn companions_are_filed_with_their_part() {
     let line = Line::running();
     line.drop("can.gltf", "needs can.bin\nlikes can.png");
     line.drop("can.dxf", "pattern");
@@ -532,7 +537,7 @@ fn companions_travel_with_their_part() {
     assert_eq!(archived, ["can.bin", "can.dxf", "can.gltf", "can.png", "current-part.txt"]);
     assert!(line.path("import/can.dxf").exists());
 
-    // One that comes late follows its part, and a second set keeps together.
+    // A companion that arrives late follows its part, and a second set stays together.
     line.drop("can.gltf", "needs can.bin\nlikes can.png");
     line.drop("can.bin", "buffer");
     line.waits_for_empty_hot();
@@ -543,37 +548,37 @@ fn companions_travel_with_their_part() {
 }
 
 #[test]
-fn settings_that_come_after_their_pattern_are_told_to_be_late() {
+fn settings_that_arrive_after_their_pattern_are_reported_late() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
     line.waits_for_empty_hot();
     fs::write(line.path("hot/can.toml"), "[placement]\nrotate_deg = 90\n").unwrap();
-    let is_told =
+    let is_reported =
         |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains("sidecar-late"));
-    line.waits_for("a word in the status", is_told);
+    line.waits_for("an entry in the status", is_reported);
     line.drop("can.dxf", "pattern");
     line.waits_for_text("import/can.dxf", "pattern on part at 90");
     line.waits_for_empty_hot();
 }
 
 #[test]
-fn a_surface_that_got_lost_is_fitted_again_from_the_archive() {
+fn a_lost_surface_is_fitted_again_from_the_archive() {
     let mut line = Line::new();
     line.drop("can.glb", "first");
     assert_eq!(line.once().learned, 1);
     line.drop("can.glb", "second");
     assert_eq!(line.once().learned, 1);
     line.drop("can.dxf", "pattern");
-    // The stand-in starts without any surface each time.
+    // The stand-in starts without surfaces each time.
     assert_eq!(line.once().delivered, 1);
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on second at 0");
 }
 
-/// Somebody tidies up. Windows removes no folder whose files are open.
+/// Somebody tidies up. Windows does not remove a folder with open files.
 #[cfg(unix)]
 #[test]
-fn a_state_folder_that_is_removed_is_made_anew_with_all_that_counts() {
+fn a_removed_state_folder_is_created_again_with_its_content() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
@@ -590,7 +595,7 @@ fn a_state_folder_that_is_removed_is_made_anew_with_all_that_counts() {
     line.drop("can.dxf", "pattern");
     line.waits_for_empty_hot();
     let tally = line.stop();
-    assert_eq!((tally.delivered, tally.repeated), (0, 1), "what was delivered is still known");
+    assert_eq!((tally.delivered, tally.repeated), (0, 1), "the delivery is still known");
 }
 
 #[test]
@@ -603,15 +608,15 @@ fn a_second_station_on_the_hot_folder_ends_with_a_reason() {
     fs::write(other.path("station.toml"), SETTINGS.replace("hot = \"hot\"", &hot)).unwrap();
     other.start(Mode::UntilStopped);
     let error = other.finish().unwrap_err().to_string();
-    assert!(error.contains("Another station takes drops from the hot folder"), "{error}");
+    assert!(error.contains("Another station already uses the hot folder"), "{error}");
     line.drop("can.dxf", "pattern");
     line.waits_for_empty_hot();
     assert_eq!(line.stop().delivered, 1);
 }
 
-/// People do not mind how a name is spelled; in the archive, the settings bear the name by which they are found again.
+/// The spelling of the name does not matter; in the archive, the settings get the name by which they are found again.
 #[test]
-fn settings_beside_a_pattern_are_found_however_they_are_spelled() {
+fn settings_beside_a_pattern_are_found_in_any_spelling() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -621,7 +626,7 @@ fn settings_beside_a_pattern_are_found_however_they_are_spelled() {
         let path = line.path("hot").join(sidecar);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, "[placement]\nrotate_deg = 90\n").unwrap();
-        line.waits_for("a word", |line| {
+        line.waits_for("an entry in the status", |line| {
             line.text("state/status.json").is_some_and(|text| text.contains("wait for the pattern"))
         });
         line.drop(pattern, "pattern");
@@ -632,7 +637,7 @@ fn settings_beside_a_pattern_are_found_however_they_are_spelled() {
 }
 
 #[test]
-fn what_lies_in_the_archive_and_was_never_dropped_is_not_delivered() {
+fn a_file_changed_in_the_archive_is_not_delivered() {
     let mut line = Line::new();
     let settings = SETTINGS.to_owned() + "[delivery]\noutdated = \"correct\"\n";
     fs::write(line.path("station.toml"), settings).unwrap();
@@ -654,9 +659,9 @@ fn what_lies_in_the_archive_and_was_never_dropped_is_not_delivered() {
     assert_eq!(line.stop().rejected, 0);
 }
 
-/// A drop that ends the program, for want of memory perhaps, must not do so for ever, nor take others along.
+/// A drop that crashes the program, possibly out of memory, must not do so forever, and must not block other drops.
 #[test]
-fn what_ends_the_station_again_and_again_is_done_alone_and_then_rejected() {
+fn a_drop_that_crashes_the_station_runs_alone_and_is_then_rejected() {
     let mut line = Line::new();
     line.once();
     line.drop("can.glb", "part");
@@ -684,14 +689,14 @@ fn what_ends_the_station_again_and_again_is_done_alone_and_then_rejected() {
     assert!(line.text("rejected/can@bad.dxf.reason.json").unwrap().contains("ends-isomark"));
     assert_eq!(line.text("import/can@good.dxf").unwrap(), "pattern on part at 0");
     assert_eq!(*line.seen.corrected.lock().unwrap(), ["can@good.dxf"]);
-    // Dropped again it is another file.
-    line.drop("can@bad.dxf", "pattern\nmended");
+    // A corrected file is another drop.
+    line.drop("can@bad.dxf", "pattern\nrepaired");
     line.drop("can.glb", "part");
     assert_eq!(line.once().delivered, 1);
 }
 
 #[test]
-fn a_rejected_version_says_what_stays() {
+fn the_reason_of_a_rejected_version_names_the_delivered_one() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
@@ -699,11 +704,11 @@ fn a_rejected_version_says_what_stays() {
     line.drop("can.dxf", "reject");
     line.waits_for_empty_hot();
     let reason = line.text("rejected/can.dxf.reason.txt").unwrap();
-    assert!(reason.contains("What was delivered as can.dxf at 2"), "{reason}");
+    assert!(reason.contains("The drawing can.dxf that was delivered at 2"), "{reason}");
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
 }
 
-/// On a Windows share `CAN@a.dxf` and `can@a.dxf` are one file, whatever the station runs on.
+/// On a Windows share `CAN@a.dxf` and `can@a.dxf` are one file, even if the station runs on Linux.
 #[test]
 fn two_spellings_of_a_name_are_one_result() {
     let mut line = Line::running();
@@ -723,14 +728,14 @@ fn two_spellings_of_a_name_are_one_result() {
 }
 
 #[test]
-fn a_missing_import_folder_is_waited_for() {
+fn drawings_wait_for_a_missing_import_folder() {
     let line = Line::running();
     fs::remove_dir(line.path("import")).unwrap();
     line.drop("can.dxf", "pattern");
     line.drop("can.glb", "part");
     line.drop("can@bad.dxf", "reject");
-    // Its turn comes after the one that cannot be delivered.
-    line.waits_for("the others", |line| line.path("rejected/can@bad.dxf").exists());
+    // It is processed after the drawing that cannot be delivered.
+    line.waits_for("the rejected drawing", |line| line.path("rejected/can@bad.dxf").exists());
     assert!(line.path("hot/can.dxf").exists());
     fs::create_dir(line.path("import")).unwrap();
     line.waits_for_text("import/can.dxf", "pattern on part at 0");
@@ -738,7 +743,7 @@ fn a_missing_import_folder_is_waited_for() {
 }
 
 #[test]
-fn a_folder_that_fails_after_the_delivery_delays_only_the_filing() {
+fn a_folder_that_fails_after_the_delivery_only_delays_the_filing() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -754,15 +759,15 @@ fn a_folder_that_fails_after_the_delivery_delays_only_the_filing() {
 }
 
 #[test]
-fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
+fn a_hot_folder_that_is_available_again_is_watched_again() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
     fs::remove_dir(line.path("hot")).unwrap();
-    let is_told =
-        |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains(" is gone\""));
-    line.waits_for("a word in the status", is_told);
-    // Windows may keep the name until the watch lets go of the folder.
+    let is_reported =
+        |line: &Line| line.text("state/status.json").is_some_and(|text| text.contains(" is not available\""));
+    line.waits_for("an entry in the status", is_reported);
+    // Windows may keep the name until the watch on the folder ends.
     line.waits_for("the name to be free", |line| fs::create_dir(line.path("hot")).is_ok());
     line.drop("can@1.dxf", "one");
     line.waits_for_empty_hot();
@@ -773,9 +778,9 @@ fn a_hot_folder_that_vanishes_and_returns_is_watched_again() {
     assert_eq!(line.import(), ["can@1.dxf", "can@2.dxf"]);
 }
 
-/// A share that is mounted late: its mount point is an empty folder in the place of the hot folder.
+/// While a share is not mounted, its mount point is an empty folder in the place of the hot folder.
 #[test]
-fn what_was_delivered_from_a_share_that_is_mounted_late_is_not_delivered_again() {
+fn a_delivery_from_a_share_that_is_mounted_late_is_not_repeated() {
     let mut line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -790,11 +795,11 @@ fn what_was_delivered_from_a_share_that_is_mounted_late_is_not_delivered_again()
     fs::create_dir(line.path("hot")).unwrap();
     fs::remove_file(line.path("reports/can")).unwrap();
     assert_eq!(line.once().delivered, 0);
-    // The importer has taken it.
+    // An importer takes the drawing.
     fs::remove_file(line.path("import/can.dxf")).unwrap();
     fs::remove_dir(line.path("hot")).unwrap();
     fs::rename(line.path("elsewhere/share"), line.path("hot")).unwrap();
-    // Some shares number their files anew with each mount.
+    // Some shares give their files new numbers with each mount.
     let modified = fs::metadata(line.path("hot/can.dxf")).unwrap().modified().unwrap();
     fs::copy(line.path("hot/can.dxf"), line.path("elsewhere/can.dxf")).unwrap();
     let file = fs::OpenOptions::new().write(true).open(line.path("elsewhere/can.dxf")).unwrap();
@@ -802,13 +807,13 @@ fn what_was_delivered_from_a_share_that_is_mounted_late_is_not_delivered_again()
     drop(file);
     fs::rename(line.path("elsewhere/can.dxf"), line.path("hot/can.dxf")).unwrap();
     line.once();
-    assert_eq!(line.import(), [""; 0], "it was delivered already");
+    assert_eq!(line.import(), [""; 0], "it was already delivered");
     assert_eq!(files(&line.path("hot")), [""; 0]);
     assert!(line.path("archive/can/can.dxf").exists());
 }
 
 #[test]
-fn a_station_without_events_lists() {
+fn a_station_without_events_lists_the_folder() {
     let mut line = Line::new();
     fs::write(line.path("station.toml"), SETTINGS.replace("[watch]", "[watch]\nbackend = \"poll\"")).unwrap();
     line.start(Mode::UntilStopped);
@@ -818,7 +823,7 @@ fn a_station_without_events_lists() {
 }
 
 #[test]
-fn settings_follow_their_files() {
+fn changed_settings_files_take_effect() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.drop("can@1.dxf", "1");
@@ -836,7 +841,7 @@ fn settings_follow_their_files() {
 }
 
 #[test]
-fn a_pattern_does_not_overtake_a_part_on_its_way() {
+fn a_pattern_does_not_overtake_an_arriving_part() {
     let line = Line::running();
     line.drop("can.glb", "old");
     line.waits_for_empty_hot();
@@ -850,17 +855,17 @@ fn a_pattern_does_not_overtake_a_part_on_its_way() {
     }
 }
 
-/// Who drops both together may have the drawing come first; it must not be delivered with the shape that is going.
+/// If both are dropped together, the drawing may arrive first; it must not be delivered for the older part.
 #[test]
-fn a_part_that_comes_while_a_drawing_is_corrected_is_waited_for() {
+fn a_drawing_waits_for_a_part_that_arrives_during_its_correction() {
     let line = Line::running();
     line.drop("can.glb", "old");
     line.drop("can@date.dxf", "date");
     line.waits_for_empty_hot();
     line.rename_into("can.dxf", "hold");
-    line.waits_for("the drawing to be begun", |line| line.seen.holding.load(Ordering::SeqCst) > 0);
+    line.waits_for("the start of the correction", |line| line.seen.holding.load(Ordering::SeqCst) > 0);
     line.rename_into("can.obj", "new");
-    // What is heard later is done, so the part was heard of.
+    // Events arrive in order: when this part is learned, the other one is known, too.
     line.rename_into("mug.glb", "part");
     line.waits_for("the other part", |line| line.path("archive/mug/mug.glb").exists());
     assert_eq!(line.import(), ["can@date.dxf"]);
@@ -870,9 +875,9 @@ fn a_part_that_comes_while_a_drawing_is_corrected_is_waited_for() {
     assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
 }
 
-/// What is hashed and fitted is what was read with the part: nobody looks beside it a second time.
+/// The files that a part needs are read once, together with the part, so that the hash and the surface agree.
 #[test]
-fn a_part_comes_with_the_files_that_it_needs() {
+fn a_part_is_learned_with_the_files_that_it_needs() {
     let mut line = Line::running();
     line.drop("can.gltf", "needs can.bin\nneeds b.bin\nlikes can.png\nneeds ../outside.bin");
     line.drop("outside.bin", "of somebody else");
@@ -886,11 +891,11 @@ fn a_part_comes_with_the_files_that_it_needs() {
         BTreeMap::from([("can.bin".into(), content("buffer")), ("b.bin".into(), content("another"))])
     };
     assert_eq!(*line.seen.siblings.lock().unwrap(), [both()]);
-    // A surface that got lost is that of the archived files.
+    // A lost surface is fitted again from the archived files.
     line.drop("can.dxf", "pattern");
     assert_eq!(line.once().delivered, 1);
     assert_eq!(*line.seen.siblings.lock().unwrap(), [both(), both()]);
-    // One that is missing there is left to the reader to name.
+    // The reader of the part reports a missing file.
     fs::remove_file(line.path("archive/can/b.bin")).unwrap();
     line.drop("can.dxf", "another pattern");
     line.once();
@@ -899,18 +904,18 @@ fn a_part_comes_with_the_files_that_it_needs() {
 }
 
 #[test]
-fn a_part_takes_no_other_drop_along() {
+fn a_part_does_not_take_other_drops_along() {
     let line = Line::running();
     line.drop("mug.dxf", "pattern");
     line.drop("can.gltf", "needs mug.dxf");
     line.waits_for("the part", |line| line.path("archive/can/can.gltf").exists());
-    line.waits_for("the drawing alone", |line| files(&line.path("hot")) == ["mug.dxf"]);
+    line.waits_for("only the drawing in the hot folder", |line| files(&line.path("hot")) == ["mug.dxf"]);
     line.drop("mug.glb", "part");
     line.waits_for_text("import/mug.dxf", "pattern on part at 0");
 }
 
 #[test]
-fn the_same_drop_again_leaves_the_same_file() {
+fn the_same_drop_again_does_not_rewrite_the_result() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.drop("can.dxf", "pattern");
@@ -922,10 +927,10 @@ fn the_same_drop_again_leaves_the_same_file() {
 }
 
 #[test]
-fn the_stop_signal_ends_the_work_soon() {
+fn the_stop_signal_stops_the_station_soon() {
     let mut line = Line::running();
     line.drop("can.dxf", "pattern");
-    line.waits_for("a station at work", |line| line.path("archive").exists());
+    line.waits_for("a running station", |line| line.path("archive").exists());
     let started = Instant::now();
     line.stop();
     assert!(started.elapsed() < Duration::from_millis(500), "{:?}", started.elapsed());
@@ -933,7 +938,7 @@ fn the_stop_signal_ends_the_work_soon() {
 }
 
 #[test]
-fn a_job_can_stop_the_station_and_its_drop_stays() {
+fn a_job_can_stop_the_station_and_its_drop_remains() {
     let mut line = Line::running();
     line.drop("can.glb", "stop");
     assert!(matches!(line.finish(), Err(StationError::Stopped(reason)) if reason.code == "asked"));

@@ -1,4 +1,4 @@
-//! Many drops at once: jobs side by side, in their order where it counts, and none before its file is whole.
+//! Many drops at once: jobs run in parallel, in the right order where it matters, and only for complete files.
 
 use std::io::Write;
 use std::sync::atomic::Ordering;
@@ -9,7 +9,7 @@ use fs_err as fs;
 use super::{Line, SETTINGS, files};
 use isomark::hotfolder::Mode;
 
-/// More than a part that is fitted in a moment, bytes.
+/// The size of a large job, bytes.
 const LARGE: usize = 5 << 20;
 
 #[test]
@@ -35,9 +35,9 @@ fn large_jobs_leave_room_for_small_ones() {
     }
 }
 
-/// A few bytes may ask for any amount of work, and only reading tells.
+/// A small file may be a large job, which is known only after reading it.
 #[test]
-fn what_turns_out_to_take_long_leaves_room_for_the_rest() {
+fn jobs_that_turn_out_to_be_large_leave_room_for_the_rest() {
     let line = Line::running();
     let count = std::thread::available_parallelism().map_or(2, usize::from) + 20;
     for number in 0..count {
@@ -48,13 +48,13 @@ fn what_turns_out_to_take_long_leaves_room_for_the_rest() {
     for number in 0..count {
         line.rename_into(&format!("heavy{number}.dxf"), "slow");
     }
-    // Parts, too.
+    // The same holds for parts.
     line.rename_into("vast.glb", "slow");
     line.rename_into("vast.dxf", "pattern");
     for number in 0..50 {
         line.rename_into(&format!("small@{number}.dxf"), "small");
     }
-    // A result under way has another name.
+    // A result that is being written has a temporary name.
     let results =
         |line: &Line| line.import().iter().filter(|name| name.ends_with(".dxf")).cloned().collect::<Vec<_>>();
     line.waits_for("the small ones", |line| {
@@ -68,9 +68,9 @@ fn what_turns_out_to_take_long_leaves_room_for_the_rest() {
     assert_eq!(line.import().len(), 50 + count + 1);
 }
 
-/// What looks like nothing and takes long all the same makes room, too.
+/// Jobs that unexpectedly take long leave room for others, too.
 #[test]
-fn jobs_that_take_long_unforeseen_make_room_for_others() {
+fn jobs_that_unexpectedly_take_long_leave_room_for_others() {
     let line = Line::running();
     let threads = std::thread::available_parallelism().map_or(2, usize::from).max(2);
     for number in 0..threads {
@@ -89,7 +89,7 @@ fn jobs_that_take_long_unforeseen_make_room_for_others() {
 }
 
 #[test]
-fn drawings_of_one_result_keep_their_order_and_no_other_waits_for_them() {
+fn drawings_with_the_same_result_keep_their_order() {
     let line = Line::running();
     for part in ["can.glb", "mug.glb"] {
         line.drop(part, "part");
@@ -97,7 +97,7 @@ fn drawings_of_one_result_keep_their_order_and_no_other_waits_for_them() {
     line.waits_for_empty_hot();
     line.rename_into("can@0.dxf", "hold");
     line.waits_for("the job that is held", |line| line.seen.holding.load(Ordering::SeqCst) == 1);
-    // The clocks of file systems tick every few milliseconds, and a listing knows the order by nothing else.
+    // The clocks of file systems tick every few milliseconds, and a listing sorts only by time.
     let tick = || std::thread::sleep(Duration::from_millis(20));
     let order = [7, 3, 9, 1, 8, 2];
     for number in order {
@@ -105,7 +105,7 @@ fn drawings_of_one_result_keep_their_order_and_no_other_waits_for_them() {
         line.rename_into(&format!("can@{number}.dxf"), "pattern");
         line.rename_into(&format!("mug@{number}.dxf"), "pattern");
     }
-    // Another file with the result of the one that is held.
+    // Another file with the same result as the one that is held.
     line.drop("can/0.dxf", "second");
     let of = |line: &Line, sku: &str| line.import().iter().filter(|name| name.starts_with(sku)).count();
     line.waits_for("the other SKU", |line| of(line, "mug") == order.len());
@@ -119,7 +119,7 @@ fn drawings_of_one_result_keep_their_order_and_no_other_waits_for_them() {
 }
 
 #[test]
-fn a_part_waits_for_the_drawings_of_its_sku_that_are_being_made() {
+fn a_part_waits_for_the_running_jobs_of_its_sku() {
     let line = Line::running();
     for part in ["can.glb", "mug.glb"] {
         line.drop(part, "part");
@@ -140,9 +140,9 @@ fn a_part_waits_for_the_drawings_of_its_sku_that_are_being_made() {
     }
 }
 
-/// Drawings that are corrected again keep no part of their SKU waiting: most of that work would be for nothing.
+/// Drawings that are corrected again do not delay a part of their SKU: most of that work would be wasted.
 #[test]
-fn a_part_comes_before_drawings_that_are_to_be_corrected_again() {
+fn a_part_is_processed_before_drawings_are_corrected_again() {
     const DRAWINGS: usize = 40;
     let mut line = Line::new();
     fs::write(
@@ -176,9 +176,9 @@ fn a_part_comes_before_drawings_that_are_to_be_corrected_again() {
     assert!(made <= 2 * DRAWINGS + 4, "{made} corrections of {DRAWINGS} drawings");
 }
 
-/// What is ready and cannot begin is no reason to look again and again.
+/// A drop that is ready but cannot start must not keep the station busy.
 #[test]
-fn a_station_that_waits_for_a_job_rests() {
+fn a_station_that_waits_for_a_job_is_idle() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -195,10 +195,10 @@ fn a_station_that_waits_for_a_job_rests() {
     assert_eq!(line.import(), ["can@1.dxf", "can@2.dxf"]);
 }
 
-/// Some formats have no end mark, so that half a file looks whole; but its writer has it open.
+/// In a format without an end mark, half a file looks complete; but its writer still has it open.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_copy_that_stalls_is_not_taken_half_though_its_half_looks_whole() {
+fn a_stalled_copy_that_looks_complete_is_not_processed() {
     let line = Line::running();
     line.drop("can.glb", "part");
     line.waits_for_empty_hot();
@@ -214,9 +214,9 @@ fn a_copy_that_stalls_is_not_taken_half_though_its_half_looks_whole() {
     line.waits_for_text("import/can.dxf", "half\nEOF\nwhole on part at 0");
 }
 
-/// A program that never closes what it wrote is not waited for without end.
+/// Some programs never close the files that they write.
 #[test]
-fn a_writer_that_never_closes_its_file_is_not_waited_for_without_end() {
+fn the_station_does_not_wait_forever_for_a_file_to_be_closed() {
     let mut line = Line::new();
     fs::write(line.path("station.toml"), format!("{SETTINGS}incomplete_s = 0.5\n")).unwrap();
     line.start(Mode::UntilStopped);
@@ -225,7 +225,7 @@ fn a_writer_that_never_closes_its_file_is_not_waited_for_without_end() {
     let mut file = fs::File::create(line.path("hot/can.dxf")).unwrap();
     file.write_all(b"pattern\nEOF\n").unwrap();
     if cfg!(windows) {
-        // There an open file cannot be read, and is tried again until it can.
+        // Windows cannot read an open file; the station tries again until it can.
         drop(file);
         return line.waits_for_text("import/can.dxf", "pattern on part at 0");
     }

@@ -1,5 +1,6 @@
-//! A station that ended between the journal's word of a delivery and the delivery, and an import folder that holds neither
-//! the drawing nor its temporary file: an importer took the one, or somebody removed the other.
+//! A station that ended between the journal's line about a delivery and the delivery, and an import folder that
+//! contains neither the drawing nor its temporary file: an importer took the drawing, or somebody removed the temporary
+//! file.
 
 use fs_err as fs;
 use isomark::hotfolder::Request;
@@ -7,7 +8,7 @@ use serde_json::Value;
 
 use super::Line;
 
-/// A station that delivered a drawing.
+/// A station that has delivered a drawing.
 fn delivered() -> Line {
     let mut line = Line::new();
     line.drop("can.glb", "part");
@@ -16,11 +17,12 @@ fn delivered() -> Line {
     line
 }
 
-/// All is again as it was when the journal said that the drawing is about to be delivered; the importer took it since.
+/// Restores the state in which the journal records that the drawing is about to be delivered; the drawing itself is
+/// missing.
 fn ends_before_the_rename(line: &Line) {
     let journal = line.text("state/journal.log").unwrap();
-    let said = journal.rfind("\"did\":\"delivering\"").unwrap();
-    let end = said + journal[said..].find('\n').unwrap() + 1;
+    let delivering = journal.rfind("\"did\":\"delivering\"").unwrap();
+    let end = delivering + journal[delivering..].find('\n').unwrap() + 1;
     fs::write(line.path("state/journal.log"), &journal[..end]).unwrap();
     fs::rename(line.path("archive/can/can.dxf"), line.path("hot/can.dxf")).unwrap();
     let _ = fs::remove_file(line.path("import/can.dxf"));
@@ -33,7 +35,7 @@ fn uncertain(line: &Line) -> Vec<String> {
 }
 
 #[test]
-fn a_drawing_of_which_nobody_can_know_is_listed_and_delivered_again_when_asked() {
+fn an_uncertain_drawing_is_listed_and_delivered_again_on_request() {
     let mut line = delivered();
     assert!(uncertain(&line).is_empty());
     ends_before_the_rename(&line);
@@ -42,7 +44,7 @@ fn a_drawing_of_which_nobody_can_know_is_listed_and_delivered_again_when_asked()
     assert!(line.import().is_empty(), "it is not delivered twice");
     assert!(line.path("archive/can/can.dxf").exists() && !line.path("hot/can.dxf").exists());
     assert_eq!(uncertain(&line), ["can.dxf"]);
-    // It stays so until somebody decides; what waits is another matter.
+    // It stays uncertain until somebody asks for it; requests for other drops do not matter.
     Request::Waiting.leave(&line.path("state")).unwrap();
     Request::Uncertain(Some("can@other.dxf".into())).leave(&line.path("state")).unwrap();
     line.once();
@@ -54,7 +56,7 @@ fn a_drawing_of_which_nobody_can_know_is_listed_and_delivered_again_when_asked()
 }
 
 #[test]
-fn all_of_them_are_delivered_again_when_asked() {
+fn all_uncertain_drawings_are_delivered_again_on_request() {
     let mut line = delivered();
     ends_before_the_rename(&line);
     line.once();
@@ -63,9 +65,9 @@ fn all_of_them_are_delivered_again_when_asked() {
     assert_eq!((line.import(), uncertain(&line).len()), (vec!["can.dxf".to_owned()], 0));
 }
 
-/// As one that was delivered for certain: the settings say whether a drawing that is gone from import is delivered again.
+/// As for a certain delivery, the settings decide whether a drawing that is missing in import is delivered again.
 #[test]
-fn a_drawing_of_which_nobody_can_know_is_dropped_again() {
+fn an_uncertain_drawing_may_be_dropped_again() {
     for (repeat, delivered_again) in [("if-gone", true), ("never", false)] {
         let mut line = delivered();
         let settings = line.text("station.toml").unwrap() + &format!("[delivery]\nrepeat = \"{repeat}\"\n");
@@ -86,21 +88,21 @@ fn a_drawing_of_which_nobody_can_know_is_dropped_again() {
 }
 
 #[test]
-fn a_drop_that_is_gone_too_is_listed() {
+fn an_uncertain_drawing_without_its_drop_is_listed() {
     let mut line = delivered();
     ends_before_the_rename(&line);
     fs::remove_file(line.path("hot/can.dxf")).unwrap();
     line.once();
     assert_eq!(uncertain(&line), ["can.dxf"]);
-    // There is nothing to make it of.
+    // There is no original to make it from.
     Request::Uncertain(None).leave(&line.path("state")).unwrap();
     line.once();
     assert_eq!((line.import().len(), uncertain(&line)), (0, vec!["can.dxf".to_owned()]));
 }
 
-/// Renamed, the drawing would have replaced the older one.
+/// A renamed drawing would have replaced the older one, so it was not delivered.
 #[test]
-fn an_older_drawing_in_the_import_folder_is_replaced_after_all() {
+fn an_older_drawing_that_is_still_in_import_is_replaced() {
     let mut line = delivered();
     ends_before_the_rename(&line);
     fs::write(line.path("import/can.dxf"), "older").unwrap();
@@ -109,9 +111,9 @@ fn an_older_drawing_in_the_import_folder_is_replaced_after_all() {
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
 }
 
-/// What is asked for is not forgotten while the settings of its SKU are wrong, and a station that ends at once does end.
+/// While the settings of its SKU are invalid, the drawing stays uncertain, and a station that runs once still ends.
 #[test]
-fn a_drawing_of_which_nobody_can_know_waits_for_settings() {
+fn an_uncertain_drawing_waits_for_valid_settings() {
     let mut line = delivered();
     ends_before_the_rename(&line);
     line.once();
@@ -126,7 +128,7 @@ fn a_drawing_of_which_nobody_can_know_waits_for_settings() {
 }
 
 #[test]
-fn a_drawing_that_lies_in_the_import_folder_is_known_to() {
+fn a_drawing_in_the_import_folder_is_known_as_delivered() {
     let mut line = delivered();
     let drawing = fs::read(line.path("import/can.dxf")).unwrap();
     ends_before_the_rename(&line);
@@ -135,9 +137,9 @@ fn a_drawing_that_lies_in_the_import_folder_is_known_to() {
     assert!(uncertain(&line).is_empty() && line.path("archive/can/can.dxf").exists());
 }
 
-/// A full disk may take the line that it was delivered; what lies in the import folder by then is somebody else's.
+/// The line about the delivery may be lost on a full disk, and the import folder may contain a file of somebody else.
 #[test]
-fn what_was_about_to_be_filed_was_delivered() {
+fn a_drawing_that_was_about_to_be_filed_was_delivered() {
     let mut line = delivered();
     let journal = line.text("state/journal.log").unwrap();
     let lines = journal.split_inclusive('\n').filter(|line| !line.contains("\"did\":\"delivered\""));

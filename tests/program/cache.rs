@@ -1,4 +1,4 @@
-//! The cache: what is kept, what damage does, and `isomark cache`.
+//! The cache: kept surfaces, damaged entries, and `isomark cache`.
 
 use fs_err as fs;
 
@@ -37,16 +37,16 @@ fn a_known_sku_needs_no_part() {
     assert_eq!(report["part"]["surface_from_cache"], true);
     assert_eq!(report["part"]["file"], "fc020-gui.glb");
     assert!(desk.read("out.dxf") == desk.read("2.dxf") && desk.read("out.dxf") == desk.read("3.dxf"));
-    // Another side is another surface, which is not kept.
+    // Another side needs another surface, which is not in the cache.
     let options = ["correct", &abc, "--sku", "mouse", "--cache", "kept", "--facing", "+x", "-o", "4.dxf"];
     desk.isomark(&options).refused(1, &["SKU mouse", "under these settings", "remedy: Name the part"]);
 }
 
 #[test]
-fn a_damaged_surface_is_told_and_fitted_again() {
+fn a_damaged_surface_is_reported_and_fitted_again() {
     let desk = with_mouse();
     damage(&desk);
-    // Without the part there is nothing to fit again, and the message must not pretend that the SKU is unknown.
+    // Without the part the surface cannot be fitted again, and the message must not state that the SKU is unknown.
     let lost =
         desk.isomark(&["correct", &drawing("abc"), "--sku", "mouse", "--cache", "kept", "-o", "lost.dxf"]);
     lost.refused(1, &["mouse", "damaged", "remedy: Name the part"]);
@@ -63,7 +63,7 @@ fn a_damaged_surface_is_told_and_fitted_again() {
 }
 
 #[test]
-fn the_cache_is_looked_after() {
+fn the_cache_is_listed_verified_and_cleaned() {
     let desk = with_mouse();
     let cache = |words: &[&str]| desk.isomark(&[&["cache"], words, &["--cache", "kept"]].concat());
     let list = cache(&["list"]);

@@ -12,7 +12,7 @@ const CAN: &str = "--facing -y --place 0,60";
 const MANDARIN: &str = "--facing +x --place 0,0";
 const VESSEL: &str = "--facing -y --place 100,60";
 
-/// Part, drawing, options, method chosen, and the largest length error that may remain as a part of all lengths.
+/// Part, drawing, options, chosen method, and the largest remaining length error relative to the length of all lines.
 const JOBS: [(&str, &str, &str, &str, f64); 17] = [
     ("mouse/fc020-gui.glb", "abc", "", "isometric", 4e-4),
     ("mouse/bl42-from-glb.glb", "fc020-sketch-cpp-r14", "--place 0,8", "isometric", 5e-3),
@@ -58,9 +58,9 @@ fn vertices(pattern: &Pattern) -> Vec<FlatPoint> {
     pattern.paths.iter().flat_map(starts).collect()
 }
 
-/// The README's first picture and the figures under it are what its command gives today.
+/// The first picture of the README and the results under it are those of its command.
 #[test]
-fn the_picture_of_the_readme_is_true() {
+fn the_picture_of_the_readme_is_up_to_date() {
     let file =
         |name: &str| std::fs::read_to_string(format!("{}/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let (readme, picture) = (file("README.md"), file("examples/mouse.svg"));
@@ -77,11 +77,11 @@ fn the_picture_of_the_readme_is_true() {
     let desk = Desk::new();
     let options = format!("{} --preview mouse.svg", placing.join(" "));
     let report = desk.correct_to("bent.dxf", &[&inputs[0], &inputs[1]], &options);
-    let told = |key: &str, scale: f64, digits: usize| {
-        let figure = |side: &str| scale * number(&report, &format!("/quality/{side}/{key}"));
-        [figure("before"), figure("after")].map(|figure| format!("{figure:.digits$}"))
+    let printed = |key: &str, scale: f64, digits: usize| {
+        let value = |side: &str| scale * number(&report, &format!("/quality/{side}/{key}"));
+        [value("before"), value("after")].map(|value| format!("{value:.digits$}"))
     };
-    let (length, stretch) = (told("length_error_mm", 1.0, 3), told("largest_stretch", 100.0, 2));
+    let (length, stretch) = (printed("length_error_mm", 1.0, 3), printed("largest_stretch", 100.0, 2));
     for words in
         [format!("{} mm to {} mm", length[0], length[1]), format!("{} % to {} %", stretch[0], stretch[1])]
     {
@@ -94,9 +94,9 @@ fn the_picture_of_the_readme_is_true() {
     }
 }
 
-/// A closed curve of an exporter may end in a piece of 1e-14 mm, whose stretch is nothing but rounding.
+/// A closed curve from an exporter may end with a piece of 1e-14 mm, whose stretch is only rounding.
 #[test]
-fn the_picture_names_the_range_that_the_largest_stretch_of_the_report_ends() {
+fn the_preview_shows_the_largest_stretch_of_the_report() {
     let example = |name: &str| format!("{}/examples/{name}", env!("CARGO_MANIFEST_DIR"));
     for name in ["guilloche", "letters"] {
         let desk = Desk::new();
@@ -105,75 +105,75 @@ fn the_picture_names_the_range_that_the_largest_stretch_of_the_report_ends() {
         let picture = desk.text("preview.svg");
         for (panel, quality) in [("Before", "before"), ("After", "after")] {
             let range = picture.split(&format!(">{panel}<")).nth(1).unwrap();
-            let range = range.split("lengths on the part: ").nth(1).unwrap().split('<').next().unwrap();
+            let range = range.split("length change on the part: ").nth(1).unwrap().split('<').next().unwrap();
             let percent =
                 |text: &str| -> f64 { text.trim_end_matches(" %").replace('−', "-").parse().unwrap() };
             let largest = range.split(" to ").map(|end| percent(end).abs()).fold(0.0, f64::max);
-            let told = 100.0 * number(&report, &format!("/quality/{quality}/max_stretch"));
-            // The picture shows a digit or two.
-            let rounding = if told < 0.1 { 0.006 } else { 0.06 };
-            assert!((largest - told).abs() < rounding, "{name} {panel}: {range}, {told} %");
+            let reported = 100.0 * number(&report, &format!("/quality/{quality}/largest_stretch"));
+            // The preview shows only one or two digits.
+            let rounding = if reported < 0.1 { 0.006 } else { 0.06 };
+            assert!((largest - reported).abs() < rounding, "{name} {panel}: {range}, {reported} %");
         }
         assert!(!picture.contains("stretch beyond ±2 %"), "{name}");
     }
 }
 
 #[test]
-fn every_sample_part_by_several_exporters() {
+fn sample_parts_of_several_exporters_are_corrected() {
     for (part_name, pattern_name, options, method, remains) in JOBS {
         let desk = Desk::new();
-        let said = format!("{part_name} {pattern_name} {options}");
+        let case = format!("{part_name} {pattern_name} {options}");
         let options = format!("{options} --report report.json --preview preview.svg");
         let report = desk.correct(&part(part_name), &drawing(pattern_name), &options);
         assert_eq!(serde_json::from_slice::<Value>(&desk.read("report.json")).unwrap(), report);
 
-        assert_eq!(report["map"]["method"], method, "{said}");
+        assert_eq!(report["map"]["method"], method, "{case}");
         let relative = number(&report, "/quality/after/length_error_relative");
-        assert!(relative < remains, "{said}: {relative}");
-        assert!(relative * 3.0 < number(&report, "/quality/before/length_error_relative"), "{said}");
-        for (after, at_most) in
+        assert!(relative < remains, "{case}: {relative}");
+        assert!(relative * 3.0 < number(&report, "/quality/before/length_error_relative"), "{case}");
+        for (after, limit) in
             [("rms_stretch", 0.02), ("largest_stretch", 0.1), ("largest_angle_error_deg", 12.0)]
         {
             let value = number(&report, &format!("/quality/after/{after}"));
-            assert!((0.0..at_most).contains(&value), "{said}: {after} {value}");
+            assert!((0.0..limit).contains(&value), "{case}: {after} {value}");
         }
-        assert!(number(&report, "/part/residual/under_ink_mm") < 0.05, "{said}");
+        assert!(number(&report, "/part/residual/under_ink_mm") < 0.05, "{case}");
 
         let dxf = desk.read("out.dxf");
         assert_eq!(report["output"]["blake3"], blake3::hash(&dxf).to_hex().to_string());
-        assert_eq!(report["output"]["read_back"], true, "{said}");
+        assert_eq!(report["output"]["read_back"], true, "{case}");
         let (before, after) = (pattern(&std::fs::read(drawing(pattern_name)).unwrap()), pattern(&dxf));
         let kinds = |pattern: &Pattern| -> Vec<(String, bool)> {
             outline(pattern).into_iter().map(|(layer, closed, _)| (layer.to_owned(), closed)).collect()
         };
-        assert_eq!(kinds(&after), kinds(&before), "{said}");
+        assert_eq!(kinds(&after), kinds(&before), "{case}");
         assert_eq!(number(&report, "/output/paths"), before.paths.len() as f64);
         let extents = after.extents();
         let found = [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
         assert_near(&found, &numbers(&report, "/output/extents_mm"), 1e-6);
 
         let picture = desk.text("preview.svg");
-        assert!(picture.contains("<svg ") && picture.trim_end().ends_with("</svg>"), "{said}");
-        assert!(!picture.contains("NaN") && !picture.contains("inf"), "{said}");
+        assert!(picture.contains("<svg ") && picture.trim_end().ends_with("</svg>"), "{case}");
+        assert!(!picture.contains("NaN") && !picture.contains("inf"), "{case}");
     }
 }
 
 #[test]
-fn a_summary_for_people_goes_to_standard_error_alone() {
+fn a_summary_for_people_goes_only_to_standard_error() {
     let desk = Desk::new();
     let arguments =
         ["correct", &part("mouse/fc020-gui.glb"), &drawing("abc"), "--sku", "mouse", "-o", "bent.dxf"];
-    let said = desk.isomark(&arguments);
-    assert_eq!((said.code, said.out.as_str()), (0, ""));
+    let output = desk.isomark(&arguments);
+    assert_eq!((output.code, output.out.as_str()), (0, ""));
     for word in [
         "mouse: abc.dxf (39.0 x 13.0 mm, 6 paths)",
         "`isometric`",
         "60.0 x 110.0 x 38.0 mm",
         "182.0 mm of lines",
     ] {
-        assert!(said.err.contains(word), "{word}: {}", said.err);
+        assert!(output.err.contains(word), "{word}: {}", output.err);
     }
-    assert_eq!(said.err.trim_end().lines().count(), 1, "{}", said.err);
+    assert_eq!(output.err.trim_end().lines().count(), 1, "{}", output.err);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn a_can_is_unrolled_exactly() {
             1e-4,
         );
         assert!(number(&report, "/quality/after/length_error_mm") < 0.002);
-        // What the designer drew, as the thesis counts it.
+        // Length and area of the drawing, as in the thesis.
         assert_near(&[number(&report, "/quality/after/length_mm")], &[181.96], 0.01);
         assert_near(&[number(&report, "/quality/after/area_mm2")], &[126.64], 0.1);
         // The largest angle of the beam is the half width of the drawing over the radius.
@@ -219,7 +219,7 @@ fn the_isometric_map_finds_the_cylinder_too() {
 #[test]
 fn a_finer_tolerance_gives_more_points() {
     let desk = Desk::new();
-    // Turned, the sides become screw lines on the can.
+    // Rotated, the sides become helices on the can.
     let count = |options: &str| {
         let report = desk.correct(
             &part("can/fc020-gui.glb"),
@@ -238,7 +238,7 @@ fn a_finer_tolerance_gives_more_points() {
 }
 
 #[test]
-fn anchor_place_and_turn_are_rigid() {
+fn anchor_place_and_rotation_are_rigid() {
     let desk = Desk::new();
     let extents = |options: &str| {
         let options = format!("--method none {options}");
@@ -263,7 +263,7 @@ fn anchor_place_and_turn_are_rigid() {
 }
 
 #[test]
-fn methods_and_weightings_do_what_they_say() {
+fn methods_and_weightings_have_the_described_effect() {
     let desk = Desk::new();
     let job = |options: &str| {
         desk.correct(&part("mandarin/fc020-coarse.glb"), &drawing("abc"), &format!("{MANDARIN} {options}"))
@@ -272,7 +272,7 @@ fn methods_and_weightings_do_what_they_say() {
     let (ink, uniform, none) = (job(""), job("--weighting uniform"), job("--method none"));
     assert_eq!((&ink["map"]["weighting"], &uniform["map"]["weighting"]), (&"ink".into(), &"uniform".into()));
     assert!(error(&ink) < error(&uniform) && error(&uniform) * 3.0 < error(&none));
-    let angle = |report: &Value| number(report, "/quality/after/max_angle_error_deg");
+    let angle = |report: &Value| number(report, "/quality/after/largest_angle_error_deg");
     let (long, right, free) = (job("--length-weight 4"), job("--angle-weight 4"), job("--angle-weight 0.25"));
     assert_eq!([&long["map"]["length_weight"], &long["map"]["angle_weight"]], [4.0, 1.0]);
     assert!(error(&long) < error(&ink) && error(&ink) < error(&right));
@@ -294,7 +294,7 @@ fn unit_and_axis_can_be_set() {
     assert_near(&size(&format!("{CAN} --part-unit mm")), &given, 1e-9);
     assert_near(&size("--facing -y --place 0,600 --part-unit cm"), &times(10.0), 1e-6);
     assert_near(&size("--facing -y --place 0,1500 --part-unit inch"), &times(25.4), 1e-6);
-    // With Y up the can lies on its side, and the laser looks at its side from above.
+    // With Y up the can is on its side, and the laser sees its side from above.
     assert_near(&size("--place 0,-60 --part-up y"), &[given[0], given[2], given[1]], 1e-9);
     // A drawing without a unit in centimetres: ten times as large as in mm.
     let options = "--facing -y --place 0,600 --part-unit cm --pattern-unit";
@@ -306,7 +306,7 @@ fn unit_and_axis_can_be_set() {
 }
 
 #[test]
-fn other_layers_are_carried_along_without_counting() {
+fn layers_without_ink_are_written_but_not_measured() {
     let desk = Desk::new();
     let job =
         |options: &str| desk.correct(&part("mouse/fc020-gui.glb"), &drawing("ez-layers-colors"), options);
@@ -318,8 +318,8 @@ fn other_layers_are_carried_along_without_counting() {
     let mistyped = job("--place 0,0 --ink-layers cut,CTU");
     assert_eq!(length(&mistyped), length(&some));
     assert!(!notices(&some).contains(&"ink-layer-missing"));
-    let told = mistyped["notices"].to_string();
-    assert!(told.contains("the drawing has no ink layer CTU; its layers are "), "{told}");
+    let notices = mistyped["notices"].to_string();
+    assert!(notices.contains("the drawing has no ink layer CTU; its layers are "), "{notices}");
 }
 
 #[test]
@@ -337,20 +337,20 @@ fn the_same_input_gives_the_same_bytes() {
 }
 
 #[test]
-fn a_replaced_drawing_is_compared() {
+fn a_replaced_drawing_is_compared_with_the_new_one() {
     let desk = Desk::new();
     let (part, drawing) = (part("can/fc020-gui.glb"), drawing("abc"));
     assert_eq!(desk.correct(&part, &drawing, CAN).get("changes"), None);
     assert_eq!(desk.correct(&part, &drawing, CAN).get("changes"), None, "nothing changed");
     let report = desk.correct(&part, &drawing, "--facing -y --place 0,62.5");
     assert_eq!(report["changes"]["lines"], serde_json::json!(["all 6 paths moved by 2.50 mm up"]));
-    let said =
+    let output =
         desk.isomark(&["correct", &part, &drawing, "--facing", "-y", "--place", "0,60", "-o", "out.dxf"]);
-    assert!(said.err.contains("changed: all 6 paths moved by 2.50 mm down"), "{}", said.err);
+    assert!(output.err.contains("changed: all 6 paths moved by 2.50 mm down"), "{}", output.err);
 }
 
 #[test]
-fn a_stations_settings_hold_where_no_option_says_otherwise() {
+fn a_stations_settings_apply_unless_an_option_overrides_them() {
     let desk = Desk::new();
     desk.write(
         "station.toml",
@@ -390,11 +390,11 @@ fn ezdxf_finds_nothing_to_repair_in_any_version() {
         ] {
             let options = format!("--station station.toml {options}");
             let report = desk.correct(&part(part_name), &drawing(pattern_name), &options);
-            let Some(told) = judged(&desk.read("out.dxf")) else { return };
-            assert_clean(&told);
-            assert_near(&numbers(&told, "/box"), &numbers(&report, "/output/extents_mm"), 2e-6);
-            assert_near(&numbers(&told, "/header_box"), &numbers(&told, "/box"), 1e-9);
-            let entities = told["entities"].as_array().unwrap();
+            let Some(judgement) = judged(&desk.read("out.dxf")) else { return };
+            assert_clean(&judgement);
+            assert_near(&numbers(&judgement, "/box"), &numbers(&report, "/output/extents_mm"), 2e-6);
+            assert_near(&numbers(&judgement, "/header_box"), &numbers(&judgement, "/box"), 1e-9);
+            let entities = judgement["entities"].as_array().unwrap();
             if version != "R12-lines" {
                 assert_eq!(report["output"]["paths"], entities.len());
                 let points: usize =
@@ -403,16 +403,16 @@ fn ezdxf_finds_nothing_to_repair_in_any_version() {
             }
             assert!(entities.iter().all(|e| e["type"] == entity || e["type"] == "POINT"), "{version}");
             if version == "R2000" {
-                assert_eq!((&told["units"], &told["measurement"]), (&4.into(), &1.into()));
+                assert_eq!((&judgement["units"], &judgement["measurement"]), (&4.into(), &1.into()));
             }
         }
     }
 }
 
 #[test]
-fn a_flat_ridge_under_the_ink_is_warned_of_with_its_place() {
+fn a_ridge_under_the_ink_causes_a_warning_with_its_place() {
     let desk = Desk::new();
-    // Two flat sides that meet at 20°, along y at x = 2 mm.
+    // Two flat sides that meet at 20° along the line x = 2 mm.
     desk.write(
         "roof.obj",
         "v -23 -30 -4.408\nv 2 -30 0\nv 27 -30 -4.408\nv -23 30 -4.408\nv 2 30 0\nv 27 30 -4.408\n\

@@ -1,4 +1,4 @@
-//! A folder to work in, and the program run there.
+//! A folder in which the program runs.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -16,14 +16,14 @@ pub fn drawing(name: &str) -> String {
     format!("{}/tests/data/patterns/{name}.dxf", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// An empty folder in which the program runs, with a cache of its own.
+/// An empty folder in which the program runs, with its own cache.
 pub struct Desk {
     folder: tempfile::TempDir,
 }
 
-/// How a run ended and what it said.
+/// The exit code and the output of a run.
 #[derive(Debug)]
-pub struct Said {
+pub struct Output {
     pub code: i32,
     pub out: String,
     pub err: String,
@@ -57,9 +57,9 @@ impl Desk {
     }
 
     /// Runs the program to its end.
-    pub fn isomark<S: AsRef<str>>(&self, arguments: &[S]) -> Said {
+    pub fn isomark<S: AsRef<str>>(&self, arguments: &[S]) -> Output {
         let cache = self.path("user-cache");
-        let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_isomark"))
+        let finished = assert_cmd::Command::new(env!("CARGO_BIN_EXE_isomark"))
             .args(arguments.iter().map(AsRef::as_ref))
             .current_dir(self.root())
             .env("XDG_CACHE_HOME", &cache)
@@ -69,35 +69,35 @@ impl Desk {
             .output()
             .unwrap();
         let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
-        let said = Said {
-            code: output.status.code().unwrap_or(-1),
-            out: text(&output.stdout),
-            err: text(&output.stderr),
+        let output = Output {
+            code: finished.status.code().unwrap_or(-1),
+            out: text(&finished.stdout),
+            err: text(&finished.stderr),
         };
-        assert!(!said.err.contains('\u{1b}') && !said.out.contains('\u{1b}'), "colour codes: {said:?}");
-        assert!(!said.err.contains("panicked"), "{said:?}");
-        said
+        assert!(!output.err.contains('\u{1b}') && !output.out.contains('\u{1b}'), "colour codes: {output:?}");
+        assert!(!output.err.contains("panicked"), "{output:?}");
+        output
     }
 
-    /// Corrects into `out.dxf`, which must succeed, and returns the report.
+    /// Corrects a drawing into `out.dxf`, which must succeed, and returns the report.
     pub fn correct(&self, part: &str, pattern: &str, options: &str) -> Value {
         self.correct_to("out.dxf", &[part, pattern], options)
     }
 
-    /// Corrects into `out`, which must succeed, and returns the report. Options are separated by spaces.
+    /// Corrects a drawing into `out`, which must succeed, and returns the report. Options are separated by spaces.
     pub fn correct_to(&self, out: &str, inputs: &[&str], options: &str) -> Value {
         let arguments = [&["correct"], inputs, &["--json", "--out", out]].concat();
         let arguments: Vec<&str> = arguments.into_iter().chain(options.split_whitespace()).collect();
-        let said = self.isomark(&arguments);
-        assert_eq!(said.code, 0, "{arguments:?}: {}", said.err);
-        let report: Value = serde_json::from_str(&said.out).unwrap();
+        let output = self.isomark(&arguments);
+        assert_eq!(output.code, 0, "{arguments:?}: {}", output.err);
+        let report: Value = serde_json::from_str(&output.out).unwrap();
         assert_eq!(report["schema"], "isomark.report/1");
         report
     }
 }
 
-impl Said {
-    /// Fails unless the run ended with this code and said all of these on standard error.
+impl Output {
+    /// Fails unless the run ended with this code and standard error contains all of these words.
     #[track_caller]
     pub fn refused(&self, code: i32, words: &[&str]) {
         assert_eq!(self.code, code, "{}", self.err);

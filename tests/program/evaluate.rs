@@ -1,14 +1,14 @@
-//! `isomark evaluate`, and parts that are given by their sizes.
+//! `isomark evaluate`, and primitives in place of parts.
 
 use serde_json::Value;
 
-use crate::desk::{Desk, Said, assert_near, drawing, notices, number, numbers, part};
+use crate::desk::{Desk, Output, assert_near, drawing, notices, number, numbers, part};
 
 fn evaluated(desk: &Desk, inputs: &[&str], options: &str) -> Value {
     let arguments = [&["evaluate", "--json"], inputs].concat();
-    let said = desk.isomark(&arguments.into_iter().chain(options.split_whitespace()).collect::<Vec<_>>());
-    assert_eq!(said.code, 0, "{}", said.err);
-    let evaluation: Value = serde_json::from_str(&said.out).unwrap();
+    let output = desk.isomark(&arguments.into_iter().chain(options.split_whitespace()).collect::<Vec<_>>());
+    assert_eq!(output.code, 0, "{}", output.err);
+    let evaluation: Value = serde_json::from_str(&output.out).unwrap();
     assert_eq!(evaluation["schema"], "isomark.evaluate/1");
     evaluation
 }
@@ -22,7 +22,7 @@ fn row<'a>(evaluation: &'a Value, method: &str, variant: &str) -> &'a Value {
 }
 
 #[test]
-fn every_method_is_measured_on_the_mouse_or_says_why_not() {
+fn every_method_is_measured_on_the_mouse_or_has_a_reason_why_not() {
     let desk = Desk::new();
     let evaluation = evaluated(&desk, &[&part("mouse/fc020-gui.glb"), &drawing("abc")], "--place 0,8");
     let length =
@@ -32,8 +32,8 @@ fn every_method_is_measured_on_the_mouse_or_says_why_not() {
         &[181.96, 126.6],
         0.1,
     );
-    // The order of the reference: `isometric` below everything, ten times below the thesis, which is below its own
-    // state of the art.
+    // The order of the reference: `isometric` has the smallest error, a tenth of that of the thesis, whose error is
+    // smaller than that of its own state of the art.
     let (ink, uniform, thesis) =
         (length("isometric", "ink"), length("isometric", "uniform"), length("mapping-domain", "corrected"));
     assert!(ink < uniform && uniform < thesis && 10.0 * ink < thesis, "{ink} {uniform} {thesis}");
@@ -46,7 +46,7 @@ fn every_method_is_measured_on_the_mouse_or_says_why_not() {
         let words = row.get("reason").map_or(&row["note"], |reason| &reason["what"]);
         assert!(words.as_str().is_some_and(|words| words.contains(method)), "{row:#}");
     }
-    // The same figures as the job's own report.
+    // The same values as in the report of the job.
     let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--place 0,8 --method floater");
     let quality = &row(&evaluation, "floater", "uniform")["quality"];
     assert_eq!(&report["quality"]["after"], quality);
@@ -59,7 +59,7 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
     let desk = Desk::new();
     let arguments =
         ["evaluate", &part("can/fc020-gui.glb"), &drawing("abc"), "--facing", "-y", "--place", "0,60"];
-    let Said { code, out, err } = desk.isomark(&arguments);
+    let Output { code, out, err } = desk.isomark(&arguments);
     assert_eq!((code, err.as_str()), (0, ""));
     let mut lines = out.lines();
     let first = lines.next().unwrap();
@@ -74,7 +74,7 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
     }
     let rows: Vec<&str> = lines.collect();
     assert_eq!(rows.len(), 10, "{out}");
-    // Figures end under the last letter of their heading.
+    // Numbers end under the last letter of their heading.
     let end = head.find("e_l mm").unwrap() + "e_l mm".len();
     for row in rows.iter().filter(|row| !row.contains("The part cannot")) {
         let figure: f64 = row[..end].rsplit(' ').next().unwrap().parse().unwrap();
@@ -85,7 +85,7 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
 }
 
 #[test]
-fn methods_can_be_chosen_and_wrong_ones_are_named() {
+fn methods_can_be_chosen_and_unknown_ones_are_refused() {
     let desk = Desk::new();
     let inputs = [part("mouse/fc020-gui.glb"), drawing("abc")];
     let inputs = [inputs[0].as_str(), inputs[1].as_str()];
@@ -102,7 +102,7 @@ fn methods_can_be_chosen_and_wrong_ones_are_named() {
 }
 
 #[test]
-fn a_cylinder_given_by_its_sizes_needs_no_part() {
+fn a_cylinder_as_a_primitive_needs_no_part() {
     let desk = Desk::new();
     let report = desk.correct_to("out.dxf", &[&drawing("abc")], "--cylinder 73,180 --axis x --rotate 90");
     assert_eq!((&report["map"]["method"], &report["sku"]), (&"cylinder".into(), &"cylinder".into()));
@@ -110,7 +110,7 @@ fn a_cylinder_given_by_its_sizes_needs_no_part() {
     assert_eq!(number(&report, "/map/residual_mm"), 0.0);
     assert!(number(&report, "/quality/after/length_error_mm") < 1e-3, "{report:#}");
     assert!(number(&report, "/quality/before/length_error_mm") > 1.0);
-    // Turned by 90°, 39 mm of letters go round the axis: ±19.5 mm of arc reach y = 36.5·sin(19.5/36.5).
+    // Rotated by 90°, 39 mm of letters are around the axis: ±19.5 mm of arc reach y = 36.5·sin(19.5/36.5).
     let [_, bottom, _, top]: [f64; 4] = numbers(&report, "/output/extents_mm").try_into().unwrap();
     let reach = 36.5 * (19.5f64 / 36.5).sin();
     assert_near(&[bottom, top], &[-reach, reach], 1e-3);
@@ -124,7 +124,7 @@ fn a_cylinder_given_by_its_sizes_needs_no_part() {
 }
 
 #[test]
-fn a_cone_given_by_its_sizes_unrolls_exactly_whichever_way_it_lies() {
+fn a_cone_as_a_primitive_unrolls_exactly_with_any_axis() {
     let desk = Desk::new();
     for axis in ["y", "-y", "x", "0.3,1,-0.1"] {
         let report =
@@ -137,7 +137,7 @@ fn a_cone_given_by_its_sizes_unrolls_exactly_whichever_way_it_lies() {
 }
 
 #[test]
-fn a_station_takes_patterns_without_a_part_and_refuses_a_part_for_a_sku_given_by_sizes() {
+fn a_sku_with_a_primitive_needs_no_part_and_refuses_one() {
     let desk = Desk::new();
     let station = "[station]\nname = \"Tumblers\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\nheight_mm = 110\n";
     desk.write("station.toml", station);
@@ -148,15 +148,15 @@ fn a_station_takes_patterns_without_a_part_and_refuses_a_part_for_a_sku_given_by
     std::fs::create_dir_all(desk.path("import")).unwrap();
     let letters = std::fs::read(drawing("abc")).unwrap();
     desk.write("hot/tumbler@first.dxf", &letters);
-    let said = desk.isomark(&["watch", "station.toml", "--once"]);
-    assert_eq!(said.code, 0, "{}", said.err);
-    assert!(desk.path("import/tumbler@first.dxf").is_file(), "{}", said.err);
+    let output = desk.isomark(&["watch", "station.toml", "--once"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    assert!(desk.path("import/tumbler@first.dxf").is_file(), "{}", output.err);
 
     desk.write("hot/tumbler.glb", std::fs::read(part("can/fc020-gui.glb")).unwrap());
     desk.write("hot/tumbler@second.dxf", &letters);
-    let said = desk.isomark(&["watch", "station.toml", "--once"]);
-    assert_eq!(said.code, 1, "a part is rejected: {}", said.err);
-    assert!(desk.path("import/tumbler@second.dxf").is_file(), "{}", said.err);
+    let output = desk.isomark(&["watch", "station.toml", "--once"]);
+    assert_eq!(output.code, 1, "a part is rejected: {}", output.err);
+    assert!(desk.path("import/tumbler@second.dxf").is_file(), "{}", output.err);
     let reason = desk.text("rejected/tumbler.glb.reason.txt");
     assert!(reason.contains("cylinder 73 x 180 mm") && reason.contains("shape = \"mesh\""), "{reason}");
 }

@@ -5,9 +5,9 @@ use serde_json::Value;
 use crate::desk::{Desk, assert_near, drawing, numbers, part};
 
 fn inspect(file: &str, options: &[&str]) -> String {
-    let said = Desk::new().isomark(&[&["inspect", file], options].concat());
-    assert_eq!((said.code, said.err.as_str()), (0, ""), "{file}");
-    said.out
+    let output = Desk::new().isomark(&[&["inspect", file], options].concat());
+    assert_eq!((output.code, output.err.as_str()), (0, ""), "{file}");
+    output.out
 }
 
 fn json(text: &str) -> Value {
@@ -15,16 +15,16 @@ fn json(text: &str) -> Value {
 }
 
 #[test]
-fn a_part_in_a_format_that_is_not_read_is_refused_as_one() {
+fn a_part_in_an_unsupported_format_is_refused_as_a_part() {
     let desk = Desk::new();
     for name in ["can.step", "can.STP", "can.3mf", "can.FCStd", "can.iges"] {
         let bytes: &[u8] = if name.ends_with("3mf") { b"PK\x03\x04abc" } else { b"ISO-10303-21;\nHEADER;\n" };
         desk.write(name, bytes);
-        let words = ["is no part that can be read", name, ".glb, .gltf, .obj, .stl"];
+        let words = ["cannot be read as a part", name, ".glb, .gltf, .obj, .stl"];
         desk.isomark(&["inspect", name]).refused(1, &words);
         desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
     }
-    // A drawing is one by its bytes.
+    // A drawing is recognised by its bytes.
     desk.write("abc.step", std::fs::read(drawing("abc")).unwrap());
     assert!(desk.isomark(&["inspect", "abc.step"]).out.contains(": drawing"));
 }
@@ -33,14 +33,14 @@ fn a_part_in_a_format_that_is_not_read_is_refused_as_one() {
 fn the_fitted_surface_is_written_for_cad() {
     let desk = Desk::new();
     let can = part("can/fc020-gui.glb");
-    let said = desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "front.step"]);
-    assert_eq!(said.code, 0, "{}", said.err);
-    assert!(said.out.contains("spans, within 0.0"), "{}", said.out);
+    let output = desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "front.step"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    assert!(output.out.contains("spans, within 0.0"), "{}", output.out);
     let step = desk.text("front.step");
     assert!(step.starts_with("ISO-10303-21;") && step.ends_with("END-ISO-10303-21;\n"));
     desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "again.step"]);
     assert_eq!(step, desk.text("again.step"), "the same part gives the same bytes");
-    // The front as a part of its own, in mm with z up, lies where the can's front lies.
+    // Read as a part in mm with z up, the surface is where the front of the can is.
     desk.isomark(&["inspect", &can, "--facing=-y", "--surface", "front.obj"]);
     let options = ["inspect", "front.obj", "--part-unit", "mm", "--part-up", "z", "--json"];
     let front = json(&desk.isomark(&options).out);
@@ -55,7 +55,7 @@ fn the_fitted_surface_is_written_for_cad() {
 }
 
 #[test]
-fn a_part_is_told_with_size_unit_and_axis() {
+fn a_part_is_described_with_size_unit_and_axis() {
     let text = inspect(&part("can/fc020-gui.glb"), &[]);
     for words in [
         "fc020-gui.glb: part",
@@ -67,7 +67,7 @@ fn a_part_is_told_with_size_unit_and_axis() {
     ] {
         assert!(text.contains(words), "{words}:\n{text}");
     }
-    // A part in mm that went through a program that thinks in metres: assumed, and said so.
+    // A part in mm, exported by a program that works in metres: the unit is a guess, with a warning.
     let text = inspect(&part("can/bl52-from-obj.glb"), &[]);
     for words in
         ["66.00 x 65.52 x 115.00 mm", "unit       mm, because", "WARNING", "`--part-unit`", "Blender"]
@@ -80,7 +80,7 @@ fn a_part_is_told_with_size_unit_and_axis() {
 }
 
 #[test]
-fn an_implausible_size_is_warned_of() {
+fn an_implausible_size_causes_a_warning() {
     let can = part("can/fc020-fine-mesh.obj");
     let text = inspect(&can, &["--part-unit", "inch"]);
     assert!(text.contains("x 2921.00 mm") && text.contains("WARNING"), "{text}");
@@ -92,7 +92,7 @@ fn an_implausible_size_is_warned_of() {
     for words in [
         "100000.00 x 20.00 mm",
         "unusual size",
-        "2 paths were drawn twice in the same place and taken out once (first LINE 8C)",
+        "2 paths were drawn twice in the same place, and the copies were removed (first: LINE 8C)",
         "1 outline is open",
         "NOT TAKEN  3DFACE 95 on layer 0",
     ] {
@@ -101,7 +101,7 @@ fn an_implausible_size_is_warned_of() {
 }
 
 #[test]
-fn a_drawing_is_told_with_entities_by_layer() {
+fn a_drawing_is_described_with_entities_by_layer() {
     let text = inspect(&drawing("ez-layers-colors"), &[]);
     for words in [
         "34.00 x 20.00 mm",
@@ -122,12 +122,12 @@ fn a_drawing_is_told_with_entities_by_layer() {
 }
 
 #[test]
-fn what_changed_between_two_drawings() {
+fn diff_lists_the_changes_between_two_drawings() {
     let desk = Desk::new();
     let diff = |old: &str, new: &str, options: &[&str]| {
-        let said = desk.isomark(&[&["diff", old, new], options].concat());
-        assert_eq!((said.code, said.err.as_str()), (0, ""));
-        said.out
+        let output = desk.isomark(&[&["diff", old, new], options].concat());
+        assert_eq!((output.code, output.err.as_str()), (0, ""));
+        output.out
     };
     let (mm, inch) = (drawing("ez-logo-mm"), drawing("ez-logo-inch"));
     assert_eq!(diff(&mm, &inch, &[]), "no difference: 4 paths unchanged\n");
@@ -135,11 +135,11 @@ fn what_changed_between_two_drawings() {
     desk.correct_to("b.dxf", &[&part("can/fc020-gui.glb"), &mm], "--facing -y --place 0,61");
     assert_eq!(diff("a.dxf", "b.dxf", &[]), "all 4 paths moved by 1.00 mm up\n");
     assert_eq!(diff("a.dxf", "b.dxf", &["--tolerance", "2"]), "no difference: 4 paths unchanged\n");
-    let told = json(&diff("a.dxf", "b.dxf", &["--json"]));
-    assert_eq!(told["schema"], "isomark.diff/1");
-    assert_eq!((&told["old_paths"], &told["unchanged"]), (&4.into(), &0.into()));
-    let entries = told["entries"].as_array().unwrap();
-    assert!(entries.len() == 4 && entries.iter().all(|entry| entry["change"] == "moved"), "{told:#}");
+    let difference = json(&diff("a.dxf", "b.dxf", &["--json"]));
+    assert_eq!(difference["schema"], "isomark.diff/1");
+    assert_eq!((&difference["old_paths"], &difference["unchanged"]), (&4.into(), &0.into()));
+    let entries = difference["entries"].as_array().unwrap();
+    assert!(entries.len() == 4 && entries.iter().all(|entry| entry["change"] == "moved"), "{difference:#}");
     assert!(diff(&mm, &drawing("square"), &[]).contains("3 paths removed"));
     assert!(diff(&drawing("square"), &mm, &[]).contains("added"));
 

@@ -1,8 +1,8 @@
-//! Ink that the drawing shows and isomark cannot take over: refused with a list, unless it is only to be warned of.
+//! Visible ink that isomark cannot mark: the drawing is refused with a list, or delivered with a warning.
 
 use serde_json::Value;
 
-use crate::desk::{Desk, Said, drawing, notices};
+use crate::desk::{Desk, Output, drawing, notices};
 use crate::station::{Station, files};
 
 /// A flat plate of 100 x 100 mm.
@@ -24,7 +24,7 @@ fn dxf(entities: &str) -> String {
     )
 }
 
-/// A text with a letter that no font at hand has.
+/// A text with a letter that is in no available font.
 fn text(layer: &str) -> String {
     format!("0\nTEXT\n5\n7E\n8\n{layer}\n10\n0\n20\n0\n40\n3\n1\nLOT \\U+682A 7\n")
 }
@@ -36,7 +36,7 @@ fn desk(entities: &str) -> Desk {
     desk
 }
 
-fn correct(desk: &Desk, options: &str) -> Said {
+fn correct(desk: &Desk, options: &str) -> Output {
     let words = format!("correct plate.obj logo.dxf --out out.dxf {AS_DRAWN} {options}");
     desk.isomark(&words.split_whitespace().collect::<Vec<_>>())
 }
@@ -44,12 +44,12 @@ fn correct(desk: &Desk, options: &str) -> Said {
 #[test]
 fn lost_ink_refuses_the_drawing_with_a_list_and_the_remedy() {
     let desk = desk(&(text("MARK") + "0\n3DFACE\n5\n95\n8\nMARK\n10\n0\n20\n0\n"));
-    let said = correct(&desk, "");
-    said.refused(
+    let output = correct(&desk, "");
+    output.refused(
         1,
         &[
-            "2 entities that the drawing shows cannot be marked",
-            "TEXT 7E on layer MARK: no font at hand has its letters 株",
+            "2 visible entities cannot be marked",
+            "TEXT 7E on layer MARK: its letters 株 are in no available font",
             "3DFACE 95 on layer MARK: it is a surface",
             "where:  logo.dxf, TEXT 7E, layer MARK",
             "number: entities not marked 2",
@@ -61,65 +61,65 @@ fn lost_ink_refuses_the_drawing_with_a_list_and_the_remedy() {
     let reason: Value = serde_json::from_str(&correct(&desk, "--json").out).unwrap();
     assert_eq!((&reason["code"], &reason["place"]["layer"]), (&"ink-lost".into(), &"MARK".into()));
 
-    // What is known of the loss is in the report, too.
+    // The loss is in the report, too.
     let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --losses warn"));
     assert!(notices(&report).contains(&"not-taken"));
     let lost = report["pattern"]["facts"]["not_taken"].as_array().unwrap();
-    assert!(lost.len() == 2 && lost.iter().all(|left| left["is_ink"] == true), "{lost:?}");
+    assert!(lost.len() == 2 && lost.iter().all(|skipped| skipped["is_ink"] == true), "{lost:?}");
     assert_eq!(report["output"]["paths"], 1);
 
     correct(&desk, "--losses perhaps").refused(2, &["`perhaps`", "--losses", "`refuse`", "`warn`"]);
 }
 
 #[test]
-fn evaluate_and_inspect_tell_of_it() {
+fn evaluate_and_inspect_report_lost_ink() {
     let desk = desk(&text("MARK"));
     let words = format!("evaluate plate.obj logo.dxf --method none {AS_DRAWN}");
     let words: Vec<&str> = words.split_whitespace().collect();
-    desk.isomark(&words).refused(1, &["1 entity that the drawing shows cannot be marked", "TEXT 7E"]);
+    desk.isomark(&words).refused(1, &["1 visible entity cannot be marked", "TEXT 7E"]);
     assert_eq!(desk.isomark(&[&words[..], &["--losses", "warn"]].concat()).code, 0);
 
     let inspect = |options: &[&str]| desk.isomark(&[&["inspect", "logo.dxf"], options].concat());
-    let said = inspect(&[]);
-    assert_eq!(said.code, 0);
+    let output = inspect(&[]);
+    assert_eq!(output.code, 0);
     for words in [
         "NOT TAKEN  TEXT 7E on layer MARK",
         "visible ink is lost",
         "`correct` and `watch` reject the drawing",
     ] {
-        assert!(said.out.contains(words), "{words}: {}", said.out);
+        assert!(output.out.contains(words), "{words}: {}", output.out);
     }
     let facts: Value = serde_json::from_str(&inspect(&["--json"]).out).unwrap();
     assert!(notices(&facts).contains(&"ink-lost"));
-    let said = inspect(&["--losses", "warn"]);
-    assert!(said.out.contains("NOT TAKEN  TEXT 7E") && !said.out.contains("reject"), "{}", said.out);
+    let output = inspect(&["--losses", "warn"]);
+    assert!(output.out.contains("NOT TAKEN  TEXT 7E") && !output.out.contains("reject"), "{}", output.out);
 }
 
 #[test]
-fn what_is_hidden_or_on_no_ink_layer_refuses_nothing() {
+fn hidden_entities_and_other_layers_do_not_refuse_a_drawing() {
     for layer in ["OFF", "NOPLOT", "COLD"] {
         let desk = desk(&text(layer));
         let report = desk.correct("plate.obj", "logo.dxf", AS_DRAWN);
-        let left = &report["pattern"]["facts"]["not_taken"][0];
-        assert_eq!((&left["layer"], &left["is_ink"]), (&layer.into(), &false.into()), "{left}");
+        let skipped = &report["pattern"]["facts"]["not_taken"][0];
+        assert_eq!((&skipped["layer"], &skipped["is_ink"]), (&layer.into(), &false.into()), "{skipped}");
     }
     let desk = desk(&text("NOTES"));
     correct(&desk, "").refused(1, &["TEXT 7E on layer NOTES"]);
     let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --ink-layers mark"));
     assert!(notices(&report).contains(&"not-taken"));
-    // The layer of the ink itself: what is lost is the plainer reason than that nothing lies there.
+    // On an ink layer the lost ink is the reason, not that the layer is empty.
     correct(&desk, "--ink-layers notes").refused(1, &["TEXT 7E on layer NOTES", "cannot be marked"]);
 }
 
 #[test]
-fn arcs_that_vanish_are_refused_and_full_turns_arrive_whole() {
+fn vanishing_arcs_are_refused_and_full_turns_are_circles() {
     let arc = |end: &str| format!("0\nARC\n5\nA7\n8\nMARK\n10\n5\n20\n5\n40\n2\n50\n90\n51\n{end}\n");
     correct(&desk(&arc("90.000001")), "").refused(1, &["ARC A7 on layer MARK", "radius of 2.0000000 mm"]);
     let desk = desk(&arc("450.000001"));
     let report = desk.correct("plate.obj", "logo.dxf", &format!("{AS_DRAWN} --strict"));
     assert_eq!((&report["pattern"]["contours"], &report["output"]["paths"]), (&2.into(), &2.into()));
-    let Some(told) = crate::ezdxf::judged(&desk.read("out.dxf")) else { return };
-    let circle = &told["entities"][1];
+    let Some(judgement) = crate::ezdxf::judged(&desk.read("out.dxf")) else { return };
+    let circle = &judgement["entities"][1];
     assert_eq!(circle["closed"], true);
     let points = circle["points"].as_array().unwrap();
     let angles = points.iter().map(|point| {
@@ -131,11 +131,11 @@ fn arcs_that_vanish_are_refused_and_full_turns_arrive_whole() {
     angles.sort_by(f64::total_cmp);
     let first = angles[0] + std::f64::consts::TAU;
     let gaps = angles.iter().zip(angles.iter().skip(1).chain([&first])).map(|(from, to)| to - from);
-    assert!(gaps.fold(0.0, f64::max) < 0.5, "points all the way round: {angles:?}");
+    assert!(gaps.fold(0.0, f64::max) < 0.5, "gap in the circle: {angles:?}");
 }
 
 #[test]
-fn strict_counts_the_area_of_a_contour_that_repeats_its_first_point() {
+fn strict_reading_includes_the_area_of_contours_with_a_repeated_point() {
     let square = std::fs::read_to_string(drawing("square")).unwrap();
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
@@ -156,7 +156,7 @@ fn strict_counts_the_area_of_a_contour_that_repeats_its_first_point() {
 }
 
 #[test]
-fn a_station_refuses_it_and_a_sku_or_a_drawing_may_allow_it() {
+fn a_station_refuses_lost_ink_unless_sku_or_drawing_settings_allow_it() {
     let station = Station::new();
     let settings = station.desk.text("station.toml");
     station.desk.write("station.toml", settings + "[part]\nunit = \"mm\"\nup = \"z\"\n");
@@ -169,8 +169,8 @@ fn a_station_refuses_it_and_a_sku_or_a_drawing_may_allow_it() {
     station.desk.write("hot/plate@date.dxf", dxf(&text("MARK")));
     station.desk.write("hot/loose@seal.toml", "[pattern]\nlosses = \"refuse\"\n");
     station.desk.write("hot/loose@seal.dxf", dxf(&text("MARK")));
-    let said = station.once();
-    assert!(said.out.starts_with("2 delivered, 2 parts learned, 2 rejected"), "{said:?}");
+    let output = station.once();
+    assert!(output.out.starts_with("2 delivered, 2 parts learned, 2 rejected"), "{output:?}");
     assert_eq!(station.import(), ["loose@logo.dxf", "plate@date.dxf"]);
     let rejected = files(&station.path("rejected"));
     for name in ["plate@logo.dxf", "loose@seal.dxf"] {
@@ -183,8 +183,8 @@ fn a_station_refuses_it_and_a_sku_or_a_drawing_may_allow_it() {
 }
 
 #[test]
-fn entities_that_ezdxf_makes_are_lost_ink_or_not_as_the_drawing_shows_them() {
-    if !crate::ezdxf::is_here() {
+fn lost_ink_is_recognised_in_drawings_by_ezdxf() {
+    if !crate::ezdxf::is_available() {
         return;
     }
     let desk = Desk::new();
@@ -197,14 +197,14 @@ fn entities_that_ezdxf_makes_are_lost_ink_or_not_as_the_drawing_shows_them() {
     assert!(drawings.len() >= 20, "{drawings:?}");
     for name in drawings {
         let words = format!("correct plate.obj {name} --out {name}.out {AS_DRAWN} --json");
-        let said = desk.isomark(&words.split_whitespace().collect::<Vec<_>>());
-        let told: Value = serde_json::from_str(&said.out).unwrap();
+        let output = desk.isomark(&words.split_whitespace().collect::<Vec<_>>());
+        let answer: Value = serde_json::from_str(&output.out).unwrap();
         if name.starts_with("ink-") {
-            assert_eq!((said.code, &told["code"]), (1, &"ink-lost".into()), "{name}: {said:?}");
-            assert!(said.err.contains("1 entity that the drawing shows"), "{name}: {said:?}");
+            assert_eq!((output.code, &answer["code"]), (1, &"ink-lost".into()), "{name}: {output:?}");
+            assert!(output.err.contains("1 visible entity"), "{name}: {output:?}");
         } else {
-            assert_eq!(said.code, 0, "{name}: {said:?}");
-            assert_eq!(told["pattern"]["facts"]["not_taken"].as_array().unwrap().len(), 1, "{name}");
+            assert_eq!(output.code, 0, "{name}: {output:?}");
+            assert_eq!(answer["pattern"]["facts"]["not_taken"].as_array().unwrap().len(), 1, "{name}");
         }
     }
 }

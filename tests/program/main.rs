@@ -1,11 +1,11 @@
-//! The program from outside: the built binary on real exports, by command and by hot folder.
+//! Tests of the built program on real exports, by command and by hot folder.
 
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
     unreachable_pub,
     missing_docs,
-    reason = "a test may fail loudly, its helpers too"
+    reason = "helpers of tests may panic"
 )]
 
 mod desk;

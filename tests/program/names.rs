@@ -1,4 +1,4 @@
-//! Names that hold what a terminal would act on: no output for people passes it on, and machines get it exactly.
+//! Names with characters that control a terminal: output for people escapes them, output for machines is exact.
 
 use serde_json::Value;
 
@@ -9,15 +9,15 @@ use crate::station::Station;
 const PLATE: &str = "v -50 -50 5\nv 50 -50 5\nv 50 50 5\nv -50 50 5\nf 1 2 3 4\n";
 const PLATE_OPTIONS: [&str; 4] = ["--part-unit", "mm", "--part-up", "z"];
 
-/// Turns the direction, hides, and clears the screen; every file system takes it.
+/// Characters that reverse the text direction or are invisible; every file system allows them.
 const TURNED: &str = "lo\u{202e}go\u{200b}\u{2066}\u{feff}\u{61c}\u{2029}";
-/// The same with what only some file systems take: a forged line, a colour, a C1 control.
+/// Characters that only some file systems allow, too: a forged line, a colour, a C1 control.
 #[cfg(unix)]
 const HOSTILE: &str = "lo\u{202e}go\nFORGED\r\u{1b}[31m\u{7}\u{7f}\u{9b}31m";
 #[cfg(not(unix))]
 const HOSTILE: &str = TURNED;
 
-/// Fails if the text holds anything that a terminal acts on, or a line that a name forged.
+/// Fails if the text contains a character that controls a terminal, or a line that a name forged.
 #[track_caller]
 fn assert_harmless(text: &str) {
     let harmful = |letter: &char| {
@@ -29,7 +29,7 @@ fn assert_harmless(text: &str) {
     assert!(!text.lines().any(|line| line.trim_start().starts_with("FORGED")), "{text}");
 }
 
-/// A drawing whose layers have this name as DXF writes it: a line on it, and a surface that cannot be marked.
+/// A drawing with this layer name, in DXF notation: a line on the layer, and an insert that cannot be marked.
 fn dxf(layer: &str) -> String {
     let line = format!("0\nLINE\n5\n2\\U+001BF\n8\n{layer}\n10\n0\n20\n0\n11\n10\n21\n0\n");
     let insert =
@@ -40,31 +40,34 @@ fn dxf(layer: &str) -> String {
 const LAYER: &str = "A\\U+000AFORGED\\U+001B[2J\\U+202E\\U+0085\\U+200F";
 
 #[test]
-fn layers_blocks_and_handles_of_a_drawing_reach_people_spelled_out() {
+fn layer_block_and_handle_names_are_escaped_for_people() {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
     desk.write("a.dxf", dxf(LAYER));
     desk.write("b.dxf", dxf("B"));
     let run = |arguments: &[&str]| {
-        let said = desk.isomark(arguments);
-        assert_harmless(&said.out);
-        assert_harmless(&said.err);
-        said
+        let output = desk.isomark(arguments);
+        assert_harmless(&output.out);
+        assert_harmless(&output.err);
+        output
     };
     let job = |verb, more: &[&str]| run(&[&[verb, "plate.obj", "a.dxf"], &PLATE_OPTIONS[..], more].concat());
-    let said = run(&["inspect", "a.dxf"]);
-    assert!(said.code == 0 && said.out.contains("A\\nFORGED\\u{1b}[2J\\u{202e}\\u{85}\\u{200f}"), "{said:?}");
-    assert!(said.out.contains("block\\nFORGED\\u{9b}") && said.out.contains("7\\u{202e}"), "{said:?}");
+    let output = run(&["inspect", "a.dxf"]);
+    assert!(
+        output.code == 0 && output.out.contains("A\\nFORGED\\u{1b}[2J\\u{202e}\\u{85}\\u{200f}"),
+        "{output:?}"
+    );
+    assert!(output.out.contains("block\\nFORGED\\u{9b}") && output.out.contains("7\\u{202e}"), "{output:?}");
     job("correct", &["-o", "x.dxf"]).refused(1, &["on layer A\\nFORGED\\u{1b}[2J"]);
     job("evaluate", &["--method", "none"]).refused(1, &["on layer A\\nFORGED"]);
-    let said = job("correct", &["-o", "x.dxf", "--losses", "warn", "--preview", "x.svg"]);
-    assert!(said.code == 0 && said.err.contains("A\\nFORGED"), "{said:?}");
+    let output = job("correct", &["-o", "x.dxf", "--losses", "warn", "--preview", "x.svg"]);
+    assert!(output.code == 0 && output.err.contains("A\\nFORGED"), "{output:?}");
     assert_harmless(&desk.text("x.svg"));
     assert!(run(&["diff", "a.dxf", "b.dxf"]).out.contains("A\\nFORGED"));
     job("correct", &["-o", "x.dxf", "--ink-layers", "\u{202e}no\nFORGED"])
         .refused(1, &["\\u{202e}no\\nFORGED"]);
 
-    // Machines get the names as they are.
+    // Machines get the exact names.
     let facts: Value = serde_json::from_str(&desk.isomark(&["inspect", "a.dxf", "--json"]).out).unwrap();
     assert_eq!(facts["not_taken"][0]["layer"], "A\nFORGED\u{1b}[2J\u{202e}\u{85}\u{200f}");
     assert_eq!(facts["not_taken"][0]["handle"], "7\u{202e}");
@@ -75,7 +78,7 @@ fn layers_blocks_and_handles_of_a_drawing_reach_people_spelled_out() {
 }
 
 #[test]
-fn names_of_files_reach_people_spelled_out() {
+fn file_names_are_escaped_for_people() {
     for name in [TURNED, HOSTILE] {
         let desk = Desk::new();
         let (part, pattern) = (format!("{name}.obj"), format!("{name}.dxf"));
@@ -83,11 +86,14 @@ fn names_of_files_reach_people_spelled_out() {
         desk.write(&pattern, fs_err::read(drawing("square")).unwrap());
         let spelled = "lo\\u{202e}go";
         let run = |code: i32, arguments: &[&str]| {
-            let said = desk.isomark(arguments);
-            assert_eq!(said.code, code, "{arguments:?}: {said:?}");
-            assert_harmless(&said.out);
-            assert_harmless(&said.err);
-            assert!(said.out.contains(spelled) || said.err.contains(spelled), "{arguments:?}: {said:?}");
+            let output = desk.isomark(arguments);
+            assert_eq!(output.code, code, "{arguments:?}: {output:?}");
+            assert_harmless(&output.out);
+            assert_harmless(&output.err);
+            assert!(
+                output.out.contains(spelled) || output.err.contains(spelled),
+                "{arguments:?}: {output:?}"
+            );
         };
         let job = |verb: &str, more: &[&str]| {
             let named = [verb, part.as_str(), pattern.as_str(), "--sku", "plate", "--cache", "kept"];
@@ -95,7 +101,7 @@ fn names_of_files_reach_people_spelled_out() {
         };
         job("correct", &["-o", "out.dxf", "--preview", "x.svg"]);
         assert_harmless(&desk.text("x.svg"));
-        // Comments in the drawing stay comments, and letters in them ASCII.
+        // Comments in the drawing stay comments, in ASCII.
         let dxf = desk.text("out.dxf");
         assert!(dxf.is_ascii());
         for pair in dxf.lines().collect::<Vec<_>>().chunks(2) {
@@ -111,17 +117,17 @@ fn names_of_files_reach_people_spelled_out() {
         run(2, &["correct", &part, &pattern, "-o", "x.dxf", "--facing", name]);
         run(2, &["correct", &part, &pattern, &pattern, "-o", "x.dxf"]);
         run(2, &["check", &format!("{name}.toml")]);
-        // The one is a SKU that nobody knows, the other none at all.
+        // The first name is an unknown SKU, the second one is not valid as a SKU.
         let code = if name == TURNED { 1 } else { 2 };
         run(code, &["correct", &pattern, "--sku", name, "-o", "x.dxf"]);
         run(0, &["init", name]);
-        let told = desk.isomark(&["check", &format!("{name}/station.toml")]);
-        assert_harmless(&told.out);
+        let output = desk.isomark(&["check", &format!("{name}/station.toml")]);
+        assert_harmless(&output.out);
     }
 }
 
 #[test]
-fn a_station_spells_out_the_names_of_drops() {
+fn a_station_escapes_the_names_of_drops() {
     let station = Station::new();
     let (part, drop) = (format!("hot/{TURNED}.obj"), format!("hot/x@{HOSTILE}.dxf"));
     station.desk.write("hot/x.obj", PLATE);
@@ -129,16 +135,16 @@ fn a_station_spells_out_the_names_of_drops() {
     station.desk.write(&drop, "no drawing");
     station.desk.write("hot/nobody\u{202e}.dxf", fs_err::read(drawing("square")).unwrap());
     let harmless = |arguments: &[&str]| {
-        let said = station.desk.isomark(arguments);
-        assert_harmless(&said.out);
-        assert_harmless(&said.err);
-        said
+        let output = station.desk.isomark(arguments);
+        assert_harmless(&output.out);
+        assert_harmless(&output.err);
+        output
     };
-    // What is logged, and what it says at its end.
-    let said = harmless(&["watch", "station.toml", "--once"]);
-    assert!(said.err.contains("lo\\u{202e}go") && said.out.contains("nobody\\u{202e}"), "{said:?}");
-    let said = harmless(&["status", "station.toml"]);
-    assert!(said.out.contains("lo\\u{202e}go") && said.out.contains("nobody\\u{202e}"), "{said:?}");
+    // In the log and in the summary.
+    let output = harmless(&["watch", "station.toml", "--once"]);
+    assert!(output.err.contains("lo\\u{202e}go") && output.out.contains("nobody\\u{202e}"), "{output:?}");
+    let output = harmless(&["status", "station.toml"]);
+    assert!(output.out.contains("lo\\u{202e}go") && output.out.contains("nobody\\u{202e}"), "{output:?}");
     let reasons = crate::station::files(&station.path("rejected"));
     let reasons: Vec<&String> = reasons.iter().filter(|name| name.ends_with(".reason.txt")).collect();
     assert_eq!(reasons.len(), 2, "{reasons:?}");
@@ -147,12 +153,12 @@ fn a_station_spells_out_the_names_of_drops() {
         assert!(reason.contains("lo\\u{202e}go"), "{reason:?}");
         assert_harmless(&reason);
     }
-    // Drops are named as they are shown, or all at once.
+    // Drops are given by their escaped name, or all at once.
     let shown = format!("{}.obj", isomark::printable::on_one_line(TURNED));
-    let said = harmless(&["retry", "station.toml", &shown]);
-    assert!(said.code == 0 && said.out.contains("lo\\u{202e}go"), "{said:?}");
-    let said = harmless(&["retry", "station.toml", "--rejected"]);
-    assert!(said.code == 0 && said.out.contains("lo\\u{202e}go"), "{said:?}");
+    let output = harmless(&["retry", "station.toml", &shown]);
+    assert!(output.code == 0 && output.out.contains("lo\\u{202e}go"), "{output:?}");
+    let output = harmless(&["retry", "station.toml", "--rejected"]);
+    assert!(output.code == 0 && output.out.contains("lo\\u{202e}go"), "{output:?}");
     assert!(station.path(&part).exists() && station.path(&drop).exists());
     harmless(&["retry", "station.toml", HOSTILE]).refused(3, &["lo\\u{202e}go"]);
     let status: Value =

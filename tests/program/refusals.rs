@@ -1,18 +1,18 @@
-//! Bad input: the exit code, and a message that names file, place, number and remedy.
+//! Invalid input: the exit code, and a message with file, place, number and remedy.
 
-use crate::desk::{Desk, Said, drawing, part};
+use crate::desk::{Desk, Output, drawing, part};
 
 const MOUSE: &str = "mouse/fc020-gui.glb";
 
-fn correct(desk: &Desk, part: &str, pattern: &str, options: &str) -> Said {
+fn correct(desk: &Desk, part: &str, pattern: &str, options: &str) -> Output {
     let arguments =
         ["correct", part, pattern, "--out", "out.dxf"].into_iter().chain(options.split_whitespace());
-    let said = desk.isomark(&arguments.collect::<Vec<_>>());
-    assert!(!desk.path("out.dxf").exists(), "nothing is written when the job is refused");
-    said
+    let output = desk.isomark(&arguments.collect::<Vec<_>>());
+    assert!(!desk.path("out.dxf").exists(), "nothing may be written when the job is refused");
+    output
 }
 
-/// 100 x 100 mm, with a square hole of 40 mm in its middle.
+/// A plate of 100 x 100 mm with a square hole of 40 mm in the middle.
 fn plate_with_hole() -> String {
     let mut text = String::new();
     for y in [-50, -20, 20, 50] {
@@ -32,8 +32,10 @@ fn damaged_parts() {
     let desk = Desk::new();
     let glb = std::fs::read(part("can/fc020-gui.glb")).unwrap();
     desk.write("cut.glb", &glb[..5000]);
-    correct(&desk, "cut.glb", &drawing("abc"), "")
-        .refused(1, &["cut.glb, byte 5000", "5000 bytes (limit 14484 bytes)", "remedy: Copy the file again"]);
+    correct(&desk, "cut.glb", &drawing("abc"), "").refused(
+        1,
+        &["cut.glb, byte 5000", "5000 bytes (limit 14484 bytes)", "remedy: Wait until the export"],
+    );
 
     let obj = std::fs::read_to_string(part("mouse/fc020-coarse-mesh.obj")).unwrap();
     let (line, _) = obj.lines().enumerate().filter(|(_, line)| line.starts_with("v ")).nth(5).unwrap();
@@ -43,26 +45,27 @@ fn damaged_parts() {
     correct(&desk, "nan.obj", &drawing("abc"), "")
         .refused(1, &[&format!("nan.obj, line {}", line + 1), "(NaN, 1, 2)", "remedy: Repair the mesh"]);
 
-    desk.write("words.glb", "this is no mesh at all");
-    correct(&desk, "words.glb", &drawing("abc"), "").refused(1, &["no GLB", "words.glb", "remedy: Export"]);
+    desk.write("words.glb", "this is not a mesh at all");
+    correct(&desk, "words.glb", &drawing("abc"), "")
+        .refused(1, &["not a file in GLB format", "words.glb", "remedy: Export"]);
 
     correct(&desk, &part("assembly/fc020-gui-arch-part.obj"), &drawing("abc"), "")
-        .refused(1, &["no triangle", "fc020-gui-arch-part.obj", "remedy: FreeCAD", "select the bodies"]);
+        .refused(1, &["no triangle", "fc020-gui-arch-part.obj", "remedy: Select the bodies", "FreeCAD"]);
 
     std::fs::copy(part("assembly/fc020-gui.gltf"), desk.path("alone.gltf")).unwrap();
     let missing =
-        ["alone.gltf", "buffer \"fc020-gui.bin\" cannot be read", "remedy: Drop \"fc020-gui.bin\" beside"];
+        ["alone.gltf", "buffer \"fc020-gui.bin\" cannot be read", "remedy: Put \"fc020-gui.bin\" beside"];
     correct(&desk, "alone.gltf", &drawing("abc"), "").refused(1, &missing);
     desk.isomark(&["inspect", "alone.gltf"]).refused(1, &missing);
     let outside = desk.text("alone.gltf").replace("fc020-gui.bin", "../fc020-gui.bin");
     desk.write("outside.gltf", outside);
-    let refused = ["outside.gltf", "../fc020-gui.bin", "remedy: Put the .bin into the part's own folder"];
+    let refused = ["outside.gltf", "../fc020-gui.bin", "remedy: Put the .bin into the part's folder"];
     correct(&desk, "outside.gltf", &drawing("abc"), "").refused(1, &refused);
     desk.isomark(&["inspect", "outside.gltf"]).refused(1, &refused);
 }
 
 #[test]
-fn drawings_without_anything_to_mark() {
+fn drawings_with_nothing_to_mark() {
     let desk = Desk::new();
     desk.write("empty.dxf", "");
     correct(&desk, &part(MOUSE), "empty.dxf", "")
@@ -71,7 +74,7 @@ fn drawings_without_anything_to_mark() {
     correct(&desk, &part(MOUSE), "logo.dxf", "")
         .refused(1, &["PDF", "where:  logo.dxf", "remedy: Export the drawing as DXF"]);
     correct(&desk, &part(MOUSE), &drawing("ink12-text-r14"), "")
-        .refused(1, &["no entity", "ink12-text-r14.dxf", "Path > Object to Path"]);
+        .refused(1, &["no entities", "ink12-text-r14.dxf", "Path > Object to Path"]);
     let whole = std::fs::read(drawing("abc")).unwrap();
     desk.write("cut.dxf", &whole[..whole.len() / 2]);
     correct(&desk, &part(MOUSE), "cut.dxf", "").refused(1, &["cut.dxf", "line ", "remedy: "]);
@@ -79,9 +82,9 @@ fn drawings_without_anything_to_mark() {
         .refused(1, &["ink layers MARK, CUT", "abc.dxf", "OUTLINE"]);
 }
 
-/// For a program that asked for JSON a mistake in its own command line is JSON, too.
+/// With `--json`, mistakes in the command line are reported as JSON, too.
 #[test]
-fn bad_options_are_told_in_json_where_json_is_asked_for() {
+fn invalid_options_are_reported_as_json_if_requested() {
     let desk = Desk::new();
     for arguments in [
         &["correct", "a.glb", "b.dxf", "--json"][..],
@@ -93,28 +96,28 @@ fn bad_options_are_told_in_json_where_json_is_asked_for() {
         &["status", "--json"],
         &["status", "--json", "none.toml"],
     ] {
-        let said = desk.isomark(arguments);
-        assert_eq!(said.code, 2, "{arguments:?}: {said:?}");
-        let reason: serde_json::Value = serde_json::from_str(&said.out).unwrap_or_default();
-        assert_eq!(reason["schema"], "isomark.reason/1", "{arguments:?}: {said:?}");
-        assert!(reason["what"].as_str().is_some_and(|what| !what.is_empty()), "{arguments:?}: {said:?}");
-        assert!(!said.err.is_empty());
+        let output = desk.isomark(arguments);
+        assert_eq!(output.code, 2, "{arguments:?}: {output:?}");
+        let reason: serde_json::Value = serde_json::from_str(&output.out).unwrap_or_default();
+        assert_eq!(reason["schema"], "isomark.reason/1", "{arguments:?}: {output:?}");
+        assert!(reason["what"].as_str().is_some_and(|what| !what.is_empty()), "{arguments:?}: {output:?}");
+        assert!(!output.err.is_empty());
     }
     let plain = desk.isomark(&["inspect"]);
     assert_eq!((plain.code, plain.out.as_str()), (2, ""));
     assert_eq!(desk.isomark(&["inspect", "--json", "--help"]).code, 0);
 }
 
-/// A part of millimetres that is taken as inches is none whose drawing holds stray lines.
+/// A drawing much larger than the part may have stray lines, or the unit of the part is wrong.
 #[test]
-fn a_wrong_unit_of_the_part_is_named() {
+fn a_wrong_unit_of_the_part_is_reported() {
     let desk = Desk::new();
     // Its numbers are metres: as inches it is 39 times too small, as millimetres a thousand times.
     for unit in ["inch", "cm", "mm"] {
         correct(&desk, &part(MOUSE), &drawing("abc"), &format!("--part-unit {unit}"))
             .refused(1, &[&format!("taken as {unit} because the settings say so"), "`--part-unit`"]);
     }
-    // A file in metres by its numbers, taken as mm because STL has no unit.
+    // The numbers are metres, but are taken as mm because STL has no unit.
     let in_metres = "solid x\nfacet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 -3 0\nvertex 3 3 0\nendloop\nendfacet\n\
                      facet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 3 0\nvertex -3 3 0\nendloop\nendfacet\nendsolid x\n";
     desk.write("plate.stl", in_metres);
@@ -123,7 +126,7 @@ fn a_wrong_unit_of_the_part_is_named() {
 }
 
 #[test]
-fn drawings_that_do_not_lie_on_the_part() {
+fn drawings_that_are_not_on_the_part() {
     let desk = Desk::new();
     correct(&desk, &part(MOUSE), &drawing("abc"), "--place 300,0").refused(
         1,
@@ -139,7 +142,7 @@ fn drawings_that_do_not_lie_on_the_part() {
         1,
         &["part spans x -30", "ink without surface 2", "remedy: Move the drawing (`place_mm`, `--place`)"],
     );
-    // The laser looks at a wall of the can.
+    // The drawing is on the steep side of the can.
     correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--place 33,0").refused(
         1,
         &["no surface to mark", "steeper than 75 deg", "abc.dxf, at (33.000, 0.000) mm", "`facing`"],
@@ -214,7 +217,7 @@ fn wrong_usage() {
 }
 
 #[test]
-fn results_never_replace_what_was_read() {
+fn results_never_replace_input_files() {
     let desk = Desk::new();
     for (name, source) in [("mouse.glb", part(MOUSE)), ("abc.dxf", drawing("abc"))] {
         desk.write(name, fs_err::read(source).unwrap());
@@ -230,7 +233,7 @@ fn results_never_replace_what_was_read() {
 }
 
 #[test]
-fn a_cylinder_by_its_sizes_has_no_file_to_be_read_otherwise() {
+fn options_for_part_files_are_refused_for_a_primitive() {
     let desk = Desk::new();
     for option in ["--part-unit=inch", "--part-up=y", "--smoothing=none", "--low-pass=5"] {
         desk.isomark(&["correct", "--cylinder", "73,180", &drawing("abc"), "-o", "x.dxf", option])
@@ -239,7 +242,7 @@ fn a_cylinder_by_its_sizes_has_no_file_to_be_read_otherwise() {
 }
 
 #[test]
-fn an_evaluation_without_any_map_is_a_refusal() {
+fn an_evaluation_without_any_map_is_refused() {
     let desk = Desk::new();
     let far = ["evaluate", &part(MOUSE), &drawing("abc"), "--place", "200,0"].map(String::from);
     desk.isomark(&far).refused(1, &["beyond the part", "remedy"]);
@@ -266,7 +269,7 @@ fn a_typo_in_the_settings() {
     desk.isomark(&["watch", "station.toml", "--once"]).refused(2, &words);
     desk.isomark(&["cache", "list", "--station", "station.toml"]).refused(2, &words);
     correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(2, &words);
-    // A service with a mistyped name is not started again and again.
+    // Exit code 2 keeps a service manager from restarting a service with a mistyped name.
     desk.isomark(&["watch", "nowhere.toml"]).refused(2, &["nowhere.toml", "remedy: "]);
     desk.write("latin.toml", b"[station]\nname = \"B\xfcro\"\n");
     desk.isomark(&["watch", "latin.toml"]).refused(2, &["latin.toml", "UTF-8"]);
@@ -274,7 +277,7 @@ fn a_typo_in_the_settings() {
 }
 
 #[test]
-fn files_and_folders_that_are_not_there() {
+fn missing_files_and_folders() {
     let desk = Desk::new();
     correct(&desk, "gone.glb", &drawing("abc"), "")
         .refused(3, &["There is no file gone.glb.", "where:  gone.glb", "remedy: Check"]);
@@ -288,31 +291,31 @@ fn files_and_folders_that_are_not_there() {
 
 #[cfg(unix)]
 #[test]
-fn folders_that_may_not_be_written() {
+fn folders_without_write_permission() {
     use std::os::unix::fs::PermissionsExt;
     let desk = Desk::new();
     desk.write("locked/old.dxf", "");
     let locked = desk.path("locked");
     std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o555)).unwrap();
     if std::fs::write(locked.join("probe"), "").is_ok() {
-        eprintln!("SKIPPED: root may write everywhere");
+        eprintln!("SKIPPED: root can write everywhere");
         return;
     }
-    let said = desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", "locked/out.dxf"]);
-    said.refused(3, &["locked/out.dxf", "may not be written", "remedy: Give yourself the right"]);
-    let said =
+    let output = desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", "locked/out.dxf"]);
+    output.refused(3, &["locked/out.dxf", "may not be written", "remedy: Give yourself the right"]);
+    let output =
         desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", "out.dxf", "--cache", "locked/cache"]);
-    said.refused(3, &["cache", "remedy: "]);
+    output.refused(3, &["cache", "remedy: "]);
     std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o755)).unwrap();
 }
 
 #[test]
 fn a_refusal_as_json() {
     let desk = Desk::new();
-    let said = correct(&desk, &part(MOUSE), &drawing("abc"), "--place 300,0 --json");
-    let reason: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    let output = correct(&desk, &part(MOUSE), &drawing("abc"), "--place 300,0 --json");
+    let reason: serde_json::Value = serde_json::from_str(&output.out).unwrap();
     assert_eq!(
-        (said.code, &reason["schema"], &reason["code"]),
+        (output.code, &reason["schema"], &reason["code"]),
         (1, &"isomark.reason/1".into(), &"off-surface".into())
     );
     assert_eq!(reason["place"]["file"], "abc.dxf");

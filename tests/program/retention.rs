@@ -1,4 +1,4 @@
-//! What a station keeps, and for how long.
+//! Which files a station keeps, and for how long.
 
 use std::time::{Duration, Instant};
 
@@ -8,10 +8,10 @@ use serde_json::Value;
 use crate::desk::{drawing, part};
 use crate::station::{Station, files};
 
-/// Less than a second: what one run files is old in a later one.
+/// Less than a second in days, so that the files of one run are old in a later run.
 const MOMENT: &str = "0.00001";
 
-/// A station that knows two SKUs, delivered three drawings and rejected one.
+/// A station with two SKUs, three delivered drawings and a rejected one.
 fn with_a_past() -> Station {
     let station = Station::new();
     station.desk.write("skus/plate.toml", "[placement]\nplace_mm = [0, 0]\n");
@@ -24,8 +24,8 @@ fn with_a_past() -> Station {
     station.desk.write("hot/mouse@second.toml", "[placement]\nplace_mm = [1, 1]\n");
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
     station.desk.write("hot/mouse@bad.dxf", "no drawing");
-    let said = station.once();
-    assert!(said.out.starts_with("3 delivered, 2 parts learned, 1 rejected"), "{said:?}");
+    let output = station.once();
+    assert!(output.out.starts_with("3 delivered, 2 parts learned, 1 rejected"), "{output:?}");
     station
 }
 
@@ -38,19 +38,19 @@ fn add(station: &Station, settings: &str) {
 fn runs_until(station: &Station, what: &str, condition: impl Fn(&Station) -> bool) {
     let started = Instant::now();
     while !condition(station) {
-        let said = station.once();
+        let output = station.once();
         let tree = files(station.desk.root());
-        assert!(started.elapsed() < Duration::from_secs(60), "{what}: {tree:#?}\n{said:?}");
+        assert!(started.elapsed() < Duration::from_secs(60), "{what}: {tree:#?}\n{output:?}");
     }
 }
 
 fn kept(station: &Station) -> Value {
-    let said = station.desk.isomark(&["status", "station.toml", "--json"]);
-    serde_json::from_str::<Value>(&said.out).unwrap()["kept"].clone()
+    let output = station.desk.isomark(&["status", "station.toml", "--json"]);
+    serde_json::from_str::<Value>(&output.out).unwrap()["kept"].clone()
 }
 
 #[test]
-fn nothing_goes_before_its_time_and_status_names_it() {
+fn files_are_kept_for_their_time_and_status_shows_it() {
     let station = with_a_past();
     let before = files(station.desk.root());
     station.once();
@@ -63,20 +63,20 @@ fn nothing_goes_before_its_time_and_status_names_it() {
         names.iter().map(|name| fs::metadata(station.path(folder).join(name)).unwrap().len()).sum()
     };
     assert_eq!(kept["bytes"], size("archive") + size("rejected") + size("reports"));
-    let said = station.desk.isomark(&["status", "station.toml"]);
+    let output = station.desk.isomark(&["status", "station.toml"]);
     assert!(
-        said.out.contains("originals for ever, rejected drops for 365 days, reports for 365 days"),
-        "{said:?}"
+        output.out.contains("originals for ever, rejected drops for 365 days, reports for 365 days"),
+        "{output:?}"
     );
 }
 
 #[test]
-fn old_files_go_and_what_is_needed_stays() {
+fn old_files_are_removed_and_needed_ones_are_kept() {
     let station = with_a_past();
     let old =
         ["reports_days", "archive_days", "rejected_days"].map(|key| format!("{key} = {MOMENT}\n")).concat();
     add(&station, &format!("[retention]\n{old}"));
-    // What is old is left alone where isomark did not put it.
+    // Old files that isomark did not create are kept.
     let foreign = ["reports/note.txt", "reports/mouse/note.txt", "archive/note.txt", "archive/foreign/a.dxf"];
     let beside = ["archive/mouse/mouse@foreign.dxf", "archive/mouse/mouse.step", "archive/plate/old.glb"];
     for foreign in foreign.into_iter().chain(beside) {
@@ -86,31 +86,31 @@ fn old_files_go_and_what_is_needed_stays() {
         ["mouse/current-part.txt", "mouse/mouse.obj", "mouse/mouse.step", "mouse/mouse@foreign.dxf"];
     let parts = ["plate/current-part.txt", "plate/fc020-gui.bin", "plate/old.glb", "plate/plate.gltf"];
     let left = [&["foreign/a.dxf"], &originals[..], &["note.txt"], &parts[..]].concat();
-    runs_until(&station, "old files go", |station| {
+    runs_until(&station, "old files are removed", |station| {
         let [archive, reports, rejected] =
             ["archive", "reports", "rejected"].map(|folder| files(&station.path(folder)));
         archive == left && reports == ["mouse/note.txt", "note.txt"] && rejected.is_empty()
     });
-    assert_eq!(station.import().len(), 3, "what was delivered is not isomark's any more");
+    assert_eq!(station.import().len(), 3, "delivered drawings must not be removed");
 
     // Parts are fitted again from the archive, and nothing is delivered twice.
     fs::remove_dir_all(station.path("cache")).unwrap();
     station.copy_into(&drawing("abc"), "mouse@third.dxf");
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
-    let said = station.once();
-    assert!(said.out.starts_with("2 delivered, 0 parts learned"), "{said:?}");
-    assert!(said.err.contains("plate.dxf was already delivered and lies in import unchanged"), "{said:?}");
-    assert!(said.err.contains("the surface of plate is restored from the archive"), "{said:?}");
-    // New settings outdate the drawings, and those without originals are nobody's trouble.
+    let output = station.once();
+    assert!(output.out.starts_with("2 delivered, 0 parts learned"), "{output:?}");
+    assert!(output.err.contains("plate.dxf was already delivered and is unchanged in import"), "{output:?}");
+    assert!(output.err.contains("restored the surface of plate from the archive"), "{output:?}");
+    // New settings outdate the drawings; those without originals cause no error.
     add(&station, "[delivery]\noutdated = \"correct\"\n[correction]\ntolerance_mm = 0.02\n");
-    let said = station.once();
-    assert!(!said.err.contains("cannot be corrected again"), "{said:?}");
+    let output = station.once();
+    assert!(!output.err.contains("cannot be corrected again"), "{output:?}");
     let again = station.desk.isomark(&["retry", "station.toml", "--outdated"]);
     assert_eq!(again.code, 0, "{again:?}");
 }
 
 #[test]
-fn a_rejected_part_for_which_patterns_wait_stays() {
+fn a_rejected_part_is_kept_while_drawings_wait_for_it() {
     let station = with_a_past();
     station.desk.write("hot/mouse.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
     station.once();
@@ -118,38 +118,38 @@ fn a_rejected_part_for_which_patterns_wait_stays() {
     assert!(rejected.contains(&"mouse.obj".into()), "{rejected:?}");
     add(&station, &format!("[retention]\nrejected_days = {MOMENT}\n"));
     let held = ["mouse.obj", "mouse.obj.reason.json", "mouse.obj.reason.txt"];
-    runs_until(&station, "the other one goes", |station| files(&station.path("rejected")) == held);
+    runs_until(&station, "the other one is removed", |station| files(&station.path("rejected")) == held);
     station.copy_into(&drawing("abc"), "mouse@third.dxf");
-    let said = station.once();
-    assert!(said.out.contains("1 waiting"), "{said:?}");
+    let output = station.once();
+    assert!(output.out.contains("1 waiting"), "{output:?}");
 }
 
 #[test]
-fn the_oldest_go_when_the_folders_are_too_large() {
+fn the_oldest_files_are_removed_when_the_folders_are_too_large() {
     let station = with_a_past();
     add(&station, "[retention]\nmax_gb = 0.000001\n");
-    let said = station.once();
+    let output = station.once();
     assert!(
         files(&station.path("reports")).is_empty() && files(&station.path("rejected")).is_empty(),
-        "{said:?}"
+        "{output:?}"
     );
-    // Originals are kept for ever, so the limit cannot be held.
+    // Originals are kept forever, so the limit cannot be met.
     let archive = files(&station.path("archive"));
     assert!(
         archive.contains(&"mouse/mouse@first.dxf".into())
             && archive.contains(&"mouse/mouse@second.toml".into())
     );
-    assert!(said.err.contains("more than `max_gb`"), "{said:?}");
+    assert!(output.err.contains("more than `max_gb`"), "{output:?}");
     let status = station.desk.isomark(&["status", "station.toml"]);
     assert!(status.out.contains("trouble: ") && status.out.contains("max_gb"), "{status:?}");
     assert_eq!(kept(&station)["too_much"], true);
     let text = station.desk.text("station.toml").replace("0.000001", "0.000001\narchive_days = 300");
     station.desk.write("station.toml", text);
-    let said = station.once();
+    let output = station.once();
     let archive = files(&station.path("archive"));
     assert!(
         !archive.iter().any(|name| name.contains("first") || name.contains("second")),
-        "{archive:?}\n{said:?}"
+        "{archive:?}\n{output:?}"
     );
     assert!(archive.contains(&"mouse/mouse.obj".into()) && archive.contains(&"plate/fc020-gui.bin".into()));
 }

@@ -1,5 +1,5 @@
-//! A laser made of formulas marks what the program delivers onto parts made of formulas: each beam leaves the mirrors' two
-//! centres, passes the delivered point of the field and meets the part. What it draws there must be the drawing.
+//! A simulated laser marks delivered drawings on parts that are given by formulas: each beam leaves the centres of the
+//! two mirrors, passes the delivered point of the field and meets the part. The mark there must be the drawing.
 
 use std::fmt::Write as _;
 
@@ -10,16 +10,16 @@ use nalgebra::{Point2, Point3, Rotation3, Vector2, Vector3};
 
 use crate::desk::{Desk, assert_near, number};
 
-/// How near the beam must come to a vertex of the drawing, mm.
+/// Largest distance of the beam from a vertex of the drawing, mm.
 const AT_VERTICES: f64 = 1e-3;
 /// The chord tolerance of the jobs, mm.
 const TOLERANCE: f64 = 0.01;
 
-/// A part by the height of its side that faces the laser, over the view, mm.
+/// A part, given by the height over the view of the side that faces the laser, mm.
 struct Part {
     name: &'static str,
     height: fn(f64, f64) -> f64,
-    /// Where a point of the part lies when it is unrolled; only for developable parts.
+    /// The position of a point after unrolling the part; only for developable parts.
     unrolled: Option<fn(Point3<f64>) -> Point2<f64>>,
 }
 
@@ -27,7 +27,7 @@ fn tilted_plane(x: f64, y: f64) -> f64 {
     4.0 + 0.2 * x - 0.1 * y
 }
 
-/// A cylinder of radius 30 mm about the y axis, tipped by 0.12 rad so that it rises with y.
+/// A cylinder of radius 30 mm around the y axis, tilted by 0.12 rad so that it rises with y.
 fn tipped_cylinder(x: f64, y: f64) -> f64 {
     let (sin, cos) = 0.12f64.sin_cos();
     (shapes::cylinder(x, 0.0) + y * sin) / cos
@@ -39,7 +39,7 @@ fn unrolled_tipped_cylinder(at: Point3<f64>) -> Point2<f64> {
     Point2::new(30.0 * at.x.atan2(up), along)
 }
 
-/// [`shapes::cone`]: apex at y = −60, half angle 0.3 rad about y.
+/// [`shapes::cone`]: apex at y = −60, half angle 0.3 rad, axis y.
 fn unrolled_cone(at: Point3<f64>) -> Point2<f64> {
     let from_apex = at + Vector3::y() * 60.0;
     let angle = at.x.atan2(at.z) * 0.3f64.sin();
@@ -61,7 +61,7 @@ const PARTS: [Part; 6] = [
     Part { name: "saddle", height: shapes::saddle, unrolled: None },
 ];
 
-/// A side of the part that faces the laser, and how a point of its view stands in the part's file.
+/// A side of the part that faces the laser, and the map from a point of its view to the part's file.
 struct Side {
     facing: &'static str,
     in_file: fn(Point3<f64>) -> Point3<f64>,
@@ -103,12 +103,12 @@ impl Part {
     }
 }
 
-/// A station: where its field's zero lies, its lens, and where the part stands.
+/// A station: the origin of its field, its lens, and the position of the part.
 struct Station {
     origin: &'static str,
-    /// Lens distances; none for a telecentric lens.
+    /// Lens distances; `None` for a telecentric lens.
     lens: Option<[f64; 2]>,
-    /// As the settings give it; otherwise the middle of the field of 200 × 160 mm.
+    /// The axis in the settings; by default the centre of the field of 200 × 160 mm.
     axis: Option<[f64; 2]>,
     fixture: [f64; 3],
     rotation_deg: f64,
@@ -181,7 +181,7 @@ impl Station {
         self.axis.unwrap_or(middle).into()
     }
 
-    /// The turn of the fixture.
+    /// The rotation of the fixture.
     fn spin(&self) -> Rotation3<f64> {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.rotation_deg.to_radians())
     }
@@ -191,7 +191,7 @@ impl Station {
         self.spin().inverse() * (field - Vector3::from(self.fixture))
     }
 
-    /// Where the beam that meets a point of the view passes the field, by similar triangles.
+    /// The point of the field that the beam to a point of the view passes, by similar triangles.
     fn aim(&self, view: Point3<f64>) -> Point2<f64> {
         let at = self.spin() * view + Vector3::from(self.fixture);
         let Some([x, y]) = self.lens else { return at.xy() };
@@ -199,8 +199,8 @@ impl Station {
         Point2::new(axis.x + (at.x - axis.x) * x / (x - at.z), axis.y + (at.y - axis.y) * y / (y - at.z))
     }
 
-    /// The point at height `z` of the beam that passes `aim` where z is 0: it crosses the axis of each mirror at that
-    /// mirror's distance.
+    /// The point at height `z` of the beam that passes `aim` at z = 0: it crosses the axis of each mirror at the
+    /// distance of that mirror.
     fn beam(&self, aim: Point2<f64>, z: f64) -> Point3<f64> {
         let Some([x, y]) = self.lens else { return Point3::new(aim.x, aim.y, z) };
         let axis = self.axis();
@@ -212,7 +212,8 @@ impl Station {
         (self.beam(aim, -1.0) - self.beam(aim, 1.0)).normalize()
     }
 
-    /// Where the beam through `aim` meets the part, in the view: by bisection between heights above and below it.
+    /// The point of the part that the beam through `aim` meets, in the view: by bisection between heights above and
+    /// below.
     fn cast(&self, aim: Point2<f64>, part: &Part) -> Point3<f64> {
         let (mut above, mut below) = (70.0, -50.0);
         for _ in 0..80 {
@@ -224,7 +225,7 @@ impl Station {
     }
 }
 
-/// Crossing lines of three lengths, off the middle and not along the axes alone.
+/// Crossing lines of three lengths, not centred and not all parallel to the axes.
 const LINES: [[[f64; 2]; 2]; 6] = [
     [[-10.0, -4.0], [10.0, -4.0]],
     [[-10.0, 5.0], [10.0, 5.0]],
@@ -264,8 +265,8 @@ fn distance_to(line: &[Point2<f64>], at: Point2<f64>) -> f64 {
     line.windows(2).map(to_piece).fold(f64::INFINITY, f64::min)
 }
 
-/// Every station with every part, sides in turn, after the job's files were written: the desk, what to say of it, and the
-/// paths of part, station and drawing.
+/// Calls `judge` for every station with every part, with alternating sides, after the files of the job are written. It
+/// gets the desk, a name for messages, part and station, and the file name of the part.
 fn each_job(mut judge: impl FnMut(&Desk, &str, &Part, &Station, &str)) {
     let desk = Desk::new();
     desk.write("drawing.dxf", drawing());
@@ -285,26 +286,26 @@ fn each_job(mut judge: impl FnMut(&Desk, &str, &Part, &Station, &str)) {
 const OPTIONS: &str = "--station station.toml";
 
 #[test]
-fn the_beam_meets_every_projected_vertex_whatever_the_lens_and_the_fixture() {
-    each_job(|desk, said, part, station, file| {
+fn the_beam_meets_every_projected_vertex_with_any_lens_and_fixture() {
+    each_job(|desk, case, part, station, file| {
         let options = format!("{OPTIONS} --method none --vertices keep");
         let report = desk.correct(file, "drawing.dxf", &options);
         let marked = delivered(&desk.read("out.dxf"));
-        assert_eq!(marked.len(), LINES.len(), "{said}");
+        assert_eq!(marked.len(), LINES.len(), "{case}");
         let mut steepest = 0.0f64;
         for (line, drawn) in marked.iter().zip(LINES) {
-            assert_eq!(line.len(), 2, "{said}");
+            assert_eq!(line.len(), 2, "{case}");
             for (aim, drawn) in line.iter().zip(drawn) {
                 let landing = station.cast(*aim, part);
                 let miss = (landing.xy() - Point2::from(drawn)).norm();
-                assert!(miss <= AT_VERTICES, "{said}: {miss} mm off {drawn:?}");
+                assert!(miss <= AT_VERTICES, "{case}: {miss} mm off {drawn:?}");
                 let normal = station.spin() * part.normal(landing.x, landing.y);
                 steepest = steepest.max(normal.dot(&-station.direction(*aim)).acos());
             }
         }
-        // Between their ends the lines may be met more steeply, never less.
+        // Between their ends the lines may have larger incidence angles, so the reported one is at least as large.
         let reported = number(&report, "/exposure/incidence_deg");
-        assert!(reported > steepest.to_degrees() - 0.02, "{said}: {reported} for {}", steepest.to_degrees());
+        assert!(reported > steepest.to_degrees() - 0.02, "{case}: {reported} for {}", steepest.to_degrees());
         if part.name.contains("plane") || part.name == "plate" {
             assert_near(&[reported], &[steepest.to_degrees()], 0.02);
         }
@@ -312,8 +313,8 @@ fn the_beam_meets_every_projected_vertex_whatever_the_lens_and_the_fixture() {
 }
 
 #[test]
-fn chords_keep_to_the_true_image_within_their_tolerance() {
-    each_job(|desk, said, part, station, file| {
+fn chords_stay_within_their_tolerance_of_the_true_image() {
+    each_job(|desk, case, part, station, file| {
         desk.correct(file, "drawing.dxf", &format!("{OPTIONS} --method none --tolerance {TOLERANCE}"));
         for (chords, [from, to]) in delivered(&desk.read("out.dxf")).iter().zip(LINES) {
             let [from, to] = [from, to].map(Point2::from);
@@ -327,15 +328,15 @@ fn chords_keep_to_the_true_image_within_their_tolerance() {
             let to_chords = image.iter().map(|at| distance_to(chords, *at));
             let to_image = chords.windows(2).flat_map(along).map(|at| distance_to(&image, at));
             let miss = to_chords.chain(to_image).fold(0.0, f64::max);
-            // What the surface itself is off by comes on top.
-            assert!(miss <= TOLERANCE + 2e-4, "{said}: {miss} mm");
+            // The error of the fitted surface is added to the tolerance.
+            assert!(miss <= TOLERANCE + 2e-4, "{case}: {miss} mm");
         }
     });
 }
 
 #[test]
-fn developable_parts_carry_true_lengths_under_the_simulated_laser() {
-    each_job(|desk, said, part, station, file| {
+fn developable_parts_get_true_lengths_under_the_simulated_laser() {
+    each_job(|desk, case, part, station, file| {
         let Some(unrolled) = part.unrolled else { return };
         desk.correct(file, "drawing.dxf", &format!("{OPTIONS} --vertices keep"));
         let marked = delivered(&desk.read("out.dxf"));
@@ -343,15 +344,15 @@ fn developable_parts_carry_true_lengths_under_the_simulated_laser() {
         let drawn: Vec<_> = LINES.iter().flatten().map(|at| Point2::from(*at)).collect();
         for (i, j) in (0..drawn.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let miss = (on_part[i] - on_part[j]).norm() - (drawn[i] - drawn[j]).norm();
-            assert!(miss.abs() <= AT_VERTICES, "{said}: {miss} mm from {:?} to {:?}", drawn[i], drawn[j]);
+            assert!(miss.abs() <= AT_VERTICES, "{case}: {miss} mm from {:?} to {:?}", drawn[i], drawn[j]);
         }
     });
 }
 
 #[test]
-fn the_lens_moves_no_mark_on_parts_curved_both_ways() {
+fn the_lens_does_not_move_marks_on_doubly_curved_parts() {
     let plain = Station { origin: "center", lens: None, axis: None, fixture: [0.0; 3], rotation_deg: 0.0 };
-    each_job(|desk, said, part, station, file| {
+    each_job(|desk, case, part, station, file| {
         if part.unrolled.is_some() {
             return;
         }
@@ -363,7 +364,7 @@ fn the_lens_moves_no_mark_on_parts_curved_both_ways() {
         desk.correct(file, "drawing.dxf", &options);
         for (aim, view) in marked.iter().flatten().zip(delivered(&desk.read("out.dxf")).iter().flatten()) {
             let miss = (station.cast(*aim, part) - part.point(*view)).norm();
-            assert!(miss <= AT_VERTICES, "{said}: {miss} mm off");
+            assert!(miss <= AT_VERTICES, "{case}: {miss} mm off");
         }
     });
 }

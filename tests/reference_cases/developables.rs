@@ -1,4 +1,4 @@
-//! Surfaces that can be unrolled: there every length can be kept, and every method must do so.
+//! Developable surfaces: all lengths can be kept, and every method must keep them.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ fn cylinder(x: f64, _y: f64) -> f64 {
     (900.0 - x * x).max(0.0).sqrt()
 }
 
-/// The axis points 30° off y.
+/// The axis is rotated by 30° from y.
 fn turned_cylinder(x: f64, y: f64) -> f64 {
     let (sin, cos) = 30f64.to_radians().sin_cos();
     cylinder(x * cos + y * sin, 0.0)
@@ -29,7 +29,7 @@ fn cone(x: f64, y: f64) -> f64 {
     (radius * radius - x * x).max(0.0).sqrt()
 }
 
-/// Waves of 25 mm and ±1.5 mm, running 20° off x: radii down to 10.6 mm.
+/// Waves of 25 mm length and ±1.5 mm height, 20° from x: radii of curvature down to 10.6 mm.
 fn waves(x: f64, y: f64) -> f64 {
     let (sin, cos) = 20f64.to_radians().sin_cos();
     1.5 * (TAU / 25.0 * (x * cos + y * sin)).sin()
@@ -44,7 +44,7 @@ const CONE: Case = case("cone", cone, [0.0, 0.0]);
 const WAVES: Case = case("waves", waves, [0.0, 0.0]);
 
 #[test]
-fn general_maps_keep_every_length_of_what_can_be_unrolled() {
+fn general_maps_keep_all_lengths_on_developable_surfaces() {
     for case in CYLINDERS.into_iter().chain([CONE, WAVES]) {
         let surface = case.surface(28.5);
         for (name, drawing) in [("letters", letters()), ("square", square())] {
@@ -60,7 +60,7 @@ fn general_maps_keep_every_length_of_what_can_be_unrolled() {
 }
 
 #[test]
-fn exact_maps_keep_them_five_times_as_well() {
+fn exact_maps_keep_lengths_five_times_as_well() {
     let methods = CYLINDERS.map(|case| (case, Method::Cylinder)).into_iter().chain([(CONE, Method::Cone)]);
     for (case, method) in methods {
         let found = case.judged(&case.surface(28.5), &letters(), &method);

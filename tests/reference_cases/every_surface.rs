@@ -12,7 +12,7 @@ const BUMPS: Case = case("bumps", shapes::bumps, [0.0, 0.0]);
 const TORUS: Case = case("torus", shapes::torus, [0.0, 0.0]);
 const ELLIPSOID: Case = case("ellipsoid", shapes::ellipsoid, [0.0, 0.0]);
 
-/// A drawing with the size of its box, mm.
+/// A named drawing.
 struct Drawing {
     name: &'static str,
     pattern: Pattern,
@@ -26,28 +26,37 @@ fn drawings() -> [([f64; 2], [Drawing; 2]); 2] {
     ]
 }
 
-fn holds(case: Case) {
+fn check(case: Case) {
     let surface = case.surface(28.5);
     for ([width, height], drawings) in drawings() {
         let net = Net::relaxed(case.height, case.place, width, height);
         for Drawing { name, pattern } in drawings {
-            let even = case.judged(&surface, &pattern, &UNIFORM);
+            let uniform = case.judged(&surface, &pattern, &UNIFORM);
             let inked = case.judged(&surface, &pattern, &INK);
-            even.print(case.name, name, "uniform");
+            uniform.print(case.name, name, "uniform");
             inked.print(case.name, name, "ink");
-            let slow = case.measured(&case.placed(&pattern), |at| net.point(at));
-            let within = |found: f64, slow: f64| (found - slow).abs() <= 0.05 * slow;
-            assert!(within(even.length_error(), slow.length_error), "{name}: {even:?}, slowly {slow:?}");
-            assert!(within(even.area_error(), slow.area_error), "{name}: {even:?}, slowly {slow:?}");
-            assert!(even.angle() <= 1.05 * slow.max_angle_error.to_degrees(), "{name}: {even:?}, {slow:?}");
+            let springs = case.measured(&case.placed(&pattern), |at| net.point(at));
+            let within = |found: f64, springs: f64| (found - springs).abs() <= 0.05 * springs;
+            assert!(
+                within(uniform.length_error(), springs.length_error),
+                "{name}: {uniform:?}, springs {springs:?}"
+            );
+            assert!(
+                within(uniform.area_error(), springs.area_error),
+                "{name}: {uniform:?}, springs {springs:?}"
+            );
+            assert!(
+                uniform.angle() <= 1.05 * springs.max_angle_error.to_degrees(),
+                "{name}: {uniform:?}, springs {springs:?}"
+            );
 
-            assert!(inked.length_error() < even.length_error(), "{name}: {inked:?}, evenly {even:?}");
+            assert!(inked.length_error() < uniform.length_error(), "{name}: {inked:?}, uniform {uniform:?}");
             assert!(
                 pattern.paths.iter().all(|path| !path.shape.is_closed())
-                    || inked.area_error() < even.area_error()
+                    || inked.area_error() < uniform.area_error()
             );
-            assert!(inked.angle() <= even.angle() + 0.1, "{name}: {inked:?}, evenly {even:?}");
-            for found in [even.isometric(), inked.isometric()] {
+            assert!(inked.angle() <= uniform.angle() + 0.1, "{name}: {inked:?}, uniform {uniform:?}");
+            for found in [uniform.isometric(), inked.isometric()] {
                 assert!(found.settled && found.iterations.len() <= 6, "{name}: {:?}", found.iterations);
             }
         }
@@ -56,35 +65,35 @@ fn holds(case: Case) {
 
 #[test]
 fn sphere() {
-    holds(SPHERE);
+    check(SPHERE);
 }
 
 #[test]
 fn mandarin() {
-    holds(MANDARIN);
+    check(MANDARIN);
 }
 
 #[test]
 fn mouse() {
-    holds(MOUSE);
+    check(MOUSE);
 }
 
 #[test]
 fn saddle() {
-    holds(SADDLE);
+    check(SADDLE);
 }
 
 #[test]
 fn bumps() {
-    holds(BUMPS);
+    check(BUMPS);
 }
 
 #[test]
 fn torus() {
-    holds(TORUS);
+    check(TORUS);
 }
 
 #[test]
 fn ellipsoid() {
-    holds(ELLIPSOID);
+    check(ELLIPSOID);
 }

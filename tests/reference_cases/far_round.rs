@@ -1,4 +1,4 @@
-//! Drawings that reach far round the part: up to slopes of 60°, and beyond what can be marked.
+//! Drawings that extend far round the part: up to slopes of 60°, and beyond the region that can be marked.
 
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricError;
@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Point3, Vector2};
 use super::drawings::{disc, grid, letters};
 use super::{CYLINDER, Case, INK, MANDARIN, MOUSE, SPHERE, UNIFORM, case, fitted};
 
-/// A tube of 40 mm along y from 85° on the left to 85° on the right, edges of 0.75 mm, radius 30 mm.
+/// A tube along y, 40 mm long, from −85° to 85°, with edges of 0.75 mm and a radius of 30 mm.
 fn tube() -> TriMesh {
     let (columns, rows) = (119, 54);
     let node = |index: u32| {
@@ -41,7 +41,7 @@ fn disc_of(width: f64) -> Pattern {
 
 #[test]
 fn lines_wrap_120_degrees_of_a_cylinder_by_every_method() {
-    // 1.3 m of lines; 0.002 mm of the error belong to the pieces of 0.25 mm, which are chords.
+    // 1.3 m of lines; 0.002 mm of the error is due to the pieces of 0.25 mm, which are chords.
     let surface = fitted(&tube());
     for (name, method) in [("uniform", UNIFORM), ("ink", INK), ("exact", Method::Cylinder)] {
         let found = CYLINDER.judged(&surface, &grid(62.4, 13.0), &method);
@@ -51,17 +51,17 @@ fn lines_wrap_120_degrees_of_a_cylinder_by_every_method() {
 }
 
 #[test]
-fn a_sphere_is_the_same_everywhere_up_to_slopes_of_60_degrees() {
+fn results_on_a_sphere_are_the_same_everywhere_up_to_slopes_of_60_degrees() {
     let surface = SPHERE.surface(29.5);
     for method in [UNIFORM, INK] {
         let middle = SPHERE.judged(&surface, &letters(), &method);
-        // At x = 12 mm the last letter ends where the slope is 61°. The box round the letters stays the same.
+        // At x = 12 mm the last letter ends where the slope is 61°. The bounding box of the letters does not change.
         for (place, degrees) in
             [([12.0, 0.0], 0.0), ([0.0, -15.0], 0.0), ([-9.0, 7.0], 180.0), ([0.0, 10.0], 90.0)]
         {
             let found =
                 case("sphere", shapes::sphere, place).judged(&surface, &turned(&letters(), degrees), &method);
-            // The cells of the search and of the surface lie elsewhere under the letters.
+            // The cells of the map and of the surface are at other places under the letters.
             let near = |found: f64, middle: f64| (found / middle - 1.0).abs() < 0.05;
             assert!(near(found.length_error(), middle.length_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.area_error(), middle.area_error()), "{place:?}: {found:?}, {middle:?}");
@@ -72,17 +72,17 @@ fn a_sphere_is_the_same_everywhere_up_to_slopes_of_60_degrees() {
 }
 
 #[test]
-fn six_steps_suffice_wherever_the_search_starts() {
+fn six_steps_are_enough_at_any_place_and_rotation() {
     let saddle = case("saddle", shapes::saddle, [0.0, 0.0]);
     let bumps = case("bumps", shapes::bumps, [0.0, 0.0]);
     for Case { name, height, place: [x, y] } in [MANDARIN, MOUSE, saddle, bumps] {
         let surface = case(name, height, [x, y]).surface(31.0);
         for ([right, up], degrees) in [([4.0, -3.0], 0.0), ([-2.0, 1.0], 37.0), ([3.0, -2.0], -70.0)] {
             let here = case(name, height, [x + right, y + up]);
-            let even = here.judged(&surface, &turned(&letters(), degrees), &UNIFORM);
+            let uniform = here.judged(&surface, &turned(&letters(), degrees), &UNIFORM);
             let inked = here.judged(&surface, &turned(&letters(), degrees), &INK);
-            assert!(inked.length_error() < even.length_error(), "{name}: {inked:?}, evenly {even:?}");
-            for found in [&even, &inked] {
+            assert!(inked.length_error() < uniform.length_error(), "{name}: {inked:?}, uniform {uniform:?}");
+            for found in [&uniform, &inked] {
                 let map = found.isometric();
                 assert!(map.settled && map.iterations.len() <= 6, "{name} {degrees}°: {:?}", map.iterations);
             }
@@ -91,25 +91,25 @@ fn six_steps_suffice_wherever_the_search_starts() {
 }
 
 #[test]
-fn a_disc_may_cover_most_of_what_the_laser_sees_of_a_mandarin() {
+fn a_disc_can_cover_most_of_the_visible_side_of_a_mandarin() {
     let surface = MANDARIN.surface(29.5);
     for width in [40.0, 48.0, 54.0] {
-        let even = MANDARIN.judged(&surface, &disc_of(width), &UNIFORM);
+        let uniform = MANDARIN.judged(&surface, &disc_of(width), &UNIFORM);
         let inked = MANDARIN.judged(&surface, &disc_of(width), &INK);
         let plain = MANDARIN.judged(&surface, &disc_of(width), &Method::Plain);
-        for (found, name) in [(&even, "uniform"), (&inked, "ink")] {
+        for (found, name) in [(&uniform, "uniform"), (&inked, "ink")] {
             found.print("mandarin", &format!("disc {width}"), name);
             let map = found.isometric();
             assert!(map.settled && map.iterations.len() <= 6, "{width}: {:?}", map.iterations);
         }
-        assert!(inked.length_error() < even.length_error(), "{width}: {inked:?}, evenly {even:?}");
-        assert!(inked.area_error() < 0.8 * even.area_error(), "{width}: {inked:?}, evenly {even:?}");
-        assert!(even.area_error() < 0.5 * plain.area_error(), "{width}: {even:?}, plainly {plain:?}");
+        assert!(inked.length_error() < uniform.length_error(), "{width}: {inked:?}, uniform {uniform:?}");
+        assert!(inked.area_error() < 0.8 * uniform.area_error(), "{width}: {inked:?}, uniform {uniform:?}");
+        assert!(uniform.area_error() < 0.5 * plain.area_error(), "{width}: {uniform:?}, plain {plain:?}");
     }
 }
 
 #[test]
-fn what_reaches_beyond_the_horizon_is_refused_with_the_place() {
+fn a_drawing_beyond_the_horizon_is_rejected_with_the_place() {
     for (case, drawing) in
         [(MANDARIN, grid(78.0, 26.0)), (SPHERE, grid(117.0, 13.0)), (SPHERE, disc_of(90.0))]
     {
@@ -118,7 +118,7 @@ fn what_reaches_beyond_the_horizon_is_refused_with_the_place() {
             let placed = case.placed(&drawing);
             let found = LengthTrueMap::find(&surface, &placed, |_| true, case.anchor(), &method);
             match found {
-                // Where the continued surface beyond the rim lets the search end, the measuring finds no part there.
+                // If the search converges on the extrapolated surface beyond the rim, the measurement finds no part.
                 Ok(map) => {
                     let ink = Ink::sample(&placed, |_| true, quality::PIECE, quality::SQUARE);
                     let off = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at));

@@ -1,12 +1,12 @@
-//! The maps against the reference cases: surfaces with a formula, judged on the formula and not on our fit.
+//! The maps on the reference cases: surfaces given by formulas. Results are measured on the formula, not on our fit.
 //!
-//! The figures to reach come from independent computations (numpy, libigl, CGAL) on the same cases: letters of
-//! 39 × 13 mm, meshes with edges of 0.75 mm without normals, e_l over pieces of at most 0.25 mm, e_a over squares of
-//! 0.2 mm, the largest angular distortion over both. `cargo test --test reference_cases -- --nocapture --test-threads 1`
-//! prints the table of all of them.
+//! The reference values come from independent computations (numpy, libigl, CGAL) on the same cases: letters of 39 ×
+//! 13 mm, meshes with edges of 0.75 mm without normals, e_l over pieces of at most 0.25 mm, e_a over squares of 0.2
+//! mm, the largest angular distortion over both. `cargo test --test reference_cases -- --nocapture --test-threads 1`
+//! prints the table of all results.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
-#![allow(clippy::print_stdout, reason = "the table of the figures")]
+#![allow(clippy::print_stdout, reason = "prints the table of results")]
 
 mod developables;
 mod drawings;
@@ -65,7 +65,7 @@ impl Case {
         drawing.transformed(&Affine::rigid(FlatPoint::new(0.0, 0.0), 0.0, self.anchor()))
     }
 
-    /// The figures of a drawing on the true surface, and the map.
+    /// The results for a drawing on the true surface, and the map.
     fn judged(&self, surface: &FittedSurface, drawing: &Pattern, method: &Method) -> Judged {
         let placed = self.placed(drawing);
         let map = LengthTrueMap::find(surface, &placed, |_| true, self.anchor(), method).unwrap();
@@ -75,7 +75,7 @@ impl Case {
         Judged { figures, over_squares, map }
     }
 
-    /// The figures of any map of the placed drawing.
+    /// The results for any map of the placed drawing.
     fn measured(&self, placed: &Pattern, map: impl Fn(FlatPoint) -> ViewPoint) -> Distortion {
         self.measure(&fine_ink(placed), map)
     }
@@ -95,13 +95,13 @@ fn fine_ink(placed: &Pattern) -> Ink {
 
 struct Judged {
     figures: Distortion,
-    /// The largest angle error over the inked squares alone, which is what the reference rows tell, degrees.
+    /// The largest angle error over only the inked squares, as in the reference values, degrees.
     over_squares: f64,
     map: LengthTrueMap,
 }
 
 impl std::fmt::Debug for Judged {
-    /// The figures without the hundreds of control points.
+    /// The results without the hundreds of control points.
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let steps = match &self.map {
             LengthTrueMap::Isometric(map) => map.iterations.clone(),
@@ -145,13 +145,13 @@ impl Judged {
     }
 }
 
-/// The letters on a case, from a mesh that ends where the surface gets steep.
+/// The letters on a case, with a mesh that ends where the surface becomes steep.
 fn letters_on(case: Case, method: &Method) -> Judged {
     case.judged(&case.surface(28.5), &letters(), method)
 }
 
 #[test]
-fn the_yardstick_measures_plain_projection_as_the_reference_does() {
+fn the_measurement_of_plain_projection_matches_the_reference() {
     // e_l, e_a and angle of the uncorrected letters.
     for (case, [length, area, angle]) in
         [(SPHERE, [9.03, 13.3, f64::NAN]), (MANDARIN, [5.45, 8.21, 12.5]), (MOUSE, [6.83, 10.0, 17.2])]
@@ -164,7 +164,7 @@ fn the_yardstick_measures_plain_projection_as_the_reference_does() {
 }
 
 #[test]
-fn uniform_weighting_reaches_the_floor_within_five_percent() {
+fn uniform_weighting_reaches_the_reference_within_five_percent() {
     for (case, [length, area, angle]) in
         [(SPHERE, [0.56, 0.40, 1.05]), (MANDARIN, [0.35, 0.24, 0.66]), (MOUSE, [0.111, 0.079, 0.20])]
     {
@@ -176,9 +176,9 @@ fn uniform_weighting_reaches_the_floor_within_five_percent() {
 }
 
 #[test]
-fn ink_weighting_beats_every_known_figure_in_lengths_areas_and_angles_together() {
-    // For each case first the best map of an ink weighted fit with cells of 2 mm and shape weight 1, then LSCM, ARAP and
-    // SLIM on the pattern's neighbourhood, whose angles are not known on the sphere: e_l, e_a, angle over squares.
+fn ink_weighting_beats_all_known_results_in_lengths_areas_and_angles() {
+    // For each case, the best map of an ink-weighted fit with cells of 2 mm and shape weight 1, then LSCM, ARAP and
+    // SLIM on the pattern's neighbourhood (their angles on the sphere are not known): e_l, e_a, angle over squares.
     const UNKNOWN: f64 = f64::INFINITY;
     let rows = [
         (SPHERE, [[0.198, 0.065, 0.79], [1.21, 1.59, UNKNOWN], [0.70, 1.29, UNKNOWN], [0.69, 1.25, UNKNOWN]]),
@@ -190,28 +190,28 @@ fn ink_weighting_beats_every_known_figure_in_lengths_areas_and_angles_together()
         for [length, area, angle] in rows {
             assert!(found.length_error() < 0.75 * length, "{found:?}");
             assert!(found.area_error() < 0.5 * area, "{found:?}");
-            // The angle along the lines is not in those figures; here it counts.
+            // The reference values do not include the angle along the lines; here it is included.
             assert!(found.angle() < 0.7 * angle && found.over_squares < 0.7 * angle, "{found:?}");
         }
         let image = found.map.point(case.anchor()).coords();
-        assert!((image - case.anchor().coords()).norm() < 1e-6, "the anchor stays");
+        assert!((image - case.anchor().coords()).norm() < 1e-6, "the anchor keeps its place");
         assert!(found.isometric().settled && found.isometric().iterations.len() <= 6);
     }
 }
 
 #[test]
-fn extra_weights_make_lengths_or_angles_truer_and_never_shear_more_than_the_even_map() {
+fn extra_weights_improve_lengths_or_angles_and_shear_no_more_than_uniform() {
     for case in [SPHERE, MANDARIN, MOUSE] {
         let emphasised = |lengths, angles| {
             letters_on(case, &Method::Isometric(IsometricOptions::INK.emphasised(lengths, angles)))
         };
-        let (plain, even) = (letters_on(case, &INK), letters_on(case, &UNIFORM));
-        let (longer, squarer) = (emphasised(10.0, 1.0), emphasised(1.0, 10.0));
-        assert!(longer.length_error() < 0.6 * plain.length_error(), "{longer:?}");
-        assert!(squarer.over_squares < 0.8 * plain.over_squares, "{squarer:?}");
-        for found in [longer, squarer, emphasised(0.1, 1.0), emphasised(1.0, 0.1), emphasised(10.0, 0.1)] {
-            assert!(found.over_squares < even.over_squares + 0.1, "{found:?}");
-            assert!(found.length_error() < even.length_error(), "{found:?}");
+        let (ink, uniform) = (letters_on(case, &INK), letters_on(case, &UNIFORM));
+        let (lengths, angles) = (emphasised(10.0, 1.0), emphasised(1.0, 10.0));
+        assert!(lengths.length_error() < 0.6 * ink.length_error(), "{lengths:?}");
+        assert!(angles.over_squares < 0.8 * ink.over_squares, "{angles:?}");
+        for found in [lengths, angles, emphasised(0.1, 1.0), emphasised(1.0, 0.1), emphasised(10.0, 0.1)] {
+            assert!(found.over_squares < uniform.over_squares + 0.1, "{found:?}");
+            assert!(found.length_error() < uniform.length_error(), "{found:?}");
             assert!(found.isometric().settled && found.isometric().iterations.len() <= 6, "{found:?}");
         }
     }
@@ -226,7 +226,7 @@ fn on_a_cylinder_the_exact_map_is_chosen_and_is_exact() {
 
 #[test]
 fn on_a_cone_the_exact_map_is_chosen_and_is_exact() {
-    // 39 mm of letters on a radius of 19 mm reach 58° round it; the mesh ends a little beyond.
+    // Letters of 39 mm on a radius of 19 mm extend to ±58°; the mesh ends a little beyond.
     let found = letters_on(CONE, &AUTOMATIC);
     let LengthTrueMap::Cone(map, _) = &found.map else { panic!("a cone") };
     assert!((map.cone.half_angle - 0.3).abs() < 1e-4, "{:?}", map.cone);
@@ -234,7 +234,7 @@ fn on_a_cone_the_exact_map_is_chosen_and_is_exact() {
 }
 
 #[test]
-fn free_forms_are_not_taken_for_cylinders() {
+fn free_forms_are_not_treated_as_cylinders() {
     for case in [SPHERE, MANDARIN, MOUSE] {
         assert!(matches!(letters_on(case, &AUTOMATIC).map, LengthTrueMap::Isometric(_)));
     }

@@ -1,22 +1,23 @@
-//! The even map by other means: a net of springs on the surface's formula, relaxed by Gauss–Newton with conjugate
-//! gradients. It shares no code with the program: no mesh, no fit, no spline, no sparse factorisation.
+//! The map with uniform weights, computed independently: a net of springs on the surface's formula, relaxed by the
+//! Gauss–Newton method with conjugate gradients. It shares no code with the program: no mesh, no fit, no spline, no
+//! sparse factorisation.
 
 use isomark::geometry::space::{FlatPoint, ViewPoint};
 use nalgebra::Vector2;
 
-/// Knots of the net are so far apart, mm.
+/// Distance between the knots of the net, mm.
 const PITCH: f64 = 0.5;
 
-/// A net of knots over a rectangle of the drawing; each mesh of the net is held by its sides and both diagonals.
+/// A net of knots over a rectangle of the drawing, with springs along the sides and both diagonals of each cell.
 pub(crate) struct Net {
     corner: Vector2<f64>,
     columns: usize,
     rows: usize,
-    /// Where the knots lie in the view, row by row.
+    /// Positions of the knots in the view, row by row.
     knots: Vec<Vector2<f64>>,
 }
 
-/// Two knots that want to keep their distance.
+/// A spring between two knots.
 struct Spring {
     ends: [usize; 2],
     length: f64,
@@ -24,11 +25,11 @@ struct Spring {
 }
 
 impl Net {
-    /// The net over `width` × `height` mm of the drawing round `place` whose springs are strained least in the mean
-    /// square: four directions alike. The middle stays at `place`, and there x stays x.
+    /// The net over `width` × `height` mm of the drawing about `place` with the smallest mean squared strain of its
+    /// springs, with four directions weighted equally. The middle stays at `place`, and the x direction is kept there.
     pub(crate) fn relaxed(height_at: fn(f64, f64) -> f64, place: [f64; 2], width: f64, height: f64) -> Self {
         let (columns, rows) = ((width / PITCH).round() as usize + 1, (height / PITCH).round() as usize + 1);
-        assert!(columns % 2 == 1 && rows % 2 == 1, "a knot lies in the middle");
+        assert!(columns % 2 == 1 && rows % 2 == 1, "a knot must be in the middle");
         let place = Vector2::from(place);
         let corner = place - Vector2::new(width, height) / 2.0;
         let knot =
@@ -49,9 +50,9 @@ impl Net {
                 }
                 let reached = net.energy(height_at, &springs);
                 if reached < energy || fraction < 1e-3 {
-                    let settled = energy - reached < 1e-7 * energy;
+                    let has_converged = energy - reached < 1e-7 * energy;
                     energy = reached;
-                    if settled {
+                    if has_converged {
                         return net;
                     }
                     break;
@@ -59,7 +60,7 @@ impl Net {
                 fraction /= 2.0;
             }
         }
-        panic!("the net did not settle")
+        panic!("the net did not converge")
     }
 
     fn springs(&self) -> Vec<Spring> {
@@ -69,7 +70,7 @@ impl Net {
         for row in 0..self.rows {
             for column in 0..self.columns {
                 let (right, up) = (column + 1 < self.columns, row + 1 < self.rows);
-                // A side belongs to two meshes of the net, at the border to one.
+                // A side belongs to two cells, at the border to one.
                 if right {
                     let weight = if row == 0 || !up { 0.5 } else { 1.0 };
                     springs.push(Spring {
@@ -102,7 +103,7 @@ impl Net {
     fn strain(&self, height_at: fn(f64, f64) -> f64, spring: &Spring, ends: [Vector2<f64>; 2]) -> f64 {
         let lifted = |at: Vector2<f64>| at.push(height_at(at.x, at.y));
         let (from, to, middle) = (lifted(ends[0]), lifted(ends[1]), lifted((ends[0] + ends[1]) / 2.0));
-        // One chord and two give the arc to fourth order (Richardson).
+        // One chord and two half chords give the arc length to fourth order (Richardson extrapolation).
         let (one, two) = ((to - from).norm(), (middle - from).norm() + (to - middle).norm());
         (4.0 * two - one) / 3.0 / spring.length - 1.0
     }
@@ -112,7 +113,7 @@ impl Net {
         springs.iter().map(|spring| spring.weight * strain(spring).powi(2)).sum()
     }
 
-    /// For every spring the derivatives of its weighted strain by both ends, from differences, and that strain.
+    /// For every spring, the derivatives of its weighted strain by both ends (finite differences), and that strain.
     fn linearised(
         &self,
         height_at: fn(f64, f64) -> f64,
@@ -152,7 +153,7 @@ impl Net {
     }
 }
 
-/// Lagrange's cubic through four neighbouring knots: the first of them and their shares.
+/// Cubic Lagrange interpolation between four neighbouring knots: the first of them and their shares.
 fn cubic(place: f64, count: usize) -> (usize, [f64; 4]) {
     let first = (place.floor() as isize - 1).clamp(0, count as isize - 4) as usize;
     let t = place - first as f64;
@@ -165,7 +166,7 @@ fn cubic(place: f64, count: usize) -> (usize, [f64; 4]) {
     (first, shares)
 }
 
-/// The shifts x that minimise |A x + residuals|², with the middle knot held and its neighbours to the left and right held
+/// The shifts x that minimise |A x + residuals|², with the middle knot fixed and its left and right neighbours kept
 /// level: conjugate gradients on the normal equations, preconditioned by their diagonal.
 fn conjugate_gradients(
     springs: &[Spring],
@@ -174,7 +175,7 @@ fn conjugate_gradients(
     knots: usize,
     middle: usize,
 ) -> Vec<Vector2<f64>> {
-    // Held unknowns are left out by zeroing their part of every vector; both neighbours move by the mean of theirs.
+    // Fixed unknowns are removed by zeroing their components in every vector; both neighbours get the mean of theirs.
     let hold = |vector: &mut Vec<Vector2<f64>>| {
         vector[middle] = Vector2::zeros();
         let level = (vector[middle - 1].y + vector[middle + 1].y) / 2.0;

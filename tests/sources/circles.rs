@@ -1,13 +1,13 @@
-//! Circles: files of the crate that import each other, straight or through others.
+//! Circles: files of the crate that import each other, directly or through others.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Kind, Named, paths, without_comments_and_texts, without_tests};
 
-/// Names that lead through more modules than this are taken for names of other crates.
-const LONGEST_WAY: usize = 16;
+/// Names that lead through more modules than this are treated as names of other crates.
+const MAX_STEPS: usize = 16;
 
-/// The modules of a crate, with the paths that each names.
+/// The modules of a crate, with the paths that each one uses.
 #[derive(Default)]
 pub struct Modules {
     /// By their steps from the root of the crate.
@@ -17,18 +17,18 @@ pub struct Modules {
 struct Module {
     file: String,
     paths: Vec<Named>,
-    /// What `use` brings into it, by the name that it has there.
+    /// What `use` imports into it, by its local name.
     names: BTreeMap<String, Vec<String>>,
 }
 
-/// Files that import each other, sorted, with an arrow for each import: from, to, what is named.
+/// Files that import each other, sorted, with an arrow for each import: from, to, imported names.
 pub struct Circle {
     pub files: Vec<String>,
     pub arrows: Vec<(String, String, String)>,
 }
 
 impl Modules {
-    /// Adds a file, by its path below the crate, such as `src/formats/mod.rs`.
+    /// Adds a file, with its path in the crate, such as `src/formats/mod.rs`.
     pub fn add(&mut self, file: &str, source: &str) {
         let mut steps: Vec<String> =
             file.trim_start_matches("src/").trim_end_matches(".rs").split('/').map(str::to_owned).collect();
@@ -48,13 +48,13 @@ impl Modules {
         self.modules.insert(steps, module);
     }
 
-    /// Circles of two files or more, sorted. A file that only hands a name on imports nothing by that: whoever takes the name
-    /// from it imports from the file that defines it.
+    /// Circles of two or more files, sorted. A re-export is not an import: a file that uses the re-exported name
+    /// imports from the file that defines it.
     pub fn circles(&self) -> Vec<Circle> {
         let mut arrows: BTreeMap<&str, BTreeMap<&str, BTreeSet<&str>>> = BTreeMap::new();
         for (place, module) in &self.modules {
-            for path in module.paths.iter().filter(|path| path.kind != Kind::HandedOn) {
-                let Some(home) = self.home(place, &path.steps, LONGEST_WAY) else { continue };
+            for path in module.paths.iter().filter(|path| path.kind != Kind::ReExported) {
+                let Some(home) = self.home(place, &path.steps, MAX_STEPS) else { continue };
                 if home.file != module.file {
                     let name = path.steps.last().map_or("", String::as_str);
                     arrows.entry(&module.file).or_default().entry(&home.file).or_default().insert(name);
@@ -79,7 +79,7 @@ impl Modules {
                 .filter(|file| reached.get(*file).is_some_and(|back| back.contains(first)))
                 .map(|file| (*file).to_owned())
                 .collect();
-            if files.first().is_none_or(|least| least != first) {
+            if files.first().is_none_or(|smallest| smallest != first) {
                 continue;
             }
             let is_inside = |file: &str| files.iter().any(|known| known == file);
@@ -94,8 +94,8 @@ impl Modules {
         circles
     }
 
-    /// The module that defines what a path names, seen from the module at `place`; nothing for paths into other crates
-    /// and for those that name a module.
+    /// The module that defines the target of a path, as seen from the module at `place`; `None` for paths into other
+    /// crates and for paths to a module.
     fn home(&self, place: &[String], path: &[String], steps_left: usize) -> Option<&Module> {
         let steps_left = steps_left.checked_sub(1)?;
         let first = path.first()?;
@@ -104,13 +104,17 @@ impl Modules {
             "self" => (place.to_vec(), &path[1..]),
             "super" => (place[..place.len().checked_sub(1)?].to_vec(), &path[1..]),
             _ if self.modules.contains_key(&join(place, first)) => (join(place, first), &path[1..]),
-            // What is brought in from a module has its own way.
+            // An imported name is resolved through its import.
             _ => {
                 let target = self.modules.get(place)?.names.get(first)?;
-                // `use toml` brings in what it names itself.
-                let leads_on = target.len() > 1 || target.first() != Some(first);
-                let way = [target, &path[1..]].concat();
-                return if leads_on && way != path { self.home(place, &way, steps_left) } else { None };
+                // `use toml` imports a crate under its own name.
+                let is_path = target.len() > 1 || target.first() != Some(first);
+                let resolved = [target, &path[1..]].concat();
+                return if is_path && resolved != path {
+                    self.home(place, &resolved, steps_left)
+                } else {
+                    None
+                };
             }
         };
         while let Some(step) = rest.first() {

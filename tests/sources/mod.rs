@@ -1,4 +1,4 @@
-//! The sources as text: what is left of a file without comments, texts and tests, and the paths that it names.
+//! The sources as text: a file without comments, string literals and tests, and the paths that it uses.
 
 #![allow(unreachable_pub, reason = "a module of tests")]
 
@@ -20,7 +20,7 @@ pub fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The source with blanks for comments, texts and characters; lines stay where they are.
+/// The source with comments, string and character literals replaced by blanks; line numbers do not change.
 pub fn without_comments_and_texts(source: &str) -> Vec<char> {
     let source: Vec<char> = source.chars().collect();
     let at = |index: usize| source.get(index).copied().unwrap_or('\0');
@@ -75,7 +75,7 @@ pub fn without_comments_and_texts(source: &str) -> Vec<char> {
     code
 }
 
-/// The code with blanks for every item that is compiled for tests only.
+/// The code with every item that is compiled only for tests replaced by blanks.
 pub fn without_tests(code: &[char]) -> Vec<char> {
     let mut code = code.to_vec();
     let attribute: Vec<char> = "#[cfg(test)]".chars().collect();
@@ -106,26 +106,26 @@ pub fn without_tests(code: &[char]) -> Vec<char> {
 
 /// A path in the code, such as `super::hatch::lines`.
 pub struct Named {
-    /// Where it starts, in characters.
+    /// Its position, in characters.
     pub at: usize,
     pub steps: Vec<String>,
-    /// The name behind `as`.
+    /// The name after `as`.
     pub alias: Option<String>,
     pub kind: Kind,
 }
 
-/// What a path stands behind.
+/// How a path is used.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Nothing: it is used here.
+    /// In code, without `use`.
     Used,
-    /// `use`.
+    /// In a `use`.
     Imported,
-    /// `pub use`, however far it is public.
-    HandedOn,
+    /// In a `pub use` of any visibility.
+    ReExported,
 }
 
-/// Every path with more than one step, and every name behind a `use`, with the groups of a `use` spelled out.
+/// Every path with more than one step, and every name in a `use`, with the groups of a `use` expanded.
 pub fn paths(code: &[char]) -> Vec<Named> {
     let mut paths = Vec::new();
     let mut index = 0;
@@ -143,17 +143,17 @@ pub fn paths(code: &[char]) -> Vec<Named> {
         if !is_inner {
             paths.extend(found.into_iter().filter(|path| path.steps.len() > 1 || kind != Kind::Used));
         }
-        // What stands before `use` is `pub`, `pub(…)`, or the end of something else.
+        // Before `use` there is `pub`, `pub(…)`, or the end of another item.
         kind = match before.map(|at| code[at]) {
             _ if !is_use => Kind::Used,
-            Some(c) if is_word(c) || c == ')' => Kind::HandedOn,
+            Some(c) if is_word(c) || c == ')' => Kind::ReExported,
             _ => Kind::Imported,
         };
     }
     paths
 }
 
-/// Reads one path from a word on, adds it (or, for a group, each of its members) and returns where it ends.
+/// Reads one path, which starts at a word, adds it (or, for a group, each of its members) and returns its end.
 fn read_path(code: &[char], start: usize, before: &[String], kind: Kind, found: &mut Vec<Named>) -> usize {
     let skip = |from: usize| (from..code.len()).find(|&at| !code[at].is_whitespace()).unwrap_or(code.len());
     let word_end = |from: usize| (from..code.len()).find(|&at| !is_word(code[at])).unwrap_or(code.len());

@@ -1,6 +1,6 @@
-//! Disks that fill up or may not be written any more, and folders that vanish and come back: what was dropped waits,
-//! says so, and is delivered once when all is well again. An importer takes every drawing away at once, so that a
-//! second delivery cannot hide. Only Linux lets a test mount a small disk, and only for an administrator.
+//! Disks that are full or read-only, and folders that disappear and return: drops wait, the station reports it, and
+//! each drawing is delivered once when the problem is resolved. An importer takes every drawing away at once, so that a
+//! second delivery is noticed. Only Linux lets a test mount a small disk, and only as administrator.
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write};
@@ -13,15 +13,15 @@ use super::{PART, SETTINGS, Station, drawing, line};
 
 const DROPS: usize = 20;
 
-/// A disk of 128 kB in memory, for as long as this lives.
+/// A disk of 128 kB in memory, unmounted when this is dropped.
 struct Disk(PathBuf);
 
 impl Disk {
-    /// Mounts it on the folder; `None`, and a word about it, where that is not permitted.
+    /// Mounts it on the folder; `None`, with a printed note, where that is not permitted.
     fn on(folder: &Path) -> Option<Self> {
         fs::create_dir_all(folder).unwrap();
-        let words = ["-t", "tmpfs", "-o", "size=128k,mode=755", "isomark-test"];
-        let output = Command::new("mount").args(words).arg(folder).stdin(Stdio::null()).output();
+        let arguments = ["-t", "tmpfs", "-o", "size=128k,mode=755", "isomark-test"];
+        let output = Command::new("mount").args(arguments).arg(folder).stdin(Stdio::null()).output();
         match output {
             Ok(output) if output.status.success() => Some(Self(folder.into())),
             refused => {
@@ -29,16 +29,16 @@ impl Disk {
                     |error| error.to_string(),
                     |output| String::from_utf8_lossy(&output.stderr).trim().to_owned(),
                 );
-                // Not by `eprintln!`, which is only shown when a test fails.
-                let words =
-                    format!("SKIPPED: no small disk can be mounted here, nothing was tried on one ({why})\n");
-                std::io::stderr().write_all(words.as_bytes()).unwrap();
+                // `eprintln!` is only shown when a test fails.
+                let note =
+                    format!("SKIPPED: no small disk can be mounted here, so it was not tested ({why})\n");
+                std::io::stderr().write_all(note.as_bytes()).unwrap();
                 None
             }
         }
     }
 
-    /// Takes all space that is left.
+    /// Fills the disk completely.
     fn fill(&self) {
         let mut file = fs::File::create(self.filler()).unwrap();
         let error = loop {
@@ -65,19 +65,19 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // Lazily: the station may still be using it when a test fails.
+        // The station may still use the disk when a test fails, so the unmount is lazy.
         let _ = Command::new("umount").arg("-l").arg(&self.0).status();
     }
 }
 
-/// A station under trial, with its importer.
+/// A station under test, with its importer.
 struct Trial {
     station: Station,
     taken: BTreeMap<String, Vec<u8>>,
 }
 
 impl Trial {
-    /// It runs and knows the part.
+    /// A running station that has learned the part.
     fn new(station: Station) -> Self {
         let settings = SETTINGS.replace("settle_ms = 20000", "settle_ms = 100");
         fs::write(station.path("station.toml"), settings).unwrap();
@@ -115,7 +115,7 @@ impl Trial {
         fs::read_to_string(self.station.path("log.txt")).unwrap_or_default()
     }
 
-    /// Takes every drawing out of the import folder, and sees that it comes for the first time.
+    /// Takes every drawing out of the import folder, and checks that it was not delivered before.
     fn import(&mut self) {
         for entry in fs::read_dir(self.station.path("import")).into_iter().flatten().flatten() {
             let name = entry.file_name().into_string().unwrap();
@@ -123,10 +123,10 @@ impl Trial {
                 continue;
             }
             let bytes = fs::read(entry.path()).unwrap();
-            // A disk that may not be written keeps it.
+            // On a read-only disk it stays.
             if std::fs::remove_file(entry.path()).is_ok() {
                 let before = self.taken.insert(name.clone(), bytes);
-                assert!(before.is_none(), "{name} came twice: {}", self.log());
+                assert!(before.is_none(), "{name} was delivered twice: {}", self.log());
             }
         }
     }
@@ -147,8 +147,9 @@ impl Trial {
         fs::read_dir(self.station.path("hot")).map_or(0, |entries| entries.count())
     }
 
-    /// All is well again: everything is delivered, once and with the right bytes, and filed, and stays so.
-    fn ends_well(mut self) {
+    /// Checks that all drawings are delivered once, with the right bytes, and filed, and that a restart delivers
+    /// nothing.
+    fn check_end(mut self) {
         self.waits_for("all drawings", |trial| trial.taken.len() == DROPS && trial.in_hot() == 0);
         let healthy = Station::new();
         fs::write(healthy.path("hot/trough.obj"), PART).unwrap();
@@ -159,12 +160,12 @@ impl Trial {
         for (name, bytes) in &self.taken {
             assert!(
                 fs::read(healthy.path("import").join(name)).unwrap() == *bytes,
-                "{name} is another drawing"
+                "{name} is a different drawing"
             );
             let archived = fs::read(self.station.path("archive/trough").join(name)).unwrap();
             assert!(archived == fs::read(healthy.path("archive/trough").join(name)).unwrap(), "{name}");
         }
-        // Whatever the trouble left in the journal, the next start delivers nothing again.
+        // The next start delivers nothing again.
         self.kill();
         self.start();
         self.station.rename_into("end.pdf", b"%PDF");
@@ -184,7 +185,7 @@ fn square(number: usize) -> String {
     drawing(&(line([-5.0, 0.0], [end, 0.0]) + &line([end, 0.0], [end, 4.0])))
 }
 
-/// Some drawings fit, one of them not quite.
+/// Several drawings fit on the disk, and the last one of them only partly.
 #[test]
 fn drawings_wait_for_space_in_the_import_folder() {
     let station = Station::new();
@@ -192,21 +193,22 @@ fn drawings_wait_for_space_in_the_import_folder() {
     let mut trial = Trial::new(station);
     disk.fill();
     trial.drop_all();
-    trial
-        .waits_for("a word", |trial| trial.log().contains("trough@00.dxf waits: A folder of the station is"));
+    trial.waits_for("a warning", |trial| {
+        trial.log().contains("trough@00.dxf waits: A folder of the station is")
+    });
     assert!(trial.log().contains("No space left on device"), "{}", trial.log());
     trial.waits_for("a status", |trial| {
-        let words = trial.station.status();
-        words.contains("waiting: ") && words.contains("has space; the job then goes on by itself")
+        let status = trial.station.status();
+        status.contains("waiting: ") && status.contains("free space; the job then continues by itself")
     });
     assert_eq!((trial.taken.len(), trial.in_hot()), (0, DROPS));
     let left: Vec<_> = fs::read_dir(trial.station.path("import")).unwrap().flatten().collect();
     assert_eq!(left.len(), 1, "only the filler: {left:?}");
     disk.free();
-    trial.ends_well();
+    trial.check_end();
 }
 
-/// The journal comes first: what cannot be noted is not delivered.
+/// The journal is written first: without its line, a drawing is not delivered.
 #[test]
 fn drawings_wait_for_space_in_the_state_folder() {
     let station = Station::new();
@@ -214,48 +216,50 @@ fn drawings_wait_for_space_in_the_state_folder() {
     let mut trial = Trial::new(station);
     disk.fill();
     trial.drop_all();
-    trial.waits_for("a word", |trial| trial.log().contains("dxf waits: A folder of the station is"));
+    trial.waits_for("a warning", |trial| trial.log().contains("dxf waits: A folder of the station is"));
     assert!(trial.log().contains("No space left on device"), "{}", trial.log());
     trial.import();
-    // The last block of the journal takes a few lines more.
+    // The last block of the journal has room for a few more lines.
     assert!(trial.taken.len() < DROPS, "{:?}", trial.taken.keys());
     trial.kill();
     disk.free();
     trial.start();
-    trial.ends_well();
+    trial.check_end();
 }
 
 #[test]
-fn drawings_that_are_delivered_wait_for_space_in_the_archive() {
+fn delivered_drawings_wait_for_space_in_the_archive() {
     let station = Station::new();
     let Some(disk) = Disk::on(&station.path("archive")) else { return };
     let mut trial = Trial::new(station);
     disk.fill();
     trial.drop_all();
     trial.waits_for("the drawings", |trial| trial.taken.len() == DROPS);
-    trial
-        .waits_for("a word", |trial| trial.log().contains("trough@19.dxf waits: A folder of the station is"));
+    trial.waits_for("a warning", |trial| {
+        trial.log().contains("trough@19.dxf waits: A folder of the station is")
+    });
     assert_eq!(trial.in_hot(), DROPS);
     disk.free();
-    trial.ends_well();
+    trial.check_end();
 }
 
 #[test]
-fn drawings_wait_for_an_import_folder_that_may_be_written() {
+fn drawings_wait_for_a_writable_import_folder() {
     let station = Station::new();
     let Some(disk) = Disk::on(&station.path("import")) else { return };
     let mut trial = Trial::new(station);
     disk.remount("ro");
     trial.drop_all();
-    trial
-        .waits_for("a word", |trial| trial.log().contains("trough@00.dxf waits: A folder of the station is"));
+    trial.waits_for("a warning", |trial| {
+        trial.log().contains("trough@00.dxf waits: A folder of the station is")
+    });
     assert!(trial.log().contains("Read-only file system"), "{}", trial.log());
     assert_eq!((trial.taken.len(), trial.in_hot()), (0, DROPS));
     disk.remount("rw");
-    trial.ends_well();
+    trial.check_end();
 }
 
-/// The mount point of a share that went looks like an empty import folder, also to a station that starts then.
+/// The mount point of a disconnected share looks like an empty import folder, also to a station that starts later.
 #[test]
 fn drawings_wait_for_the_share_with_the_import_folder() {
     let station = Station::new();
@@ -268,37 +272,38 @@ fn drawings_wait_for_the_share_with_the_import_folder() {
     let point = disk.0.clone();
     drop(disk);
     trial.drop_all();
-    let told = |trial: &Trial| trial.log().matches("trough@00.dxf waits: The import folder ").count();
-    trial.waits_for("a word", |trial| told(trial) == 1);
+    let warnings = |trial: &Trial| trial.log().matches("trough@00.dxf waits: The import folder ").count();
+    trial.waits_for("a warning", |trial| warnings(trial) == 1);
     trial.kill();
     trial.start();
-    trial.waits_for("a word", |trial| told(trial) == 2);
-    let words = trial.station.status();
-    assert!(words.contains("trouble: ") && words.contains("is not mounted at"), "{words}");
+    trial.waits_for("a warning", |trial| warnings(trial) == 2);
+    let status = trial.station.status();
+    assert!(status.contains("trouble: ") && status.contains("is not mounted at"), "{status}");
     assert_eq!((fs::read_dir(&point).unwrap().count(), trial.in_hot()), (0, DROPS));
     let Some(_disk) = Disk::on(&point) else { return };
-    trial.ends_well();
+    trial.check_end();
 }
 
-/// As a share does that is lost and found, again and again, in the middle of the work.
+/// Like a share that is disconnected and connected again several times during the work.
 #[test]
-fn drawings_survive_folders_that_vanish_and_come_back() {
-    for (folder, gone, back) in
-        [("import", "does not exist", "delivered"), ("hot", "waiting for it to come back", "is back")]
-    {
+fn drawings_survive_folders_that_disappear_and_return() {
+    for (folder, missing, available) in [
+        ("import", "does not exist", "delivered"),
+        ("hot", "available; waiting for it", "is available again"),
+    ] {
         let mut trial = Trial::new(Station::new());
         let (there, away) = (trial.station.path(folder), trial.station.path("elsewhere/away"));
         trial.drop_all();
         for _ in 0..3 {
             let before = trial.taken.len();
             trial.waits_for("a drawing", |trial| trial.taken.len() > before);
-            let told = |trial: &Trial, words: &str| trial.log().matches(words).count();
-            let (times_gone, times_back) = (told(&trial, gone), told(&trial, back));
+            let count = |trial: &Trial, text: &str| trial.log().matches(text).count();
+            let (times_missing, times_available) = (count(&trial, missing), count(&trial, available));
             fs::rename(&there, &away).unwrap();
-            trial.waits_for("a word", |trial| told(trial, gone) > times_gone);
+            trial.waits_for("a warning", |trial| count(trial, missing) > times_missing);
             fs::rename(&away, &there).unwrap();
-            trial.waits_for("a word", |trial| told(trial, back) > times_back);
+            trial.waits_for("a message", |trial| count(trial, available) > times_available);
         }
-        trial.ends_well();
+        trial.check_end();
     }
 }

@@ -1,4 +1,5 @@
-//! The program as a station under hard circumstances: what surrounds it fails or is unreasonable, and it goes on.
+//! The program as a station in a difficult environment: folders fail, inputs are unreasonable, and the station
+//! continues.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 
@@ -39,7 +40,7 @@ impl Station {
         self.folder.path().join(relative)
     }
 
-    /// The program, with the station's folder as its own.
+    /// The program, with the station's folder as its working folder.
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_isomark"));
         command.current_dir(self.folder.path()).args(arguments);
@@ -52,7 +53,7 @@ impl Station {
         self.waits_for("the archive folder", |station| station.path("archive").is_dir());
     }
 
-    /// What lies in the hot folder was dropped long ago.
+    /// Makes the files in the hot folder look as if they were dropped long ago.
     fn make_old(&self) {
         for entry in fs::read_dir(self.path("hot")).unwrap() {
             let path = entry.unwrap().path();
@@ -62,22 +63,22 @@ impl Station {
         }
     }
 
-    /// Files that were dropped long before it is started.
+    /// Processes files that were dropped long before the start; returns the printed text.
     fn once(&self) -> String {
         self.make_old();
         let output = self.command(&["watch", "station.toml", "--once"]).stdout(Stdio::piped()).output();
         let output = output.unwrap();
-        let words = String::from_utf8(output.stdout.clone()).unwrap();
+        let printed = String::from_utf8(output.stdout.clone()).unwrap();
         let code = match () {
-            () if !words.contains(" 0 rejected") => 1,
-            () if words.contains("The import folder ") => 3,
+            () if !printed.contains(" 0 rejected") => 1,
+            () if printed.contains("The import folder ") => 3,
             () => 0,
         };
         assert_eq!(output.status.code(), Some(code), "{output:?}");
-        words
+        printed
     }
 
-    /// What `isomark status` says.
+    /// The output of `isomark status`.
     #[cfg(target_os = "linux")]
     fn status(&self) -> String {
         let output = self.command(&["status", "station.toml"]).stdout(Stdio::piped()).output().unwrap();
@@ -131,14 +132,14 @@ fn exists(path: &std::path::Path) -> bool {
     path.exists()
 }
 
-/// Only Linux tells that a file is whole; the settle time of these stations is longer than the test waits.
+/// Only Linux reports that a file is complete; the settle time of these stations is longer than the test waits.
 #[cfg(target_os = "linux")]
 #[test]
-fn events_count_for_a_station_file_named_relatively() {
+fn events_are_used_with_a_relative_path_of_the_station_file() {
     let mut station = Station::new();
     let mut command = station.command(&["watch", "station.toml"]);
     station.start(&mut command);
-    station.waits_for("time for the watch", |station| exists(&station.path("reports")));
+    station.waits_for("the start of the watch", |station| exists(&station.path("reports")));
     std::thread::sleep(Duration::from_millis(300));
     let started = Instant::now();
     station.rename_into("trough.obj", PART.as_bytes());
@@ -154,14 +155,14 @@ fn a_log_on_a_full_disk_stops_nothing() {
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let mut command = station.command(&["watch", "station.toml"]);
     station.start(command.stderr(full.into_parts().0));
-    station.waits_for("time for the watch", |station| exists(&station.path("reports")));
+    station.waits_for("the start of the watch", |station| exists(&station.path("reports")));
     std::thread::sleep(Duration::from_millis(300));
     station.rename_into("trough.stl", b"solid");
     station.waits_for("the rejection", |station| exists(&station.path("rejected/trough.stl")));
 }
 
 #[test]
-fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
+fn an_unreasonable_file_is_refused_and_the_station_continues() {
     let station = Station::new();
     fs::write(station.path("hot/trough.obj"), PART).unwrap();
     fs::write(station.path("hot/trough.dxf"), drawing(&line([-5.0, 0.0], [5.0, 0.0]))).unwrap();
@@ -172,12 +173,12 @@ fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
     fs::write(station.path("hot/trough@scribble.dxf"), drawing(&scribble)).unwrap();
     let sparse = cfg!(unix);
     if sparse {
-        // Takes no space, but would take all memory.
+        // It takes no space on the disk, but would need all memory.
         fs::File::create(station.path("hot/vast.glb")).unwrap().set_len(1 << 40).unwrap();
     }
-    let words = station.once();
+    let printed = station.once();
     let rejected = if sparse { 3 } else { 2 };
-    assert!(words.starts_with(&format!("1 delivered, 1 part learned, {rejected} rejected")), "{words}");
+    assert!(printed.starts_with(&format!("1 delivered, 1 part learned, {rejected} rejected")), "{printed}");
     assert_eq!(station.reason("trough@far.dxf"), "off-surface");
     assert_eq!(station.reason("trough@scribble.dxf"), "too-much-ink");
     if sparse {
@@ -185,10 +186,10 @@ fn an_unreasonable_file_is_refused_and_the_station_goes_on() {
     }
 }
 
-/// A name that is no text can be rejected as often as it comes.
+/// A file whose name is not valid text can be rejected more than once.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_name_that_is_no_text_is_rejected_each_time() {
+fn a_name_that_is_not_valid_text_is_rejected_each_time() {
     use std::os::unix::ffi::OsStrExt;
     let station = Station::new();
     for round in ["", "(2)"] {
@@ -205,17 +206,17 @@ fn a_missing_import_folder_is_named() {
     fs::remove_dir(station.path("import")).unwrap();
     fs::write(station.path("hot/trough.obj"), PART).unwrap();
     fs::write(station.path("hot/trough.dxf"), drawing(&line([-5.0, 0.0], [5.0, 0.0]))).unwrap();
-    let words = station.once();
-    assert!(words.contains("0 rejected, 1 waiting"), "{words}");
-    assert!(words.contains("The import folder ") && words.contains(" does not exist."), "{words}");
+    let printed = station.once();
+    assert!(printed.contains("0 rejected, 1 waiting"), "{printed}");
+    assert!(printed.contains("The import folder ") && printed.contains(" does not exist."), "{printed}");
     fs::create_dir(station.path("import")).unwrap();
     assert!(station.once().starts_with("1 delivered"));
 }
 
-/// Half an OBJ looks whole, and `--once` sees no writer close it: it must have stood still.
+/// Half an OBJ looks complete, and `--once` does not see its writer close it: the file must stay unchanged for a while.
 #[cfg(unix)]
 #[test]
-fn a_copy_that_stalls_is_not_taken_half_by_once() {
+fn a_stalled_copy_is_not_processed_by_once() {
     use std::io::Write;
     let station = Station::new();
     let settings = SETTINGS.replace("settle_ms = 20000", "settle_ms = 50\nopen_ended_s = 3");
@@ -231,10 +232,10 @@ fn a_copy_that_stalls_is_not_taken_half_by_once() {
     assert_eq!(fs::read_to_string(station.path("archive/trough/trough.obj")).unwrap(), PART);
 }
 
-/// A SKU folder that may not be read hides its own files only.
+/// A SKU folder that cannot be read hides only its own files.
 #[cfg(unix)]
 #[test]
-fn a_closed_folder_does_not_stop_the_listing() {
+fn an_unreadable_folder_does_not_stop_the_listing() {
     use std::os::unix::fs::PermissionsExt;
     let station = Station::new();
     let closed = station.path("hot/closed");

@@ -1,4 +1,4 @@
-//! Several stations that share a folder of fitted surfaces, and very many drops at once.
+//! Several stations that share a cache of fitted surfaces, and very many drops at once.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -20,8 +20,8 @@ fn pattern() -> String {
     drawing(&line([-15.0, 0.0], [15.0, 4.0]))
 }
 
-/// Both fit the same parts at the same time and keep them under the same names; and what only one of them was given
-/// the other knows, too.
+/// Both stations fit the same parts at the same time and keep them under the same names. A part that was dropped at
+/// only one of them is known to the other, too.
 #[test]
 fn stations_share_a_cache() {
     let mut stations = [Station::new(), Station::new()];
@@ -59,18 +59,18 @@ fn stations_share_a_cache() {
             assert!(fs::read(station.path("import").join(&name)).unwrap() == expected(&name), "{name}");
         }
     }
-    let taught = &mut stations[1];
-    taught.waits_for("only.dxf", |station| station.path("import/only.dxf").exists());
-    assert!(fs::read(taught.path("import/only.dxf")).unwrap() == expected("only.dxf"));
-    assert_eq!(fs::read_dir(taught.path("rejected")).unwrap().count(), 0);
-    let verified = taught.command(&["cache", "verify", "--station", "station.toml"]).status().unwrap();
+    let other = &mut stations[1];
+    other.waits_for("only.dxf", |station| station.path("import/only.dxf").exists());
+    assert!(fs::read(other.path("import/only.dxf")).unwrap() == expected("only.dxf"));
+    assert_eq!(fs::read_dir(other.path("rejected")).unwrap().count(), 0);
+    let verified = other.command(&["cache", "verify", "--station", "station.toml"]).status().unwrap();
     assert!(verified.success());
 }
 
-/// The part that was dropped last at any station is the shape of the SKU at all; one that must fit it anew, because its
-/// settings of the part are others, has only the older one.
+/// The part that was dropped last at any station is the part of the SKU at all stations. A station with other settings
+/// for the part has only the older part in its archive, and must not fit that one again.
 #[test]
-fn no_station_goes_back_to_an_older_part_of_a_shared_sku() {
+fn no_station_returns_to_an_older_part_of_a_shared_sku() {
     let stations = [Station::new(), Station::new()];
     let cache = stations[0].path("cache");
     for (station, more) in stations.iter().zip(["", "[part]\nroll_deg = 90\n"]) {
@@ -98,7 +98,7 @@ fn no_station_goes_back_to_an_older_part_of_a_shared_sku() {
 }
 
 #[test]
-#[ignore = "takes minutes: `cargo test --release --test station_hardships -- --ignored` tells how fast it is"]
+#[ignore = "takes minutes: `cargo test --release --test station_hardships -- --ignored` prints the speed"]
 fn ten_thousand_drops_at_once() {
     const DROPS: usize = 10_000;
     let mut station = Station::new();
@@ -127,6 +127,6 @@ fn ten_thousand_drops_at_once() {
     assert_eq!((count("import"), count("rejected")), (DROPS, 0));
     let archived: usize = (0..SKUS).map(|sku| count(&format!("archive/trough{sku}"))).sum();
     assert_eq!(archived, DROPS + 2 * SKUS, "with a part and its note for each SKU");
-    let words = format!("{DROPS} drops in {seconds:.1} s: {:.0} a second\n", DROPS as f64 / seconds);
-    std::io::stderr().write_all(words.as_bytes()).unwrap();
+    let result = format!("{DROPS} drops in {seconds:.1} s: {:.0} per second\n", DROPS as f64 / seconds);
+    std::io::stderr().write_all(result.as_bytes()).unwrap();
 }

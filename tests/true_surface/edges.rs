@@ -1,4 +1,5 @@
-//! Edges that are no sharper than the facets of a coarse curved face, and fillets that end in them: from vertices alone.
+//! Edges that are no sharper than the facets of a coarse curved face, and fillets that end in them, from meshes without
+//! normals.
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, Shape};
 use isomark::geometry::height_field::{FacingPart, Grid, Node, PartSamples};
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 
 use super::forms::{ALL, Normals};
 
-/// A fitted surface that leaves more than this under the ink is warned of, mm: a fifth of the usual `max_residual_mm`.
+/// Residuals under the ink above this cause a warning, mm: a fifth of the default `max_residual_mm`.
 const WARNED: f64 = 0.02;
 /// Half the width of the FreeCAD boxes, mm.
 const HALF: f64 = 25.0;
@@ -19,8 +20,8 @@ fn bare(points: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> TriMesh {
     TriMesh::new(points, Vec::new(), triangles).unwrap()
 }
 
-/// The same with three vertices of its own for each triangle, as STL has them.
-fn taken_apart(mesh: &TriMesh) -> TriMesh {
+/// The same mesh with three separate vertices for each triangle, as in STL.
+fn with_separate_vertices(mesh: &TriMesh) -> TriMesh {
     let points: Vec<_> = mesh.triangles().iter().flat_map(|&triangle| mesh.corners(triangle)).collect();
     let count = u32::try_from(mesh.triangles().len()).unwrap();
     bare(points, (0..count).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect())
@@ -41,7 +42,8 @@ fn sampled(mesh: &TriMesh) -> PartSamples {
     part.sample(&Grid::over(&part.extents(), size.x.max(size.y) / 144.0))
 }
 
-/// The largest distance between the sampled and the true height, and where, mm: at the nodes for which there is a true one.
+/// The largest distance between the sampled and the true height, mm, and its position, over the nodes with a true
+/// height.
 fn largest_miss(samples: &PartSamples, height: impl Fn(f64, f64) -> Option<f64>) -> (f64, ViewPoint) {
     let field = &samples.field;
     let columns = field.size().0;
@@ -56,7 +58,8 @@ fn largest_miss(samples: &PartSamples, height: impl Fn(f64, f64) -> Option<f64>)
     misses.max_by(|one, other| one.0.total_cmp(&other.0)).unwrap()
 }
 
-/// How far the fillet of a flat side lies below it, mm, so far from the part's middle; `None` where it is steeper than 60°.
+/// The depth of a fillet below the flat side, mm, at a distance from the part's middle; `None` where it is steeper than
+/// 60°.
 fn fillet_drop(radius: f64, from_middle: f64) -> Option<f64> {
     let beyond = (from_middle.abs() - HALF + radius).max(0.0);
     (beyond < 0.86 * radius).then(|| radius - (radius * radius - beyond * beyond).sqrt())
@@ -67,7 +70,7 @@ fn mitred(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
     move |x, y| Some(30.0 - fillet_drop(radius, x)?.max(fillet_drop(radius, y)?))
 }
 
-/// Two fillets that meet in a corner of a ball.
+/// Two fillets that meet in a spherical corner.
 fn rounded(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
     move |x, y| {
         let beyond = [x, y].map(|along: f64| (along.abs() - HALF + radius).max(0.0));
@@ -75,7 +78,7 @@ fn rounded(radius: f64) -> impl Fn(f64, f64) -> Option<f64> {
     }
 }
 
-/// The top of a box with mitred fillets in so many strips, whose quadrangles are cut one way or the other.
+/// The top of a box with mitred fillets in a number of strips, whose quadrilaterals are divided along either diagonal.
 fn mitred_top(radius: f64, strips: u32, is_flipped: bool) -> TriMesh {
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for ring in 0..=strips {
@@ -114,7 +117,12 @@ fn mitred_fillets_are_cylinders_that_meet_in_an_edge() {
                 let mesh = mitred_top(radius, strips, is_flipped);
                 let limit = if strips == 4 { 0.03 } else { 0.01 };
                 check(&format!("R {radius} in {strips}, flipped {is_flipped}"), radius, &mesh, limit);
-                check(&format!("R {radius} in {strips}, apart"), radius, &taken_apart(&mesh), limit);
+                check(
+                    &format!("R {radius} in {strips}, apart"),
+                    radius,
+                    &with_separate_vertices(&mesh),
+                    limit,
+                );
             }
         }
     }
@@ -122,7 +130,7 @@ fn mitred_fillets_are_cylinders_that_meet_in_an_edge() {
 }
 
 #[test]
-fn lines_over_mitred_fillets_are_true_or_warned_of() {
+fn heights_on_mitred_fillets_are_accurate_or_cause_a_warning() {
     let surface = FittedSurface::of_part(
         &FacingPart::new(&sample("fc020-top-fillets.stl"), &View::top()),
         &FitOptions::default(),
@@ -136,20 +144,21 @@ fn lines_over_mitred_fillets_are_true_or_warned_of() {
                 let Some(height) = truth(x, y) else { continue };
                 let at = ViewPoint::new(x, y);
                 let miss = (surface.sampled_height(at).unwrap() - height).abs();
-                let is_warned_of = surface.difference(at).abs().max(surface.doubt(at)) > WARNED;
-                assert!(miss <= 0.03 || is_warned_of, "{miss} mm at ({x}, {y})");
+                let has_warning = surface.difference(at).abs().max(surface.doubt(at)) > WARNED;
+                assert!(miss <= 0.03 || has_warning, "{miss} mm at ({x}, {y})");
             }
         }
     }
 }
 
 #[test]
-fn fillets_run_straight_into_their_corners() {
+fn fillets_are_accurate_up_to_their_corners() {
     let (miss, at) = largest_miss(&sampled(&sample("fc020-fillets.obj")), rounded(5.0));
     assert!(miss <= 0.03, "{miss} mm at {at:?}");
 }
 
-/// A ridge along y at x = 0 whose sides fall off by an angle, in degrees, together, on a base that bends by `bend` (1/mm).
+/// A ridge along y at x = 0, between whose sides the normals differ by an angle in degrees, on a base with the
+/// curvature `bend` (1/mm).
 struct Ridge {
     degrees: f64,
     bend: f64,
@@ -160,7 +169,7 @@ impl Ridge {
         -(self.degrees.to_radians() / 2.0).tan() * x.abs() - self.bend * x * x / 2.0
     }
 
-    /// Over rows of vertices at these x, in so many cells along 60 mm.
+    /// A mesh with columns of vertices at these x and a number of cells along 60 mm.
     fn mesh(&self, columns: &[f64], rows: u32) -> TriMesh {
         let width = u32::try_from(columns.len()).unwrap();
         let points = (0..=rows).flat_map(|row| {
@@ -183,7 +192,7 @@ fn every(step: f64) -> Vec<f64> {
 }
 
 #[test]
-fn ridges_are_sharp_however_flat_they_are() {
+fn even_flat_ridges_stay_sharp() {
     let mut failures = Vec::new();
     for degrees in [8.0, 20.0, 30.0] {
         let flat = [vec![-25.0, 0.0, 25.0], vec![-25.0, -10.0, 0.0, 12.0, 25.0], every(1.0)];
@@ -194,9 +203,9 @@ fn ridges_are_sharp_however_flat_they_are() {
         for (bend, columns, rows) in cases.chain(curved) {
             let ridge = Ridge { degrees, bend };
             let name = format!("{degrees}° on {bend}/mm, {} columns, {rows} rows", columns.len());
-            // Estimated normals at the rims of curved sides are known from one side only.
+            // At the rims of curved sides, normals are estimated from one side only.
             let half = if bend == 0.0 { 25.0 } else { 20.0 };
-            for mesh in [ridge.mesh(&columns, rows), taken_apart(&ridge.mesh(&columns, rows))] {
+            for mesh in [ridge.mesh(&columns, rows), with_separate_vertices(&ridge.mesh(&columns, rows))] {
                 let height = |x: f64, _| (x.abs() <= half).then(|| ridge.height(x));
                 let (miss, at) = largest_miss(&sampled(&mesh), height);
                 if !(miss <= 0.005) {
@@ -208,7 +217,7 @@ fn ridges_are_sharp_however_flat_they_are() {
                 let across = (-40..=40).map(|step| ViewPoint::new(0.1 * f64::from(step), 1.3));
                 let seen = across.map(|at| surface.difference(at).abs()).fold(0.0, f64::max);
                 if degrees >= 20.0 && seen <= WARNED {
-                    failures.push(format!("{name}: the fit leaves {seen:.4} mm only"));
+                    failures.push(format!("{name}: the residual is only {seen:.4} mm"));
                 }
             }
         }
@@ -217,7 +226,7 @@ fn ridges_are_sharp_however_flat_they_are() {
 }
 
 #[test]
-fn no_edges_are_seen_on_round_parts() {
+fn round_parts_have_no_edges() {
     for form in ALL {
         for sag in [0.02, 0.1, 0.5] {
             let samples = sampled(&form.mesh(sag, Normals::Missing));
@@ -234,7 +243,7 @@ fn no_edges_are_seen_on_round_parts() {
 }
 
 #[test]
-fn coarse_prisms_are_cylinders() {
+fn coarse_prisms_are_sampled_as_cylinders() {
     for sides in [10, 12, 16, 24, 64] {
         for rings in [1, 3] {
             let (mut points, mut triangles) = (Vec::new(), Vec::new());

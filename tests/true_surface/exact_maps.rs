@@ -1,4 +1,4 @@
-//! When a part is a cylinder: real exports of one are, a part that only looks like one is not.
+//! Recognition of cylinders: real exports of a cylinder are recognised, a part that only resembles one is not.
 
 use std::collections::BTreeMap;
 use std::path::Path as FilePath;
@@ -35,7 +35,7 @@ fn lines(middle: FlatPoint) -> Pattern {
 }
 
 #[test]
-fn every_export_of_a_can_is_a_cylinder() {
+fn every_export_of_a_can_is_recognised_as_a_cylinder() {
     let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/parts/can");
     for name in [
         "bl34-from-glb.obj",
@@ -61,12 +61,12 @@ fn every_export_of_a_can_is_a_cylinder() {
         let map = LengthTrueMap::find(&surface, &lines(middle), |_| true, middle, &AUTOMATIC).unwrap();
         let LengthTrueMap::Cylinder(_, fit) = map else { panic!("{name}: {:?}", map.fit_residual()) };
         println!("{name:24} radius {:.4} mm, residual {:.5} mm", fit.cylinder.radius, fit.residual);
-        // Modelled with 33 mm; the vertices of the meshes are floats, in metres.
+        // The modelled radius is 33 mm; the vertices of the meshes are 32-bit floats in metres.
         assert!((fit.cylinder.radius - 33.0).abs() < 0.01 && fit.residual < 0.002, "{name}: {fit:?}");
     }
 }
 
-/// Half the section of a tube that is pressed in by three rollers: r = 30 mm + 0.2 mm · cos 3θ.
+/// The upper half of the cross section of a tube deformed by three rollers: r = 30 mm + 0.2 mm · cos 3θ.
 fn pressed(x: f64, _y: f64) -> f64 {
     let radius = |turn: f64| 30.0 + 0.2 * (3.0 * turn).cos();
     let turn = (0..60).fold(0.0, |turn: f64, _| (x / radius(turn)).clamp(-1.0, 1.0).asin());
@@ -74,7 +74,7 @@ fn pressed(x: f64, _y: f64) -> f64 {
 }
 
 #[test]
-fn what_is_only_nearly_a_cylinder_is_mapped_as_it_is() {
+fn a_part_that_is_not_quite_a_cylinder_is_mapped_as_a_free_form() {
     let mesh = shapes::graph(26.0, 0.75, pressed);
     let surface =
         FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
@@ -87,7 +87,7 @@ fn what_is_only_nearly_a_cylinder_is_mapped_as_it_is() {
     };
     let (residual, forced) = found(&Method::Cylinder);
     let (exact, automatic) = found(&AUTOMATIC);
-    println!("cylinder: leaves {residual:?} mm, e_l {forced:.4} mm; automatic: e_l {automatic:.4} mm");
+    println!("cylinder: residual {residual:?} mm, e_l {forced:.4} mm; automatic: e_l {automatic:.4} mm");
     assert!(residual.unwrap() < 0.02, "{residual:?}");
     assert_eq!(exact, None);
     assert!(automatic < forced / 4.0, "{automatic} mm, {forced} mm");

@@ -1,5 +1,5 @@
-//! Surfaces with a formula, tessellated as CAD programs do: a net of isocurves whose chords leave the surface by a given
-//! sag, vertices and normals exactly on the surface.
+//! Surfaces given by formulas, tessellated as in CAD programs: a net of isoparametric curves whose chords deviate
+//! from the surface by a given sag, with exact vertices and normals.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
@@ -8,31 +8,30 @@ use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
 use isomark::geometry::mesh::TriMesh;
 use nalgebra::{Point3, Vector3};
 
-/// A surface over a rectangle of parameters, outer side towards +z, in mm.
+/// A surface over a rectangle of parameters, with its outer side towards +z, in mm.
 #[derive(Clone, Copy)]
 pub(super) struct Form {
     pub(super) name: &'static str,
     /// The point and the unit normal at two parameters.
     pub(super) at: fn(f64, f64) -> (Point3<f64>, Vector3<f64>),
-    /// Where the parameters run from and to.
+    /// The ranges of the parameters.
     pub(super) range: [[f64; 2]; 2],
-    /// The largest distance between a chord of the first and the second parameter, whose lengths are given, and the
-    /// surface is sag: the steps for it.
+    /// The steps of both parameters for which the largest distance between a chord and the surface is `sag`.
     pub(super) steps: fn(sag: f64) -> [f64; 2],
 }
 
-/// What a file says of the normals.
+/// The normals of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Normals {
     /// Those of the surface.
     Exact,
-    /// Those of each triangle's plane, as FreeCAD writes OBJ files.
+    /// Those of the triangles, as in OBJ files from FreeCAD.
     Facets,
     /// None.
     Missing,
 }
 
-/// The step of an angle whose chord on a circle of `radius` leaves it by `sag`, rad.
+/// The angle whose chord on a circle of `radius` deviates from it by `sag`, rad.
 fn turn(radius: f64, sag: f64) -> f64 {
     2.0 * (1.0 - sag / radius).acos()
 }
@@ -44,7 +43,7 @@ const STRAIGHT: f64 = f64::INFINITY;
 const CAN: f64 = 33.0;
 const CONE_HALF_ANGLE: f64 = 0.3;
 const BALL: f64 = 30.0;
-/// Distance of the tube's middle from the ring's axis, and radius of the tube, mm.
+/// Distance of the tube's centre from the torus axis, and radius of the tube, mm.
 const RING: [f64; 2] = [45.0, 25.0];
 const HALF_AXES: [f64; 3] = [40.0, 30.0, 25.0];
 
@@ -82,7 +81,7 @@ pub(super) const SPHERE: Form = Form {
     steps: |sag| [turn(BALL, sag), turn(BALL, sag)],
 };
 
-/// The outer half of a ring about y.
+/// The outer half of a torus about y.
 pub(super) const TORUS: Form = Form {
     name: "torus",
     at: |longitude, latitude| {
@@ -93,7 +92,7 @@ pub(super) const TORUS: Form = Form {
     steps: |sag| [turn(RING[0] + RING[1], sag), turn(RING[1], sag)],
 };
 
-/// Meridians from pole to pole along the shortest axis but one.
+/// Meridians from pole to pole along the middle axis.
 pub(super) const ELLIPSOID: Form = Form {
     name: "ellipsoid",
     at: |longitude, latitude| {
@@ -103,15 +102,15 @@ pub(super) const ELLIPSOID: Form = Form {
         (point, Vector3::new(on_unit.x / a, on_unit.y / b, on_unit.z / c).normalize())
     },
     range: [[-FRAC_PI_2, FRAC_PI_2], [-FRAC_PI_2, FRAC_PI_2]],
-    // A chord of an ellipse is the image of one of the unit circle, and leaves it by at most the longer half axis times
-    // as much.
+    // A chord of an ellipse is the image of a chord of the unit circle, so its deviation is at most the longer half
+    // axis times as large.
     steps: |sag| [turn(HALF_AXES[0], sag), turn(HALF_AXES[1], sag)],
 };
 
 pub(super) const ALL: [Form; 5] = [CYLINDER, CONE, SPHERE, TORUS, ELLIPSOID];
 
 impl Form {
-    /// Into how many steps the parameters' ranges are cut for a sag, mm.
+    /// The number of steps of each parameter for a sag, mm.
     pub(super) fn counts(&self, sag: f64) -> [u32; 2] {
         let steps = (self.steps)(sag);
         [0, 1].map(|side| ((self.range[side][1] - self.range[side][0]) / steps[side]).ceil().max(1.0) as u32)
@@ -132,7 +131,7 @@ impl Form {
         let triangles = cells.flat_map(|lower| {
             [[lower, lower + 1, lower + width + 1], [lower, lower + width + 1, lower + width]]
         });
-        // Nothing is left of triangles with two corners at a pole.
+        // Triangles with two corners at a pole have no area.
         let is_triangle = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(|index| positions[index as usize]);
             (b - a).cross(&(c - a)).norm() > 1e-9
@@ -141,7 +140,7 @@ impl Form {
         TriMesh::new(positions, normals, triangles).unwrap()
     }
 
-    /// The tessellation with a sag, mm; facet normals go through a file, whose reader has to notice them.
+    /// The tessellation with a sag, mm. Facet normals are written to a file, because its reader must recognise them.
     pub(super) fn mesh(&self, sag: f64, normals: Normals) -> TriMesh {
         let exact = self.exact_mesh(sag);
         let bare = TriMesh::new(exact.positions().to_vec(), Vec::new(), exact.triangles().to_vec()).unwrap();

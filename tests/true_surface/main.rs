@@ -1,9 +1,9 @@
-//! The surface is the CAD surface and not its facets: coarse tessellations against closed forms.
+//! The fitted surface is the CAD surface, not its facets: coarse tessellations compared with closed forms.
 //!
-//! `cargo test --test true_surface -- --nocapture --test-threads 1` prints the table of all figures.
+//! `cargo test --test true_surface -- --nocapture --test-threads 1` prints the table of all results.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
-#![allow(clippy::print_stdout, reason = "the table of the figures")]
+#![allow(clippy::print_stdout, reason = "prints the table of results")]
 
 mod edges;
 mod exact_maps;
@@ -19,7 +19,7 @@ use nalgebra::Point3;
 
 use self::forms::{ALL, Form, Normals};
 
-/// Surface that leans further than this from the laser is not marked, as the cosine.
+/// Steeper surface is not marked: the cosine of the largest tilt.
 const MARKED: f64 = 0.5;
 
 fn fitted(form: &Form, sag: f64, normals: Normals) -> FittedSurface {
@@ -27,8 +27,8 @@ fn fitted(form: &Form, sag: f64, normals: Normals) -> FittedSurface {
     FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap()
 }
 
-/// The largest distance of the fitted surface from the form along its normal, mm, and where: over what can be marked and
-/// is `margins` (a share of the range of each parameter) away from the mesh's rims.
+/// The largest distance of the fitted surface from the form along its normal, mm, and its position, over the region
+/// that can be marked and is `margins` (a share of the range of each parameter) away from the mesh's rims.
 fn largest_miss(form: &Form, surface: &FittedSurface, margins: [f64; 2]) -> (f64, ViewPoint) {
     let mut worst = (0.0, ViewPoint::new(0.0, 0.0));
     for row in 0..=120 {
@@ -50,13 +50,13 @@ fn largest_miss(form: &Form, surface: &FittedSurface, margins: [f64; 2]) -> (f64
 }
 
 #[test]
-fn coarse_tessellations_yield_the_surface_they_were_cut_from() {
+fn coarse_tessellations_reproduce_the_original_surface() {
     let mut failures = Vec::new();
     for form in ALL {
         for normals in [Normals::Exact, Normals::Facets, Normals::Missing] {
             for (sag, limit) in [(0.02, 0.001), (0.1, 0.005), (0.5, 0.03)] {
                 let surface = fitted(&form, sag, normals);
-                // Vertices on a rim tell nothing of how the surface comes in, so estimated normals are off there.
+                // At a rim, normals can be estimated from one side only, so they are inaccurate there.
                 let margins = match (normals, form.counts(sag)) {
                     (Normals::Exact, _) | (_, [_, 1]) => [0.01, 0.01],
                     (_, counts) => counts.map(|count| 1.0 / f64::from(count)),
@@ -81,7 +81,7 @@ fn coarse_tessellations_yield_the_surface_they_were_cut_from() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// A dome of radius 50 mm that is cut off square, 40 mm wide, on a table 20 mm below its rim's height.
+/// A dome of radius 50 mm with a square outline of 40 mm, above a table at z = −20 mm.
 fn dome_on_a_table() -> TriMesh {
     const CELLS: u32 = 80;
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
@@ -108,7 +108,7 @@ fn dome(x: f64, y: f64) -> f64 {
 }
 
 #[test]
-fn a_mesh_does_not_ring_from_a_cliff_into_the_part() {
+fn a_fit_does_not_oscillate_near_a_cliff() {
     let surface =
         FittedSurface::of_part(&FacingPart::new(&dome_on_a_table(), &View::top()), &FitOptions::default())
             .unwrap();

@@ -1,5 +1,5 @@
-//! Flat stays flat and round stays round, however a modelling program shaded the part: its normals are averages of facets
-//! there, and no normals of a surface.
+//! Flat sides stay flat and round sides stay round with any shading of a modelling program: its normals are averages of
+//! facets, not normals of the surface.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -19,7 +19,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::forms::{ALL, Normals};
 
-/// How far a flat side may be from flat, mm.
+/// Largest allowed deviation of a flat side, mm.
 const FLAT: f64 = 0.01;
 
 fn read(name: &str, bytes: &[u8], options: &MeshOptions) -> PartReading {
@@ -68,7 +68,7 @@ fn flat_tops_of_real_exports_are_flat() {
         let off = unevenness(&top, 0.0, 19.0, 30.0);
         assert!(off <= FLAT, "{name}: {off} mm");
         assert!(top.doubts().iter().all(|doubt| *doubt == 0.0), "{name}");
-        // The sides stand on z = 0 and have fillets or edges all round, too.
+        // The sides stand on z = 0 and also have fillets or edges all round.
         for side in [Vector3::x(), -Vector3::y()] {
             let off = unevenness(&seen_from(&reading, side), 15.0, 9.0, 25.0);
             assert!(off <= FLAT, "{name} {side:?}: {off} mm");
@@ -77,13 +77,13 @@ fn flat_tops_of_real_exports_are_flat() {
 }
 
 #[test]
-fn the_default_cylinder_of_blender_is_a_cylinder() {
+fn the_default_cylinder_of_blender_is_recognised_as_a_cylinder() {
     let reading = sample("bl34-cylinder.glb");
     assert_eq!(reading.facts.normals, NormalsFound::Averaged);
     let side = seen_from(&reading, -Vector3::y());
     let patch = Extents { min: Vector2::new(-400.0, -700.0), max: Vector2::new(400.0, 700.0) };
     let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
-    // It has a radius of 1 m; a marked one has some cm.
+    // It has a radius of 1 m; a real part has a few centimetres.
     assert!((fit.cylinder.radius - 1000.0).abs() < 0.01 && fit.residual < 0.005, "{fit:?}");
 }
 
@@ -96,8 +96,8 @@ const WEIGHTS: [(&str, Weight); 4] = [
     ("both", |angle, area| angle * area),
 ];
 
-/// A bar along y, ±`half` mm long, over a convex profile in x and z that runs counter-clockwise, as an OBJ file of polygons
-/// whose normals are averaged over all that meet at a vertex.
+/// A bar along y, ±`half` mm long, with a convex, counter-clockwise profile in x and z, as an OBJ file of polygons
+/// whose normals are averaged over all polygons at a vertex.
 fn shaded_bar(profile: &[[f64; 2]], half: f64, weight: Weight) -> String {
     let count = profile.len();
     let points: Vec<Point3<f64>> =
@@ -113,9 +113,9 @@ fn shaded_bar(profile: &[[f64; 2]], half: f64, weight: Weight) -> String {
     for polygon in &mut polygons {
         let middle =
             polygon.iter().map(|&vertex| points[vertex].coords).sum::<Vector3<f64>>() / polygon.len() as f64;
-        let outwards =
+        let outward =
             middle - points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
-        if area_vector(&points, polygon).dot(&outwards) < 0.0 {
+        if area_vector(&points, polygon).dot(&outward) < 0.0 {
             polygon.reverse();
         }
     }
@@ -153,7 +153,7 @@ fn read_bar(text: &str) -> PartReading {
     read("bar.obj", text.as_bytes(), &options)
 }
 
-/// A profile 50 mm wide and 30 mm high whose upper corners are rounded with a radius in so many pieces.
+/// A profile 50 mm wide and 30 mm high whose upper corners are rounded with a radius, in a number of pieces.
 fn rounded(radius: f64, pieces: i32) -> Vec<[f64; 2]> {
     let arc = |x: f64, from: f64| {
         (0..=pieces).map(move |step| {
@@ -166,7 +166,7 @@ fn rounded(radius: f64, pieces: i32) -> Vec<[f64; 2]> {
 }
 
 #[test]
-fn averaged_normals_bend_no_flat_side_and_no_cylinder() {
+fn averaged_normals_distort_neither_flat_sides_nor_cylinders() {
     let mut failures = Vec::new();
     for (name, weight) in WEIGHTS {
         for (radius, pieces) in [(5.0, 1), (5.0, 2), (5.0, 3), (5.0, 8), (2.0, 4), (8.0, 5), (8.0, 16)] {
@@ -198,7 +198,7 @@ fn averaged_normals_bend_no_flat_side_and_no_cylinder() {
 }
 
 #[test]
-fn slivers_bend_no_cylinder_and_cast_no_doubt_on_its_normals() {
+fn slivers_distort_no_cylinder_and_cause_no_doubt() {
     const SIDES: u32 = 24;
     let on = |side: u32, radius: f64, y: f64| {
         let angle = TAU * f64::from(side % SIDES) / f64::from(SIDES);
@@ -206,7 +206,7 @@ fn slivers_bend_no_cylinder_and_cast_no_doubt_on_its_normals() {
     };
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for side in 0..SIDES {
-        // One strip ends in the middle of its neighbour's side, where rounding puts its vertex beside that side.
+        // A strip ends in the middle of its neighbour's side, where rounding moves its vertex off that side.
         let first = u32::try_from(points.len()).unwrap();
         points.extend([on(side, 30.0, -40.0), on(side + 1, 30.0, -40.0), on(side + 1, 30.0, 40.0)]);
         points.extend([on(side, 30.0, 40.0), on(side, 30.0 + 4e-5, f64::from(side) - 12.3)]);
@@ -228,7 +228,7 @@ fn slivers_bend_no_cylinder_and_cast_no_doubt_on_its_normals() {
 }
 
 #[test]
-fn normals_of_cad_are_not_taken_for_shading() {
+fn cad_normals_are_not_treated_as_shading() {
     for form in ALL {
         for sag in [0.02, 0.1, 0.5] {
             assert!(!shading::only_shade(&form.mesh(sag, Normals::Exact)), "{} {sag}", form.name);
@@ -237,9 +237,9 @@ fn normals_of_cad_are_not_taken_for_shading() {
 }
 
 #[test]
-fn normals_that_contradict_the_facets_are_doubted() {
+fn normals_that_contradict_the_facets_cause_doubt() {
     let text = shaded_bar(&rounded(5.0, 3), 30.0, WEIGHTS[0].1);
-    // Half way between what shading makes of them and the flat side: no average, and nobody's surface.
+    // Half way between the averages and the flat side: neither an average nor the normal of a surface.
     let damped: String = text
         .lines()
         .map(|line| match line.strip_prefix("vn ") {

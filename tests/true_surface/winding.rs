@@ -1,4 +1,4 @@
-//! Which way round the triangles run is of no account.
+//! The winding of triangles does not matter.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,12 +15,12 @@ use nalgebra::{Point3, Vector3};
 use super::forms::{ALL, Normals, SPHERE};
 use super::largest_miss;
 
-/// Every so many of a hundred triangles, spread without a pattern.
+/// Whether a triangle is among the chosen `percent`, which are scattered irregularly.
 fn is_chosen(triangle: usize, percent: usize) -> bool {
     triangle.wrapping_mul(0x9E37_79B9) % 10_007 * 100 / 10_007 < percent
 }
 
-/// An OBJ file with some per cent of the triangles reversed; with a normal for each vertex or none.
+/// An OBJ file with a percentage of the triangles reversed, with a normal for each vertex or none.
 fn obj(mesh: &TriMesh, percent: usize, normals: &[Vector3<f64>]) -> String {
     let mut text = String::new();
     for at in mesh.positions() {
@@ -40,7 +40,7 @@ fn obj(mesh: &TriMesh, percent: usize, normals: &[Vector3<f64>]) -> String {
     text
 }
 
-/// A binary STL file with some per cent of the triangles reversed; the normals follow.
+/// A binary STL file with a percentage of the triangles reversed, including their normals.
 fn stl(mesh: &TriMesh, percent: usize) -> Vec<u8> {
     let mut bytes = vec![0; 80];
     bytes.extend(u32::try_from(mesh.triangles().len()).unwrap().to_le_bytes());
@@ -71,7 +71,7 @@ fn has_notice(reading: &PartReading, code: &str) -> bool {
 }
 
 #[test]
-fn reversed_triangles_leave_the_surface_as_it_is() {
+fn reversed_triangles_do_not_change_the_surface() {
     for form in ALL {
         let mesh = form.mesh(0.1, Normals::Missing);
         let margins = match form.counts(0.1) {
@@ -96,7 +96,7 @@ fn reversed_triangles_leave_the_surface_as_it_is() {
 }
 
 #[test]
-fn reversed_triangles_of_a_finely_cut_free_form_leave_it_as_it_is() {
+fn reversed_triangles_do_not_change_a_fine_free_form() {
     let mesh = shapes::graph(25.0, 0.5, shapes::mouse);
     for percent in [20, 50] {
         let reading = read("a.obj", obj(&mesh, percent, &[]).as_bytes());
@@ -124,7 +124,7 @@ fn the_number_of_reversed_triangles_is_reported() {
     assert_eq!(notice.severity, Severity::Note);
 }
 
-/// A sphere of radius 10 mm whose pole triangles have three corners.
+/// A sphere of radius 10 mm with triangles at the poles.
 fn ball() -> TriMesh {
     let (rings, columns) = (12u32, 24u32);
     let angle = |index: u32, count: u32, whole: f64| whole * f64::from(index) / f64::from(count);
@@ -155,7 +155,7 @@ fn ball() -> TriMesh {
     TriMesh::new(points, Vec::new(), triangles).unwrap()
 }
 
-/// Positive where the outside of a closed mesh is outside, mm³.
+/// The signed volume of a closed mesh, mm³: positive if its triangles face outwards.
 fn volume(mesh: &TriMesh) -> f64 {
     let of = |&corners: &[u32; 3]| {
         let [a, b, c] = mesh.corners(corners).map(|corner| corner.coords);
@@ -165,9 +165,9 @@ fn volume(mesh: &TriMesh) -> f64 {
 }
 
 #[test]
-fn the_outside_of_a_closed_body_is_outside() {
+fn the_triangles_of_a_closed_body_face_outwards() {
     let whole = volume(&ball());
-    assert!(whole > 4000.0, "the ball itself is right: {whole} mm³");
+    assert!(whole > 4000.0, "the original ball faces outwards: {whole} mm³");
     for percent in [20, 50, 80] {
         let reading = read("a.stl", &stl(&ball(), percent));
         let turned = volume(reading.shape.mesh().unwrap());
@@ -178,7 +178,7 @@ fn the_outside_of_a_closed_body_is_outside() {
 }
 
 #[test]
-fn normals_of_the_file_decide() {
+fn normals_of_the_file_determine_the_winding() {
     let exact = SPHERE.mesh(0.1, Normals::Exact);
     for percent in [20, 50] {
         let reading = read("a.obj", obj(&exact, percent, exact.normals()).as_bytes());
@@ -189,9 +189,9 @@ fn normals_of_the_file_decide() {
     }
 }
 
-/// Facets' own normals that all point outwards, while half of the triangles run the other way round.
+/// All facet normals point outwards, while half of the triangles are reversed.
 #[test]
-fn normals_of_facets_are_known_as_such_whichever_way_round_these_run() {
+fn facet_normals_are_recognised_with_any_winding() {
     let mesh = SPHERE.mesh(0.1, Normals::Missing);
     let mut text = String::new();
     for (triangle, &corners) in mesh.triangles().iter().enumerate() {
@@ -213,9 +213,9 @@ fn normals_of_facets_are_known_as_such_whichever_way_round_these_run() {
     assert!(miss < 0.005, "{miss} mm at {at:?}");
 }
 
-/// Normals that smooth shading made, on a box whose top stays flat.
+/// A box with normals from smooth shading; its top stays flat.
 #[test]
-fn shaded_boxes_stay_flat_whichever_way_round_the_triangles_run() {
+fn shaded_boxes_stay_flat_with_any_winding() {
     let points: Vec<Point3<f64>> = (0..8)
         .map(|corner| {
             let sign = |bit: u32| if corner >> bit & 1 == 1 { 25.0 } else { -25.0 };
@@ -235,7 +235,7 @@ fn shaded_boxes_stay_flat_whichever_way_round_the_triangles_run() {
 }
 
 #[test]
-fn a_strip_with_one_side_is_named_with_its_place() {
+fn a_moebius_strip_is_reported_with_its_place() {
     let (count, mut points, mut triangles) = (60u32, Vec::new(), Vec::new());
     for step in 0..count {
         let turn = f64::from(step) / f64::from(count) * std::f64::consts::TAU;
@@ -243,7 +243,7 @@ fn a_strip_with_one_side_is_named_with_its_place() {
         let across = out * (turn / 2.0).cos() + Vector3::z() * (turn / 2.0).sin();
         points.extend([Point3::from(out * 30.0 - across * 8.0), Point3::from(out * 30.0 + across * 8.0)]);
         let [a, b] = [2 * step, 2 * step + 1];
-        // After one turn the strip's two rims have changed places.
+        // After one turn, the strip's two rims are exchanged.
         let [c, d] = if step + 1 == count { [1, 0] } else { [a + 2, b + 2] };
         triangles.extend([[a, b, d], [a, d, c]]);
     }

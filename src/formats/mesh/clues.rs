@@ -1,8 +1,8 @@
-//! What a part file shows about its unit and its up axis, and what is decided from it.
+//! Decides the unit and the up axis of a part file from the clues in it.
 //!
-//! The file's word counts first; it is held against the sizes products have and against what its producer is known to
-//! do. Every decision comes with its reason, and with a notice: a note where it is certain, a warning where it is a
-//! guess or goes against the file's own standard.
+//! What the file states comes first; it is checked against the usual sizes of products and the known behaviour of the
+//! file's producer. Every decision has a reason and a notice: a note if it is certain, a warning if it is a guess or
+//! contradicts the standard of the format.
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,44 +10,44 @@ use crate::reason::Notice;
 
 use super::{Decision, LengthUnit, MeshFormat, MeshOptions, UpAxis};
 
-/// A part with a longer diagonal in metres than this is taken to be in mm, m.
+/// Longest plausible diagonal of a part in metres; a part with longer ones is assumed to be in mm.
 const LONGEST_IN_METRES: f64 = 5.0;
-/// A part with a shorter diagonal in mm than this is taken to be in metres, mm.
+/// Shortest plausible diagonal of a part in mm; a part with shorter ones is assumed to be in metres.
 const SHORTEST_IN_MM: f64 = 2.0;
-/// Longest sides that products on a marking table have, mm.
+/// Plausible longest sides of products on a marking table, mm.
 const PLAUSIBLE_SIZE: std::ops::RangeInclusive<f64> = 1.0..=2000.0;
-/// From this length on, build123d's unit option is worth a word, mm: ten times the size of a usual product.
+/// Length above which a notice mentions build123d's unit option, mm: ten times the size of a usual product.
 const WORTH_A_LOOK: f64 = 500.0;
 
-/// What the file shows beside its numbers.
+/// What the file contains besides its coordinates.
 #[derive(Debug, Clone)]
 pub(super) struct Clues {
     pub(super) format: MeshFormat,
     /// glTF: the generator; STL: its header; others: the first comment.
     pub(super) producer: Option<String>,
-    /// A unit that the file's comments name.
+    /// The unit that the file's comments state.
     pub(super) stated_unit: Option<LengthUnit>,
     pub(super) root_turn: RootTurn,
     pub(super) zeros: NormalZeros,
 }
 
-/// The turn that all roots of a glTF scene share.
+/// The rotation that all root nodes of a glTF scene have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RootTurn {
-    /// +90° about X: what Blender's OBJ import leaves on an object. +Y goes to +Z.
+    /// +90° about X, from +Y to +Z: Blender's OBJ import leaves it on an object.
     UpToFront,
-    /// -90° about X: how build123d and CadQuery stand a Z-up part upright. +Z goes to +Y.
+    /// -90° about X, from +Z to +Y: build123d and CadQuery set a Z-up part upright with it.
     FrontToUp,
-    /// No turn, another one, or several.
+    /// No rotation, another one, or different ones.
     Other,
 }
 
-/// Signs of the zeros in an OpenCASCADE file's normals.
+/// Counts of signed zeros in an OpenCASCADE file's normals.
 ///
-/// Reversing a face's normal (0, 0, 1) leaves (-0, -0, -1) in the file. Where the writer converts axes, it multiplies
+/// Reversing a face's normal (0, 0, 1) leaves (-0, -0, -1) in the file. If the writer converts the axes, it multiplies
 /// by a matrix, and 0 · x + 0 · y + 1 · z + 0 · 0 is never -0 (OpenCASCADE, `RWMesh_CoordinateSystemConverter`). So a
-/// negative zero shows that the axes were not converted and Z is still up, and a clean normal (0, -1, 0) of a face
-/// below speaks for a conversion.
+/// negative zero shows that the axes were not converted and Z is still up, and a normal (0, -1, 0) without negative
+/// zeros, of a bottom face, indicates a conversion.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NormalZeros {
     negative: usize,
@@ -64,21 +64,21 @@ impl NormalZeros {
     }
 }
 
-/// Unit and axis with their reasons, and what is to be said about them.
+/// Unit and axis with their reasons, and the notices about them.
 pub(super) struct Verdict {
     pub(super) unit: Decision<LengthUnit>,
     pub(super) up: Decision<UpAxis>,
     pub(super) notices: Vec<Notice>,
 }
 
-/// How much a decision rests on.
+/// What a decision is based on.
 #[derive(Clone, Copy, PartialEq)]
 enum Footing {
-    /// A person said so.
+    /// The settings.
     Settings,
-    /// The file's standard, or its producer's known habit.
+    /// The standard of the format, or the known behaviour of the producer.
     Certain,
-    /// A guess, or against the file's own standard.
+    /// A guess, or a contradiction of the format's standard.
     Guess,
 }
 
@@ -89,18 +89,18 @@ impl Clues {
     }
 
     pub(super) fn is_open_cascade(&self) -> bool {
-        self.producer_says("Open CASCADE")
+        self.producer_contains("Open CASCADE")
     }
 
     pub(super) fn is_arch_export(&self) -> bool {
-        self.producer_says("FreeCAD") && self.producer_says("Arch")
+        self.producer_contains("FreeCAD") && self.producer_contains("Arch")
     }
 
-    fn producer_says(&self, word: &str) -> bool {
+    fn producer_contains(&self, word: &str) -> bool {
         self.producer.as_ref().is_some_and(|producer| producer.contains(word))
     }
 
-    /// Decides about a part whose triangles have these corners, in the file's numbers.
+    /// Decides unit and axis of a part whose triangles have these corners, in the file's numbers.
     pub(super) fn judge(&self, corners: &Corners, options: &MeshOptions) -> Verdict {
         let diagonal = corners.size.norm();
         let (unit, unit_footing) = match options.unit {
@@ -117,7 +117,7 @@ impl Clues {
             "unit-assumed",
             unit_footing,
             format!("the file's numbers are taken as {} because {}", unit.value, unit.why),
-            "`--part-unit` says otherwise if this is wrong",
+            "if this is wrong, set `--part-unit`",
         ));
         notices.extend(notice(
             "axis-assumed",
@@ -127,21 +127,21 @@ impl Clues {
                 up.value.to_string().to_uppercase(),
                 up.why
             ),
-            "`--part-up` says otherwise if the part lies on its side",
+            "if the part then lies on its side, set `--part-up`",
         ));
         let longest = corners.size.max() * unit.value.in_mm();
         if !PLAUSIBLE_SIZE.contains(&longest) {
             let message = format!(
-                "the part's longest side is {longest:.3} mm; products on a marking table have {} to {} mm, so the unit \
-                 may be wrong (`--part-unit`)",
+                "the part's longest side is {longest:.3} mm; products on a marking table measure {} to {} mm, so the \
+                 unit may be wrong (`--part-unit`)",
                 PLAUSIBLE_SIZE.start(),
                 PLAUSIBLE_SIZE.end()
             );
             notices.push(Notice::warning("size-implausible", message));
         } else if self.may_be_build123d() && longest > WORTH_A_LOOK && unit_footing != Footing::Settings {
             let message = format!(
-                "the part's longest side is {longest:.1} mm; if that is ten times too long, it was exported by build123d \
-                 with its unit set to CM: export it again with unit MM, or set the part's unit to dm"
+                "the part's longest side is {longest:.1} mm; if this is ten times too long, build123d exported it with \
+                 its unit set to CM: export it again with unit MM, or set the part's unit to dm"
             );
             notices.push(Notice::note("size-unconfirmed", message));
         }
@@ -156,23 +156,23 @@ impl Clues {
         use LengthUnit::{Metre, Millimetre};
         let too_long = || {
             format!(
-                "a part with a diagonal of {diagonal:.0} m is implausible and one of {diagonal:.0} mm is usual; Blender \
-                 writes a scene in mm, or an OBJ imported in mm, this way"
+                "a diagonal of {diagonal:.0} m is implausible and {diagonal:.0} mm is usual; Blender writes such \
+                 numbers for a scene in mm, or for an OBJ imported in mm"
             )
         };
         if matches!(self.format, MeshFormat::Gltf | MeshFormat::Glb) {
             return match diagonal > LONGEST_IN_METRES {
                 true => (Decision::new(Millimetre, too_long()), Footing::Guess),
-                false => (Decision::new(Metre, "glTF numbers are metres by its standard"), Footing::Certain),
+                false => (Decision::new(Metre, "the glTF standard uses metres"), Footing::Certain),
             };
         }
         if let Some(unit) = self.stated_unit {
-            return (Decision::new(unit, "a comment at the file's head says so"), Footing::Certain);
+            return (Decision::new(unit, "a comment in the file's header states it"), Footing::Certain);
         }
-        if self.producer_says("FreeCAD") {
+        if self.producer_contains("FreeCAD") {
             return (Decision::new(Millimetre, "FreeCAD writes OBJ in mm"), Footing::Certain);
         }
-        if self.producer_says("Blender") && self.format == MeshFormat::Obj {
+        if self.producer_contains("Blender") && self.format == MeshFormat::Obj {
             return match diagonal > LONGEST_IN_METRES {
                 true => (Decision::new(Millimetre, too_long()), Footing::Guess),
                 false => (Decision::new(Metre, "Blender writes OBJ in metres by default"), Footing::Certain),
@@ -182,8 +182,8 @@ impl Clues {
         let decision = match diagonal < SHORTEST_IN_MM {
             true => {
                 let why = format!(
-                    "{format} has no unit, and a part with a diagonal of {diagonal:.3} mm is implausible while one of \
-                     {diagonal:.3} m is usual"
+                    "{format} has no unit, and a diagonal of {diagonal:.3} mm is implausible while {diagonal:.3} m is \
+                     usual"
                 );
                 Decision::new(Metre, why)
             }
@@ -205,7 +205,7 @@ impl Clues {
         }
     }
 
-    /// The programs that mostly write the format.
+    /// The programs that usually write the format.
     fn writers(&self) -> &'static str {
         match self.format {
             MeshFormat::Ply | MeshFormat::Xyz => "scanners",
@@ -214,56 +214,56 @@ impl Clues {
     }
 
     fn up_of_gltf(&self, in_millimetres: bool) -> (Decision<UpAxis>, Footing) {
-        if self.producer_says("Blender") && in_millimetres && self.root_turn == RootTurn::UpToFront {
-            let why = "the numbers are mm and every object is turned by 90° about X, as Blender leaves an OBJ in mm with \
-                       Z up when it is imported with Y up; glTF itself would have Y up";
+        if self.producer_contains("Blender") && in_millimetres && self.root_turn == RootTurn::UpToFront {
+            let why = "the numbers are mm and every object is rotated by 90° about X, as when Blender imports an OBJ \
+                       in mm with Z up as if Y were up; the glTF standard has Y up";
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if !self.is_open_cascade() {
-            // Blender turns the axes whatever the unit; others that leave the unit may leave the axes as well.
-            return if in_millimetres && !self.producer_says("Blender") {
-                let why = "glTF has Y up by its standard; but as its numbers are no metres, the program may have kept \
+            // Blender always converts the axes; other programs that do not convert the unit may not convert the axes.
+            return if in_millimetres && !self.producer_contains("Blender") {
+                let why = "the glTF standard has Y up; but as the numbers are not metres, the program may have kept \
                            another axis as well";
                 (Decision::new(UpAxis::Y, why), Footing::Guess)
             } else {
-                (Decision::new(UpAxis::Y, "glTF has Y up by its standard"), Footing::Certain)
+                (Decision::new(UpAxis::Y, "the glTF standard has Y up"), Footing::Certain)
             };
         }
         if self.root_turn == RootTurn::FrontToUp {
-            let why = "glTF has Y up by its standard, and the root is turned accordingly";
+            let why = "the glTF standard has Y up, and the root node is rotated accordingly";
             return (Decision::new(UpAxis::Y, why), Footing::Certain);
         }
         if self.zeros.negative > 0 {
-            let why = "OpenCASCADE wrote it without converting axes (its normals still have negative zeros), so Z is up \
-                       as in CAD; glTF itself would have Y up";
+            let why = "OpenCASCADE wrote it without converting the axes (its normals still have negative zeros), so Z \
+                       is up as in CAD; the glTF standard has Y up";
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if self.zeros.clean_backward > 0 {
-            let why = "glTF has Y up by its standard, and OpenCASCADE converted the axes (its normals have no negative \
+            let why = "the glTF standard has Y up, and OpenCASCADE converted the axes (its normals have no negative \
                        zeros)";
             return (Decision::new(UpAxis::Y, why), Footing::Certain);
         }
-        let why = "glTF has Y up by its standard; OpenCASCADE programs that do not convert axes write Z up, and this file \
-                   does not show which it is";
+        let why = "the glTF standard has Y up; OpenCASCADE programs that do not convert the axes write Z up, and \
+                   nothing in this file shows which is the case";
         (Decision::new(UpAxis::Y, why), Footing::Guess)
     }
 
     fn up_of_obj(&self, corners: &Corners, in_millimetres: bool) -> (Decision<UpAxis>, Footing) {
-        if self.producer_says("FreeCAD") {
+        if self.producer_contains("FreeCAD") {
             return (Decision::new(UpAxis::Z, "FreeCAD writes OBJ with Z up"), Footing::Certain);
         }
-        if !self.producer_says("Blender") {
+        if !self.producer_contains("Blender") {
             let why = "OBJ has no up axis, and CAD programs write Z up";
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if !in_millimetres {
             return (Decision::new(UpAxis::Y, "Blender writes OBJ with Y up by default"), Footing::Certain);
         }
-        // Blender with mm: either a scene in mm (Y up), or a part in mm with Z up that only passed through, or an export
-        // with Z chosen as up. The turn there and back leaves rounding in y and z only.
+        // Blender with mm: a scene in mm (Y up), or an imported part in mm with Z up, or an export with Z chosen as up.
+        // The rotation at import and back at export leaves rounding errors in y and z only.
         let decision = if corners.has_dust_of_a_turn_about_x() {
-            let why = "the numbers are mm, and rounding in y and z shows that Blender turned the part by 90° about X and \
-                       back: an OBJ with Z up passed through";
+            let why = "the numbers are mm, and rounding errors in y and z show that Blender rotated the part by 90° \
+                       about X and back: it imported an OBJ with Z up";
             Decision::new(UpAxis::Z, why)
         } else if corners.stands_on(2) && !corners.stands_on(1) {
             let why = "the numbers are mm, and the part stands on the plane z = 0 but not on y = 0";
@@ -284,31 +284,31 @@ pub(super) fn stated_unit(comment: &str) -> Option<LengthUnit> {
         .flatten()
 }
 
-/// The unit that a word stands for.
+/// The unit that a word names.
 pub(super) fn unit_word(word: &str) -> Option<LengthUnit> {
     match word {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
         "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
-        // Not "in", which stands before the unit in most sentences.
+        // Not "in", which is usually the preposition, as in "units in mm".
         "inch" | "inches" => Some(LengthUnit::Inch),
         _ => None,
     }
 }
 
-fn notice(code: &str, footing: Footing, message: String, otherwise: &str) -> Option<Notice> {
+fn notice(code: &str, footing: Footing, message: String, remedy: &str) -> Option<Notice> {
     match footing {
         Footing::Settings => None,
         Footing::Certain => Some(Notice::note(code, message)),
-        Footing::Guess => Some(Notice::warning(code, format!("{message}; {otherwise}"))),
+        Footing::Guess => Some(Notice::warning(code, format!("{message}; {remedy}"))),
     }
 }
 
-/// The corners of a part's triangles as numbers of the file, summed up.
+/// The extents of a part's triangles in the file's numbers.
 pub(super) struct Corners {
     min: Vector3<f64>,
     size: Vector3<f64>,
-    /// For each axis, how many coordinates are as small as what a turn in single precision leaves of zero.
+    /// For each axis, how many coordinates are tiny rounding errors, as a rotation in single precision leaves them.
     dust: [usize; 3],
 }
 
@@ -324,7 +324,7 @@ impl Corners {
         corners
     }
 
-    /// The same of points without triangles.
+    /// The extents of points without triangles.
     pub(super) fn of_points<'a>(points: impl IntoIterator<Item = &'a Point3<f64>>) -> Self {
         let mut min = Vector3::repeat(f64::INFINITY);
         let mut max = Vector3::repeat(f64::NEG_INFINITY);

@@ -11,38 +11,38 @@ use super::MeshFormat;
 /// Why a part file cannot be read.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshReadError {
-    /// A GLB file is shorter than its header says.
-    #[error("the {format} file is cut: {actual} of {declared} bytes are there")]
+    /// A binary file is shorter than its header states.
+    #[error("the {format} file is cut off: it has {actual} of {declared} bytes")]
     Truncated {
         /// The format read.
         format: MeshFormat,
-        /// Length the file says it has, bytes.
+        /// Length that the header states, bytes.
         declared: u64,
-        /// Length it has, bytes.
+        /// Actual length, bytes.
         actual: u64,
     },
     /// The last line of a text file ends in the middle of a statement.
-    #[error("the file is cut: its last line is \"{text}\"")]
+    #[error("the file is cut off: its last line is \"{text}\"")]
     CutLine {
         /// Line, from 1.
         line: u64,
         /// Beginning of the line.
         text: String,
     },
-    /// A text file has fewer entries than its header says.
-    #[error("the {format} file is cut: {actual} of {declared} {what} are there")]
+    /// A text file has fewer entries than its header states.
+    #[error("the {format} file is cut off: it has {actual} of {declared} {what}")]
     CutShort {
         /// The format read.
         format: MeshFormat,
-        /// What there is too little of, such as `vertices`.
+        /// What is missing, such as `vertices`.
         what: String,
-        /// How many the header says there are.
+        /// The number that the header states.
         declared: u64,
-        /// How many there are.
+        /// The actual number.
         actual: u64,
     },
-    /// The header of a PLY file, or the head of a list of points, cannot be used.
-    #[error("the head of the {format} file cannot be used: {problem}")]
+    /// The header of a PLY file, or the lines above a list of points, cannot be used.
+    #[error("the header of the {format} file is not valid: {problem}")]
     BadHeader {
         /// The format read.
         format: MeshFormat,
@@ -51,8 +51,8 @@ pub enum MeshReadError {
         /// What is wrong with it.
         problem: String,
     },
-    /// The bytes are no file of this format.
-    #[error("this is no {format} file: it begins with {found}")]
+    /// The bytes are not in this format.
+    #[error("this is not a file in {format} format: it begins with {found}")]
     NotThisFormat {
         /// The format that was to be read.
         format: MeshFormat,
@@ -60,7 +60,7 @@ pub enum MeshReadError {
         found: String,
     },
     /// A glTF version other than 2.
-    #[error("the file says it is glTF {version}; only glTF 2 can be read")]
+    #[error("the file is glTF {version}; only glTF 2 can be read")]
     Version {
         /// The version as written.
         version: String,
@@ -72,28 +72,28 @@ pub enum MeshReadError {
         line: u64,
         /// Column in that line, from 1.
         column: u64,
-        /// What the JSON reader says.
+        /// The message of the JSON reader.
         message: String,
     },
-    /// An entry of the glTF JSON names another one that does not exist.
-    #[error("{item} names {kind} {index}, but there are only {count}")]
+    /// An entry of the glTF JSON refers to another one that does not exist.
+    #[error("{item} refers to {kind} {index}, but the file has only {count}")]
     BrokenReference {
-        /// The entry that names it.
+        /// The entry with the reference.
         item: String,
-        /// What is named, such as `accessor`.
+        /// The kind of the missing entry, such as `accessor`.
         kind: &'static str,
-        /// The number named, from 0.
+        /// The number of the missing entry, from 0.
         index: usize,
-        /// How many there are.
+        /// How many entries of this kind there are.
         count: usize,
     },
-    /// The file cannot be understood without an extension that is not known here.
-    #[error("the file needs the glTF extension {name}")]
+    /// The file requires an extension that is not supported.
+    #[error("the file requires the glTF extension {name}, which is not supported")]
     UnsupportedExtension {
         /// The extension's name.
         name: String,
     },
-    /// The data of an accessor are not of the kind that its use demands.
+    /// The data of an accessor do not have the type that their use requires.
     #[error("{item} is stored as {found}, not as {expected}")]
     WrongData {
         /// What the data are for.
@@ -109,85 +109,85 @@ pub enum MeshReadError {
         /// What the data are for.
         item: String,
     },
-    /// The data of an accessor reach beyond their buffer.
+    /// The data of an accessor extend beyond their buffer.
     #[error("{item} needs {needed} bytes, but its buffer has only {available}")]
     DataBeyondBuffer {
         /// What the data are for.
         item: String,
         /// Bytes needed from the start of the buffer or view.
         needed: u64,
-        /// Bytes there are.
+        /// Bytes available.
         available: u64,
     },
-    /// A buffer's name leads out of the part's folder, or is no file name.
-    #[error("the buffer \"{name}\" is no plain file name beside the part")]
+    /// A buffer's name leads out of the part's folder, or is not a file name.
+    #[error("the buffer name \"{name}\" is not a plain file name in the part's folder")]
     BufferName {
         /// The name as written.
         name: String,
     },
-    /// A buffer beside the part cannot be read.
+    /// A buffer file beside the part cannot be read.
     #[error("the buffer \"{name}\" cannot be read: {kind}")]
     BufferMissing {
         /// The file's name.
         name: String,
-        /// What kept it from being read.
+        /// The error from the file system.
         kind: io::ErrorKind,
     },
-    /// A buffer is shorter than the JSON says.
-    #[error("the buffer {name} has {actual} bytes, {declared} are needed")]
+    /// A buffer is shorter than the JSON states.
+    #[error("the buffer {name} has {actual} bytes, but {declared} are needed")]
     BufferShort {
-        /// The file's name, or what else the buffer is.
+        /// The file's name, or the number of a buffer that is not a file.
         name: String,
-        /// Length the JSON says it has, bytes.
+        /// Length that the JSON states, bytes.
         declared: u64,
-        /// Length it has, bytes.
+        /// Actual length, bytes.
         actual: u64,
     },
     /// A data URI cannot be decoded.
-    #[error("the data of buffer {buffer} inside the JSON are no base64")]
+    #[error("the data of buffer {buffer} in the JSON are not valid base64")]
     BadDataUri {
         /// Number of the buffer, from 0.
         buffer: usize,
     },
-    /// A node's position, turn or scale is not finite.
-    #[error("{node} has a transform that is not finite")]
+    /// A node's translation, rotation or scale is not finite.
+    #[error("the transform of {node} is not finite")]
     BadTransform {
         /// The node.
         node: String,
     },
     /// A node is its own descendant, or the child of two nodes.
-    #[error("{node} is reached twice in the tree of nodes")]
+    #[error("{node} appears twice in the node tree")]
     NodeTwice {
         /// The node.
         node: String,
     },
     /// A coordinate is NaN or infinite.
-    #[error("a vertex has the coordinates ({}, {}, {})", coordinate[0], coordinate[1], coordinate[2])]
+    #[error("a vertex has the invalid coordinates ({}, {}, {})", coordinate[0], coordinate[1], coordinate[2])]
     NotFinite {
-        /// Where the vertex stands.
+        /// Where the vertex is.
         vertex: VertexPlace,
         /// The coordinates as read.
         coordinate: [f64; 3],
     },
-    /// A coordinate is further from the origin than [`TriMesh::LARGEST_COORDINATE`].
-    #[error("a vertex lies at ({:.0}, {:.0}, {:.0}) mm", coordinate[0], coordinate[1], coordinate[2])]
+    /// A coordinate is larger than [`TriMesh::LARGEST_COORDINATE`].
+    #[error("a vertex is too far away, at ({:.0}, {:.0}, {:.0}) mm", coordinate[0], coordinate[1], coordinate[2])]
     TooFar {
         /// The coordinates, mm.
         coordinate: [f64; 3],
     },
-    /// A triangle names a vertex or normal that does not exist.
-    #[error("a face names {kind} {index}, but there are only {count}")]
+    /// A face refers to a vertex or normal that does not exist.
+    #[error("a face refers to {kind} {index}, but there are only {count}")]
     IndexOutOfRange {
-        /// Where the face stands.
+        /// Where the face is.
         face: VertexPlace,
-        /// What is named: `vertex` or `normal`.
+        /// What is missing: `vertex` or `normal`.
         kind: &'static str,
-        /// The number as written.
+        /// The index as written.
         index: i64,
-        /// How many there are.
+        /// How many vertices or normals there are.
         count: usize,
     },
-    /// A line of an OBJ file cannot be understood.
+    /// A line of a text file is not valid.
     #[error("the line \"{text}\" cannot be read: {problem}")]
     BadLine {
         /// Line, from 1.
@@ -197,42 +197,42 @@ pub enum MeshReadError {
         /// What is wrong with it.
         problem: &'static str,
     },
-    /// The parser refuses what our own checks let through.
+    /// The parser refuses a file that passed the checks here.
     #[error("the {format} file cannot be read: {message}")]
     Refused {
         /// The format read.
         format: MeshFormat,
-        /// What the parser says.
+        /// The message of the parser.
         message: String,
     },
     /// There is no triangle with an area.
-    #[error("the file holds no triangle with an area{}", likely_cause(cause))]
+    #[error("the file contains no triangle with an area{}", likely_cause(cause))]
     NoTriangles {
         /// The likely cause.
         cause: EmptyCause,
     },
-    /// There is no point.
-    #[error("the file holds no point{}", match missing { 0 => String::new(), missing => format!(", only {missing} that are marked as missing") })]
+    /// There is no measured point.
+    #[error("the file contains no measured points{}", all_missing(*missing))]
     NoPoints {
         /// Number of points that are marked as missing.
         missing: usize,
     },
-    /// There is more than can be kept.
-    #[error("the file has {count} {what}, more than {limit}")]
+    /// The file exceeds a size limit.
+    #[error("the file has {count} {what}; the limit is {limit}")]
     TooLarge {
-        /// What there is too much of.
+        /// What exceeds its limit, such as `triangles`.
         what: &'static str,
         /// How many there are, at least.
         count: u64,
         /// How many can be read.
         limit: u64,
     },
-    /// It is more than a moment's work, and only a moment was given to it.
-    #[error("the part takes longer than a moment")]
+    /// The part needs more time than [`Pace::Quick`](crate::formats::Pace::Quick) allows.
+    #[error("reading the part takes longer than allowed here")]
     TakesLong,
 }
 
-/// Where a vertex or face stands in its file.
+/// Where a vertex or face is in its file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum VertexPlace {
     /// In a primitive of a glTF file.
@@ -241,7 +241,7 @@ pub enum VertexPlace {
         mesh: String,
         /// Number of the primitive in its mesh, from 0.
         primitive: usize,
-        /// Number of the vertex, or of the corner that names it, from 0.
+        /// Number of the vertex, or of the corner that refers to it, from 0.
         vertex: usize,
     },
     /// In a line of a text file.
@@ -249,41 +249,45 @@ pub enum VertexPlace {
         /// Line, from 1.
         line: u64,
     },
-    /// One of many in a binary file.
+    /// A numbered entry of a binary file.
     Numbered {
-        /// What it is, such as `facet`.
+        /// The kind of entry, such as `facet`.
         what: &'static str,
         /// Its number, from 0.
         number: usize,
     },
 }
 
-/// Why a part file came out empty, as far as the file shows it.
+/// The likely cause of a part file without triangles.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EmptyCause {
-    /// An OpenCASCADE program such as FreeCAD exported a shape that had no triangles yet.
+    /// An OpenCASCADE program such as FreeCAD exported a shape without meshing it first.
     NeverMeshed,
-    /// FreeCAD's Arch exporter was given a container instead of the bodies in it.
+    /// FreeCAD's Arch exporter exported a container without the bodies in it.
     ArchContainer,
-    /// There are only lines or points.
+    /// There are only other things, such as lines or points.
     OnlyOthers(Vec<String>),
-    /// All triangles have corners in one line.
+    /// The corners of every triangle are in one line.
     Flat,
-    /// Nothing of use is there.
+    /// There is nothing usable.
     Nothing,
 }
 
 fn likely_cause(cause: &EmptyCause) -> String {
     match cause {
-        EmptyCause::NeverMeshed => ": the exporting program had not meshed the shape".into(),
+        EmptyCause::NeverMeshed => ": the exporting program did not mesh the shape".into(),
         EmptyCause::ArchContainer => ": a FreeCAD container was exported without its bodies".into(),
         EmptyCause::OnlyOthers(others) => format!(", only {}", others.join(", ")),
         EmptyCause::Flat | EmptyCause::Nothing => String::new(),
     }
 }
 
+fn all_missing(missing: usize) -> String {
+    if missing == 0 { String::new() } else { format!(": all {missing} points are marked as missing") }
+}
+
 impl MeshReadError {
-    /// The same as a reason: code, sentence, place, number and remedy. The file's name is added by who knows it.
+    /// The error as a reason: code, sentence, place, number and remedy. The caller adds the file's name.
     pub fn reason(&self) -> Reason {
         let reason = Reason::new(self.code(), self.to_string(), self.remedy()).at(self.place());
         match self {
@@ -306,14 +310,14 @@ impl MeshReadError {
                 reason.with_number("index", *index as f64, "", Some(*count as f64))
             }
             Self::TooFar { coordinate } => {
-                let farthest = coordinate.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+                let farthest = coordinate.iter().fold(0.0f64, |farthest, value| farthest.max(value.abs()));
                 reason.with_number("coordinate", farthest, "mm", Some(TriMesh::LARGEST_COORDINATE))
             }
             _ => reason,
         }
     }
 
-    /// Whether the file ends too early, so that more of it may still come.
+    /// Whether the file ends too early, so that it may still be being written.
     pub fn is_cut_short(&self) -> bool {
         matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
     }
@@ -393,28 +397,29 @@ impl MeshReadError {
             Self::Truncated { .. }
             | Self::CutLine { .. }
             | Self::CutShort { .. }
-            | Self::BufferShort { .. } => "copy the file again, and wait until the export has ended",
+            | Self::BufferShort { .. } => "wait until the export has finished, then copy the file again",
             Self::NotThisFormat { .. } => {
-                "export the part as GLB, as glTF with its .bin, as OBJ, STL or PLY, or a scan as PLY or list of points, and keep \
-                 the ending the program gave it"
+                "export the part as GLB, glTF with its .bin, OBJ, STL or PLY, or a scan as PLY or a list of points, \
+                 and keep the file name ending that the program gave it"
             }
             Self::Version { .. } => "export the part as glTF 2 (.glb) or OBJ",
             Self::BadJson { .. } | Self::BrokenReference { .. } | Self::DataBeyondBuffer { .. } => {
-                "export the part again; if it happens again, the exporting program writes damaged files: use OBJ instead"
+                "export the part again; if that does not help, the program writes damaged files: export OBJ instead"
             }
             Self::UnsupportedExtension { name } => {
                 return format!(
-                    "export without compression or other extensions ({name} off), or run the file through a tool that \
-                     removes them"
+                    "export the part without {name} (compression or another extension), or remove it with a glTF tool"
                 );
             }
             Self::WrongData { .. } => "export without mesh quantization or compression",
             Self::NoData { .. } => "export without mesh compression (Draco, meshopt)",
             Self::BufferName { .. } => {
-                "put the .bin into the part's own folder and name it there without a path, or export as GLB"
+                "put the .bin into the part's folder and refer to it without a path, or export the part as GLB"
             }
             Self::BufferMissing { name, .. } => {
-                return format!("drop \"{name}\" beside the .gltf, or export as GLB, which is one file");
+                return format!(
+                    "put \"{name}\" beside the .gltf, or export the part as GLB, which is a single file"
+                );
             }
             Self::BadDataUri { .. } | Self::NodeTwice { .. } => "export the part as GLB again",
             Self::BadTransform { .. } => {
@@ -424,24 +429,25 @@ impl MeshReadError {
                 "repair the mesh in the modelling program (remove broken vertices) and export again"
             }
             Self::TooFar { .. } => {
-                "delete stray vertices far from the part; if the size is wrong as a whole, set the unit with `--part-unit`"
+                "delete stray vertices far from the part; if the whole part is too large, set its unit (`--part-unit`)"
             }
             Self::IndexOutOfRange { .. } => {
                 "export the part again; the file is damaged or was edited by hand"
             }
             Self::BadHeader { .. } => {
-                "write the points as lines x, y, z, or the part or scan as PLY with the vertex properties x, y and z"
+                "write the points as lines of x, y and z, or export a PLY file whose vertices have the properties x, y \
+                 and z"
             }
-            Self::NoPoints { .. } => "check that the scanner saw the part, and export the scan again",
+            Self::NoPoints { .. } => "check that the scanner captured the part, and export the scan again",
             Self::BadLine { .. } => {
-                "correct this line, or export the part again with a point as decimal sign"
+                "correct this line, or export the part again with a decimal point in numbers"
             }
             Self::Refused { .. } => "export the part as GLB instead",
             Self::NoTriangles { cause } => empty_remedy(cause),
             Self::TooLarge { .. } => {
-                "reduce the mesh (decimate it, or export with a larger chord tolerance) or the scan (thin it out)"
+                "reduce the mesh (decimate it, or export it with a larger chord tolerance), or thin out the scan"
             }
-            Self::TakesLong => "give it more time",
+            Self::TakesLong => "read the part without a time limit",
         };
         fixed.into()
     }
@@ -450,11 +456,11 @@ impl MeshReadError {
 fn empty_remedy(cause: &EmptyCause) -> &'static str {
     match cause {
         EmptyCause::NeverMeshed => {
-            "FreeCAD without its window exports shapes that were never meshed as empty nodes: mesh the shape first \
-             (MeshPart.meshFromShape), or export from the window"
+            "mesh the shape first (MeshPart.meshFromShape), or export it from FreeCAD's window: without its window, \
+             FreeCAD exports shapes that have no mesh as empty nodes"
         }
         EmptyCause::ArchContainer => {
-            "FreeCAD's Arch exporter leaves out what is inside a container: select the bodies themselves and export again"
+            "select the bodies themselves and export again: FreeCAD's Arch exporter leaves out what is in a container"
         }
         EmptyCause::OnlyOthers(_) => {
             "select the solid or the mesh, not its sketch or point cloud, and export again"
@@ -482,7 +488,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_says_what_where_how_much_and_what_to_do() {
+    fn a_reason_has_sentence_place_number_and_remedy() {
         let cut = MeshReadError::Truncated { format: MeshFormat::Glb, declared: 900, actual: 512 }.reason();
         assert_eq!(cut.code, "mesh-truncated");
         assert_eq!(cut.place.byte, Some(512));
@@ -495,6 +501,6 @@ mod tests {
         assert!(nan.what.contains("NaN"), "{}", nan.what);
 
         let empty = MeshReadError::NoTriangles { cause: EmptyCause::ArchContainer }.reason();
-        assert!(empty.remedy.contains("select the bodies"), "{}", empty.remedy);
+        assert!(empty.remedy.contains("Select the bodies"), "{}", empty.remedy);
     }
 }

@@ -1,4 +1,4 @@
-//! What a part file holds, and how it was understood.
+//! What a part file contains, and how it was interpreted.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,12 +7,12 @@ use crate::geometry::mesh::TriMesh;
 use crate::geometry::point_cloud::PointCloud;
 use crate::reason::{Notice, Severity};
 
-/// A part with what its file says about it.
+/// A part with the facts about its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartReading {
     /// The part, mm, +Z up.
     pub shape: Shape,
-    /// What was found and decided.
+    /// What was found in the file, and what was decided.
     pub facts: PartFacts,
 }
 
@@ -26,7 +26,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The mesh, if it is one.
+    /// The mesh, unless it is a scan.
     pub fn mesh(&self) -> Option<&TriMesh> {
         match self {
             Self::Mesh(mesh) => Some(mesh),
@@ -35,14 +35,13 @@ impl Shape {
     }
 }
 
-/// What was found in a part file, and how it was understood.
+/// What was found in a part file, and how it was interpreted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartFacts {
-    /// The format the bytes were in, whatever the file's name says; absent for a part that the settings give by its
-    /// sizes.
+    /// The format of the bytes, which may differ from the file name's ending; absent for a primitive from the settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<MeshFormat>,
-    /// The program that wrote the file, in its own words; for OBJ the first comment.
+    /// The program that wrote the file, as the file names it; for OBJ the first comment.
     pub producer: Option<String>,
     /// Unit of the file's numbers.
     pub unit: Decision<LengthUnit>,
@@ -55,58 +54,58 @@ pub struct PartFacts {
     pub triangles: usize,
     /// Number of vertices in the mesh, or of points in the scan.
     pub vertices: usize,
-    /// What the file's normals are good for.
+    /// The quality of the file's normals.
     pub normals: NormalsFound,
-    /// Names of the bodies, in the file's order; empty where the file has no names.
+    /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.
     pub materials: Vec<String>,
-    /// What the file holds besides and was left aside, such as `2 x camera`.
+    /// Other content of the file, which was skipped, such as `2 x camera`.
     #[serde(rename = "not_taken")]
     pub skipped: Vec<String>,
-    /// What was found in the points of a scan once it was smoothed.
+    /// What was found in the points of a scan, known after smoothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<ScanFacts>,
-    /// What a person should know of this reading.
+    /// What people should know about this file and how it was read.
     pub notices: Vec<Notice>,
 }
 
-/// What a file's normals are good for.
+/// The quality of a file's normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NormalsFound {
     /// The file has none.
     None,
-    /// They repeat each triangle's own plane and say nothing of a curved surface; the mesh comes without them, its
-    /// vertices welded.
+    /// They are the normals of the flat triangles and do not describe a curved surface. The mesh is returned without
+    /// them, with welded vertices.
     FacetsOnly,
-    /// They average the facets round a vertex, as smooth shading does, where the surface has other ones; they tell the
-    /// part's edges and nothing else.
+    /// They are averages of the facets around a vertex, as for smooth shading, and differ from the normals of the
+    /// surface. They only show where the part has edges.
     Averaged,
     /// They follow the surface.
     Smooth,
 }
 
-/// The files beside a part that it names.
+/// The files beside a part that it refers to.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct NamedFiles {
-    /// Those that are needed to read it, the `.bin` files of a `.gltf`, in the order of the file and each once.
+    /// The files that are needed to read the part: the `.bin` files of a `.gltf`, in the file's order, each once.
     pub buffers: Vec<Buffer>,
-    /// The pictures that are its textures, as far as their names are plain; they are not needed.
+    /// The texture images with plain file names; they are not needed to read the part.
     pub textures: Vec<String>,
 }
 
 /// A file beside a part that is needed to read it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Buffer {
-    /// Its plain name.
+    /// Its file name, without a path.
     pub name: String,
-    /// The size that the part says it has at least, bytes.
+    /// The smallest size that the part requires, bytes.
     pub bytes: u64,
 }
 
 impl PartFacts {
-    /// Whether the unit of the file's numbers may be another one: somebody set it, or it is a guess.
+    /// Whether the unit of the file's numbers may be wrong: it comes from the settings, or it is a guess.
     pub fn has_doubtful_unit(&self) -> bool {
         let is_doubt = |notice: &Notice| {
             notice.code == "size-implausible"
@@ -122,12 +121,12 @@ impl NormalsFound {
             Self::None => "the file has no normals",
             Self::FacetsOnly => "the file's normals only repeat the flat facets",
             Self::Averaged => {
-                "the file's normals are averages of the facets beside them, as smooth shading makes them, and not the surface's"
+                "the file's normals are averages for smooth shading, not the normals of the surface"
             }
             Self::Smooth => return None,
         };
         let message = format!(
-            "{found}, so curvature between vertices is estimated; a GLB from CAD has the exact normals"
+            "{found}, so the curvature between vertices is estimated; a GLB exported from CAD has exact normals"
         );
         Some(Notice::note("normals-estimated", message))
     }

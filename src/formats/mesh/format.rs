@@ -1,4 +1,4 @@
-//! The formats of parts, by the names and first bytes of their files.
+//! The formats of parts, recognised by file name and first bytes.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeshFormat {
-    /// glTF 2 as text, its buffers beside it or inside.
+    /// glTF 2 as text, with its buffers in files beside it or embedded.
     Gltf,
     /// glTF 2 in one binary file.
     Glb,
@@ -18,18 +18,18 @@ pub enum MeshFormat {
     Stl,
     /// Polygon file format: a mesh if it has faces, otherwise a scan.
     Ply,
-    /// Points as text, a line each: a scan.
+    /// Points as text, one per line: a scan.
     Xyz,
 }
 
-/// Endings of parts that other programs read, in lower case.
+/// File name endings of part formats that isomark does not read, in lower case.
 const UNREAD: [&str; 31] = [
     "step", "stp", "p21", "iges", "igs", "3mf", "amf", "fcstd", "brep", "brp", "blend", "sldprt", "sldasm",
     "ipt", "iam", "prt", "catpart", "x_t", "x_b", "sat", "jt", "3dm", "f3d", "fbx", "dae", "3ds", "skp",
     "wrl", "usd", "usdz", "off",
 ];
 
-/// Whether a file of this name is a part in a format that is not read, in capitals or not.
+/// Whether the file name's ending, in upper or lower case, is that of a part format that isomark does not read.
 ///
 /// ```
 /// use isomark::formats::mesh::is_unread_part;
@@ -43,12 +43,12 @@ impl MeshFormat {
     /// File name endings of parts, for people.
     pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
 
-    /// Whether half a file is known for what it is; of lines alone, any number looks whole.
+    /// Whether an incomplete file can be recognised; a file of mere lines looks complete after any line.
     pub fn has_end_mark(self) -> bool {
         !matches!(self, Self::Obj | Self::Xyz)
     }
 
-    /// The format that a file name's ending stands for, in capitals or not.
+    /// The format for a file name's ending, in upper or lower case.
     ///
     /// ```
     /// use isomark::formats::mesh::MeshFormat;
@@ -68,7 +68,7 @@ impl MeshFormat {
         }
     }
 
-    /// The format the bytes are in, where their beginning leaves no doubt.
+    /// The actual format of the bytes: glTF is recognised by its first bytes, for the others the name decides.
     pub(super) fn of_content(self, bytes: &[u8]) -> Self {
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
         if bytes.starts_with(b"glTF") {

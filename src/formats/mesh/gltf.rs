@@ -1,8 +1,8 @@
-//! glTF 2 and GLB: container, buffers and JSON. The scene is walked in [`scene`], numbers are read in [`accessor`].
+//! glTF 2 and GLB: container, buffers and JSON. [`scene`] walks the scene, [`accessor`] reads the numbers.
 //!
-//! The format crate splits the container, parses the JSON and reads the numbers. Its validation is left out: it panics
-//! on missing accessors and refuses files that lack what is not needed here (textures, bounds of positions). So what is
-//! used is checked just before the crate follows it, and nothing else.
+//! The format crate splits the container, parses the JSON and reads the numbers. Its validation is not used: it panics
+//! on missing accessors and refuses files that lack things not needed here (textures, bounds of positions). Instead,
+//! each reference is checked just before the crate follows it.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -21,15 +21,15 @@ use super::{Buffer, MeshFormat, MeshReadError, NamedFiles, RawPart};
 mod accessor;
 mod scene;
 
-/// Extensions that a file may require although nothing is done for them: they change looks, not shape.
+/// Extensions that a file may require although they are ignored: they change the look, not the shape.
 const HARMLESS_EXTENSIONS: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"];
 
 /// Length of the header of a GLB file, bytes.
 const GLB_HEADER: usize = 12;
-/// Length of the header of each chunk in it, bytes.
+/// Length of the header of each chunk, bytes.
 const CHUNK_HEADER: usize = 8;
 
-/// Reads a part from a glTF or GLB file; `siblings` are the contents of files beside it, by their names.
+/// Reads a part from a glTF or GLB file; `siblings` are the contents of files beside it, by file name.
 pub(super) fn read(
     bytes: &[u8],
     format: MeshFormat,
@@ -41,13 +41,13 @@ pub(super) fn read(
     let buffers = load_buffers(&document.as_json().buffers, container.binary, siblings)?;
     let mut part = scene::read(&document, &buffers, format, pace)?;
     if container.trailing > 0 {
-        let message = format!("{} bytes after the end of the GLB file were left aside", container.trailing);
+        let message = format!("{} bytes after the end of the GLB data were skipped", container.trailing);
         part.notices.push(Notice::warning("glb-trailing-bytes", message));
     }
     Ok(part)
 }
 
-/// The files beside the part that hold its buffers, and those that it takes its pictures from.
+/// The files beside the part that contain its buffers and its textures.
 pub(super) fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     let document = parse(&Container::split(bytes, format)?.json)?;
     let root = document.as_json();
@@ -60,9 +60,9 @@ pub(super) fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles
             None => buffers.push(Buffer { name, bytes }),
         }
     }
-    let pictures = root.images.iter().filter_map(|image| image.uri.as_deref());
-    let pictures = pictures.filter(|uri| !uri.starts_with("data:"));
-    Ok(NamedFiles { buffers, textures: pictures.filter_map(|uri| sibling_name(uri).ok()).collect() })
+    let images = root.images.iter().filter_map(|image| image.uri.as_deref());
+    let images = images.filter(|uri| !uri.starts_with("data:"));
+    Ok(NamedFiles { buffers, textures: images.filter_map(|uri| sibling_name(uri).ok()).collect() })
 }
 
 /// The two chunks of a GLB file, or the JSON alone.
@@ -86,7 +86,7 @@ impl<'a> Container<'a> {
             declared: declared as u64,
             actual: actual as u64,
         };
-        // The crate subtracts the header from the length unchecked, and does not say what follows the end.
+        // The crate subtracts the header from the length unchecked, and does not return what follows the end.
         let version = word(bytes, 4).ok_or(cut(GLB_HEADER, bytes.len()))?;
         let length = word(bytes, 8).ok_or(cut(GLB_HEADER, bytes.len()))? as usize;
         if version != 2 {
@@ -101,7 +101,7 @@ impl<'a> Container<'a> {
                 cut(length - length_read + declared as usize, length)
             }
             GltfError::Binary(GlbError::Io(_)) => cut(length + CHUNK_HEADER, length),
-            // Where something else than BIN follows the JSON, bytes were lost or put in before it.
+            // If a chunk other than BIN follows the JSON, bytes before it were lost or inserted.
             _ if file[GLB_HEADER + 4..].starts_with(b"JSON") => {
                 let json_length = word(file, GLB_HEADER).unwrap_or(0) as usize;
                 cut(length, GLB_HEADER + CHUNK_HEADER + json_length)
@@ -121,7 +121,7 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
 }
 
 fn parse(json: &[u8]) -> Result<Document, MeshReadError> {
-    // Names in the machine's own code page are damaged, but harmless.
+    // Names in a code page other than UTF-8 come out damaged, which is harmless.
     let text = String::from_utf8_lossy(json);
     let mut root: Root = deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
         line: error.line() as u64,
@@ -137,7 +137,7 @@ fn parse(json: &[u8]) -> Result<Document, MeshReadError> {
     {
         return Err(MeshReadError::UnsupportedExtension { name: name.clone() });
     }
-    // A replacement of nothing says nothing, and the crate counts down from it.
+    // Sparse data without elements have no effect, and the crate would subtract from their count.
     for accessor in &mut root.accessors {
         accessor.sparse = accessor.sparse.take().filter(|sparse| sparse.count.0 > 0);
     }
@@ -182,18 +182,18 @@ fn load_buffers<'a>(
     buffers.iter().enumerate().map(load).collect()
 }
 
-/// The file name a buffer's URI stands for.
+/// The file name that a URI names.
 ///
 /// # Errors
-/// [`MeshReadError::BufferName`] unless it is a plain name in the part's own folder.
+/// [`MeshReadError::BufferName`] unless it is a plain file name in the part's folder.
 fn sibling_name(uri: &str) -> Result<String, MeshReadError> {
     let name = decode_percent(uri);
     let plain = name.strip_prefix("./").unwrap_or(&name);
-    let leaves = plain.is_empty()
+    let is_invalid = plain.is_empty()
         || plain == "."
         || plain == ".."
         || plain.chars().any(|letter| matches!(letter, '/' | '\\' | ':') || letter.is_control());
-    if leaves { Err(MeshReadError::BufferName { name }) } else { Ok(plain.into()) }
+    if is_invalid { Err(MeshReadError::BufferName { name }) } else { Ok(plain.into()) }
 }
 
 fn decode_percent(uri: &str) -> String {
@@ -213,7 +213,7 @@ fn decode_percent(uri: &str) -> String {
             }
         }
     }
-    // A name with a bare % that happens to look encoded is kept as written if decoding breaks it.
+    // A name with a literal % that only looks encoded is kept as written if the decoded bytes are not UTF-8.
     String::from_utf8(decoded).unwrap_or_else(|_| uri.into())
 }
 

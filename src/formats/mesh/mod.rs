@@ -1,9 +1,10 @@
-//! Parts: glTF 2, GLB, OBJ, STL and PLY become a [`TriMesh`](crate::geometry::mesh::TriMesh) in mm with +Z up, scans in PLY or lists of points a
+//! Readers for parts, in mm with +Z up: glTF 2, GLB, OBJ, STL and PLY meshes become a
+//! [`TriMesh`](crate::geometry::mesh::TriMesh), scans in PLY or lists of points a
 //! [`PointCloud`](crate::geometry::point_cloud::PointCloud).
 //!
-//! No format says reliably in which unit and with which axis up its numbers were meant: glTF has a standard that
-//! programs break, the others have none. So the file's word is held against the sizes of products and its producer's habits;
-//! [`PartFacts`] says what was decided and why, and [`MeshOptions`] overrides it.
+//! No format gives the unit and the up axis reliably: glTF has a standard that programs break, the others have none. So
+//! what the file states is checked against the usual sizes of products and the known behaviour of its producer.
+//! [`PartFacts`] contains what was decided and why, and [`MeshOptions`] overrides it.
 //!
 //! STEP is not read here.
 
@@ -35,7 +36,7 @@ pub use options::MeshOptions;
 pub use scan_facts::{ScanFacts, ScanSurface};
 pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 
-use raw::{MOMENT, MOST_POINTS, MOST_TRIANGLES, RawPart, a_moment, at_most};
+use raw::{MAX_POINTS, MAX_TRIANGLES, QUICK_TRIANGLES, RawPart, at_most, check_pace};
 
 /// A part in memory: its file, and the files beside it that are needed to read it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,20 +45,21 @@ pub struct PartFile {
     pub name: String,
     /// Its content.
     pub bytes: Vec<u8>,
-    /// The contents of the files that [`named_files`] calls its buffers, by their names.
+    /// The contents of its buffer files (see [`named_files`]), by file name.
     pub siblings: BTreeMap<String, Vec<u8>>,
 }
 
 impl PartFile {
-    /// A part that needs no other file.
+    /// A part in a single file.
     pub fn alone(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), bytes: bytes.into(), siblings: BTreeMap::new() }
     }
 
-    /// A part with the buffers that it names; `read` gives the content of the file of a plain name beside it.
+    /// A part with the buffer files that it refers to; `read` returns the content of the file with the given name
+    /// beside the part.
     ///
     /// # Errors
-    /// When the names of the buffers cannot be read or lead elsewhere, or `read` fails.
+    /// When the buffer names cannot be read or lead out of the part's folder, or `read` fails.
     pub fn with_buffers(
         name: impl Into<String>,
         bytes: impl Into<Vec<u8>>,
@@ -78,9 +80,9 @@ impl PartFile {
     }
 }
 
-/// Reads a part; `siblings` are the contents of files beside it, by their names, which only a `.gltf` needs.
+/// Reads a part; `siblings` are the contents of files beside it, by file name, which only a `.gltf` needs.
 ///
-/// The bytes decide between text and binary glTF, whatever `format` says of the two.
+/// For glTF the bytes decide between text and binary, whichever of the two `format` is.
 ///
 /// # Errors
 /// See [`MeshReadError`].
@@ -98,18 +100,18 @@ pub fn read(
         MeshFormat::Ply => ply::read(bytes, options.pace)?,
         MeshFormat::Xyz => points::read(bytes)?,
     };
-    // How much noise a scan has is found by fitting it several times.
+    // A scan is fitted several times to find its noise.
     if part.is_scan && options.pace == Pace::Quick {
         return Err(MeshReadError::TakesLong);
     }
-    a_moment(options.pace, part.triangles.len(), MOMENT)?;
+    check_pace(options.pace, part.triangles.len(), QUICK_TRIANGLES)?;
     part.into_reading(options)
 }
 
-/// The files beside a part that it names.
+/// The files beside a part that it refers to.
 ///
 /// # Errors
-/// See [`MeshReadError`]; buffers that lie outside the part's folder are an error.
+/// See [`MeshReadError`]; buffers outside the part's folder are an error.
 pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     match format.of_content(bytes) {
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::named_files(bytes, format),
@@ -117,11 +119,11 @@ pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshR
     }
 }
 
-/// Whether the bytes of an STL, PLY or list of points are whole, without reading them all; what is missing otherwise.
-/// The end of the other formats shows only when they are read.
+/// Checks whether an STL, a PLY or a list of points is complete, without reading all of it. For the other formats this
+/// is known only after reading.
 ///
 /// # Errors
-/// When more bytes would help; see [`MeshReadError`].
+/// When the file is incomplete; see [`MeshReadError`].
 pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
     match format.of_content(bytes) {
         MeshFormat::Stl => stl::is_whole(bytes),

@@ -1,38 +1,38 @@
-//! Whether a file's normals carry curvature, and welding of vertices by position.
+//! Whether a file's normals describe curvature, and welding of vertices by position.
 
 use nalgebra::{Point3, Vector3};
 
-/// A normal counts as its facet's own below this angle, rad (1.2°): Blender merges normals that are less than 1° apart.
+/// A normal within this angle of the facet normal is treated as equal to it, rad (1.2°). Blender merges normals that
+/// are less than 1° apart.
 const SAME_NORMAL: f64 = 0.021;
-/// Facets that meet at a larger angle than this meet at an edge of the design, rad (40°).
+/// Facets that meet at a larger angle than this form an edge of the design, rad (40°).
 const EDGE_OF_DESIGN: f64 = 0.70;
-/// Share of triangles whose normals may be off nevertheless: slivers have no plane to speak of.
+/// Share of triangles whose normals may differ from the facet: slivers have no well-defined plane.
 const SLIVERS: f64 = 0.01;
-/// Share of positions that must lie between slightly bent facets, so that the part has curvature to lose at all.
+/// Smallest share of positions between facets at small angles; below it the part has no curvature to lose.
 const BENT: f64 = 0.05;
 
-/// Positions, and triangles that name them.
+/// Positions, and triangles as indices into them.
 pub(super) type IndexedTriangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
-/// The mesh welded by position, if its normals only repeat the facets; otherwise nothing.
+/// The mesh welded by position if its normals are only the facet normals, otherwise `None`.
 ///
-/// Such normals are those of each triangle's plane, whichever way round it runs, and differ where neighbouring facets of one
-/// curved surface meet.
-/// `normal(triangle, corner)` gives the file's. Curved surfaces so finely cut that both readings agree within 1.2° keep
-/// their normals.
+/// Such normals are perpendicular to each triangle's plane, whichever way round the triangle runs, and differ between
+/// neighbouring facets of a curved surface. `normal(triangle, corner)` returns the file's normal. Curved surfaces with
+/// facets so small that both cases agree within 1.2° keep their normals.
 pub(super) fn weld_facets(
     positions: &[Point3<f64>],
     triangles: &[[u32; 3]],
     normal: impl Fn(usize, usize) -> Vector3<f64>,
 ) -> Option<IndexedTriangles> {
-    let mut patience = (triangles.len() as f64 * SLIVERS) as usize;
+    let mut slivers_left = (triangles.len() as f64 * SLIVERS) as usize;
     for (triangle, corners) in triangles.iter().enumerate() {
         let [a, b, c] = corners.map(|index| positions[index as usize]);
         let facet = (b - a).cross(&(c - a));
         let facet = if facet.dot(&normal(triangle, 0)) < 0.0 { -facet } else { facet };
         let is_own = |corner| is_within(SAME_NORMAL, facet, normal(triangle, corner));
         if !(is_own(0) && is_own(1) && is_own(2)) {
-            patience = patience.checked_sub(1)?;
+            slivers_left = slivers_left.checked_sub(1)?;
         }
     }
     let (welded, welded_triangles) = weld(positions, triangles);
@@ -52,16 +52,16 @@ pub(super) fn weld_facets(
     (bent as f64 >= BENT * welded.len() as f64).then_some((welded, welded_triangles))
 }
 
-/// Whether two directions of any length differ by at most `angle` rad, itself below a right angle.
+/// Whether two directions of any length differ by at most `angle` rad, which must be less than a right angle.
 fn is_within(angle: f64, a: Vector3<f64>, b: Vector3<f64>) -> bool {
     let cosine = a.dot(&b);
     cosine > 0.0 && a.cross(&b).norm_squared() <= (angle.tan() * cosine).powi(2)
 }
 
-/// Merges vertices at exactly the same position; triangles keep their order and name the first of each.
+/// Merges vertices at exactly the same position; vertices and triangles keep their order.
 pub(super) fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> IndexedTriangles {
     const FREE: u32 = u32::MAX;
-    // Open addressing with at most half the places taken; a std map would not keep the order of first appearance.
+    // Open addressing with a load of at most one half; a std map would not keep the order of first appearance.
     let places = (positions.len() * 2).next_power_of_two().max(2);
     let mut table = vec![FREE; places];
     let mut welded: Vec<Point3<f64>> = Vec::new();
@@ -70,7 +70,7 @@ pub(super) fn weld(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Indexed
         if new_index[old as usize] != FREE {
             return new_index[old as usize];
         }
-        // Adding zero turns -0 into 0, which is the same place.
+        // Adding zero turns -0 into 0, which is the same position.
         let position = positions[old as usize].map(|coordinate| coordinate + 0.0);
         let mut place = hash(position) & (places - 1);
         let index = loop {
@@ -119,7 +119,7 @@ mod tests {
         (b - a).cross(&(c - a)).normalize()
     }
 
-    /// A quarter of a cylinder in strips of `step` rad, every triangle with its own vertices.
+    /// A quarter of a cylinder in strips of `step` rad; triangles share no vertices.
     fn strips(step: f64) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
         let point = |at: usize, z| Point3::new((step * at as f64).cos(), (step * at as f64).sin(), z);
         let strips = (std::f64::consts::FRAC_PI_2 / step) as usize;
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_normals_are_told_from_curved_ones() {
+    fn facet_normals_are_distinguished_from_surface_normals() {
         let (positions, triangles) = strips(0.2);
         let flat = |triangle: usize, _| facet(&positions, triangles[triangle]);
         let (welded, _) = weld_facets(&positions, &triangles, flat).unwrap();
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_normals_of_a_finely_cut_surface_and_of_sharp_edges_are_kept() {
+    fn normals_of_small_facets_and_of_sharp_edges_are_kept() {
         let (positions, triangles) = strips(0.01);
         let exact = |triangle: usize, corner: usize| {
             let position = positions[triangles[triangle][corner] as usize];

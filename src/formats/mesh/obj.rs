@@ -1,7 +1,7 @@
 //! Wavefront OBJ, polygons only (Alias|Wavefront, Advanced Visualizer manual, appendix B1).
 //!
-//! [`check`] goes through the file line by line, so that every complaint has its line, and leaves a plain text of
-//! vertices, normals and faces for the format crate to parse. Material files are never opened.
+//! [`check`] goes through the file line by line, so that every error has its line, and writes a plain text of vertices,
+//! normals and faces, which the format crate parses. Material files are never opened.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ mod check;
 /// Reads a part from an OBJ file.
 pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    // Only text is OBJ; a zero byte never is.
+    // OBJ is text and has no zero bytes.
     if bytes.is_empty() || bytes[..bytes.len().min(4096)].contains(&0) {
         return Err(not_obj(bytes));
     }
@@ -34,7 +34,7 @@ pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
     let mut part = part_of(checked, pace)?;
     if ends_open {
         let message =
-            "the last line does not end with a line break; if the file was cut there, the last face is wrong";
+            "the last line has no line break; if the file was cut off there, the last face is wrong";
         part.notices.push(Notice::warning("last-line-open", message));
     }
     Ok(part)
@@ -84,9 +84,9 @@ fn part_of(mut checked: Checked, pace: Pace) -> Result<RawPart, MeshReadError> {
     Ok(part)
 }
 
-/// The faces of a checked file, with one vertex for every pair of position and normal that a corner names.
+/// The faces of a checked file, with one vertex for every pair of position and normal that occurs at a corner.
 fn parse(checked: &Checked) -> Result<tobj::Mesh, MeshReadError> {
-    // Its triangulation is for convex faces only; ours follows.
+    // The crate triangulates only convex faces correctly, so `polygon` does it.
     let options =
         tobj::LoadOptions { single_index: true, triangulate: false, ignore_lines: true, ignore_points: true };
     let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
@@ -96,7 +96,7 @@ fn parse(checked: &Checked) -> Result<tobj::Mesh, MeshReadError> {
     let model = models.into_iter().next().map(|model| model.mesh).unwrap_or_default();
     let (read, normals) = (model.indices.len(), model.normals.len());
     if read != checked.corners || (normals != 0 && normals != model.positions.len()) {
-        return Err(refused(format!("{read} of {} corners came out of it", checked.corners)));
+        return Err(refused(format!("only {read} of {} face corners were read", checked.corners)));
     }
     Ok(model)
 }
@@ -107,7 +107,7 @@ fn triangles(
     positions: &[Point3<f64>],
     pace: Pace,
 ) -> Result<Vec<[u32; 3]>, MeshReadError> {
-    // Without numbers of corners all faces have three.
+    // The crate leaves the arities empty if all faces are triangles.
     if model.face_arities.is_empty() {
         return Ok(model.indices.as_chunks().0.to_vec());
     }

@@ -1,15 +1,15 @@
-//! What the settings say of a part file.
+//! Settings for reading a part file.
 
 use super::{LengthUnit, UpAxis};
 use crate::formats::Pace;
 
-/// What the settings say of a part file; `None` leaves it to the file.
+/// Settings for reading a part file; with `None` the reader decides from the file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MeshOptions {
     /// Unit of the file's numbers.
     pub unit: Option<LengthUnit>,
     /// Axis of the file that points up.
     pub up: Option<UpAxis>,
-    /// How long reading and fitting may take.
+    /// The time limit for reading and fitting.
     pub pace: Pace,
 }

@@ -1,22 +1,22 @@
 //! PLY, text and binary of both byte orders (Turk, The PLY polygon file format, 1994).
 //!
-//! Properties may come in any order and type and elements may be unknown, so every value is read by the header's
-//! word, and no count is believed before the bytes for it are there; a crate would leave exactly these checks to us. A
-//! file with faces is a mesh, one without a scan.
+//! Properties may have any order and type, and elements may be unknown, so every value is read as the header declares
+//! it. A count is used only after checking that the file has enough bytes for it; crates do not make these checks. A
+//! file with faces is a mesh, one without is a scan.
 
 use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit};
 use super::error::{EmptyCause, VertexPlace};
 use super::text::{first_bytes, number, without_mark, words};
-use super::{MOST_POINTS, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most};
+use super::{MAX_POINTS, MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most};
 use super::{normals, polygon};
 use crate::formats::Pace;
 
 /// Longest header, bytes.
 const LONGEST_HEADER: usize = 1 << 16;
-/// No face of a product has more corners than this; cutting one into triangles takes up to the square of it.
-const MOST_CORNERS: usize = 10_000;
+/// Largest number of corners of a face, more than any product has; triangulation takes up to the square of it.
+const MAX_CORNERS: usize = 10_000;
 const FORMAT: MeshFormat = MeshFormat::Ply;
 
 /// Reads a part or a scan from a PLY file.
@@ -29,13 +29,13 @@ pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
         match element.name.as_str() {
             "vertex" => found.vertices(element, &mut body)?,
             "face" => found.faces(element, &mut body)?,
-            _ => body.pass(element)?,
+            _ => body.skip(element)?,
         }
     }
     found.into_part(header, pace)
 }
 
-/// Whether all elements are there, as far as that is known without reading them.
+/// Checks whether all elements are there, as far as this is known without reading them.
 pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     Header::of(bytes)?.check_length(bytes)
 }
@@ -64,7 +64,7 @@ enum Kind {
 struct Property {
     name: String,
     kind: Kind,
-    /// Type of the number of values, if it is a list.
+    /// Type of the length, if it is a list.
     list: Option<Kind>,
 }
 
@@ -107,7 +107,7 @@ impl Kind {
         }
     }
 
-    /// The value of as many bytes as the type has, lowest first.
+    /// The value of the first bytes, as many as the type has, in little-endian order.
     fn value(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
         match self {
@@ -160,7 +160,7 @@ impl Header {
             header.line(line, &mut encoding)?;
         }
         header.length = skipped + text.len() - rest.len();
-        header.encoding = encoding.ok_or_else(|| header.bad("it names no format"))?;
+        header.encoding = encoding.ok_or_else(|| header.bad("it has no format line"))?;
         Ok(header)
     }
 
@@ -177,12 +177,12 @@ impl Header {
                     b"ascii" => Encoding::Text,
                     b"binary_little_endian" => Encoding::LittleEndian,
                     b"binary_big_endian" => Encoding::BigEndian,
-                    _ => return Err(self.bad(format!("the format {} is not known", text(name)))),
+                    _ => return Err(self.bad(format!("the format {} is unknown", text(name)))),
                 });
             }
             [b"element", name, count] => {
                 let count = std::str::from_utf8(count).ok().and_then(|count| count.parse().ok());
-                let count = count.ok_or_else(|| self.bad("the number of elements is no whole number"))?;
+                let count = count.ok_or_else(|| self.bad("the number of elements is not a whole number"))?;
                 self.elements.push(Element { name: text(name), count, properties: Vec::new() });
             }
             [b"property", b"list", count, kind, name] => {
@@ -190,31 +190,31 @@ impl Header {
                 self.property(
                     name,
                     kind,
-                    Some(list.ok_or_else(|| self.bad("a list is counted by no whole number"))?),
+                    Some(list.ok_or_else(|| self.bad("the length of a list does not have an integer type"))?),
                 )?;
             }
             [b"property", kind, name] => self.property(name, kind, None)?,
             [b"comment" | b"obj_info", ..] => {
-                let said = text(line.trim_ascii());
-                let (_, said) = said.split_once(|letter: char| letter.is_whitespace()).unwrap_or_default();
-                self.comments.push(said.trim().chars().take(120).collect());
+                let line = text(line.trim_ascii());
+                let (_, comment) = line.split_once(|letter: char| letter.is_whitespace()).unwrap_or_default();
+                self.comments.push(comment.trim().chars().take(120).collect());
             }
             [] | [b"ply"] => {}
-            _ => return Err(self.bad("it is no line of a PLY header")),
+            _ => return Err(self.bad("this line is unknown in a PLY header")),
         }
         Ok(())
     }
 
     fn property(&mut self, name: &[u8], kind: &[u8], list: Option<Kind>) -> Result<(), MeshReadError> {
-        let said = String::from_utf8_lossy(kind).into_owned();
-        let kind = Kind::of(kind).ok_or_else(|| self.bad(format!("the type {said} is not known")))?;
-        let outside = self.bad("a property stands before the first element");
+        let word = String::from_utf8_lossy(kind).into_owned();
+        let kind = Kind::of(kind).ok_or_else(|| self.bad(format!("the type {word} is unknown")))?;
+        let outside = self.bad("there is a property before the first element");
         let element = self.elements.last_mut().ok_or(outside)?;
         element.properties.push(Property { name: String::from_utf8_lossy(name).into_owned(), kind, list });
         Ok(())
     }
 
-    /// Refuses a file that is shorter than its elements need at least: lists may be empty.
+    /// Refuses a file that is shorter than the smallest size of its elements; lists may be empty.
     fn check_length(&self, bytes: &[u8]) -> Result<(), MeshReadError> {
         let least = |property: &Property| match self.encoding {
             // A digit and a blank.
@@ -227,7 +227,7 @@ impl Header {
         let needed = self.elements.iter().map(element).fold(0u64, u64::saturating_add);
         let declared = needed.saturating_add(self.length as u64);
         let actual = bytes.len() as u64;
-        // The last blank may be missing.
+        // The blank after the last value may be missing.
         if actual.saturating_add(u64::from(self.encoding == Encoding::Text)) < declared {
             return Err(match self.encoding {
                 Encoding::Text => self.cut_short(bytes),
@@ -292,11 +292,11 @@ impl<'a> Body<'a> {
         number(word).ok_or_else(|| super::text::bad_line(self.line, word, "a number cannot be read"))
     }
 
-    /// The number of values of a list, which the bytes must suffice for.
+    /// The number of values of a list; the file must have enough bytes for them.
     fn list_length(&mut self, count: Kind, item: Kind) -> Result<usize, MeshReadError> {
         let length = self.next(count)?;
         if !(length >= 0.0 && length == length.trunc()) {
-            return Err(self.header.bad("a list has no whole number of values"));
+            return Err(self.header.bad("the length of a list is not a whole number"));
         }
         let bytes = if self.encoding == Encoding::Text { 1 } else { item.bytes() as u64 };
         let needed = (length as u64).saturating_mul(bytes);
@@ -308,20 +308,20 @@ impl<'a> Body<'a> {
         Ok(length as usize)
     }
 
-    /// Passes over an element that is not needed.
-    fn pass(&mut self, element: &Element) -> Result<(), MeshReadError> {
+    /// Skips an element that is not needed.
+    fn skip(&mut self, element: &Element) -> Result<(), MeshReadError> {
         if element.properties.is_empty() {
             return Ok(());
         }
         for _ in 0..element.count {
             for property in &element.properties {
-                self.pass_property(property)?;
+                self.skip_property(property)?;
             }
         }
         Ok(())
     }
 
-    fn pass_property(&mut self, property: &Property) -> Result<(), MeshReadError> {
+    fn skip_property(&mut self, property: &Property) -> Result<(), MeshReadError> {
         let values = match property.list {
             Some(count) => self.list_length(count, property.kind)?,
             None => 1,
@@ -335,10 +335,11 @@ impl<'a> Body<'a> {
 struct Found {
     points: Vec<Point3<f64>>,
     normals: Vec<Vector3<f64>>,
-    /// Line or number of the first point that is not finite.
+    /// Line or number, and coordinates, of the first point that is not finite.
     broken: Option<(VertexPlace, [f64; 3])>,
-    /// Corners of all faces, and how many each has.
+    /// Corners of all faces, one after the other.
     corners: Vec<u32>,
+    /// Number of corners of each face.
     arities: Vec<u32>,
 }
 
@@ -347,9 +348,9 @@ impl Found {
         at_most(
             "vertices",
             usize::try_from(element.count).unwrap_or(usize::MAX),
-            MOST_POINTS.max(3 * MOST_TRIANGLES),
+            MAX_POINTS.max(3 * MAX_TRIANGLES),
         )?;
-        // The place of each property among x, y, z, nx, ny, nz.
+        // The index of each property in x, y, z, nx, ny, nz.
         let place = |property: &Property| {
             let names = ["x", "y", "z", "nx", "ny", "nz"];
             names
@@ -369,7 +370,7 @@ impl Found {
             for (property, place) in element.properties.iter().zip(&places) {
                 match place {
                     Some(place) => values[*place] = body.next(property.kind)?,
-                    None => body.pass_property(property)?,
+                    None => body.skip_property(property)?,
                 }
             }
             let [x, y, z, ..] = values;
@@ -389,18 +390,18 @@ impl Found {
     }
 
     fn faces(&mut self, element: &Element, body: &mut Body<'_>) -> Result<(), MeshReadError> {
-        at_most("faces", usize::try_from(element.count).unwrap_or(usize::MAX), MOST_TRIANGLES)?;
+        at_most("faces", usize::try_from(element.count).unwrap_or(usize::MAX), MAX_TRIANGLES)?;
         let is_corners = |property: &Property| {
             property.list.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
         };
         if element.count > 0 && !element.properties.iter().any(is_corners) {
-            return Err(body.header.bad("its faces have no list vertex_indices"));
+            return Err(body.header.bad("its faces have no list property vertex_indices"));
         }
         for _ in 0..element.count {
             for property in &element.properties {
                 match property.list.filter(|_| is_corners(property)) {
                     Some(count) => self.face(count, property.kind, body)?,
-                    None => body.pass_property(property)?,
+                    None => body.skip_property(property)?,
                 }
             }
         }
@@ -409,11 +410,11 @@ impl Found {
 
     fn face(&mut self, count: Kind, kind: Kind, body: &mut Body<'_>) -> Result<(), MeshReadError> {
         let arity = body.list_length(count, kind)?;
-        at_most("corners in one face", arity, MOST_CORNERS)?;
-        at_most("corners of faces", self.corners.len() + arity, 3 * MOST_TRIANGLES)?;
+        at_most("corners in one face", arity, MAX_CORNERS)?;
+        at_most("face corners", self.corners.len() + arity, 3 * MAX_TRIANGLES)?;
         for _ in 0..arity {
             let index = body.next(kind)?;
-            // Vertices may stand behind the faces; whether they are there is seen at the end.
+            // Vertices may follow the faces, so whether they exist is checked at the end.
             if !(index >= 0.0 && index < f64::from(u32::MAX) && index == index.trunc()) {
                 let face = VertexPlace::Numbered { what: "face", number: self.arities.len() };
                 let count = self.points.len();
@@ -441,7 +442,7 @@ impl Found {
             if self.points.is_empty() && !part.skipped.is_empty() {
                 return Err(MeshReadError::NoTriangles { cause: EmptyCause::OnlyOthers(part.skipped) });
             }
-            at_most("points", self.points.len(), MOST_POINTS)?;
+            at_most("points", self.points.len(), MAX_POINTS)?;
             part.set_scan(self.points, self.normals);
             return Ok(part);
         }
@@ -479,7 +480,7 @@ impl Found {
         };
         if self.normals.is_empty() {
             part.normals_found = NormalsFound::None;
-            // Without normals a vertex that is repeated at a face's border is still one.
+            // Without normals, vertices repeated at the border of a face are merged.
             (part.positions, part.triangles) = normals::weld(&self.points, &triangles);
         } else if let Some(welded) = normals::weld_facets(&self.points, &triangles, normal) {
             part.normals_found = NormalsFound::FacetsOnly;

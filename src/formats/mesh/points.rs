@@ -1,32 +1,33 @@
-//! Points as text, a line each: x, y and z, and whatever stands behind them.
+//! Points as text, one per line: x, y and z, and any further columns.
 //!
-//! There is no standard. Columns are parted by blanks, tabs, commas or semicolons, decimals by a point or a comma;
-//! names may stand above, and comments anywhere. All this is found in the file itself, which no CSV crate does.
+//! There is no standard. Blanks, tabs, commas or semicolons separate the columns, and the decimal sign is a point or a
+//! comma; the first lines may contain column names, and any line may be a comment. The reader detects all this from the
+//! file, which no CSV crate does.
 
 use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit, unit_word};
 use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark};
-use super::{LengthUnit, MOST_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
+use super::{LengthUnit, MAX_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
 use crate::reason::Notice;
 
-/// What comments begin with.
+/// The beginnings of comment lines.
 const COMMENTS: [&[u8]; 4] = [b"#", b"//", b"%", b"!"];
-/// A list of points begins after at most so many lines of other text.
-const MOST_HEAD_LINES: usize = 100;
-/// Words for a value that was not measured, in lower case.
+/// Largest number of lines of other text above the points.
+const MAX_HEAD_LINES: usize = 100;
+/// Words for a missing value, in lower case.
 const MISSING: [&[u8]; 12] =
     [b"", b"nan", b"-nan", b"nan(ind)", b"-nan(ind)", b"null", b"none", b"na", b"n/a", b"#n/a", b"-", b"*"];
-/// Heights that stand for a value that was not measured (Esri's usual NODATA).
+/// Heights that mean a missing value (Esri's usual NODATA).
 const NO_DATA: [f64; 2] = [-9999.0, -99999.0];
-/// How far a normal's length may be from 1.
+/// Largest deviation of a normal's length from 1.
 const UNIT_LENGTH: f64 = 0.01;
 const FORMAT: MeshFormat = MeshFormat::Xyz;
 
-/// How numbers stand in a line.
+/// How numbers are written in a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Dialect {
-    /// What parts columns; blanks if nothing.
+    /// The column separator; `None` for blanks.
     separator: Option<u8>,
     decimal_comma: bool,
 }
@@ -38,7 +39,7 @@ struct Columns {
     normal: Option<[usize; 3]>,
 }
 
-/// What the lines above the first point say.
+/// The content of the lines above the first point.
 #[derive(Default)]
 struct Head {
     producer: Option<String>,
@@ -55,10 +56,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     let last = columns.point.into_iter().chain(columns.normal.into_iter().flatten()).max().unwrap_or(2);
     let needed = columns.point.into_iter().max().unwrap_or(2);
     let mut fields = Vec::new();
-    for (line, text) in lines(text).skip(first).filter(|(_, text)| !is_aside(text)) {
+    for (line, text) in lines(text).skip(first).filter(|(_, text)| !has_no_point(text)) {
         dialect.split(text, &mut fields);
         if fields.len() <= needed {
-            return Err(bad_line(line, text, "there are fewer columns than in the first line of numbers"));
+            return Err(bad_line(line, text, "it has fewer columns than the first line of numbers"));
         }
         let mut values = [f64::NAN; 3];
         for (value, column) in values.iter_mut().zip(columns.point) {
@@ -71,7 +72,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
             missing += 1;
             continue;
         }
-        at_most("points", points.len() + 1, MOST_POINTS)?;
+        at_most("points", points.len() + 1, MAX_POINTS)?;
         if let Some(normal) = columns.normal {
             let value = |column: usize| fields.get(column).and_then(|field| dialect.value(field));
             let normal = normal.map(|column| value(column).filter(|_| column <= last).unwrap_or(f64::NAN));
@@ -86,7 +87,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     if normals.len() != points.len() || !are_normals(&normals) {
         normals.clear();
     }
-    // One point may lie in the origin; several are pixels that saw nothing.
+    // One point may be at the origin; several are pixels without a measurement.
     if origins > 1 {
         missing += origins;
         let mut kept = points.iter().map(|point| *point != Point3::origin());
@@ -101,25 +102,25 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
         return Err(MeshReadError::NoPoints { missing });
     }
     if missing > 0 {
-        let text = format!("{missing} points are marked as missing and were left out");
+        let text = format!("{missing} points are marked as missing and were skipped");
         part.notices.push(Notice::note("scan-points-missing", text));
     }
     if !last_line(bytes).2 {
-        let text = "the last line does not end with a line break; if the file was cut there, its last point is wrong";
+        let text = "the last line has no line break; if the file was cut off there, the last point is wrong";
         part.notices.push(Notice::note("last-line-open", text));
     }
     part.set_scan(points, normals);
     Ok(part)
 }
 
-/// Whether the last line ends.
+/// Checks whether the last line is complete.
 pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     let text = checked(bytes)?;
     let (line, last, ends) = last_line(text);
-    if ends || is_aside(last) {
+    if ends || has_no_point(last) {
         return Ok(());
     }
-    // Without a line break it ends where it has as many columns as the first.
+    // Without a line break it is complete if it has as many columns as the first line of numbers.
     let (_, dialect, _, first) = head(text)?;
     let columns = |line: &[u8]| {
         let mut fields = Vec::new();
@@ -136,26 +137,26 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
 
 fn checked(bytes: &[u8]) -> Result<&[u8], MeshReadError> {
     let text = without_mark(bytes);
-    // Text in 16 bits has zero bytes too.
+    // UTF-16 text has zero bytes, too.
     if text.is_empty() || text[..text.len().min(4096)].contains(&0) {
         return Err(MeshReadError::NotThisFormat { format: FORMAT, found: first_bytes(bytes) });
     }
     Ok(text)
 }
 
-/// Whether a line holds no point.
-fn is_aside(line: &[u8]) -> bool {
+/// Whether a line is empty or a comment.
+fn has_no_point(line: &[u8]) -> bool {
     line.is_empty() || COMMENTS.iter().any(|comment| line.starts_with(comment))
 }
 
-/// What stands above the points, and how they are written; the last is the number of lines above them.
+/// The content of the lines above the points, how the points are written, and the number of lines above them.
 fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
     let mut head = Head::default();
     let mut skipped = 0;
-    // Many a camera's first rows saw nothing at all.
+    // Depth cameras often have no measurement in the first rows.
     let (mut first_missing, mut missing) = (None, 0);
     for (line, text) in lines(text) {
-        if let Some(dialect) = Dialect::of(text).filter(|_| !is_aside(text)) {
+        if let Some(dialect) = Dialect::of(text).filter(|_| !has_no_point(text)) {
             let columns = Columns::of(head.names.as_deref(), dialect, text, line)?;
             return Ok((head, dialect, columns, first_missing.unwrap_or(line) as usize - 1));
         }
@@ -169,7 +170,7 @@ fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
             continue;
         }
         skipped += 1;
-        if skipped > MOST_HEAD_LINES {
+        if skipped > MAX_HEAD_LINES {
             break;
         }
         head.read(text, line)?;
@@ -177,19 +178,19 @@ fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
     if missing > 0 {
         return Err(MeshReadError::NoPoints { missing });
     }
-    let first = lines(text).map(|(_, line)| line).find(|line| !is_aside(line)).unwrap_or_default();
-    let found = if first.is_empty() { "no line of numbers".into() } else { first_bytes(first) };
+    let first = lines(text).map(|(_, line)| line).find(|line| !has_no_point(line)).unwrap_or_default();
+    let found = if first.is_empty() { "comments only".into() } else { first_bytes(first) };
     Err(MeshReadError::NotThisFormat { format: FORMAT, found })
 }
 
 impl Head {
     fn read(&mut self, text: &[u8], line: u64) -> Result<(), MeshReadError> {
         if text.to_ascii_lowercase().starts_with(b"ncols") {
-            let problem = "this is a grid of heights (ncols, nrows), not a list of points".into();
+            let problem = "it is a grid of heights (ncols, nrows), not a list of points".into();
             return Err(MeshReadError::BadHeader { format: FORMAT, line, problem });
         }
-        let said = String::from_utf8_lossy(text);
-        let words = said.trim_start_matches(['#', '/', '%', '!']).trim();
+        let text_line = String::from_utf8_lossy(text);
+        let words = text_line.trim_start_matches(['#', '/', '%', '!']).trim();
         self.unit = self.unit.or_else(|| stated_unit(words)).or_else(|| bracketed_unit(words));
         let names: Vec<String> = words
             .split([',', ';', '\t', ' '])
@@ -198,7 +199,7 @@ impl Head {
             .collect();
         if Columns::named(&names).is_some() {
             self.names = Some(names);
-        } else if is_aside(text) && self.producer.is_none() && !words.is_empty() {
+        } else if has_no_point(text) && self.producer.is_none() && !words.is_empty() {
             self.producer = Some(words.chars().take(120).collect());
         }
         Ok(())
@@ -212,7 +213,7 @@ fn bracketed_unit(words: &str) -> Option<LengthUnit> {
 }
 
 impl Columns {
-    /// The columns of a file whose first line of numbers this is.
+    /// The columns of a file, from the column names and the first line of numbers.
     fn of(
         names: Option<&[String]>,
         dialect: Dialect,
@@ -223,7 +224,7 @@ impl Columns {
         dialect.split(first, &mut fields);
         if let Some(columns) = names.and_then(Self::named) {
             if columns.point.iter().any(|column| *column >= fields.len()) {
-                let problem = "there are fewer columns than names above them";
+                let problem = "it has fewer columns than the line of column names";
                 return Err(bad_line(line, first, problem));
             }
             return Ok(columns);
@@ -255,20 +256,20 @@ impl Columns {
 }
 
 impl Dialect {
-    /// How the numbers of a line are written; nothing if it does not hold three.
+    /// How the numbers of a line are written; `None` if it does not contain three numbers.
     fn of(line: &[u8]) -> Option<Self> {
         let all = [(Some(b';'), true), (Some(b'\t'), true), (Some(b','), false), (None, false), (None, true)];
         all.into_iter().map(|(separator, decimal_comma)| Self { separator, decimal_comma }).find(|dialect| {
             let mut fields = Vec::new();
             dialect.split(line, &mut fields);
-            // Where a comma may be either, it parts columns only if it leaves numbers between.
+            // An ambiguous comma separates columns only if there are numbers between the commas.
             let numbers =
                 fields.iter().take(3).filter(|field| !is_missing(field) && dialect.value(field).is_some());
             numbers.count() == 3 || (fields.len() >= 3 && dialect.all_values(&fields))
         })
     }
 
-    /// Whether the first three are values, measured or not, and one of them is a number.
+    /// Whether the first three fields are values or marked as missing, and at least one is a number.
     fn all_values(self, fields: &[&[u8]]) -> bool {
         let values: Vec<Option<f64>> = fields.iter().take(3).map(|field| self.value(field)).collect();
         values.iter().all(Option::is_some) && values.iter().flatten().any(|value| value.is_finite())
@@ -282,7 +283,7 @@ impl Dialect {
         }
     }
 
-    /// The value of a field, not a number if it was not measured; nothing if it cannot be read.
+    /// The value of a field; NaN if it is marked as missing, `None` if it cannot be read.
     fn value(self, field: &[u8]) -> Option<f64> {
         let field = field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field);
         if let Some(value) = number(field) {

@@ -1,19 +1,19 @@
-//! Triangles of a face with any number of corners, concave ones included.
+//! Triangulation of faces with any number of corners, including concave ones.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::{MeshReadError, a_moment, at_most};
+use super::{MeshReadError, at_most, check_pace};
 use crate::formats::Pace;
 
-/// Most comparisons of corners for all faces of a part: half a minute.
-const MOST_WORK: usize = 4_000_000_000;
-/// So many are a moment's work.
-const MOMENT: usize = 20_000_000;
+/// Largest number of corner comparisons for all faces of a part: about half a minute.
+const MAX_WORK: usize = 4_000_000_000;
+/// Largest number of corner comparisons at a quick pace.
+const QUICK_COMPARISONS: usize = 20_000_000;
 
-/// Cuts all faces of one part.
+/// Cuts all faces of one part into triangles.
 pub(super) struct Cutter {
     pace: Pace,
-    /// Comparisons so far, at most.
+    /// Upper bound of the comparisons so far.
     work: usize,
 }
 
@@ -25,28 +25,28 @@ impl Cutter {
     /// Cuts one face, as [`triangulate`] does.
     ///
     /// # Errors
-    /// When that is too much work, for the pace or at all.
+    /// When that is more work than the pace or [`MAX_WORK`] allows.
     pub(super) fn cut(
         &mut self,
         corners: &[Point3<f64>],
         emit: impl FnMut([usize; 3]),
     ) -> Result<(), MeshReadError> {
-        // Quadrangles are cut at once.
+        // Triangles and quadrangles take constant time.
         let work = if corners.len() > 4 { corners.len().saturating_mul(corners.len()) } else { 0 };
         self.work = self.work.saturating_add(work);
-        at_most("comparisons of the corners of faces", self.work, MOST_WORK)?;
-        a_moment(self.pace, self.work, MOMENT)?;
+        at_most("face corners to compare", self.work, MAX_WORK)?;
+        check_pace(self.pace, self.work, QUICK_COMPARISONS)?;
         triangulate(corners, emit);
         Ok(())
     }
 }
 
-/// Cuts the polygon into `corners.len() - 2` triangles, given as numbers of its corners and turning as it turns.
+/// Cuts the polygon into `corners.len() - 2` triangles with the polygon's orientation, given as indices of its corners.
 ///
 /// Ear clipping (G. H. Meisters, Polygons have ears, Amer. Math. Monthly 82, 1975) in the plane of the polygon's
-/// vector area; a convex polygon is cut into a fan. Where no ear is left, because the polygon crosses itself or has no
-/// area, the next corner is cut off all the same, so that every corner is used. Takes O(n²): whether a corner is an ear
-/// changes only when one beside it is cut off.
+/// vector area; a convex polygon is cut into a fan. If there is no ear, because the polygon crosses itself or has no
+/// area, the next corner is cut off anyway, so that every corner is used. Takes O(n²), because whether a corner is an
+/// ear changes only when one of its neighbours is cut off.
 fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 3])) {
     if corners.len() < 3 {
         return;
@@ -71,7 +71,7 @@ fn triangulate(corners: &[Point3<f64>], mut emit: impl FnMut([usize; 3])) {
             left.remove(at);
             (is_known[before], is_known[after]) = (None, None);
             refused = 0;
-            // Stepping back would cut a fan of slivers; going on spreads the cuts.
+            // Stepping back would cut a fan of slivers; stepping forward spreads the cuts.
             at %= left.len();
         } else {
             refused += 1;
@@ -100,7 +100,7 @@ fn is_ear(flat: &[Vector2<f64>], left: &[usize], [before, tip, after]: [usize; 3
     })
 }
 
-/// The corners in the plane across Newell's normal, counter-clockwise.
+/// The corners in the plane perpendicular to Newell's normal, counter-clockwise.
 fn projected(corners: &[Point3<f64>]) -> Vec<Vector2<f64>> {
     let origin = corners[0];
     let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
@@ -121,7 +121,8 @@ fn turn(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Sum of the triangles' areas along +Z, and of their magnitudes: equal only if none lies outside or flipped.
+    /// The signed and the absolute sum of the triangles' areas along +Z, which are equal only if no triangle is outside
+    /// or flipped, and the number of triangles.
     fn areas(points: &[[f64; 2]]) -> (f64, f64, usize) {
         let corners: Vec<Point3<f64>> = points.iter().map(|&[x, y]| Point3::new(x, y, 3.0)).collect();
         let (mut signed, mut total, mut count) = (0.0, 0.0, 0);
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn concave_faces_keep_their_area_and_turn() {
+    fn concave_faces_keep_their_area_and_orientation() {
         let arrow = [[0.0, 0.0], [4.0, -2.0], [1.0, 0.0], [4.0, 2.0]];
         assert_eq!(areas(&arrow), (2.0, 2.0, 2));
         let mut turned = arrow;
@@ -182,7 +183,7 @@ mod tests {
 
     /// Teeth that reach into the gaps of other teeth: almost no corner is an ear.
     #[test]
-    fn a_face_of_thousands_of_concave_corners_is_cut_whole() {
+    fn a_face_with_thousands_of_concave_corners_is_triangulated() {
         let count = 2500;
         let x = |tooth: usize| tooth as f64 * 0.01;
         let upper = (0..count)
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn more_work_than_the_pace_allows_is_not_begun() {
+    fn more_work_than_the_pace_allows_is_refused() {
         let ring = vec![Point3::origin(); 1000];
         let mut quick = Cutter::new(Pace::Quick);
         let cut = (0..100).take_while(|_| quick.cut(&ring, |_| {}).is_ok()).count();
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_without_area_or_with_crossings_come_to_an_end() {
+    fn faces_without_area_or_with_crossings_are_triangulated() {
         assert_eq!(areas(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]).2, 2);
         assert_eq!(areas(&[[0.0, 0.0]; 5]).2, 3);
         assert_eq!(areas(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]).2, 2);

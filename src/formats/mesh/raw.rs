@@ -1,4 +1,4 @@
-//! A part as its file has it, and the limits of what is read.
+//! A part in the unit and axes of its file, and the size limits of reading.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,17 +12,17 @@ use crate::geometry::shading;
 use crate::geometry::winding::{self, Winding};
 use crate::reason::Notice;
 
-/// Most triangles a part may have; a million is already finer than any marking needs.
-pub(super) const MOST_TRIANGLES: usize = 10_000_000;
-/// So many triangles are a moment's work, with the fit that follows.
-pub(super) const MOMENT: usize = 200_000;
-/// Most points a scan may have; a million is already finer than any marking needs.
-pub(super) const MOST_POINTS: usize = 10_000_000;
+/// Largest number of triangles of a part; a million is already finer than any marking needs.
+pub(super) const MAX_TRIANGLES: usize = 10_000_000;
+/// Largest number of triangles at a quick pace, with the fit that follows.
+pub(super) const QUICK_TRIANGLES: usize = 200_000;
+/// Largest number of points of a scan; a million is already finer than any marking needs.
+pub(super) const MAX_POINTS: usize = 10_000_000;
 
-/// A part in its file's own unit and axes.
+/// A part in the unit and axes of its file.
 pub(super) struct RawPart {
     pub(super) positions: Vec<Point3<f64>>,
-    /// One for each position, or none at all.
+    /// One for each position, or empty.
     pub(super) normals: Vec<Vector3<f64>>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) normals_found: NormalsFound,
@@ -54,14 +54,14 @@ impl RawPart {
         }
     }
 
-    /// Makes it a scan of these points, with a normal for each or none at all.
+    /// Makes it a scan of these points, with one normal for each or no normals.
     pub(super) fn set_scan(&mut self, points: Vec<Point3<f64>>, normals: Vec<Vector3<f64>>) {
         self.is_scan = true;
         self.normals_found = if normals.is_empty() { NormalsFound::None } else { NormalsFound::Smooth };
         (self.positions, self.normals) = (points, normals);
     }
 
-    /// Decides unit and axis, and brings the part to mm with +Z up.
+    /// Decides the unit and the up axis, and converts the part to mm with +Z up.
     pub(super) fn into_reading(mut self, options: &MeshOptions) -> Result<PartReading, MeshReadError> {
         let corners = match self.is_scan {
             true => Corners::of_points(&self.positions),
@@ -127,16 +127,17 @@ impl RawPart {
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
     let reversed = (winding.reversed > 0).then(|| {
         let message = format!(
-            "{} of {triangles} triangles ran the other way round than their neighbours and were reversed; the file has no \
-             normals that could tell the outside",
+            "{} of {triangles} triangles were reversed because their corners ran the other way round than those of \
+             their neighbours; the file has no normals that show the outside",
             winding.reversed
         );
         Notice::note("winding-made-alike", message)
     });
     let contradiction = winding.contradiction.map(|at| {
         let message = format!(
-            "the part has only one side, as a Möbius strip: its triangles cannot all run alike, so the surface is not known near \
-             ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh, or keep the ink away from there",
+            "the part has only one side, like a Möbius strip: its triangles cannot all have the same orientation, so \
+             the surface is unknown near ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh, or keep the drawing \
+             away from there",
             at.x, at.y, at.z
         );
         Notice::warning("winding-contradicts", message)
@@ -144,12 +145,12 @@ fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = 
     reversed.into_iter().chain(contradiction)
 }
 
-/// Refuses more work than the pace allows, where `moment` of it is a moment's.
-pub(super) fn a_moment(pace: Pace, work: usize, moment: usize) -> Result<(), MeshReadError> {
-    if pace.allows(work, moment) { Ok(()) } else { Err(MeshReadError::TakesLong) }
+/// Refuses more work than the pace allows; a quick pace allows at most `quick_limit`.
+pub(super) fn check_pace(pace: Pace, work: usize, quick_limit: usize) -> Result<(), MeshReadError> {
+    if pace.allows(work, quick_limit) { Ok(()) } else { Err(MeshReadError::TakesLong) }
 }
 
-/// Refuses more of something than can be kept.
+/// Refuses a number of something above its limit.
 pub(super) fn at_most(what: &'static str, count: usize, limit: usize) -> Result<(), MeshReadError> {
     if count > limit {
         return Err(MeshReadError::TooLarge { what, count: count as u64, limit: limit as u64 });

@@ -1,19 +1,19 @@
-//! What was found in the points of a scan, as reports keep it.
+//! What was found in the points of a scan, for reports.
 
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::surface::scan::{ScanQuality, ScanRegion, Smoothing};
 
-/// What was found in the points of a scan, and what was done to them.
+/// What was found in the points of a scan, and how they were processed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScanFacts {
-    /// Number of points that were measured.
+    /// Number of measured points.
     pub points: usize,
-    /// Number of points that shaped the surface.
+    /// Number of points that the surface was fitted to.
     pub used: usize,
-    /// Number of points below a surface or looking away from the laser.
+    /// Number of points below another surface or facing away from the laser.
     pub hidden: usize,
-    /// Number of outliers and strays that were dropped.
+    /// Number of outliers and stray points that were dropped.
     pub dropped: usize,
     /// Distance between points as the laser sees them, mm.
     pub spacing_mm: f64,
@@ -21,27 +21,28 @@ pub struct ScanFacts {
     pub grid_step_mm: f64,
     /// How it was smoothed: `auto`, `low-pass` or `none`.
     pub smoothing: String,
-    /// Separate surfaces, the one with most points first; between two there is a cliff.
+    /// The surfaces, separated by cliffs, the one with the most points first.
     pub surfaces: Vec<ScanSurface>,
 }
 
 /// One surface of a scan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScanSurface {
-    /// Number of points that shaped it.
+    /// Number of points that it was fitted to.
     pub points: usize,
-    /// The rectangle round it in the view: left, bottom, right, top, mm.
+    /// Its bounding rectangle in the view: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
     /// Its lowest and highest point, mm.
     pub heights_mm: [f64; 2],
     /// Standard deviation of the points from the surface, mm.
     pub noise_mm: f64,
-    /// Waves of this length were halved and shorter ones taken out, mm; absent without smoothing.
+    /// Wavelength of the low-pass filter, mm: waves of this length are halved, shorter ones removed; absent without
+    /// smoothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_mm: Option<f64>,
-    /// Largest departure of the surface from the points that noise does not explain, mm.
+    /// Largest departure of the surface from the points that is not explained by noise, mm.
     pub departure_mm: f64,
-    /// Where that is in the view, mm.
+    /// Where the largest departure is in the view, mm.
     pub departure_at_mm: [f64; 2],
 }
 
@@ -70,7 +71,7 @@ impl ScanFacts {
     /// One sentence for people.
     pub fn summary(&self) -> String {
         let mut text = format!(
-            "a surface was laid through {} of {} points {:.2} mm apart",
+            "a surface was fitted to {} of {} points {:.2} mm apart",
             self.used, self.points, self.spacing_mm
         );
         if self.hidden + self.dropped > 0 {
@@ -79,11 +80,11 @@ impl ScanFacts {
         if let Some(surface) = self.surfaces.first() {
             text += &format!("; they scatter by {:.3} mm", surface.noise_mm);
             if let Some(wavelength) = surface.wavelength_mm {
-                text += &format!(", and waves shorter than {wavelength:.1} mm were taken for noise");
+                text += &format!(", and waves shorter than {wavelength:.1} mm were treated as noise");
             }
         }
         if self.surfaces.len() > 1 {
-            text += &format!("; cliffs part {} surfaces", self.surfaces.len());
+            text += &format!("; cliffs separate {} surfaces", self.surfaces.len());
         }
         text
     }

@@ -1,21 +1,21 @@
 //! STL, text and binary (3D Systems, StereoLithography interface specification, 1989).
 //!
-//! The format is so plain that a reader of our own is shorter than the checks that a crate's would need. A file is
-//! binary if it is exactly as long as its count of facets says, whatever its header begins with: many binary files
-//! begin with `solid`. Corners are welded where they agree to the bit; facet normals repeat the facets by definition.
+//! The format is so simple that this reader is shorter than the checks that a crate would need. A file is binary if its
+//! length matches its number of facets exactly, even if it begins with `solid`, as many binary files do. Vertices at
+//! exactly the same position are welded. The normals are not read: they are only those of the facets.
 
 use nalgebra::Point3;
 
 use super::clues::Clues;
 use super::error::{EmptyCause, VertexPlace};
 use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark, words};
-use super::{MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals};
+use super::{MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals};
 use crate::reason::Notice;
 
 const HEADER: usize = 80;
 /// Header and count.
 const PREAMBLE: usize = HEADER + 4;
-/// Normal, three corners, two bytes for what the maker likes.
+/// Normal, three corners, and two bytes of attributes.
 const FACET: usize = 50;
 
 /// Reads a part from an STL file.
@@ -31,7 +31,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     Ok(part)
 }
 
-/// Whether all facets are there.
+/// Checks whether all facets are there.
 pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     if !is_text(bytes) {
         return binary_facets(bytes).map(|_| ());
@@ -42,14 +42,14 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
 }
 
 fn is_text(bytes: &[u8]) -> bool {
-    let begins = without_mark(bytes).trim_ascii_start();
-    let says_solid = begins.len() >= 5 && begins[..5].eq_ignore_ascii_case(b"solid");
+    let text = without_mark(bytes).trim_ascii_start();
+    let begins_with_solid = text.len() >= 5 && text[..5].eq_ignore_ascii_case(b"solid");
     let is_exact = count(bytes)
         .is_some_and(|count| bytes.len() as u64 == PREAMBLE as u64 + u64::from(count) * FACET as u64);
-    says_solid && !is_exact && !begins[..begins.len().min(512)].contains(&0)
+    begins_with_solid && !is_exact && !text[..text.len().min(512)].contains(&0)
 }
 
-/// The number of facets that a binary file says it has.
+/// The number of facets that a binary file states.
 fn count(bytes: &[u8]) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.get(HEADER..PREAMBLE)?.try_into().ok()?))
 }
@@ -68,7 +68,7 @@ fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
             actual: bytes.len() as u64,
         });
     }
-    at_most("triangles", count as usize, MOST_TRIANGLES)?;
+    at_most("triangles", count as usize, MAX_TRIANGLES)?;
     Ok(&bytes[PREAMBLE..].as_chunks().0[..count as usize])
 }
 
@@ -128,16 +128,16 @@ fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError>
             }
             b"endfacet" => {
                 if in_facet != 3 {
-                    return Err(bad_line(line, text, "the facet before it has not three corners"));
+                    return Err(bad_line(line, text, "the facet above does not have three corners"));
                 }
                 in_facet = 0;
-                at_most("triangles", positions.len() / 3, MOST_TRIANGLES)?;
+                at_most("triangles", positions.len() / 3, MAX_TRIANGLES)?;
             }
             b"solid" => names.push(String::from_utf8_lossy(&text[5..]).trim().to_owned()),
             b"facet" | b"outer" | b"endloop" => {}
             b"endsolid" if in_facet == 0 => {}
-            b"endsolid" => return Err(bad_line(line, text, "the last facet does not end")),
-            _ => return Err(bad_line(line, text, "it begins with no word of the format")),
+            b"endsolid" => return Err(bad_line(line, text, "the last facet has no endfacet")),
+            _ => return Err(bad_line(line, text, "it does not begin with a keyword of the format")),
         }
     }
     names.retain(|name| !name.is_empty());
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn both_kinds_are_read_and_welded() {
+    fn text_and_binary_files_are_read_and_welded() {
         for (bytes, name) in
             [(binary("solid but binary"), "solid but binary"), (text().into_bytes(), "Cone of mine")]
         {
@@ -189,20 +189,20 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_named() {
+    fn damaged_files_are_refused() {
         let bytes = binary("x");
         assert!(matches!(
             read(&bytes[..200]),
             Err(MeshReadError::Truncated { declared: 284, actual: 200, .. })
         ));
-        let mut lying = bytes.clone();
-        lying[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(matches!(read(&lying), Err(MeshReadError::Truncated { .. })));
+        let mut false_count = bytes.clone();
+        false_count[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(matches!(read(&false_count), Err(MeshReadError::Truncated { .. })));
         let mut broken = bytes.clone();
         broken[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
         let place = VertexPlace::Numbered { what: "facet", number: 1 };
         assert!(matches!(read(&broken), Err(MeshReadError::NotFinite { vertex, .. }) if vertex == place));
-        assert!(matches!(read(b"no mesh"), Err(MeshReadError::NotThisFormat { .. })));
+        assert!(matches!(read(b"not a mesh"), Err(MeshReadError::NotThisFormat { .. })));
         assert!(matches!(read(b""), Err(MeshReadError::NotThisFormat { .. })));
         let text = text();
         assert!(matches!(read(&text.as_bytes()[..300]), Err(MeshReadError::CutLine { .. })));

@@ -1,8 +1,8 @@
-//! Lines and numbers of text files that hold one entry in a line, and beginnings of files as people read them.
+//! Lines and numbers of text files with one entry per line, and readable beginnings of files for messages.
 
 use crate::formats::mesh::MeshReadError;
 
-/// The lines of a text with their numbers, from 1, trimmed; an older Mac's text has carriage returns alone.
+/// The trimmed lines of a text with their numbers, from 1; texts from old Macs have carriage returns only.
 pub(super) fn lines(text: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     let line_break = if text.contains(&b'\n') { b'\n' } else { b'\r' };
     text.split(move |&byte| byte == line_break).zip(1..).map(|(line, number)| (number, line.trim_ascii()))
@@ -23,7 +23,7 @@ pub(super) fn number(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A line that cannot be understood.
+/// The error for a line that is not valid.
 pub(super) fn bad_line(line: u64, text: &[u8], problem: &'static str) -> MeshReadError {
     MeshReadError::BadLine { line, text: beginning(text), problem }
 }
@@ -33,15 +33,15 @@ pub(super) fn beginning(text: &[u8]) -> String {
     String::from_utf8_lossy(&text[..text.len().min(60)]).into_owned()
 }
 
-/// The first bytes of a file as a person can read them.
+/// The first bytes of a file in a readable form.
 pub(super) fn first_bytes(bytes: &[u8]) -> String {
     if bytes.is_empty() {
-        return "nothing: it is empty".into();
+        return "nothing (it is empty)".into();
     }
     format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii())
 }
 
-/// The end of a text: number and content of its last line that is not empty, and whether a line break follows.
+/// The number and content of the last line that is not empty, and whether the text ends with a line break.
 pub(super) fn last_line(text: &[u8]) -> (u64, &[u8], bool) {
     let (line, last) = lines(text).filter(|(_, line)| !line.is_empty()).last().unwrap_or((1, b""));
     (line, last, matches!(text.last(), Some(b'\n' | b'\r')))

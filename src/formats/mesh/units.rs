@@ -1,4 +1,4 @@
-//! The units and up axes a part file may speak in, and decisions with their reasons.
+//! The units and up axes of part files, and decisions with their reasons.
 
 use std::fmt;
 use std::str::FromStr;
@@ -26,13 +26,13 @@ pub enum LengthUnit {
     Inch,
 }
 
-/// The axis of a part file that points up as the designer modelled the part.
+/// The axis of a part file that points up in the designer's model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
-    /// +Y up, as glTF demands.
+    /// +Y up, as glTF requires.
     Y,
-    /// +Z up, as CAD programs have it.
+    /// +Z up, as in CAD programs.
     Z,
 }
 
@@ -41,19 +41,19 @@ pub enum UpAxis {
 pub struct Decision<T> {
     /// What was decided.
     pub value: T,
-    /// Why, as a clause that can stand after "because".
+    /// Why, as a clause that can follow "because".
     pub why: String,
 }
 
 const SETTINGS: &str = "the settings say so";
 
-/// A setting's word that names no unit or axis.
+/// A setting's value that is not a unit or an axis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("\"{word}\" is none of {expected}")]
+#[error("\"{word}\" is not one of {expected}")]
 pub struct UnknownWord {
     /// The word as written.
     pub word: String,
-    /// The words that are understood.
+    /// The allowed words.
     pub expected: &'static str,
 }
 
@@ -98,7 +98,7 @@ impl FromStr for LengthUnit {
 }
 
 impl UpAxis {
-    /// A vector of the file, turned so that up is +Z.
+    /// A vector of the file, rotated so that +Z is up.
     pub(super) fn to_z_up(self, vector: Vector3<f64>) -> Vector3<f64> {
         match self {
             Self::Y => Vector3::new(vector.x, -vector.z, vector.y),
@@ -134,12 +134,12 @@ impl<T> Decision<T> {
         Self { value, why: why.into() }
     }
 
-    /// What a person said.
+    /// A value from the settings.
     pub(super) fn by_settings(value: T) -> Self {
         Self::new(value, SETTINGS)
     }
 
-    /// Whether a person said so.
+    /// Whether the value comes from the settings.
     pub fn is_by_settings(&self) -> bool {
         self.why == SETTINGS
     }
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_of_the_settings_are_read_and_written_alike() {
+    fn units_and_axes_are_parsed_and_printed_with_the_same_words() {
         for word in ["mm", "cm", "dm", "m", "inch"] {
             assert_eq!(word.parse::<LengthUnit>().unwrap().to_string(), word);
         }
@@ -160,13 +160,13 @@ mod tests {
         assert_eq!("Z".parse(), Ok(UpAxis::Z));
         assert_eq!(
             "ell".parse::<LengthUnit>().unwrap_err().to_string(),
-            "\"ell\" is none of mm, cm, dm, m, inch"
+            "\"ell\" is not one of mm, cm, dm, m, inch"
         );
         assert!("x".parse::<UpAxis>().is_err());
     }
 
     #[test]
-    fn y_up_is_turned_not_mirrored() {
+    fn y_up_is_rotated_not_mirrored() {
         let turn = |x, y, z| UpAxis::Y.to_z_up(Vector3::new(x, y, z));
         assert_eq!(turn(0.0, 1.0, 0.0), Vector3::z());
         assert_eq!(turn(1.0, 0.0, 0.0).cross(&turn(0.0, 1.0, 0.0)), turn(0.0, 0.0, 1.0));

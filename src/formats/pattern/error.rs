@@ -8,42 +8,42 @@ use crate::reason::{Place, Reason};
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PatternReadError {
-    /// The bytes are no DXF file.
+    /// The bytes are not a DXF file.
     #[error("this is not a DXF file: it seems to be {seems}")]
     NotDxf {
-        /// What the bytes look like, with its article.
+        /// What the bytes look like, with an article.
         seems: String,
     },
-    /// The file is larger than is read.
-    #[error("the file has {bytes} bytes, at most {limit} are read")]
+    /// The file is larger than allowed.
+    #[error("the file has {bytes} bytes; at most {limit} are allowed")]
     FileTooLarge {
         /// Size of the file, bytes.
         bytes: usize,
-        /// The largest size that is read, bytes.
+        /// The largest allowed size, bytes.
         limit: usize,
     },
     /// The file does not end with `EOF`.
-    #[error("the file ends before its EOF mark")]
+    #[error("the file is cut off: it has no EOF mark at its end")]
     Truncated {
         /// Where the bytes end.
         spot: Spot,
     },
-    /// A picture has pixels, and nothing says how large they are.
+    /// A picture states no resolution, and the settings give no size.
     #[error("the picture of {} x {} pixels has no size in mm", pixels[0], pixels[1])]
     PictureWithoutSize {
         /// Columns and rows of pixels.
         pixels: [usize; 2],
     },
-    /// A picture has more pixels than are read.
-    #[error("the picture has {} x {} pixels", pixels[0], pixels[1])]
+    /// A picture has more pixels than allowed.
+    #[error("the picture is too large: {} x {} pixels", pixels[0], pixels[1])]
     PictureTooLarge {
         /// Columns and rows of pixels.
         pixels: [u32; 2],
-        /// The largest number of pixels of this kind that is read.
+        /// The largest allowed number of pixels of this kind.
         limit: u64,
     },
-    /// A picture file does not reach to its end.
-    #[error("the {format} picture ends too early")]
+    /// A picture file is not complete.
+    #[error("the {format} picture is cut off")]
     PictureTruncated {
         /// Its format.
         format: &'static str,
@@ -58,55 +58,55 @@ pub enum PatternReadError {
         /// What is wrong.
         what: String,
     },
-    /// A line that should hold a group code does not, or a binary group code does not exist.
+    /// A line that must contain a group code does not, or a binary group code does not exist.
     #[error("`{text}` is not a group code")]
     UnreadableGroupCode {
-        /// Where it stands.
+        /// Where it is.
         spot: Spot,
-        /// What stands there.
+        /// The text at this place.
         text: String,
     },
     /// A number of an entity is not a number, or not finite.
     #[error("`{text}` is not a finite number (group code {group} of {entity})")]
     UnreadableNumber {
-        /// Where it stands.
+        /// Where it is.
         spot: Spot,
         /// Its group code.
         group: i32,
-        /// What stands there.
+        /// The text at this place.
         text: String,
         /// The entity that it belongs to.
         entity: EntityName,
     },
-    /// A coordinate is so large that nothing sensible can be meant.
-    #[error("{entity} reaches {reach:e} mm from the origin")]
+    /// A coordinate is too large to be plausible.
+    #[error("{entity} extends to {reach:e} mm from the origin")]
     OutOfRange {
         /// The entity.
         entity: EntityName,
         /// The largest coordinate, mm; not finite when the numbers overflow.
         reach: f64,
-        /// The largest coordinate that is read, mm.
+        /// The largest allowed coordinate, mm.
         limit: f64,
     },
-    /// The drawing unfolds to more than can be held in memory.
+    /// The drawing is too large, with blocks and arrays expanded.
     #[error("the drawing has more than {limit} {what}")]
     TooMany {
-        /// What there is too much of, such as `pieces`.
+        /// What exceeds its limit, such as `pieces`.
         what: &'static str,
-        /// The largest number that is read.
+        /// The largest allowed number.
         limit: usize,
         /// The entity where the limit was reached.
         entity: Option<EntityName>,
     },
-    /// It is more than a moment's work, and only a moment was given to it.
-    #[error("the drawing takes longer than a moment")]
+    /// The drawing needs more time than [`Pace::Quick`](crate::formats::Pace::Quick) allows.
+    #[error("reading the drawing takes longer than allowed here")]
     TakesLong,
-    /// A block holds itself.
-    #[error("the block {block} holds itself")]
+    /// A block contains itself.
+    #[error("the block {block} contains itself")]
     RecursiveBlock {
         /// The block's name.
         block: String,
-        /// The INSERT that closes the circle.
+        /// The INSERT that closes the cycle.
         entity: EntityName,
     },
     /// Nothing in the drawing can be marked.
@@ -114,7 +114,7 @@ pub enum PatternReadError {
     NothingToMark {
         /// What was found instead, such as `3 TEXT`.
         found: String,
-        /// What most likely happened and what to do, as one sentence.
+        /// What to do, with the likely cause, as one sentence.
         remedy: String,
     },
 }
@@ -128,7 +128,7 @@ pub enum Spot {
     Byte(u64),
 }
 
-/// How an entity is called when something is said about it.
+/// An entity's type, handle and layer, for messages.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct EntityName {
     /// Its type, such as `LWPOLYLINE`.
@@ -164,79 +164,78 @@ impl EntityName {
 }
 
 impl PatternReadError {
-    /// Whether the bytes end too early, so that more of them may still come.
+    /// Whether the file ends too early, so that it may still be being written.
     pub fn is_cut_short(&self) -> bool {
         matches!(self, Self::Truncated { .. } | Self::PictureTruncated { .. })
     }
 
-    /// The reason as people and machines are told.
+    /// The error as a reason: code, sentence, place, number and remedy. The caller adds the file's name.
     pub fn reason(&self) -> Reason {
-        let told = |code: &str, remedy: &str| Reason::new(code, self.to_string(), remedy);
+        let reason = |code: &str, remedy: &str| Reason::new(code, self.to_string(), remedy);
         match self {
-            Self::NotDxf { .. } => told(
+            Self::NotDxf { .. } => reason(
                 "pattern-not-dxf",
                 "Export the drawing as DXF (R12 to R2018, text or binary), or save the picture as PNG.",
             ),
-            Self::FileTooLarge { bytes, limit } => told(
-                "pattern-too-large",
-                "Export only what is to be marked, with fewer points.",
-            )
-            .with_number("file size", *bytes as f64, "bytes", Some(*limit as f64)),
-            Self::Truncated { spot } => told(
+            Self::FileTooLarge { bytes, limit } => {
+                reason("pattern-too-large", "Export only the entities to be marked, with fewer points.")
+                    .with_number("file size", *bytes as f64, "bytes", Some(*limit as f64))
+            }
+            Self::Truncated { spot } => reason(
                 "pattern-truncated",
                 "Copy or export the file again; it was probably read or cut off while it was being written.",
             )
             .at(spot.place()),
-            Self::PictureWithoutSize { .. } => told(
+            Self::PictureWithoutSize { .. } => reason(
                 "picture-size",
-                "Give its width in mm: `--width` for one job, `width_mm` under [pattern] in the settings; or export it \
-                 with its resolution (dpi).",
+                "Give its width in mm (`--width` for one job, `width_mm` under [pattern] in the settings), or export \
+                 it with its resolution (dpi).",
             ),
             Self::PictureTooLarge { pixels, limit } => {
                 let count = pixels.map(f64::from).iter().product();
-                told(
+                reason(
                     "picture-too-large",
-                    "Export it with fewer pixels; 600 to an inch are plenty for a laser.",
+                    "Export it with fewer pixels; 600 pixels per inch are enough for a laser.",
                 )
                 .with_number("pixels", count, "", Some(*limit as f64))
             }
-            Self::PictureTruncated { spot, .. } => told(
+            Self::PictureTruncated { spot, .. } => reason(
                 "pattern-truncated",
                 "Copy or export the file again; it was probably read or cut off while it was being written.",
             )
             .at(spot.place()),
             Self::PictureDamaged { .. } => {
-                told("picture-damaged", "Open it in a picture program and save it as PNG.")
+                reason("picture-damaged", "Open it in a picture program and save it as PNG.")
             }
             Self::UnreadableGroupCode { spot, .. } => {
-                told("pattern-group-code", "Export the drawing again; the file is damaged at this place.")
+                reason("pattern-group-code", "Export the drawing again; the file is damaged at this place.")
                     .at(spot.place())
             }
-            Self::UnreadableNumber { spot, entity, .. } => told(
+            Self::UnreadableNumber { spot, entity, .. } => reason(
                 "pattern-number",
-                "Export the drawing again with a point as the decimal separator, or delete this entity.",
+                "Export the drawing again with a decimal point in numbers, or delete this entity.",
             )
             .at(Place { line: spot.place().line, byte: spot.place().byte, ..entity.place() }),
-            Self::OutOfRange { entity, reach, limit } => told(
+            Self::OutOfRange { entity, reach, limit } => reason(
                 "pattern-out-of-range",
                 "Delete the stray entity, or move the drawing near the origin and check its unit.",
             )
             .at(entity.place())
             .with_number("coordinate", *reach, "mm", Some(*limit)),
             Self::TooMany { entity, .. } => {
-                let reason = told("pattern-too-many", "Simplify the drawing, or mark it in several jobs.");
+                let reason = reason("pattern-too-many", "Simplify the drawing, or mark it in several jobs.");
                 match entity {
                     Some(entity) => reason.at(entity.place()),
                     None => reason,
                 }
             }
-            Self::TakesLong => told("takes-long", "Give it more time."),
-            Self::RecursiveBlock { entity, .. } => told(
+            Self::TakesLong => reason("takes-long", "Read the drawing without a time limit."),
+            Self::RecursiveBlock { entity, .. } => reason(
                 "pattern-recursive-block",
-                "Explode the block in the drawing program, or purge and export again.",
+                "Explode the block in the drawing program, or purge the drawing and export it again.",
             )
             .at(entity.place()),
-            Self::NothingToMark { remedy, .. } => told("pattern-nothing-to-mark", remedy),
+            Self::NothingToMark { remedy, .. } => reason("pattern-nothing-to-mark", remedy),
         }
     }
 }

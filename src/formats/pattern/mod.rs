@@ -1,7 +1,8 @@
-//! Drawings to be marked: DXF or picture bytes to a [`Pattern`](crate::geometry::pattern::Pattern) in mm and corrected
-//! drawings back to bytes.
+//! Reads drawings, DXF or pictures, as a [`Pattern`](crate::geometry::pattern::Pattern) in mm, and writes corrected
+//! drawings as DXF.
 //!
-//! Read widely, write narrowly, drop nothing silently: what cannot be taken over is named in [`PatternFacts`].
+//! The reader accepts many forms of DXF, the writer uses few. Nothing is dropped silently: [`PatternFacts`] lists
+//! everything that was skipped.
 
 mod dxf;
 mod error;
@@ -20,14 +21,14 @@ pub use units::{DrawingUnit, UnknownUnit};
 
 use raster::RasterFormat;
 
-/// Endings of drawings' names, in lower case.
+/// File name endings of drawings, in lower case.
 const ENDINGS: [&str; 3] = ["dxf", "png", "bmp"];
 
 /// Reads a drawing: DXF, text or binary, or a PNG or BMP picture. The bytes decide, not the file's name.
 ///
 /// # Errors
-/// The bytes are no whole DXF file or picture, a number is unreadable, the drawing unfolds to too much, a picture has no
-/// size, or nothing in it can be marked; or it takes longer than [`PatternOptions::pace`] allows.
+/// When the file is not a complete DXF file or picture, a number cannot be read, the drawing is too large, a picture
+/// has no size, there is nothing to mark, or reading takes longer than [`PatternOptions::pace`] allows.
 pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     match RasterFormat::of(bytes) {
         Some(format) => raster::read(bytes, format, options),
@@ -35,12 +36,12 @@ pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, Pa
     }
 }
 
-/// Whether the bytes reach to the end that their format marks, that is, whether a writer has finished.
+/// Whether the bytes are complete up to the end mark of their format, so that the file is fully written.
 pub fn is_complete(bytes: &[u8]) -> bool {
     RasterFormat::of(bytes).map_or_else(|| dxf::scan::is_complete(bytes), |format| format.is_complete(bytes))
 }
 
-/// Whether a file of this name is a drawing, in capitals or not.
+/// Whether a file of this name is a drawing; the ending may be in upper or lower case.
 ///
 /// ```
 /// use isomark::formats::pattern::is_drawing;
@@ -50,7 +51,7 @@ pub fn is_drawing(file_name: &str) -> bool {
     ending(file_name).is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
-/// Whether a file of this name is a drawing that is given as a picture.
+/// Whether a file of this name is a picture.
 pub fn is_picture(file_name: &str) -> bool {
     ending(file_name).is_some_and(|ending| ENDINGS[1..].contains(&ending.as_str()))
 }

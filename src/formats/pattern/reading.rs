@@ -1,4 +1,4 @@
-//! How a drawing is read, and what comes of it.
+//! Options for reading a drawing, and the result.
 
 use super::super::Pace;
 use super::facts::PatternFacts;
@@ -7,24 +7,24 @@ use super::units::DrawingUnit;
 use crate::geometry::pattern::Pattern;
 use crate::reason::Notice;
 
-/// Drawings outside this range of sizes, mm, are rarely meant: markers' fields are smaller, and so are no marks.
+/// Usual sizes of drawings, mm: few marking fields are larger, and few marks are smaller.
 const USUAL_SIZE: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
 
-/// How a drawing is read.
+/// Options for reading a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatternOptions {
-    /// Unit of drawings whose header names none; without it mm, or inches if `$MEASUREMENT` says imperial.
+    /// Unit of drawings whose header states none. If this is none too: inches if `$MEASUREMENT` is imperial, else mm.
     pub unit_if_unitless: Option<DrawingUnit>,
-    /// Unit of every drawing, whatever its header says. Default none.
+    /// Unit of every drawing; it overrides the header. Default none.
     pub unit: Option<DrawingUnit>,
-    /// Ends of loose pieces no farther apart are joined, mm. Default 0.002: a hundred times the rounding of exporters
-    /// and a tenth of a fine laser spot. 0 joins nothing.
+    /// Largest gap between the ends of loose pieces that is joined, mm; 0 joins nothing. Default 0.002: a hundred times
+    /// the rounding of exporters and a tenth of a fine laser spot.
     pub joining_tolerance: f64,
-    /// Leaves the drawing as it is: nothing is joined, closed or taken out, and what would be is warned of. Default no.
+    /// Leaves the drawing unchanged: nothing is joined, closed or removed; warnings name what would be. Default no.
     pub strict: bool,
-    /// How a picture is read.
+    /// Options for reading a picture.
     pub picture: RasterOptions,
-    /// How long reading may take. Default as long as it takes.
+    /// The time limit for reading. Default none.
     pub pace: Pace,
 }
 
@@ -41,20 +41,21 @@ impl Default for PatternOptions {
     }
 }
 
-/// A drawing and what was found on the way.
+/// A drawing with the facts about its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatternReading {
     /// The drawing, mm.
     pub pattern: Pattern,
-    /// What the file says, what was assumed, repaired and left out.
+    /// What the file states, and what was assumed, repaired and skipped.
     pub facts: PatternFacts,
 }
 
-/// A warning about a size that tells a wrong unit.
+/// A warning about a size that indicates a wrong unit.
 pub(super) fn size_notice(facts: &PatternFacts) -> Option<Notice> {
     let [width, height] = facts.size;
     let message = format!(
-        "the drawing is {width:.3} x {height:.3} mm, an unusual size; check its unit ({}: {}) and stray entities",
+        "the drawing is {width:.3} x {height:.3} mm, an unusual size; check its unit ({}: {}), and look for stray \
+         entities",
         facts.unit, facts.unit_why
     );
     (!USUAL_SIZE.contains(&width.max(height))).then(|| Notice::warning("size-unusual", message))

@@ -1,4 +1,4 @@
-//! Units of drawings: what the header says, else what the settings say, else what the header hints at, else mm.
+//! Units of drawings: from `$INSUNITS`, else from the settings, else from `$MEASUREMENT`, else mm.
 
 use std::fmt;
 use std::str::FromStr;
@@ -37,15 +37,15 @@ pub enum DrawingUnit {
     Yard,
     /// 1 609 344 mm.
     Mile,
-    /// A pixel of which 96 make an inch, as Inkscape and browsers count: 25.4/96 mm.
+    /// A pixel of Inkscape and browsers, 1/96 inch: 25.4/96 mm.
     Pixel96,
-    /// A point of which 72 make an inch, as typesetters count: 25.4/72 mm.
+    /// A typographic point, 1/72 inch: 25.4/72 mm.
     Point72,
 }
 
-/// A word that names no unit.
+/// A word that is not a unit.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no unit of length; known are nm, um, mm, cm, dm, m, km, uin, mil, in, ft, yd, mi, px, pt")]
+#[error("`{0}` is not a unit of length; use nm, um, mm, cm, dm, m, km, uin, mil, in, ft, yd, mi, px or pt")]
 pub struct UnknownUnit(String);
 
 const ALL: [(DrawingUnit, &str, f64); 15] = [
@@ -77,7 +77,7 @@ impl DrawingUnit {
         ALL[self as usize].1
     }
 
-    /// The unit with a code of `$INSUNITS` (DXF Reference, HEADER); none for 0, and for units that no drawing of a product is in.
+    /// The unit for a code of `$INSUNITS` (DXF Reference, HEADER); `None` for 0 and for units too large for products.
     pub fn from_insunits(code: i64) -> Option<Self> {
         Some(match code {
             // 21, 22, 23 and 24 are the US survey units, 2e-6 longer than the others.
@@ -149,7 +149,7 @@ impl FromStr for DrawingUnit {
     }
 }
 
-/// What the header tells about the unit.
+/// What the header states about the unit.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct UnitHints {
     /// `$INSUNITS`.
@@ -158,21 +158,23 @@ pub(super) struct UnitHints {
     pub(super) measurement: Option<i64>,
 }
 
-/// The unit of a drawing, why it is that one, and what is to be said about it.
+/// The unit of a drawing, the reason for it, and a notice if needed.
 ///
-/// A setting for drawings without a unit outranks `$MEASUREMENT`, which programs fill in without being asked.
+/// A setting for drawings without a unit takes precedence over `$MEASUREMENT`, which programs write by default.
 pub(super) fn decide(
     hints: UnitHints,
     forced: Option<DrawingUnit>,
     if_unitless: Option<DrawingUnit>,
 ) -> (DrawingUnit, String, Option<Notice>) {
     if let Some(unit) = forced {
-        return (unit, "the settings give the unit, whatever the file says".into(), None);
+        return (unit, "the settings give the unit for all drawings".into(), None);
     }
     let code = hints.code.unwrap_or(0);
     if let Some(unit) = DrawingUnit::from_insunits(code) {
         let unused = if_unitless.filter(|asked| *asked != unit).map(|asked| {
-            let message = format!("the file says that its unit is {unit}, so the setting for drawings without a unit, {asked}, does not count");
+            let message = format!(
+                "the unit of the file is {unit}, so the setting {asked} for drawings without a unit is not used"
+            );
             Notice::note("unit-setting-unused", message)
         });
         return (unit, format!("$INSUNITS {code}"), unused);
@@ -183,20 +185,20 @@ pub(super) fn decide(
         Some(code) => format!("$INSUNITS {code} is not usable"),
     };
     if let Some(unit) = if_unitless {
-        return (unit, format!("{lack}; the settings say {unit}"), None);
+        return (unit, format!("{lack}; the settings give {unit}"), None);
     }
     if hints.measurement == Some(0) {
         let why = format!("{lack}; $MEASUREMENT 0 (imperial)");
         let message =
-            format!("inches assumed: {why}; set the unit for drawings without one if that is wrong");
+            format!("inches assumed: {why}; if this is wrong, set the unit for drawings without a unit");
         return (DrawingUnit::Inch, why, Some(Notice::warning("unit-assumed", message)));
     }
     let why = match hints.measurement {
         Some(1) => format!("{lack}; $MEASUREMENT 1 (metric), so mm"),
-        _ => format!("{lack}; mm unless the settings say otherwise"),
+        _ => format!("{lack}; mm by default"),
     };
     let message = format!("millimetres assumed: {why}");
-    // A unit that is named and not usable is more likely to be wrong than none.
+    // If the file states a unit that cannot be used, mm is more likely to be wrong.
     let notice = if code == 0 { Notice::note } else { Notice::warning };
     (DrawingUnit::Millimetre, why, Some(notice("unit-assumed", message)))
 }
@@ -206,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_unit_is_read_by_its_sign_and_stands_at_its_place() {
+    fn units_are_read_by_their_sign_and_listed_in_enum_order() {
         for (index, (unit, sign, _)) in ALL.into_iter().enumerate() {
             assert_eq!((unit as usize, sign.parse()), (index, Ok(unit)));
         }
@@ -215,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_file_outranks_the_setting_and_the_setting_the_hint() {
+    fn the_file_overrides_the_setting_and_the_setting_overrides_the_hint() {
         let hints = |code, measurement| UnitHints { code, measurement };
         let pixel = Some(DrawingUnit::Pixel96);
         assert_eq!(decide(hints(Some(1), None), None, pixel).0, DrawingUnit::Inch);

@@ -1,4 +1,4 @@
-//! Fitted surfaces to bytes that CAD opens, in the part's own frame and mm, so that they lie on the part they stand for.
+//! Writes fitted surfaces as files for CAD, in the part frame and in mm, so that surface and part coincide.
 
 mod obj;
 mod step;
@@ -6,12 +6,12 @@ mod step;
 use crate::geometry::space::View;
 use crate::geometry::surface::fit::FittedSurface;
 
-/// A format that surfaces can be written in.
+/// A file format for fitted surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SurfaceFormat {
-    /// STEP AP214: the spline itself, one face over the whole rectangle that was fitted; beside the part it just goes on.
+    /// STEP AP214: the B-spline surface as one face over the whole fitted rectangle, so it continues beyond the part.
     Step,
-    /// Wavefront OBJ: triangles with normals, only where the part was seen.
+    /// Wavefront OBJ: triangles with normals, only where the part is visible in the view.
     Obj,
 }
 
@@ -19,7 +19,7 @@ impl SurfaceFormat {
     /// File name endings of surfaces, for people.
     pub const ENDINGS: &str = ".step or .obj";
 
-    /// The format that a file name's ending stands for, in capitals or not.
+    /// The format for a file name's ending, in upper or lower case.
     ///
     /// ```
     /// use isomark::formats::surface::SurfaceFormat;
@@ -36,8 +36,8 @@ impl SurfaceFormat {
     }
 }
 
-/// The bytes of a surface file; the same surface gives the same bytes. `part` is the part's name and `view` the view the
-/// surface was fitted in.
+/// The bytes of a surface file; the same surface gives the same bytes. `part` is the part's name and `view` the view
+/// the surface was fitted in.
 pub fn write(surface: &FittedSurface, view: &View, part: &str, format: SurfaceFormat) -> Vec<u8> {
     match format {
         SurfaceFormat::Step => step::write(&surface.calmed(), view, part),

@@ -1,4 +1,4 @@
-//! A fitted surface as triangles in Wavefront OBJ (Wavefront, Advanced Visualizer, appendix B1), a vertex for each node.
+//! A fitted surface as triangles in Wavefront OBJ (Wavefront, Advanced Visualizer, appendix B1), one vertex per node.
 
 use std::fmt::Write;
 

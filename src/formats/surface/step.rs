@@ -1,5 +1,5 @@
-//! A fitted surface as one face in STEP (ISO 10303-21 clear text, ISO 10303-214): a clamped bicubic B-spline surface and
-//! its four border curves, which are B-splines of the net's outer control points.
+//! A fitted surface as one face in STEP (ISO 10303-21 clear text, ISO 10303-214): a clamped bicubic B-spline surface
+//! and its four border curves, which are B-splines of the net's outer control points.
 
 use std::fmt::{Display, Write};
 
@@ -15,7 +15,7 @@ pub(super) fn write(surface: &NurbsSurface, view: &View, part: &str) -> Vec<u8> 
     let columns = knots_x.control_points();
     let net: Vec<Instance> =
         surface.clamped_net().into_iter().map(|point| data.point(view.part_point(point))).collect();
-    // STEP lists the net column by column: along u, which is x, and for each along v.
+    // STEP lists the control points by u, which is x, and for each u by v.
     let column = |index: usize| list(net.iter().skip(index).step_by(columns));
     let (along_x, along_y) = (knot_list(knots_x), knot_list(knots_y));
     let shape = data.add(&format!(
@@ -36,7 +36,7 @@ pub(super) fn write(surface: &NurbsSurface, view: &View, part: &str) -> Vec<u8> 
     let top = data.curve(&net[last..], &along_x);
     let left: Vec<Instance> = net.iter().step_by(columns).copied().collect();
     let left = data.curve(&left, &along_y);
-    // Counter-clockwise as the laser sees it; the upper and the left border run against their curves.
+    // Counter-clockwise as the laser sees it; the upper and the left edge run against the direction of their curves.
     let edges = [(bottom, 0, 1, true), (right, 1, 2, true), (top, 3, 2, false), (left, 0, 3, false)].map(
         |(curve, from, to, is_along)| {
             let edge = data.add(&format!("EDGE_CURVE('',{},{},{curve},.T.)", vertices[from], vertices[to]));
@@ -51,7 +51,7 @@ pub(super) fn write(surface: &NurbsSurface, view: &View, part: &str) -> Vec<u8> 
     data.product(model, &quoted(part));
 
     let version = env!("CARGO_PKG_VERSION");
-    // The time stamp is no part of what is said, and the same surface shall give the same bytes.
+    // A fixed time stamp, so that the same surface gives the same bytes.
     let head = format!(
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('surface fitted by isomark, mm'),'2;1');\n\
          FILE_NAME({},'1970-01-01T00:00:00',(''),(''),'isomark {version}','isomark {version}','');\n\
@@ -71,7 +71,7 @@ impl Display for Instance {
     }
 }
 
-/// The data section, as far as it is written.
+/// The part of the data section that is written so far.
 #[derive(Debug, Default)]
 struct Instances {
     text: String,
@@ -95,14 +95,14 @@ impl Instances {
         self.add(&format!("DIRECTION('',{})", reals(towards)))
     }
 
-    fn curve(&mut self, points: &[Instance], (counts, knots): &(String, String)) -> Instance {
+    fn curve(&mut self, points: &[Instance], (multiplicities, knots): &(String, String)) -> Instance {
         self.add(&format!(
-            "B_SPLINE_CURVE_WITH_KNOTS('',{DEGREE},{},.UNSPECIFIED.,.F.,.F.,{counts},{knots},.UNSPECIFIED.)",
+            "B_SPLINE_CURVE_WITH_KNOTS('',{DEGREE},{},.UNSPECIFIED.,.F.,.F.,{multiplicities},{knots},.UNSPECIFIED.)",
             list(points)
         ))
     }
 
-    /// The product that a model is the shape of, as readers of STEP look for it.
+    /// Adds the product whose shape is `model`; STEP readers look for a product.
     fn product(&mut self, model: Instance, name: &str) {
         let origin = self.point(Point3::origin());
         let (axis, right) = (self.direction(Vector3::z()), self.direction(Vector3::x()));
@@ -136,12 +136,12 @@ impl Instances {
     }
 }
 
-/// How often each knot counts, and the knots in mm.
+/// The multiplicities of the knots, and the knots in mm.
 fn knot_list(knots: UniformKnots) -> (String, String) {
     let spans = knots.spans();
     let is_end = |knot: usize| knot == 0 || knot == spans;
-    let counts = list((0..=spans).map(|knot| if is_end(knot) { DEGREE + 1 } else { 1 }));
-    (counts, list((0..=spans).map(|knot| real(knots.start() + knots.step() * knot as f64))))
+    let multiplicities = list((0..=spans).map(|knot| if is_end(knot) { DEGREE + 1 } else { 1 }));
+    (multiplicities, list((0..=spans).map(|knot| real(knots.start() + knots.step() * knot as f64))))
 }
 
 fn list<T: Display>(items: impl IntoIterator<Item = T>) -> String {
@@ -153,13 +153,13 @@ fn reals(vector: Vector3<f64>) -> String {
     list(vector.iter().copied().map(real))
 }
 
-/// A real number, which in STEP always has a decimal point; a millionth of a micrometre is enough.
+/// A real number, which in STEP always has a decimal point; nine decimals are a millionth of a micrometre.
 fn real(value: f64) -> String {
-    // Adding zero turns −0 to 0.
+    // Adding zero turns −0 into 0.
     format!("{:.9}", (value * 1e9).round() / 1e9 + 0.0)
 }
 
-/// A string with everything beyond printable ASCII in code points (ISO 10303-21, section 6.3.3).
+/// A STEP string, with all characters outside printable ASCII as code points (ISO 10303-21, section 6.3.3).
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("'");
     for letter in text.chars() {

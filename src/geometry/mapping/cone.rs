@@ -1,4 +1,4 @@
-//! The exact map onto a cone of any direction, tilt and offset.
+//! The exact map onto a cone with any direction, tilt and offset.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector3};
 
@@ -26,27 +26,27 @@ pub struct ConeFit {
     pub residual: f64,
 }
 
-/// Why there is no cone under the drawing.
+/// Why no cone was found under the drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ConeError {
     /// There are too few points of the part under the drawing.
     #[error(transparent)]
     TooFewPoints(#[from] TooFewPoints),
-    /// The normals do not lie on a circle: the surface is flat, a cylinder or no cone at all.
-    #[error("the surface under the drawing is no cone: {what}")]
+    /// The normals do not lie on a circle: the surface is flat, a cylinder or not a cone.
+    #[error("the surface under the drawing is not a cone: {what}")]
     NoApex {
         /// What was found instead.
         what: &'static str,
     },
     /// The anchor's line of sight misses the cone.
-    #[error("the anchor at ({:.3}, {:.3}) mm lies beside the cone", at.x, at.y)]
+    #[error("the anchor at ({:.3}, {:.3}) mm is outside the cone", at.x, at.y)]
     AnchorBeside {
-        /// Where the anchor is.
+        /// Position of the anchor.
         at: ViewPoint,
     },
-    /// The drawing would reach round the apex.
+    /// The drawing extends beyond the apex.
     #[error(
-        "the apex of the cone is only {distance:.3} mm from the anchor, the drawing reaches {reach:.3} mm"
+        "the apex of the cone is only {distance:.3} mm from the anchor, but the drawing extends {reach:.3} mm"
     )]
     ApexInDrawing {
         /// Distance from the anchor to the apex, mm.
@@ -56,27 +56,27 @@ pub enum ConeError {
     },
 }
 
-/// Normals that turn by less than this over the drawing, rad, do not tell an axis: the surface counts as flat.
-const LEAST_TURN: f64 = 0.01;
-/// Cones slimmer or flatter than this, rad, are better taken for cylinders or planes.
-const LEAST_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Surfaces whose normals turn by less than this under the drawing, rad, are treated as flat: the axis is undetermined.
+const MIN_TURN: f64 = 0.01;
+/// Cones slimmer or flatter than this, rad, are better treated as cylinders or planes.
+const MIN_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
 
 impl ConeFit {
-    /// The cone that fits the part best under the drawing.
+    /// The cone that best fits the part under the drawing.
     ///
-    /// The normals of a cone end on a circle about its axis, and its tangent planes meet in its apex; from there the
-    /// squared distances are minimised (Lukács, Martin & Marshall, Faithful least-squares fitting of spheres, cylinders,
-    /// cones and tori, ECCV 1998).
+    /// The start follows from two facts: the normals of a cone lie on a circle about its axis, and its tangent planes
+    /// meet in its apex. Then the squared distances are minimised (Lukács, Martin & Marshall, Faithful least-squares
+    /// fitting of spheres, cylinders, cones and tori, ECCV 1998).
     ///
     /// # Errors
     /// See [`ConeError`].
     pub fn to(patch: &SampledPatch) -> Result<Self, ConeError> {
         let start = start_cone(patch)?;
-        let cone = patch.fit(start, Cone::look, Cone::turned);
+        let cone = patch.fit(start, Cone::distance_and_derivatives, Cone::moved);
         let residual = patch.points.iter().map(|point| cone.distance(point).abs()).fold(0.0, f64::max);
-        let sensible = LEAST_ANGLE..=std::f64::consts::FRAC_PI_2 - LEAST_ANGLE;
+        let sensible = MIN_ANGLE..=std::f64::consts::FRAC_PI_2 - MIN_ANGLE;
         if !residual.is_finite() || !sensible.contains(&cone.half_angle) {
-            return Err(ConeError::NoApex { what: "the fit did not settle on one" });
+            return Err(ConeError::NoApex { what: "the fit did not converge" });
         }
         Ok(Self { cone, residual })
     }
@@ -95,15 +95,15 @@ fn start_cone(patch: &SampledPatch) -> Result<Cone, ConeError> {
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let [thin, middle, wide] = order.map(|index| eigen.eigenvalues[index].max(0.0).sqrt());
-    if wide < LEAST_TURN {
+    if wide < MIN_TURN {
         return Err(ConeError::NoApex { what: "it is flat" });
     }
-    // A short arc of the circle is nearly straight, so its plane is told by the bend: thin against middle.
+    // A short arc of the circle is nearly straight, so its plane is determined by its bend: compare thin with middle.
     if thin > middle / 3.0 {
-        return Err(ConeError::NoApex { what: "it bends in both directions" });
+        return Err(ConeError::NoApex { what: "it is curved in both directions" });
     }
     let axis = eigen.eigenvectors.column(order[0]).into_owned();
-    // Each tangent plane holds the apex.
+    // Each tangent plane contains the apex.
     let matrix = DMatrix::from_fn(patch.points.len(), 3, |row, column| patch.normals[row][column]);
     let right =
         DVector::from_fn(patch.points.len(), |row, _| patch.normals[row].dot(&patch.points[row].coords));
@@ -113,9 +113,9 @@ fn start_cone(patch: &SampledPatch) -> Result<Cone, ConeError> {
         .map(|factor| factor.solve(&matrix.tr_mul(&right)))
         .ok_or(ConeError::NoApex { what: "its tangent planes do not meet in a point" })?;
     let apex = Point3::new(apex[0], apex[1], apex[2]);
-    let inwards = if (patch.center() - apex).dot(&axis) < 0.0 { -axis } else { axis };
-    let half_angle = mean.dot(&inwards).abs().min(1.0).asin();
-    Ok(Cone { apex, axis: Unit::new_normalize(inwards), half_angle })
+    let inward = if (patch.center() - apex).dot(&axis) < 0.0 { -axis } else { axis };
+    let half_angle = mean.dot(&inward).abs().min(1.0).asin();
+    Ok(Cone { apex, axis: Unit::new_normalize(inward), half_angle })
 }
 
 impl Cone {
@@ -132,22 +132,22 @@ impl Cone {
         radial.norm() * self.half_angle.cos() - along * self.half_angle.sin()
     }
 
-    /// Distance and its derivatives by shifts of the apex, turns of the axis, and the half angle.
-    fn look(&self, point: &Point3<f64>) -> (f64, [f64; 6]) {
+    /// Distance and its derivatives by shifts of the apex, rotations of the axis, and the half angle.
+    fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 6]) {
         let (along, radial) = self.split(point);
         let (sin, cos) = self.half_angle.sin_cos();
         let radius = radial.norm();
-        let outwards = radial / radius;
-        let normal = outwards * cos - *self.axis * sin;
+        let outward = radial / radius;
+        let normal = outward * cos - *self.axis * sin;
         let (first, second) = cross_directions(&self.axis);
         let by_turn =
-            |direction: &Vector3<f64>| -outwards.dot(direction) * along * cos - radial.dot(direction) * sin;
+            |direction: &Vector3<f64>| -outward.dot(direction) * along * cos - radial.dot(direction) * sin;
         let derivatives =
             [-normal.x, -normal.y, -normal.z, by_turn(&first), by_turn(&second), -radius * sin - along * cos];
         (radius * cos - along * sin, derivatives)
     }
 
-    fn turned(&self, step: &[f64; 6]) -> Self {
+    fn moved(&self, step: &[f64; 6]) -> Self {
         let (first, second) = cross_directions(&self.axis);
         Self {
             apex: self.apex + Vector3::new(step[0], step[1], step[2]),
@@ -156,8 +156,8 @@ impl Cone {
         }
     }
 
-    /// The point of the cone (not of its mirror image beyond the apex) on the line of sight through `at` that is nearest
-    /// to `height`, mm.
+    /// The point of the cone (not of its mirror image beyond the apex) on the line of sight through `at` that is
+    /// nearest to `height`, mm.
     fn on_sight(&self, at: ViewPoint, height: f64) -> Option<Point3<f64>> {
         // (q·a)² = cos²α |q|² for q = start + z·ẑ.
         let start = Point3::new(at.x, at.y, 0.0) - self.apex;
@@ -190,19 +190,19 @@ pub struct ConeMap {
     radial: Vector3<f64>,
     /// Unit vector from the apex to the anchor.
     generator: Vector3<f64>,
-    /// Unit vectors on the surface at the anchor that the drawing's s and t directions follow.
+    /// Images of the drawing's s and t directions at the anchor: unit vectors on the surface.
     right: Vector3<f64>,
     up: Vector3<f64>,
-    /// Whether the laser sees the hollow side.
+    /// Whether the laser sees the concave side.
     hollow: bool,
 }
 
 impl ConeMap {
-    /// The map that leaves `anchor` where it is in the view and keeps the drawing's x direction there; `height` is that
-    /// of the part at the anchor, mm; the drawing reaches `reach` mm from the anchor.
+    /// The map that keeps `anchor` at its place in the view and keeps the drawing's x direction there. `height` is the
+    /// height of the part at the anchor, mm; the drawing extends `reach` mm from the anchor.
     ///
     /// # Errors
-    /// When the anchor lies beside the cone, or the drawing would reach the apex.
+    /// When the anchor is outside the cone, or the drawing would reach the apex.
     pub fn new(cone: Cone, anchor: FlatPoint, height: f64, reach: f64) -> Result<Self, ConeError> {
         let at = ViewPoint::from(anchor.coords());
         let point = cone.on_sight(at, height).ok_or(ConeError::AnchorBeside { at })?;
@@ -231,9 +231,9 @@ impl ConeMap {
     /// Distance from the apex, mm, and angle about the axis from the anchor, rad.
     fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
         let from_anchor = at - self.anchor;
-        let way = self.right * from_anchor.x + self.up * from_anchor.y;
+        let step = self.right * from_anchor.x + self.up * from_anchor.y;
         let sideways = self.cone.axis.cross(&self.radial);
-        let (out, across) = (self.start + way.dot(&self.generator), way.dot(&sideways));
+        let (out, across) = (self.start + step.dot(&self.generator), step.dot(&sideways));
         (out.hypot(across), across.atan2(out) / self.cone.half_angle.sin())
     }
 
@@ -241,7 +241,7 @@ impl ConeMap {
         self.radial * angle.cos() + self.cone.axis.cross(&self.radial) * angle.sin()
     }
 
-    /// The point of the cone that a point of the drawing comes to lie on, mm, in the frame of the view.
+    /// The point of the cone onto which a point of the drawing is mapped, mm, in the frame of the view.
     pub fn point_on_part(&self, at: FlatPoint) -> Point3<f64> {
         let (out, angle) = self.unrolled(at);
         let (sin, cos) = self.cone.half_angle.sin_cos();
@@ -254,8 +254,8 @@ impl ConeMap {
         ViewPoint::new(point.x, point.y)
     }
 
-    /// Unit normal of the part at the image of a point of the drawing, on the side of the laser; its z component is
-    /// negative where the surface turns away.
+    /// Unit normal, on the marked side, of the part at the image of a point of the drawing; its z component is negative
+    /// where the surface faces away from the laser.
     pub fn normal(&self, at: FlatPoint) -> Vector3<f64> {
         let (_, angle) = self.unrolled(at);
         let (sin, cos) = self.cone.half_angle.sin_cos();
@@ -276,7 +276,7 @@ mod tests {
 
     fn cone(azimuth: f64, tilt: f64, half_angle: f64) -> Cone {
         let axis = Vector3::new(azimuth.cos() * tilt.cos(), azimuth.sin() * tilt.cos(), tilt.sin());
-        // The apex lies so that the middle of the view is 60 mm along the axis and about 60·tan α above it.
+        // The middle of the view is 60 mm from the apex along the axis and about 60·tan α above the axis.
         let apex = Point3::new(0.0, 0.0, -60.0 * half_angle.tan()) - axis * 60.0;
         Cone { apex, axis: Unit::new_normalize(axis), half_angle }
     }
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cone_is_found_in_any_direction_and_tilt() {
+    fn a_cone_is_found_with_any_direction_and_tilt() {
         for (azimuth, tilt, half_angle) in
             [(0.0, 0.0, 0.3), (1.0, 0.1, 0.15), (2.2, -0.2, 0.5), (4.0, 0.0, 0.12)]
         {
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn planes_and_spheres_are_no_cones() {
+    fn planes_and_spheres_are_not_cones() {
         let under = Extents { min: Vector2::new(-9.0, -9.0), max: Vector2::new(9.0, 9.0) };
         let fit = |height: fn(f64, f64) -> f64| {
             let part = FacingPart::new(&shapes::graph(15.0, 0.75, height), &View::top());
@@ -334,7 +334,7 @@ mod tests {
         assert!(matches!(fit(|x, _| 0.1 * x), Err(ConeError::NoApex { .. })));
         match fit(shapes::sphere) {
             Err(ConeError::NoApex { .. }) => {}
-            other => assert!(other.unwrap().residual > 0.05, "a sphere is no cone"),
+            other => assert!(other.unwrap().residual > 0.05, "a sphere is not a cone"),
         }
     }
 }

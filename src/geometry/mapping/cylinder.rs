@@ -1,4 +1,4 @@
-//! The exact map onto a cylinder of any direction, tilt and offset.
+//! The exact map onto a cylinder with any direction, tilt and offset.
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
@@ -26,46 +26,47 @@ pub struct CylinderFit {
     pub residual: f64,
 }
 
-/// Why there is no cylinder under the drawing.
+/// Why no cylinder was found under the drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CylinderError {
     /// There are too few points of the part under the drawing.
     #[error(transparent)]
     TooFewPoints(#[from] TooFewPoints),
-    /// The normals do not turn about one axis: the surface is flat or no cylinder at all.
-    #[error("the surface under the drawing is no cylinder: {what}")]
+    /// The normals do not turn about one axis: the surface is flat or not a cylinder.
+    #[error("the surface under the drawing is not a cylinder: {what}")]
     NoAxis {
         /// What was found instead.
         what: &'static str,
     },
     /// The anchor's line of sight misses the cylinder.
-    #[error("the anchor at ({:.3}, {:.3}) mm lies beside the cylinder of radius {radius:.3} mm", at.x, at.y)]
+    #[error("the anchor at ({:.3}, {:.3}) mm is outside the cylinder of radius {radius:.3} mm", at.x, at.y)]
     AnchorBeside {
-        /// Where the anchor is.
+        /// Position of the anchor.
         at: ViewPoint,
         /// The cylinder's radius, mm.
         radius: f64,
     },
 }
 
-/// Normals that turn by less than this over the drawing, rad, do not tell a radius: the surface counts as flat.
-const LEAST_TURN: f64 = 0.01;
+/// Surfaces whose normals turn by less than this under the drawing, rad, are treated as flat: the radius is
+/// undetermined.
+const MIN_TURN: f64 = 0.01;
 
 impl CylinderFit {
-    /// The cylinder that fits the part best under the drawing.
+    /// The cylinder that best fits the part under the drawing.
     ///
-    /// The axis starts at right angles to all normals; then the squared distances of the sampled points are minimised
-    /// over axis and radius (Lukács, Martin & Marshall, Faithful least-squares fitting of spheres, cylinders, cones and
-    /// tori, ECCV 1998).
+    /// At the start, the axis is perpendicular to all normals; then the squared distances of the sampled points are
+    /// minimised over axis and radius (Lukács, Martin & Marshall, Faithful least-squares fitting of spheres, cylinders,
+    /// cones and tori, ECCV 1998).
     ///
     /// # Errors
     /// See [`CylinderError`].
     pub fn to(patch: &SampledPatch) -> Result<Self, CylinderError> {
         let start = start_cylinder(patch)?;
-        let cylinder = patch.fit(start, Cylinder::look, Cylinder::turned);
+        let cylinder = patch.fit(start, Cylinder::distance_and_derivatives, Cylinder::moved);
         let residual = patch.points.iter().map(|point| cylinder.distance(point).abs()).fold(0.0, f64::max);
         if !residual.is_finite() {
-            return Err(CylinderError::NoAxis { what: "the fit did not settle" });
+            return Err(CylinderError::NoAxis { what: "the fit did not converge" });
         }
         Ok(Self { cylinder, residual })
     }
@@ -79,11 +80,11 @@ fn start_cylinder(patch: &SampledPatch) -> Result<Cylinder, CylinderError> {
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let turn = eigen.eigenvalues[order[1]].max(0.0).sqrt();
-    if turn < LEAST_TURN {
+    if turn < MIN_TURN {
         return Err(CylinderError::NoAxis { what: "it is flat" });
     }
     if eigen.eigenvalues[order[0]].max(0.0).sqrt() > turn / 3.0 {
-        return Err(CylinderError::NoAxis { what: "it bends in both directions" });
+        return Err(CylinderError::NoAxis { what: "it is curved in both directions" });
     }
     let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
     // Across the axis, point = center + radius · normal: linear in center and (signed) radius.
@@ -115,16 +116,16 @@ impl Cylinder {
         self.split(point).1.norm() - self.radius
     }
 
-    /// Distance and its derivatives by shifts of the axis, turns of it, and the radius.
-    fn look(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
+    /// Distance and its derivatives by shifts and rotations of the axis, and by the radius.
+    fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
         let (along, radial) = self.split(point);
-        let outwards = radial.normalize();
+        let outward = radial.normalize();
         let (first, second) = cross_directions(&self.axis);
-        let (a, b) = (outwards.dot(&first), outwards.dot(&second));
+        let (a, b) = (outward.dot(&first), outward.dot(&second));
         (radial.norm() - self.radius, [-a, -b, -a * along, -b * along, -1.0])
     }
 
-    fn turned(&self, step: &[f64; 5]) -> Self {
+    fn moved(&self, step: &[f64; 5]) -> Self {
         let (first, second) = cross_directions(&self.axis);
         Self {
             center: self.center + first * step[0] + second * step[1],
@@ -133,7 +134,7 @@ impl Cylinder {
         }
     }
 
-    /// The points where the line of sight through `at` meets the cylinder: heights z, mm, the lower first.
+    /// The heights z at which the line of sight through `at` meets the cylinder, mm, the lower first.
     fn heights(&self, at: ViewPoint) -> Option<[f64; 2]> {
         let across = |vector: Vector3<f64>| vector - *self.axis * self.axis.dot(&vector);
         let start = across(Point3::new(at.x, at.y, 0.0) - self.center);
@@ -158,19 +159,19 @@ pub struct CylinderMap {
     start: Point3<f64>,
     /// Unit vector from the axis to the anchor.
     radial: Vector3<f64>,
-    /// Unit vectors on the surface at the anchor that the drawing's s and t directions follow.
+    /// Images of the drawing's s and t directions at the anchor: unit vectors on the surface.
     right: Vector3<f64>,
     up: Vector3<f64>,
-    /// Whether the laser sees the hollow side.
+    /// Whether the laser sees the concave side.
     hollow: bool,
 }
 
 impl CylinderMap {
-    /// The map that leaves `anchor` where it is in the view and keeps the drawing's x direction there; `height` is that
-    /// of the part at the anchor, mm, which tells the near side of the cylinder from the far one.
+    /// The map that keeps `anchor` at its place in the view and keeps the drawing's x direction there. `height` is the
+    /// height of the part at the anchor, mm; it selects the near or the far side of the cylinder.
     ///
     /// # Errors
-    /// When the anchor lies beside the cylinder.
+    /// When the anchor is outside the cylinder.
     pub fn new(cylinder: Cylinder, anchor: FlatPoint, height: f64) -> Result<Self, CylinderError> {
         let at = ViewPoint::from(anchor.coords());
         let beside = CylinderError::AnchorBeside { at, radius: cylinder.radius };
@@ -191,7 +192,7 @@ impl CylinderMap {
         Ok(Self { cylinder, anchor, start, radial, right: lift(0), up: lift(1), hollow })
     }
 
-    /// The point of the cylinder that a point of the drawing comes to lie on, mm, in the frame of the view.
+    /// The point of the cylinder onto which a point of the drawing is mapped, mm, in the frame of the view.
     pub fn point_on_part(&self, at: FlatPoint) -> Point3<f64> {
         let (along, angle) = self.unrolled(at);
         let axis = *self.cylinder.axis;
@@ -206,20 +207,20 @@ impl CylinderMap {
         ViewPoint::new(point.x, point.y)
     }
 
-    /// Unit normal of the part at the image of a point of the drawing, on the side of the laser; its z component is
-    /// negative where the surface turns away.
+    /// Unit normal, on the marked side, of the part at the image of a point of the drawing; its z component is negative
+    /// where the surface faces away from the laser.
     pub fn normal(&self, at: FlatPoint) -> Vector3<f64> {
         let (_, angle) = self.unrolled(at);
         let radial = self.radial * angle.cos() + self.cylinder.axis.cross(&self.radial) * angle.sin();
         if self.hollow { -radial } else { radial }
     }
 
-    /// Way along the axis, mm, and angle about it, rad, from the anchor.
+    /// Distance along the axis, mm, and angle about it, rad, from the anchor.
     fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
         let from_anchor = at - self.anchor;
-        let way = self.right * from_anchor.x + self.up * from_anchor.y;
+        let step = self.right * from_anchor.x + self.up * from_anchor.y;
         let sideways = self.cylinder.axis.cross(&self.radial);
-        (way.dot(&self.cylinder.axis), way.dot(&sideways) / self.cylinder.radius)
+        (step.dot(&self.cylinder.axis), step.dot(&sideways) / self.cylinder.radius)
     }
 }
 
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn over_the_top_line_the_arc_length_becomes_a_sine() {
+    fn from_the_crest_the_arc_length_becomes_a_sine() {
         let radius = 33.0;
         let upright = Cylinder { center: Point3::origin(), axis: Vector3::y_axis(), radius };
         let map = CylinderMap::new(upright, FlatPoint::new(0.0, 0.0), radius).unwrap();
@@ -273,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cylinder_is_found_in_any_direction_and_tilt() {
+    fn a_cylinder_is_found_with_any_direction_and_tilt() {
         for (azimuth, tilt) in [(0.0, 0.0), (1.0, 0.0), (2.2, 0.3), (4.0, -0.4)] {
             let truth = cylinder(azimuth, tilt, 30.0);
             let height = |x: f64, y: f64| truth.heights(ViewPoint::new(x, y)).map_or(0.0, |[_, upper]| upper);
@@ -289,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn planes_and_spheres_are_no_cylinders() {
+    fn planes_and_spheres_are_not_cylinders() {
         let under = Extents { min: Vector2::new(-9.0, -9.0), max: Vector2::new(9.0, 9.0) };
         let fit = |height: fn(f64, f64) -> f64| {
             let part = FacingPart::new(&shapes::graph(15.0, 0.75, height), &View::top());

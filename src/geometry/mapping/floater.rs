@@ -1,11 +1,11 @@
-//! The state of the art that the thesis compares itself with, for comparison: the part's surface as a triangle mesh whose
-//! outline is laid on the unit square, its inner vertices on convex combinations of their neighbours, and the drawing
-//! scaled into it (Chuang, Shape correction for laser marking, 2023, section 1.2.1; Floater, Parametrization and smooth
-//! approximation of surface triangulations, 1997).
+//! The state of the art that the thesis compares with, for comparison: the part's surface is a triangle mesh, its
+//! outline is mapped to the unit square, its inner vertices to convex combinations of their neighbours, and the
+//! drawing is scaled into the square (Chuang, Shape correction for laser marking, 2023, section 1.2.1; Floater,
+//! Parametrization and smooth approximation of surface triangulations, 1997).
 //!
-//! The square knows nothing of the part's size, so the drawing is scaled along each side of it; the thesis fills the
-//! square with it, here the scales are those with the smallest length error. The method's limit stays: lengths
-//! differ from place to place.
+//! The square does not depend on the part's size, so the drawing is scaled along each side of it. In the thesis the
+//! drawing fills the square; here the scales minimise the length error. The limit of the method remains: lengths differ
+//! from place to place.
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 
@@ -17,23 +17,23 @@ use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
-/// What a vertex makes of its neighbours.
+/// The weights of a vertex's neighbours.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FloaterWeights {
-    /// All neighbours alike, as in the thesis. The result is that of the mesh as a graph; the part's shape hardly counts.
+    /// Equal weights, as in the thesis. The result depends on the connectivity of the mesh, hardly on the part's shape.
     #[default]
     Uniform,
     /// Mean value coordinates, which follow the angles on the part (Floater, Mean value coordinates, 2003).
     MeanValue,
 }
 
-/// Why the part could not be laid on the square for a drawing.
+/// Why the part could not be mapped to the square for a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum FloaterError {
-    /// No surface lies round the middle of the part, nor round the anchor.
-    #[error("no surface lies round the anchor at ({:.2}, {:.2}) mm", at.x, at.y)]
+    /// There is no surface at the middle of the part or at the anchor.
+    #[error("there is no surface at the anchor ({:.2}, {:.2}) mm", at.x, at.y)]
     NoOutline {
-        /// Where the anchor is.
+        /// Position of the anchor.
         at: ViewPoint,
     },
     /// The equations could not be solved.
@@ -43,17 +43,17 @@ pub enum FloaterError {
         unknowns: usize,
     },
     /// The drawing does not fit into the square.
-    #[error("({:.2}, {:.2}) mm of the placed drawing lies outside the part's square, {:.1} by {:.1} mm at the drawing's scale",
+    #[error("the point ({:.2}, {:.2}) mm of the placed drawing is outside the part's square of {:.1} x {:.1} mm",
         at.x, at.y, scale.x, scale.y)]
     Outside {
-        /// The first point of the ink that lies outside.
+        /// The first point of the ink that is outside.
         at: FlatPoint,
         /// Sides of the square in the drawing, mm.
         scale: Vector2<f64>,
     },
 }
 
-/// A part laid on the unit square, with the place and scale of a drawing in it: from the drawing to the view.
+/// A part mapped to the unit square, with the place and scale of a drawing in it: from the drawing to the view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FloaterMap {
     /// The weights it was made with.
@@ -74,32 +74,33 @@ struct SquareMesh {
     /// In the square.
     places: Vec<Vector2<f64>>,
     triangles: Vec<[usize; 3]>,
-    /// The triangles that reach into each of `side` × `side` squares of the square: those of one from
-    /// `starts[square]` to `starts[square + 1]` of `found`.
+    /// A search index: the unit square is divided into `side` × `side` cells, and the triangles that overlap a cell are
+    /// `found[starts[cell]..starts[cell + 1]]`.
     side: usize,
     starts: Vec<usize>,
     found: Vec<usize>,
 }
 
-/// Edges of the mesh, mm, unless the part is so small or large that there would be fewer or more than these cells.
+/// Length of the mesh edges, mm, unless the part would then have fewer or more than [`CELLS`] cells along its longer
+/// side.
 const EDGE: f64 = 0.75;
 const CELLS: std::ops::RangeInclusive<f64> = 60.0..=150.0;
-/// Rays that look for the part's outline.
+/// Number of rays that find the part's outline.
 const RAYS: usize = 720;
-/// Rays on both sides that an outline is smoothed over, three times.
+/// Number of rays on each side over which the outline is smoothed, three times.
 const SMOOTHED: usize = 6;
-/// The first and the last step, as a share, in which the scales are sought.
+/// The relative step of the search for the scales: at the start and at the end.
 const FIRST_SCALE_STEP: f64 = 0.16;
 const LAST_SCALE_STEP: f64 = 1e-4;
 
 impl FloaterMap {
-    /// Lays the part on the square and the ink of a placed drawing into it; `anchor` keeps its place in the view, and the
-    /// drawing's axes are those of the square.
+    /// Maps the part to the square and the ink of a placed drawing into it; `anchor` keeps its place in the view, and
+    /// the drawing's axes are those of the square.
     ///
-    /// The mesh covers the whole side of the part that faces the laser, as far as rays from its middle (from the anchor,
-    /// where the middle is a hole) find surface; holes on the way are bridged by the fit. It has as many rows and columns
-    /// as fit along its extents, drawn out to the outline so that squares about the middle become copies of it, and its
-    /// four corners lie on the diagonals.
+    /// The mesh covers the whole side of the part that faces the laser, as far as rays from its middle (from the
+    /// anchor, if the middle is a hole) find surface; the fit bridges holes in between. Its grid is stretched to the
+    /// outline, so that squares about the middle become scaled copies of the outline, and its four corners are on the
+    /// diagonals.
     ///
     /// # Errors
     /// See [`FloaterError`].
@@ -122,7 +123,7 @@ impl FloaterMap {
         }
     }
 
-    /// The image of a point of the drawing in the view; outside the square the nearest triangle is continued.
+    /// The image of a point of the drawing in the view; outside the square the nearest triangle is extrapolated.
     pub fn point(&self, at: FlatPoint) -> ViewPoint {
         self.mesh.seen(self.place(at, self.scale))
     }
@@ -131,9 +132,9 @@ impl FloaterMap {
         self.start + (at - self.anchor).component_div(&scale)
     }
 
-    /// The scales with the smallest sum of |length on the part − length drawn|, from those that are right at the anchor: a
-    /// search along and across the axes whose steps are halved where none helps (Kolda, Lewis & Torczon, Optimization by
-    /// direct search, 2003), because the sum has kinks everywhere.
+    /// The scales with the smallest sum of |length on the part − length drawn|. The sum has kinks everywhere, so a
+    /// direct search is used: it starts with the scales that are exact at the anchor, tries steps along and across
+    /// the axes, and halves them when none helps (Kolda, Lewis & Torczon, Optimization by direct search, 2003).
     fn best_scale(&self, part: &FittedSurface, ink: &Ink) -> Vector2<f64> {
         let lift = |place: Vector2<f64>| {
             let at = self.mesh.seen(place);
@@ -186,7 +187,7 @@ impl SquareMesh {
         for row in 0..rows {
             for column in 0..columns {
                 let [a, b] = [row * width + column, (row + 1) * width + column];
-                // Diagonals take turns, so that none cuts off a corner of the square, whose sides the outline straightens.
+                // Diagonals alternate, so that none cuts off a corner of the square.
                 triangles.extend(if (row + column) % 2 == 0 {
                     [[a, a + 1, b + 1], [a, b + 1, b]]
                 } else {
@@ -222,7 +223,7 @@ impl SquareMesh {
         Self { vertices, places, triangles, side, starts, found }
     }
 
-    /// The point of the view over a place in the square.
+    /// The point of the view for a place in the square.
     fn seen(&self, place: Vector2<f64>) -> ViewPoint {
         let index = place.map(|value| ((value * self.side as f64) as usize).min(self.side - 1));
         let square = index.y * self.side + index.x;
@@ -255,7 +256,7 @@ impl SquareMesh {
     }
 }
 
-/// The shares of a triangle's corners in a point; negative beyond the opposite side, −∞ in a triangle without area.
+/// The barycentric coordinates of a point; negative beyond the opposite side, −∞ in a triangle without area.
 fn barycentric([a, b, c]: [Vector2<f64>; 3], at: Vector2<f64>) -> Vector3<f64> {
     let area = (b - a).perp(&(c - a));
     if area == 0.0 {
@@ -265,18 +266,18 @@ fn barycentric([a, b, c]: [Vector2<f64>; 3], at: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(1.0 - second - third, second, third)
 }
 
-/// How far the part reaches from a point of it, in all directions.
+/// The distances from a point of the part to its outline, in all directions.
 struct Outline {
     middle: Vector2<f64>,
     reach: Vec<f64>,
 }
 
 impl Outline {
-    /// The outline about `middle`; `None` where there is no surface.
+    /// The outline about `middle`; `None` if there is no surface at `middle`.
     fn of(part: &FittedSurface, middle: Vector2<f64>) -> Option<Self> {
         let step = part.field.step();
         let (columns, rows) = part.field.size();
-        let most = columns + rows;
+        let max_steps = 2 * (columns + rows);
         let is_surface = |at: Vector2<f64>| part.field.is_surface(at.into());
         if !is_surface(middle) {
             return None;
@@ -284,11 +285,11 @@ impl Outline {
         let farthest = |ray: usize| {
             let direction = direction(ray as f64 / RAYS as f64 * TAU);
             let reach = |steps: usize| steps as f64 * step / 2.0;
-            let last = (0..2 * most).rev().find(|steps| is_surface(middle + direction * reach(*steps)));
+            let last = (0..max_steps).rev().find(|steps| is_surface(middle + direction * reach(*steps)));
             reach(last.unwrap_or(0)).max(step / 2.0)
         };
         let mut reach: Vec<f64> = (0..RAYS).map(farthest).collect();
-        // The field knows the outline in stairs of its step; chords along stairs would be too long.
+        // In the height field the outline is a staircase; chords along it would be too long.
         for _ in 0..3 {
             let stairs = reach.clone();
             let mean = |ray: usize| {
@@ -305,9 +306,9 @@ impl Outline {
         Extents::of(ends.map(|(ray, reach)| self.middle + direction(ray as f64 / RAYS as f64 * TAU) * *reach))
     }
 
-    /// The place of a point of the square −1 to 1: squares about the middle become copies of the outline, and what is an
-    /// even step along a side is an even step of the angle (Shirley & Chiu, A low distortion map between disk and square,
-    /// 1997), in the outline's extents `size`.
+    /// The point of the view for a point of the square −1 to 1: squares about the middle become scaled copies of the
+    /// outline, and equal steps along a side become equal steps of the angle (Shirley & Chiu, A low distortion map
+    /// between disk and square, 1997). `size` is that of the outline's extents.
     fn point(&self, across: f64, up: f64, size: Vector2<f64>) -> ViewPoint {
         let out = across.abs().max(up.abs());
         if out == 0.0 {
@@ -318,7 +319,7 @@ impl Outline {
         } else {
             2.0 * FRAC_PI_4 * up.signum() - FRAC_PI_4 * across / up
         };
-        // In a long part the diagonals of its extents, not those at 45°, go to the corners.
+        // The corners are on the diagonals of the part's extents, not at 45°.
         let along = direction(turn).component_mul(&size);
         let direction = along.normalize();
         let angle = direction.y.atan2(direction.x).rem_euclid(TAU);
@@ -334,8 +335,8 @@ fn direction(angle: f64) -> Vector2<f64> {
     Vector2::new(cos, sin)
 }
 
-/// The vertices round a grid, each side in a list of its own with both of its corners, counter-clockwise from the lower
-/// left.
+/// The border vertices of a grid: one list for each side, including both of its corners, counter-clockwise from the
+/// lower left.
 fn border(columns: usize, rows: usize) -> [Vec<usize>; 4] {
     let width = columns + 1;
     let at = |column: usize, row: usize| row * width + column;
@@ -347,8 +348,8 @@ fn border(columns: usize, rows: usize) -> [Vec<usize>; 4] {
     ]
 }
 
-/// Places in the unit square: the border on its sides by chord length, every inner vertex on the weighted mean of its
-/// neighbours (Floater, 1997, section 3).
+/// Places in the unit square: border vertices are on its sides by chord length, every inner vertex is at the weighted
+/// mean of its neighbours (Floater, 1997, section 3).
 fn parametrise(
     vertices: &[Point3<f64>],
     triangles: &[[usize; 3]],
@@ -361,10 +362,10 @@ fn parametrise(
     for (side, line) in border.iter().enumerate() {
         let chords = line.windows(2).map(|pair| (vertices[pair[1]] - vertices[pair[0]]).norm());
         let whole: f64 = chords.clone().sum();
-        let mut way = 0.0;
+        let mut length = 0.0;
         for (vertex, chord) in line.iter().zip(std::iter::once(0.0).chain(chords)) {
-            way += chord;
-            places[*vertex] = corners[side].lerp(&corners[side + 1], (way / whole).min(1.0));
+            length += chord;
+            places[*vertex] = corners[side].lerp(&corners[side + 1], (length / whole).min(1.0));
             unknown[*vertex] = usize::MAX;
         }
     }
@@ -372,10 +373,10 @@ fn parametrise(
     inner.iter().enumerate().for_each(|(index, vertex)| unknown[*vertex] = index);
     let unknowns = inner.len();
     let unsolved = FloaterError::Unsolved { unknowns };
-    // Row by row: Σ weight · (place of the neighbour − own place) = 0; what the border adds goes to the right side.
+    // Row by row: Σ weight · (place of the neighbour − own place) = 0; border vertices go to the right-hand side.
     let mut entries = Vec::with_capacity(triangles.len() * 12);
     let mut right = vec![0.0; 2 * unknowns];
-    let mut meet = |vertex: usize, neighbour: usize, weight: f64| {
+    let mut couple = |vertex: usize, neighbour: usize, weight: f64| {
         let row = unknown[vertex];
         if row == usize::MAX {
             return;
@@ -393,7 +394,7 @@ fn parametrise(
             let [here, next, last] = [0, 1, 2].map(|step| corners[(turn + step) % 3]);
             let (to_next, to_last) = (vertices[next] - vertices[here], vertices[last] - vertices[here]);
             let (near, far) = (to_next.norm(), to_last.norm());
-            // Each neighbour is met in two triangles; uniform weights count it once.
+            // Each neighbour occurs in two triangles, so each occurrence gets half of a uniform weight.
             let [weight_next, weight_last] = match weights {
                 FloaterWeights::Uniform => [0.5, 0.5],
                 FloaterWeights::MeanValue => {
@@ -401,14 +402,14 @@ fn parametrise(
                     [half / near, half / far]
                 }
             };
-            meet(here, next, weight_next);
-            meet(here, last, weight_last);
+            couple(here, next, weight_next);
+            couple(here, last, weight_last);
         }
     }
     let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(unknowns, unknowns, &entries);
     let factor = matrix.ok().and_then(|matrix| matrix.sp_lu().ok()).ok_or(unsolved)?;
     factor.solve_in_place(faer::MatMut::from_column_major_slice_mut(&mut right, unknowns, 2));
-    // Convex combinations stay inside the square; anything else is no solution.
+    // Convex combinations stay inside the square; anything else is not a solution.
     if !right.iter().all(|place| (-1e-9..=1.0 + 1e-9).contains(place)) {
         return Err(unsolved);
     }
@@ -422,7 +423,7 @@ fn parametrise(
 mod tests {
     use super::*;
 
-    /// A grid whose inner vertices are pushed aside, lifted by `height`.
+    /// A grid whose inner vertices are displaced, lifted by `height`.
     fn grid(height: impl Fn(f64, f64) -> f64) -> (Vec<Point3<f64>>, Vec<[usize; 3]>) {
         let (columns, rows) = (12, 10);
         let vertex = |index: usize| {
@@ -442,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn mean_values_keep_what_is_flat_to_scale() {
+    fn mean_value_weights_reproduce_a_flat_grid() {
         let (vertices, triangles) = grid(|_, _| 0.0);
         let places = parametrise(&vertices, &triangles, &border(12, 10), FloaterWeights::MeanValue).unwrap();
         for (vertex, place) in vertices.iter().zip(&places) {
@@ -451,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn no_triangle_turns_over() {
+    fn no_triangle_is_flipped() {
         let (vertices, triangles) = grid(|x, y| 4.0 * (0.7 * x).sin() * (0.9 * y).cos());
         for weights in [FloaterWeights::Uniform, FloaterWeights::MeanValue] {
             let places = parametrise(&vertices, &triangles, &border(12, 10), weights).unwrap();
@@ -463,7 +464,7 @@ mod tests {
                 whole += (b - a).perp(&(c - a)) / 2.0;
             }
             assert!((whole - 1.0).abs() < 1e-9);
-            // Every place is found in the triangle it lies in.
+            // Every place is found in its triangle.
             for at in [[3.3, 4.1], [0.0, 0.0], [11.9, 9.7]].map(|[x, y]| ViewPoint::new(x, y)) {
                 assert!(mesh.seen(mesh.place_of(at)).distance(at) < 1e-9);
             }

@@ -1,9 +1,9 @@
 //! The length-true map for free-form surfaces: the bicubic B-spline map of the drawing whose image on the surface has
-//! the smallest strain, found by Gauss–Newton.
+//! the smallest strain, found by the Gauss–Newton method.
 //!
-//! Where the part is curved both ways some strain has to remain, and the weights say where. What is drawn is lines,
-//! inked areas and their shapes; the paper between them is not seen, so it may give way: it keeps a small weight that
-//! holds the parts of the drawing in their places.
+//! Where the part is curved both ways, some strain must remain, and the weights decide where. Lines, inked areas and
+//! their shapes are visible. The empty space between them is not, so it may be distorted: its small weight only keeps
+//! the parts of the drawing in their places.
 
 mod fold;
 mod geodesics;
@@ -28,9 +28,9 @@ pub struct IsometricMap {
     knots_s: UniformKnots,
     knots_t: UniformKnots,
     control: Vec<Vector2<f64>>,
-    /// How the solution was reached.
+    /// The steps that led to the solution.
     pub iterations: Vec<Iteration>,
-    /// Whether the last step left nothing to gain. Where it did, the map is still the best that was seen.
+    /// Whether the search converged. If not, the map is the best one that was found.
     pub settled: bool,
 }
 
@@ -41,7 +41,7 @@ pub struct Iteration {
     pub cells: usize,
     /// Weighted mean squared strain before the step.
     pub energy: f64,
-    /// The same after it.
+    /// Weighted mean squared strain after the step.
     pub reached: f64,
     /// Largest shift of a control point, mm.
     pub step: f64,
@@ -50,15 +50,15 @@ pub struct Iteration {
 /// Why no map was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum IsometricError {
-    /// The iteration did not settle.
-    #[error("the length-true map did not settle in {} steps; the last one still moved it by {:.4} mm",
+    /// The search did not converge.
+    #[error("the length-true map did not converge in {} steps; the last step still moved it by {:.4} mm",
         iterations.len(), iterations.last().map_or(f64::NAN, |last| last.step))]
     NotConverged {
         /// The steps taken.
         iterations: Vec<Iteration>,
     },
-    /// The part turns too strongly under the drawing: the map would lay it over itself.
-    #[error("the drawing would be folded over itself at ({:.2}, {:.2}) mm of the view", at.x, at.y)]
+    /// The part curves too strongly under the drawing: the map would fold the drawing over itself.
+    #[error("the drawing would be folded over itself at ({:.2}, {:.2}) mm in the view", at.x, at.y)]
     Folded {
         /// A point of the fold.
         at: ViewPoint,
@@ -68,43 +68,44 @@ pub enum IsometricError {
     Solve(#[from] SolveError),
 }
 
-/// The map is found when the energy is known to this share of itself: strains to half of it.
-const ENOUGH: f64 = 0.03;
-/// Mean squared strain that is none: 0.0001 mm in 100 mm.
+/// The search has converged when the relative change of the energy is below this; strains are then known to half of it.
+const ENERGY_TOLERANCE: f64 = 0.03;
+/// A mean squared strain treated as zero: 0.0001 mm in 100 mm.
 const NO_STRAIN: f64 = 1e-12;
-/// Steps on the fine grid before giving up.
-const MOST_STEPS: usize = 20;
-/// Steps towards the ink on the coarse grid; what they leave is up to the fine one.
+/// Maximum number of steps on the fine grid.
+const MAX_STEPS: usize = 20;
+/// Maximum number of steps on the coarse grid; the fine grid continues from there.
 const COARSE_STEPS: usize = 3;
-/// A step is shortened to this share of itself at most. Where not even that lowers the energy, the surface is too rough
-/// for its derivatives to tell more.
+/// A step is shortened to no less than this share. If the energy still does not decrease, the surface is too rough for
+/// its derivatives.
 const SHORTEST: f64 = 1.0 / 64.0;
-/// A step shorter than this is the last, mm: 16 bits over a field of 110 mm are 0.0017 mm.
-const STILL: f64 = 1e-3;
-/// A map that still moves by more than this when its steps are used up is none, mm.
-const LOOSE: f64 = 0.05;
-/// Weight of the pin against the mean strain's of 1: it holds the anchor far below what a galvo resolves.
+/// The search ends with a step shorter than this, mm: 16 bits over a field of 110 mm are 0.0017 mm.
+const MIN_STEP: f64 = 1e-3;
+/// A map whose last step was longer than this is rejected, mm.
+const MAX_LAST_STEP: f64 = 0.05;
+/// Weight of the pin relative to the mean strain's weight of 1: the anchor moves far less than a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
 
-/// What a map is sought for.
+/// The problem that a map solves.
 struct Task<'a> {
     surface: &'a NurbsSurface,
     samples: &'a [Sample],
     anchor: FlatPoint,
-    /// Angle error that the ink is held below, rad.
+    /// Limit for the angle error of the ink, rad.
     cap: f64,
 }
 
 impl IsometricMap {
-    /// The map of least strain from the drawing onto `surface`.
+    /// The map with the smallest strain from the drawing onto `surface`.
     ///
-    /// `ink` is the placed drawing; `anchor` stays where it is in the view, and the drawing's x direction there stays
-    /// the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction d of the drawing
-    /// and F(s, t) = (φ, f(φ)); its derivatives by the control points take in how slope and curvature of the surface
-    /// change where the point moves to. The steps are those of Gauss and Newton, halved where they would overshoot
+    /// `ink` is the placed drawing; `anchor` keeps its place in the view, and the drawing's x direction there stays
+    /// the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction d of the
+    /// drawing and F(s, t) = (φ, f(φ)); its derivatives by the control points include the change of the surface's
+    /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened where they would overshoot
     /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
-    /// which are exact where the surface is developable, go on a grid with cells of twice the side and end on the fine
-    /// one. What the even weight alone gives on the way there tells the largest angle error that the ink may have.
+    /// which are exact where the surface is developable, continue on a grid with cells of twice the side and end on
+    /// the fine grid. The limit for the angle error of the ink comes from the map with equal weights, which is
+    /// computed first.
     ///
     /// # Errors
     /// See [`IsometricError`].
@@ -134,8 +135,8 @@ impl IsometricMap {
         map.refine();
         let solver = GridSolver::new(map.knots_s.control_points(), map.knots_t.control_points())?;
         let fine = samples((&map.knots_s, &map.knots_t), ink, options);
-        map.settled = map.descend(&Task { surface, samples: &fine, anchor, cap }, &solver, MOST_STEPS)?;
-        if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= LOOSE) {
+        map.settled = map.descend(&Task { surface, samples: &fine, anchor, cap }, &solver, MAX_STEPS)?;
+        if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
         }
         match map.fold(surface, ink) {
@@ -144,7 +145,7 @@ impl IsometricMap {
         }
     }
 
-    /// The image of a point of the drawing; outside the drawing's box the border polynomials are continued.
+    /// The image of a point of the drawing; outside the drawing's box the border polynomials are extrapolated.
     pub fn point(&self, at: FlatPoint) -> ViewPoint {
         let (s, t) = (self.knots_s.basis(at.x), self.knots_t.basis(at.y));
         self.sum(&s, &t, &products(&s.value, &t.value)).into()
@@ -162,16 +163,16 @@ impl IsometricMap {
         total
     }
 
-    /// Lowers the energy until it settles or the steps are used up; the answer is whether it settled.
+    /// Lowers the energy until it converges or the steps are used up; returns whether it converged.
     fn descend(
         &mut self,
         task: &Task,
         solver: &GridSolver<2>,
-        most_steps: usize,
+        max_steps: usize,
     ) -> Result<bool, IsometricError> {
         let cells = self.knots_s.spans() * self.knots_t.spans();
         let mut energy = self.energy(task);
-        for _ in 0..most_steps {
+        for _ in 0..max_steps {
             let equations = self.linearised(task);
             let shifts = equations.solve(solver)?;
             let expected = equations.gain(&shifts);
@@ -182,11 +183,11 @@ impl IsometricMap {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
                 let reached = self.energy(task);
-                let promised = fraction * (2.0 - fraction) * expected;
-                if energy - reached >= promised / 2.0 - NO_STRAIN || fraction <= SHORTEST {
+                let predicted = fraction * (2.0 - fraction) * expected;
+                if energy - reached >= predicted / 2.0 - NO_STRAIN || fraction <= SHORTEST {
                     break reached;
                 }
-                fraction = shorter(fraction, expected, (reached - energy + promised) / fraction.powi(4));
+                fraction = shorter(fraction, expected, (reached - energy + predicted) / fraction.powi(4));
             };
             if !(reached <= energy + NO_STRAIN) {
                 self.control = start;
@@ -198,11 +199,11 @@ impl IsometricMap {
             self.iterations.push(Iteration { cells, energy, reached, step });
             let (gain, missed) = (energy - reached, (energy - expected - reached).abs());
             energy = reached;
-            // Where a full step does what the linearised strains promised, the next one has nothing left to do.
-            let as_promised = fraction == 1.0 && expected < reached && missed <= ENOUGH * reached;
-            let no_gain = fraction > 0.1 && gain <= ENOUGH / 4.0 * reached;
-            let still = fraction > 0.1 && step <= STILL;
-            if reached <= NO_STRAIN || as_promised || no_gain || still {
+            // If a full step reaches the prediction of the linearised strains, the next one would gain nothing.
+            let as_predicted = fraction == 1.0 && expected < reached && missed <= ENERGY_TOLERANCE * reached;
+            let no_gain = fraction > 0.1 && gain <= ENERGY_TOLERANCE / 4.0 * reached;
+            let is_short = fraction > 0.1 && step <= MIN_STEP;
+            if reached <= NO_STRAIN || as_predicted || no_gain || is_short {
                 return Ok(true);
             }
         }
@@ -247,12 +248,12 @@ impl IsometricMap {
         self.pin(task.anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
         let (s, t) = (self.knots_s.span(task.anchor.x), self.knots_t.span(task.anchor.y));
         equations.add_cell(s, t, &pinned);
-        // A control point at a corner far from all ink may be nearly loose; this holds it still.
+        // A control point at a corner far from all ink may be almost undetermined; this fixes it.
         equations.add_third_difference_penalty(1e-10);
         equations
     }
 
-    /// What holds the anchor's image at the anchor, and the image of the drawing's x direction there on the view's.
+    /// The residuals that keep the anchor at its place, and the drawing's x direction there parallel to the view's.
     fn pin(&self, anchor: FlatPoint, mut take: impl FnMut(f64, &CellRow<2>)) {
         let (s, t) = (self.knots_s.basis(anchor.x), self.knots_t.basis(anchor.y));
         let (value, value_s) = (products(&s.value, &t.value), products(&s.slope, &t.value));
@@ -262,18 +263,18 @@ impl IsometricMap {
         take(self.sum(&s, &t, &value_s).y, &value_s.map(|n| [0.0, n]));
     }
 
-    /// Halves the cells; the map stays the same.
+    /// Halves the cells without changing the map.
     fn refine(&mut self) {
         self.control = self.knots_s.halved_net(&self.control);
         (self.knots_s, self.knots_t) = (self.knots_s.halved(), self.knots_t.halved());
     }
 }
 
-/// The fraction where expected·(f² − 2f) + excess·f⁴ is lowest: what the linearised strains promise of a step, and what
-/// bends them, which grows with the fourth power at least.
+/// The fraction f that minimises expected·(f² − 2f) + excess·f⁴: the gain that the linearised strains predict, and the
+/// error of that prediction, which grows at least with the fourth power.
 fn shorter(fraction: f64, expected: f64, excess: f64) -> f64 {
     let mut lowest = fraction;
-    // The slope is convex and rises, so that Newton's steps come down to its root from above.
+    // The slope is convex and increasing, so Newton's method approaches its root from above.
     for _ in 0..8 {
         let slope = 2.0 * expected * (lowest - 1.0) + 4.0 * excess * lowest.powi(3);
         lowest -= slope / (2.0 * expected + 12.0 * excess * lowest.powi(2));
@@ -281,13 +282,13 @@ fn shorter(fraction: f64, expected: f64, excess: f64) -> f64 {
     lowest.clamp(fraction / 8.0, fraction * 0.75)
 }
 
-/// Knots over the drawing's box with cells of about twice the side that the options ask for.
+/// Knots over the drawing's box, with cells of about twice the side that the options specify.
 fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, UniformKnots) {
     let longest = extents.size().max();
-    // A drawing that is a single line or dot gets a band round it.
+    // A drawing that is a single line or dot is widened to a band.
     let size = extents.size().map(|side| side.max(longest * 0.05).max(1e-3));
-    let [least, most] = options.cells.map(|cells| (size.x * size.y / cells as f64).sqrt());
-    let cell = 2.0 * options.cell.min(least).max(most);
+    let [largest, smallest] = options.cells.map(|cells| (size.x * size.y / cells as f64).sqrt());
+    let cell = 2.0 * options.cell.min(largest).max(smallest);
     let along = |center: f64, length: f64| {
         let spans = (length / cell).round().max(2.0);
         UniformKnots::new(center - length / 2.0, length / spans, spans as usize)

@@ -1,7 +1,7 @@
-//! From the drawing's plane onto the part.
+//! Maps from the drawing's plane onto the part.
 //!
 //! All lengths can be kept only where the Gaussian curvature is zero (Gauss, Disquisitiones generales circa superficies
-//! curvas, 1827); elsewhere [`quality`] says how far lengths, areas and angles move.
+//! curvas, 1827); elsewhere [`quality`] measures how much lengths, areas and angles change.
 
 mod tangent;
 pub mod isometric;
@@ -26,36 +26,36 @@ use super::primitive::{Form, Primitive};
 use super::space::{Extents, FlatPoint, ViewPoint};
 use super::surface::fit::FittedSurface;
 
-/// How the map is found.
+/// The method by which the map is found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// [`Method::Cylinder`] or [`Method::Cone`] where the part is one to within the tolerance, mm, otherwise
+    /// [`Method::Cylinder`] or [`Method::Cone`] if the part matches one within the tolerance, otherwise
     /// [`Method::Isometric`].
     Auto {
         /// Largest distance of the part from a cylinder or cone, mm.
         exact_tolerance: f64,
-        /// For everything else.
+        /// Options for all other parts.
         otherwise: IsometricOptions,
     },
-    /// The map of least strain; for any surface.
+    /// The map with the smallest strain; for any surface.
     Isometric(IsometricOptions),
-    /// Exact unrolling of the cylinder that fits best.
+    /// Exact unrolling of the best-fitting cylinder.
     Cylinder,
-    /// Exact unrolling of the cone that fits best.
+    /// Exact unrolling of the best-fitting cone.
     Cone,
-    /// Exact unrolling of the primitive that the part is known to be.
+    /// Exact unrolling of a known primitive.
     Given(Primitive),
     /// The thesis' own method, for comparison.
     MappingDomain(MappingDomainOptions),
-    /// The thesis' state of the art, for comparison.
+    /// The state of the art that the thesis compares with, for comparison.
     Floater(FloaterWeights),
-    /// Plain projection along the laser's axis: what comes out without a correction.
+    /// Projection along the laser's axis, without a correction.
     Plain,
 }
 
 impl Method {
-    /// [`Method::Auto`] takes a part for a cylinder or a cone when it is one to within this, mm. A length that goes
-    /// round it by an angle is then off by at most this times the angle in rad.
+    /// [`Method::Auto`] treats a part as a cylinder or a cone if it matches one within this, mm. The error of a length
+    /// round the axis is then at most this times its angle in rad.
     pub const EXACT_TOLERANCE: f64 = 0.005;
 }
 
@@ -82,39 +82,40 @@ pub enum MapError {
     /// The free-form map could not be found.
     #[error(transparent)]
     Isometric(#[from] IsometricError),
-    /// The part is no cylinder where the drawing lies.
+    /// The part is not a cylinder under the drawing.
     #[error(transparent)]
     Cylinder(#[from] CylinderError),
-    /// The part is no cone where the drawing lies.
+    /// The part is not a cone under the drawing.
     #[error(transparent)]
     Cone(#[from] ConeError),
-    /// The drawing has no place in the thesis' mapping domain.
+    /// The drawing does not fit into the mapping domain of the thesis.
     #[error(transparent)]
     MappingDomain(#[from] MappingDomainError),
-    /// The part could not be laid on a square.
+    /// The part could not be mapped to a square.
     #[error(transparent)]
     Floater(#[from] FloaterError),
 }
 
 impl LengthTrueMap {
-    /// The map for a placed drawing; the anchor keeps its place in the view, and the drawing's x direction there its
-    /// direction (but for [`Method::MappingDomain`] and [`Method::Floater`], which have directions of their own).
+    /// The map for a placed drawing, for the ink on layers for which `is_marked` is true. The anchor keeps its place
+    /// in the view, and the drawing's x direction is kept there (except with [`Method::MappingDomain`] and
+    /// [`Method::Floater`], which choose their own directions).
     ///
     /// # Errors
-    /// See [`MapError`]. [`Method::Auto`] never fails for want of a cylinder.
+    /// See [`MapError`]. [`Method::Auto`] never fails because the part is not a cylinder or cone.
     pub fn find(
         surface: &FittedSurface,
         pattern: &Pattern,
-        counts: impl Fn(&str) -> bool,
+        is_marked: impl Fn(&str) -> bool,
         anchor: FlatPoint,
         method: &Method,
     ) -> Result<Self, MapError> {
         match method {
             Method::Plain => Ok(Self::Plain),
-            Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, counts), anchor),
-            Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, counts), anchor),
+            Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, is_marked), anchor),
+            Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, is_marked), anchor),
             Method::Given(primitive) => {
-                let ink = coarse_ink(pattern, counts);
+                let ink = coarse_ink(pattern, is_marked);
                 let height = primitive.height(anchor.coords().into()).unwrap_or(0.0);
                 match primitive.form() {
                     Form::Cylinder(cylinder) => {
@@ -128,18 +129,22 @@ impl LengthTrueMap {
                 }
             }
             Method::MappingDomain(options) => {
-                let ink = coarse_ink(pattern, counts);
+                let ink = coarse_ink(pattern, is_marked);
                 Ok(Self::MappingDomain(MappingDomainMap::find(surface, &ink, anchor, options)?))
             }
-            Method::Floater(weights) => {
-                Ok(Self::Floater(FloaterMap::find(surface, &coarse_ink(pattern, counts), anchor, *weights)?))
-            }
+            Method::Floater(weights) => Ok(Self::Floater(FloaterMap::find(
+                surface,
+                &coarse_ink(pattern, is_marked),
+                anchor,
+                *weights,
+            )?)),
             Method::Isometric(options) => {
-                let map = IsometricMap::solve(&surface.nurbs, &coarse_ink(pattern, counts), anchor, options)?;
+                let map =
+                    IsometricMap::solve(&surface.nurbs, &coarse_ink(pattern, is_marked), anchor, options)?;
                 Ok(Self::Isometric(map))
             }
             Method::Auto { exact_tolerance, otherwise } => {
-                let ink = coarse_ink(pattern, counts);
+                let ink = coarse_ink(pattern, is_marked);
                 // The cylinder first: every cylinder is nearly a cone with a far apex.
                 for exact in [Self::unroll_cylinder, Self::unroll_cone] {
                     if let Ok(map) = exact(surface, &ink, anchor)
@@ -170,7 +175,7 @@ impl LengthTrueMap {
         })
     }
 
-    /// Largest distance of the part from the primitive that is unrolled, mm; `None` for maps that unroll none.
+    /// Largest distance of the part from the unrolled primitive, mm; `None` for maps without a primitive.
     pub fn fit_residual(&self) -> Option<f64> {
         match self {
             Self::Cylinder(_, fit) => Some(fit.residual),
@@ -179,7 +184,7 @@ impl LengthTrueMap {
         }
     }
 
-    /// Whether the map is there to be compared with, and not made to keep lengths as well as can be.
+    /// Whether the map is meant for comparison and not for the best lengths.
     pub fn is_for_comparison(&self) -> bool {
         matches!(self, Self::MappingDomain(_) | Self::Floater(_) | Self::Plain)
     }
@@ -196,9 +201,9 @@ impl LengthTrueMap {
         }
     }
 
-    /// Unit normal of the part at the image of a point of the drawing, in the frame of the view. On a cylinder or cone its z
-    /// component is negative where the surface turns away from the laser; elsewhere what lies behind the horizon is not
-    /// known.
+    /// Unit normal of the part at the image of a point of the drawing, in the frame of the view. On a cylinder or
+    /// cone its z component is negative where the surface faces away from the laser; with other maps the surface
+    /// behind the horizon is not known.
     pub fn normal(&self, surface: &FittedSurface, at: FlatPoint) -> Vector3<f64> {
         match self {
             Self::Cylinder(map, _) => map.normal(at),
@@ -211,8 +216,8 @@ impl LengthTrueMap {
     }
 }
 
-/// Unrolls twice: what is found under the middle of the drawing tells where the drawing really comes to lie, which is
-/// less far out than it was drawn, and there the primitive is fitted and judged.
+/// Unrolls twice. The primitive under the middle of the drawing shows where the drawing is mapped to, which is less far
+/// out than it was drawn; there the primitive is fitted again, and its residual is measured.
 fn unroll(
     surface: &FittedSurface,
     ink: &Ink,
@@ -230,8 +235,8 @@ fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
     farthest.norm()
 }
 
-/// Samples for the solver: half as dense as those of the quality figures along each direction, which is enough for the
-/// reference cases to reach their figures.
-fn coarse_ink(pattern: &Pattern, counts: impl Fn(&str) -> bool) -> Ink {
-    Ink::sample(pattern, counts, 2.0 * quality::PIECE, 2.0 * quality::SQUARE)
+/// Samples for the solver: half as dense in each direction as those for the quality results, which is enough for the
+/// reference cases to reach their expected values.
+fn coarse_ink(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
+    Ink::sample(pattern, is_marked, 2.0 * quality::PIECE, 2.0 * quality::SQUARE)
 }

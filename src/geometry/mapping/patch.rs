@@ -1,18 +1,18 @@
-//! The part under a drawing as points and normals: what cylinders and cones are fitted to.
+//! The part under a drawing as points and normals, to which cylinders and cones are fitted.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
-/// Points taken at most; more would not move a fit by a nanometre.
-const MOST_POINTS: usize = 1500;
-/// Points needed at least.
-const LEAST_POINTS: usize = 25;
-/// A fit has settled when its step is below this, mm and rad.
-const SETTLED: f64 = 1e-10;
-/// Steps tried at most.
-const MOST_STEPS: usize = 30;
+/// Maximum number of points; more would change a fit by less than a nanometre.
+const MAX_POINTS: usize = 1500;
+/// Minimum number of points.
+const MIN_POINTS: usize = 25;
+/// A fit has converged when its step is below this, mm and rad.
+const CONVERGED: f64 = 1e-10;
+/// Maximum number of steps.
+const MAX_STEPS: usize = 30;
 
 /// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,30 +25,30 @@ pub struct SampledPatch {
 
 /// There are too few points of the part under the drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("only {points} sampled points of the part lie under the drawing")]
+#[error("only {points} sampled points of the part are under the drawing")]
 pub struct TooFewPoints {
     /// Number of points.
     pub points: usize,
 }
 
 impl SampledPatch {
-    /// The part under the rectangle `under` of the view; a rectangle that is a single line gets a band round it.
+    /// The part under the rectangle `under` of the view; a rectangle that is a single line is widened to a band.
     ///
     /// # Errors
-    /// When fewer than 25 nodes of the height field lie there.
+    /// When fewer than 25 nodes of the height field are in the rectangle.
     pub fn under(surface: &FittedSurface, under: &Extents) -> Result<Self, TooFewPoints> {
-        let least = (under.size().max() / 4.0).max(6.0 * surface.field.step());
-        let under = under.grown_to(least);
+        let min_side = (under.size().max() / 4.0).max(6.0 * surface.field.step());
+        let under = under.grown_to(min_side);
         let nodes: Vec<(ViewPoint, f64)> = surface
             .field
             .surface_nodes()
             .map(|(column, row, height)| (surface.field.position(column, row), height))
             .filter(|(at, _)| under.contains(at.coords()))
             .collect();
-        if nodes.len() < LEAST_POINTS {
+        if nodes.len() < MIN_POINTS {
             return Err(TooFewPoints { points: nodes.len() });
         }
-        let kept = nodes.iter().step_by(nodes.len().div_ceil(MOST_POINTS));
+        let kept = nodes.iter().step_by(nodes.len().div_ceil(MAX_POINTS));
         let (points, normals) = kept
             .map(|(at, height)| {
                 let gradient = surface.jet(*at).gradient;
@@ -66,20 +66,20 @@ impl SampledPatch {
         )
     }
 
-    /// Lowers the sum of the squared distances of the points from a shape by Gauss and Newton's method until it settles:
-    /// `look` gives the signed distance of a point and its derivatives by the shape's parameters, `turn` the shape
-    /// after a step of them.
+    /// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method.
+    /// `distance_of` returns the signed distance of a point and its derivatives by the shape's parameters, `moved`
+    /// the shape after a step of the parameters.
     pub(super) fn fit<Shape: Copy, const PARAMETERS: usize>(
         &self,
         mut shape: Shape,
-        look: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
-        turn: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
+        distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+        moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
     ) -> Shape {
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let mut matrix = DMatrix::zeros(self.points.len(), PARAMETERS);
             let mut right = DVector::zeros(self.points.len());
             for (row, point) in self.points.iter().enumerate() {
-                let (distance, derivatives) = look(&shape, point);
+                let (distance, derivatives) = distance_of(&shape, point);
                 derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
                 right[row] = -distance;
             }
@@ -89,8 +89,8 @@ impl SampledPatch {
             if !step.iter().all(|value| value.is_finite()) {
                 break;
             }
-            shape = turn(&shape, &step);
-            if solution.norm() < SETTLED {
+            shape = moved(&shape, &step);
+            if solution.norm() < CONVERGED {
                 break;
             }
         }
@@ -98,7 +98,7 @@ impl SampledPatch {
     }
 }
 
-/// Two unit vectors at right angles to `axis` and to each other.
+/// Two unit vectors perpendicular to `axis` and to each other.
 pub(super) fn cross_directions(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let first = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
     (first, axis.cross(&first))

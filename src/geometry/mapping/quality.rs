@@ -1,16 +1,16 @@
-//! How true the lengths, areas and angles are on the part: the figures of every report.
+//! Measures how well lengths, areas and angles are kept on the part: the quality results of every report.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
-/// Pieces of the contours are at most this long for the figures, mm.
+/// Maximum length of the pieces of lines for the quality results, mm.
 pub const PIECE: f64 = 0.25;
-/// Side of the squares of the inked area for the figures, mm.
+/// Side of the squares of the inked area for the quality results, mm.
 pub const SQUARE: f64 = 0.2;
 
-/// What differs between the drawing and its image on the part.
+/// The differences between the drawing and its image on the part.
 ///
 /// The sums are those of Chuang, Shape correction for laser marking, 2023, equations 5.1 and 5.2.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,11 +25,11 @@ pub struct Distortion {
     pub area: f64,
     /// Largest |length on the part / length drawn − 1| of a piece.
     pub max_stretch: f64,
-    /// Where that is, in the drawing.
+    /// Its position in the drawing.
     pub max_stretch_at: FlatPoint,
-    /// Least and largest length on the part / length drawn − 1 of a piece; twice 0 without lines.
+    /// Smallest and largest length on the part / length drawn − 1 of a piece; both 0 without lines.
     pub stretch_range: [f64; 2],
-    /// Root mean square of the same, weighted by length.
+    /// Root mean square of length on the part / length drawn − 1, weighted by length.
     pub rms_stretch: f64,
     /// Largest change of the angle between any two directions, over the inked squares and along the lines, rad.
     pub max_angle_error: f64,
@@ -37,11 +37,11 @@ pub struct Distortion {
     pub max_area_stretch: f64,
 }
 
-/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` (mm) is that of the part
-/// itself, not of a fit to it, and `None` beside it. Without ink every figure is 0.
+/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` returns the height of
+/// the part itself (mm), not of a fit to it, and `None` outside the part. Without ink every value is 0.
 ///
 /// # Errors
-/// The first point of the view for which `height` has no answer.
+/// The first point of the view for which `height` returns `None`.
 pub fn measure(
     ink: &Ink,
     map: impl Fn(FlatPoint) -> ViewPoint,
@@ -70,7 +70,7 @@ pub fn measure(
         let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
         let middle = piece.from.lerp(piece.to, 0.5);
         let beside = |step: nalgebra::Vector2<f64>| lift(middle + step);
-        // Just outside the part there may be nothing to measure; the piece itself was on it.
+        // A point beside the piece may be outside the part; then the angle is not measured.
         if let (Ok(left), Ok(right)) = (beside(sideways), beside(-sideways)) {
             distortion.max_angle_error =
                 distortion.max_angle_error.max(angle_error(&(to - from), &(left - right)));
@@ -101,7 +101,7 @@ pub fn measure(
     Ok(distortion)
 }
 
-/// Least and largest length on the part / length drawn − 1 of the pieces that lie on the part; `None` where none does.
+/// Smallest and largest length on the part / length drawn − 1 of the pieces that are on the part; `None` if none is.
 pub fn stretch_range(
     ink: &Ink,
     map: impl Fn(FlatPoint) -> ViewPoint,
@@ -115,26 +115,26 @@ pub fn stretch_range(
 }
 
 fn widen(range: &mut Option<[f64; 2]>, stretch: f64) {
-    let [least, largest] = range.unwrap_or([stretch; 2]);
-    *range = Some([least.min(stretch), largest.max(stretch)]);
+    let [min, max] = range.unwrap_or([stretch; 2]);
+    *range = Some([min.min(stretch), max.max(stretch)]);
 }
 
-/// A piece of a line, and where its ends lie on the part.
+/// A piece of a line, and the images of its ends on the part.
 struct Lifted {
     piece: Piece,
     from: Point3<f64>,
     to: Point3<f64>,
 }
 
-/// The pieces on the part; for one whose ends do not both lie there, the place in the view.
+/// The pieces on the part; for a piece with an end outside the part, the position of that end in the view.
 fn lifted(
     ink: &Ink,
     lift: impl Fn(FlatPoint) -> Result<Point3<f64>, ViewPoint>,
 ) -> impl Iterator<Item = Result<Lifted, ViewPoint>> {
     let mut last: Option<(FlatPoint, Point3<f64>)> = None;
-    // What is made by hand may hold pieces without length.
+    // `Ink` has public fields, so callers may add pieces without length.
     ink.pieces.iter().filter(|piece| piece.length() > 0.0).map(move |piece| {
-        // Pieces mostly continue each other.
+        // Most pieces start where the last one ended.
         let from = match last {
             Some((flat, point)) if flat == piece.from => point,
             _ => lift(piece.from)?,
@@ -145,7 +145,7 @@ fn lifted(
     })
 }
 
-/// A point of the drawing on the part, or where the view has none.
+/// The image of a point of the drawing on the part, or its position in the view if there is no surface.
 fn lift(
     flat: FlatPoint,
     map: &impl Fn(FlatPoint) -> ViewPoint,

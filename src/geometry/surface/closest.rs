@@ -1,12 +1,13 @@
-//! The nearest point of a surface to a point in space: point projection and, for a point on the surface, its inversion.
+//! The nearest point of a surface to a point in space: point projection and, for a point on the surface, point
+//! inversion.
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::nurbs::NurbsSurface;
 use crate::geometry::space::ViewPoint;
 
-/// Newton steps at most; a good start needs four to six.
-const MOST_STEPS: usize = 60;
+/// Maximum number of Newton steps; a good start needs four to six.
+const MAX_STEPS: usize = 60;
 /// A step shorter than this, mm, ends the search.
 const SHORTEST_STEP: f64 = 1e-11;
 
@@ -24,12 +25,12 @@ pub struct ClosestPoint {
 impl NurbsSurface {
     /// The point of the surface, within its domain, that is nearest to a point in space (mm, view frame).
     ///
-    /// Newton's method with halved steps from the foot of the point and from the nearest control point, whichever ends
-    /// nearer; on the border of the domain only the move along it is left (Piegl & Tiller, The NURBS Book, 1997, section
-    /// 6.1, eqs. 6.3 to 6.8). For a point on the surface this is point inversion.
+    /// Newton's method with step halving starts from the point's projection along z and from the nearest control point;
+    /// the nearer result is returned. On the border of the domain only steps along it are allowed (Piegl & Tiller, The
+    /// NURBS Book, 1997, section 6.1, eqs. 6.3 to 6.8). For a point on the surface this is point inversion.
     ///
-    /// `None` if the point is not finite. Where several points are equally near, such as from the axis of a cylinder, one
-    /// of them is returned.
+    /// `None` if the point is not finite. If several points are equally near, as for a point on the axis of a cylinder,
+    /// one of them is returned.
     ///
     /// ```
     /// use isomark::geometry::height_field::FacingPart;
@@ -39,7 +40,7 @@ impl NurbsSurface {
     /// use nalgebra::Point3;
     ///
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-    /// // A ball of radius 30 mm about the origin: the nearest point lies on the way to its middle.
+    /// // A ball of radius 30 mm about the origin: the nearest point is on the line to its centre.
     /// let ball = shapes::graph(25.0, 0.75, shapes::sphere);
     /// let surface = FittedSurface::of_part(&FacingPart::new(&ball, &View::top()), &FitOptions::default())?;
     /// let closest = surface.nurbs.closest(Point3::new(30.0, 0.0, 40.0)).ok_or("not finite")?;
@@ -63,14 +64,14 @@ impl NurbsSurface {
         let domain = self.domain();
         let within = |place: Vector2<f64>| place.sup(&domain.min).inf(&domain.max);
         let mut place = within(start);
-        let mut found = self.seen_from(to, place);
-        for _ in 0..MOST_STEPS {
+        let mut found = self.candidate(to, place);
+        for _ in 0..MAX_STEPS {
             let jet = self.jet(found.at);
             let away = found.point - to;
             let slope = away.xy() + jet.gradient * away.z;
             let metric = jet.first_fundamental_form();
             let full = metric + jet.hessian * away.z;
-            // Where the distance is not convex, the metric alone leads down.
+            // Where the distance is not convex, the metric alone gives a descent direction.
             let curvature = if full.cholesky().is_some() { full } else { metric };
             let step = step_within(curvature, slope, |axis| {
                 let (low, high) = (place[axis] <= domain.min[axis], place[axis] >= domain.max[axis]);
@@ -79,8 +80,8 @@ impl NurbsSurface {
             let mut share = 1.0;
             let better = loop {
                 let next = within(place + step * share);
-                let candidate = self.seen_from(to, next);
-                // Near the end a step shortens the distance by less than its last digit.
+                let candidate = self.candidate(to, next);
+                // Near the end, a step changes the distance by less than its rounding error.
                 if candidate.distance <= found.distance * (1.0 + f64::EPSILON) {
                     break Some((next, candidate));
                 }
@@ -99,7 +100,7 @@ impl NurbsSurface {
         found
     }
 
-    fn seen_from(&self, to: Point3<f64>, place: Vector2<f64>) -> ClosestPoint {
+    fn candidate(&self, to: Point3<f64>, place: Vector2<f64>) -> ClosestPoint {
         let at = ViewPoint::from(place);
         let point = Point3::new(place.x, place.y, self.height(at));
         let away: Vector3<f64> = point - to;
@@ -107,7 +108,7 @@ impl NurbsSurface {
     }
 }
 
-/// Newton's step to lower values; it leaves alone the coordinates that are held at the border.
+/// The Newton step, without the coordinates that are held at the border.
 fn step_within(
     curvature: Matrix2<f64>,
     slope: Vector2<f64>,
@@ -126,7 +127,7 @@ mod tests {
     use super::*;
     use crate::geometry::surface::knots::UniformKnots;
 
-    /// A quadratic surface over (−10, 10)², which the cubic spline reproduces.
+    /// A quadratic surface over (−10, 10)², which the cubic spline reproduces exactly.
     fn bowl() -> NurbsSurface {
         let knots = UniformKnots::new(-10.0, 0.5, 40);
         let square = |greville: f64| greville * greville - 0.25 / 3.0;
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_along_the_normal_comes_back_to_its_foot() {
+    fn a_point_on_a_normal_is_projected_to_its_foot() {
         let surface = bowl();
         for (x, y, out) in [(2.0, 1.0, 3.0), (-6.0, 4.0, -2.0), (7.0, -8.0, 4.0)] {
             let foot = ViewPoint::new(x, y);
@@ -163,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_sampled_is_nearer_from_anywhere() {
+    fn no_sampled_point_is_nearer() {
         let surface = bowl();
         for (x, y, z) in [(14.0, 3.0, 2.0), (-12.0, -13.0, -20.0), (0.0, 0.0, 60.0), (5.0, 30.0, -1e3)] {
             let to = Point3::new(x, y, z);
@@ -179,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_has_no_nearest_point() {
+    fn a_point_that_is_not_finite_has_no_nearest_point() {
         assert_eq!(bowl().closest(Point3::new(f64::NAN, 0.0, 0.0)), None);
         assert_eq!(bowl().closest(Point3::new(0.0, f64::INFINITY, 0.0)), None);
     }

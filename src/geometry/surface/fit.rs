@@ -1,4 +1,4 @@
-//! The fit of a NURBS surface to a height field, refined until it is as close as asked for.
+//! The fit of a NURBS surface to a height field, refined until it meets the requested tolerance.
 
 use nalgebra::Vector2;
 
@@ -8,32 +8,33 @@ use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, STEEPES
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::ViewPoint;
 
-/// Nodes of the height field along one span of the surface: twice the freedom of the fit along each direction, so that
-/// a residual can show.
+/// Nodes of the height field along one span of the surface: twice as many as unknowns along each direction, so that the
+/// residual is visible.
 const NODES_PER_SPAN: usize = 2;
 
-/// Weight of the smoothness penalty against one node's weight of 1: so little that it decides only where there are no
-/// nodes.
+/// Weight of the smoothness penalty relative to one node's weight of 1: so small that it matters only where there are
+/// no nodes.
 const SMOOTHNESS: f64 = 1e-6;
 
-/// Nodes do not count within so many steps of those beside an edge of the part: the spline needs a span to turn there.
+/// Nodes within this many steps of those at an edge of the part are excluded from the fit: the spline needs one span to
+/// bend there.
 const EDGE_REACH: usize = 1;
 
-/// The same for the cliffs of a field of measured heights, where the nodes beside a cliff mix heights from both its sides.
+/// The same at the cliffs of measured height fields, where nodes next to a cliff mix heights from both sides.
 const CLIFF_REACH: usize = 2;
 
-/// Nodes needed at least.
-const LEAST_NODES: usize = 64;
+/// Minimum number of nodes.
+const MIN_NODES: usize = 64;
 
 /// How the surface is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions {
-    /// The residual that 95 % of the nodes should stay below, mm. Missing it doubles the spans, but moves only those
-    /// control points that are near a miss, which takes two to three times as long.
+    /// The residual that 95 % of the nodes should stay below, mm. If it is exceeded, the number of spans is doubled,
+    /// but only the control points near a larger residual are moved, which takes two to three times as long.
     pub tolerance: f64,
     /// Spans along the longer side at the start.
     pub first_spans: usize,
-    /// Spans along the longer side at most; it bounds time and memory.
+    /// Maximum number of spans along the longer side; it limits time and memory.
     pub most_spans: usize,
 }
 
@@ -50,9 +51,9 @@ pub struct FittedSurface {
     pub nurbs: NurbsSurface,
     /// The sampled part.
     pub field: HeightField,
-    /// What the fit leaves.
+    /// The residual of the fit.
     pub residual: Residual,
-    /// Height of the sampled part less height of the fit at each node, mm; 0 where there is no surface.
+    /// Height of the sampled part minus height of the fit at each node, mm; 0 where there is no surface.
     differences: Vec<f64>,
     doubts: Vec<f64>,
 }
@@ -62,7 +63,7 @@ pub struct FittedSurface {
 pub struct Residual {
     /// Largest distance, mm.
     pub max: f64,
-    /// Where it is largest.
+    /// Position of the largest distance.
     pub at: ViewPoint,
     /// Root mean square, mm.
     pub rms: f64,
@@ -76,13 +77,14 @@ pub struct Residual {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Too little of the part faces the laser.
-    #[error("only {nodes} of {all} sampled points of the part face the laser at less than {} degrees", limit.to_degrees())]
+    #[error("only {nodes} of {all} sampled points of the part are tilted less than {} degrees to the laser",
+        limit.to_degrees())]
     NoSurface {
         /// Nodes on the smooth surface.
         nodes: usize,
         /// Nodes of the grid.
         all: usize,
-        /// The steepest tilt that counts as surface, rad.
+        /// The largest tilt of a surface, rad.
         limit: f64,
     },
     /// The part is too thin or too small to be sampled.
@@ -98,23 +100,24 @@ pub enum FitError {
     Solve(#[from] SolveError),
 }
 
-/// What a surface is fitted to: the nodes that count.
+/// The nodes that a surface is fitted to.
 struct Data<'a> {
     field: &'a HeightField,
-    counts: Vec<bool>,
+    /// For each node, whether it is used.
+    used: Vec<bool>,
 }
 
 impl FittedSurface {
-    /// Samples and fits a part. Where 95 % of the residuals are not within the tolerance, the spacing is halved and the
-    /// surface made finer in the places that need it, until they are, the spans are used up, or halving no longer helps
-    /// (facets do not get smoother).
+    /// Samples and fits a part. While 95 % of the residuals are not within the tolerance, the spacing is halved and
+    /// the surface is refined where needed. This ends when the maximum number of spans is reached or halving no
+    /// longer helps (facets do not become smoother).
     ///
-    /// Nodes beside an edge of the part do not count, because no smooth surface runs through them; what the surface
-    /// leaves there shows in the residual.
+    /// Nodes at an edge of the part are excluded, because no smooth surface passes through them; the residual includes
+    /// them.
     ///
     /// # Errors
-    /// When hardly anything of the part faces the laser, when it is thinner than 1/1000 of its length as the laser sees
-    /// it, or when the equations cannot be solved; see [`FitError`].
+    /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the laser
+    /// sees it, or when the equations cannot be solved; see [`FitError`].
     pub fn of_part(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
         let size = part.extents().size();
         let longer = size.x.max(size.y);
@@ -125,23 +128,23 @@ impl FittedSurface {
         let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
         let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
         let mut nurbs = data.fit()?;
-        let mut left = data.p95(&nurbs);
-        while left > options.tolerance && spans * 2 <= options.most_spans {
+        let mut residual = data.p95(&nurbs);
+        while residual > options.tolerance && spans * 2 <= options.most_spans {
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
             let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
             nurbs = data.correct(nurbs.halved(), options.tolerance)?;
-            let before = std::mem::replace(&mut left, data.p95(&nurbs));
-            if before < 2.0 * left {
+            let before = std::mem::replace(&mut residual, data.p95(&nurbs));
+            if before < 2.0 * residual {
                 break;
             }
         }
         Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts))
     }
 
-    /// Fits a height field by least squares, one span for every two nodes. Nodes beside a cliff do not count, because a
-    /// spline that follows them rings for centimetres; where there is no surface it is continued smoothly instead of by
-    /// zeros, which would make it ring at the rim.
+    /// Fits a height field by least squares, one span for every two nodes. Nodes at a cliff are excluded, because a
+    /// spline that follows them oscillates over centimetres. Where there is no surface, the spline is continued
+    /// smoothly; zeros there would make it oscillate at the rim.
     ///
     /// # Errors
     /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
@@ -151,7 +154,7 @@ impl FittedSurface {
         Ok(Self::compare(nurbs, field))
     }
 
-    /// A surface beside the samples it stands for: the residual is measured anew.
+    /// A surface with samples of the part; measures the residual between them.
     pub fn compare(nurbs: NurbsSurface, field: HeightField) -> Self {
         let mut differences = vec![0.0; field.nodes().len()];
         let (mut largest, mut squares, mut at) = (0.0f64, 0.0, field.position(0, 0));
@@ -172,8 +175,8 @@ impl FittedSurface {
         Self { nurbs, field, residual, differences, doubts: Vec::new() }
     }
 
-    /// The surface with a doubt for each node of its field, mm (see [`PartSamples::doubts`]); what does not fit the field is
-    /// left away.
+    /// The surface with a doubt for each node of its field, mm (see [`PartSamples::doubts`]); ignored if their number
+    /// does not match the field.
     ///
     /// [`PartSamples::doubts`]: crate::geometry::height_field::PartSamples::doubts
     pub fn doubted(self, doubts: Vec<f64>) -> Self {
@@ -186,7 +189,8 @@ impl FittedSurface {
         &self.doubts
     }
 
-    /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 off the surface.
+    /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 outside
+    /// the field.
     pub fn doubt(&self, at: ViewPoint) -> f64 {
         if self.doubts.is_empty() {
             return 0.0;
@@ -195,7 +199,7 @@ impl FittedSurface {
         self.field.cell_nodes(column, row).map(|index| self.doubts[index]).into_iter().fold(0.0, f64::max)
     }
 
-    /// Height of the sampled part less height of the fit at each node of the field, mm; 0 where there is no surface.
+    /// Height of the sampled part minus height of the fit at each node of the field, mm; 0 where there is no surface.
     pub fn differences(&self) -> &[f64] {
         &self.differences
     }
@@ -205,8 +209,8 @@ impl FittedSurface {
         self.nurbs.jet(at)
     }
 
-    /// Height of the sampled part, mm: the fit plus what it leaves at the nodes, interpolated linearly between them;
-    /// `None` where there is no smooth surface.
+    /// Height of the sampled part, mm: the fit plus its residual at the nodes, interpolated bilinearly; `None` where
+    /// there is no smooth surface.
     pub fn sampled_height(&self, at: ViewPoint) -> Option<f64> {
         if !self.field.is_surface(at) {
             return None;
@@ -214,8 +218,9 @@ impl FittedSurface {
         Some(self.nurbs.height(at) + self.difference(at))
     }
 
-    /// The surface with its smooth continuation beside the part held between the lowest and the highest node: control
-    /// points that no node on the surface depends on may otherwise stand far off. Where the part was seen nothing changes.
+    /// The surface with its smooth continuation outside the part limited to the heights between the lowest and the
+    /// highest node. Control points that no node on the surface depends on may otherwise be far away. The surface at
+    /// the nodes does not change.
     pub fn calmed(&self) -> NurbsSurface {
         let (knots_x, knots_y) = self.nurbs.knots();
         let columns = knots_x.control_points();
@@ -235,7 +240,7 @@ impl FittedSurface {
         NurbsSurface::new(knots_x, knots_y, calm.collect()).unwrap_or_else(|| self.nurbs.clone())
     }
 
-    /// Height of the sampled part less height of the fit, mm; 0 off the surface.
+    /// Height of the sampled part minus height of the fit, mm; 0 outside the field.
     pub fn difference(&self, at: ViewPoint) -> f64 {
         let Some((column, row, place)) = self.field.cell(at) else { return 0.0 };
         let [a, b, c, d] = self.field.cell_nodes(column, row).map(|index| self.differences[index]);
@@ -245,36 +250,36 @@ impl FittedSurface {
 }
 
 impl<'a> Data<'a> {
-    /// All nodes but those within `reach` steps of the `broken` ones, where no smooth surface runs through.
+    /// All nodes except those within `reach` steps of the `broken` nodes, through which no smooth surface passes.
     fn beside(field: &'a HeightField, broken: &[bool], reach: usize) -> Result<Self, FitError> {
         let near = grown(broken, field.size().0, reach);
         let data = Self::new(field, |node| !near[node])?;
-        if data.counts.iter().filter(|counts| **counts).count() < LEAST_NODES {
-            // A part of nothing but edges is fitted as it is; the residual tells.
+        if data.used.iter().filter(|used| **used).count() < MIN_NODES {
+            // A part with edges everywhere is fitted with all its nodes; the residual shows the quality.
             return Self::new(field, |_| true);
         }
         Ok(data)
     }
 
-    fn new(field: &'a HeightField, counts: impl Fn(usize) -> bool) -> Result<Self, FitError> {
+    fn new(field: &'a HeightField, is_used: impl Fn(usize) -> bool) -> Result<Self, FitError> {
         let is_surface = |node: &Node| matches!(node, Node::Surface(_));
         let nodes = field.nodes().iter().filter(|node| is_surface(node)).count();
-        if nodes < LEAST_NODES {
+        if nodes < MIN_NODES {
             return Err(FitError::NoSurface { nodes, all: field.nodes().len(), limit: STEEPEST_SURFACE });
         }
-        let counted = field.nodes().iter().enumerate().map(|(index, node)| is_surface(node) && counts(index));
-        Ok(Self { field, counts: counted.collect() })
+        let used = field.nodes().iter().enumerate().map(|(index, node)| is_surface(node) && is_used(index));
+        Ok(Self { field, used: used.collect() })
     }
 
-    /// The nodes that count: place and height, mm.
+    /// The used nodes: position and height, mm.
     fn known(&self) -> impl Iterator<Item = (ViewPoint, f64)> {
         let columns = self.field.size().0;
-        let counted = move |(column, row, _): &(usize, usize, f64)| self.counts[row * columns + column];
-        let nodes = self.field.surface_nodes().filter(counted);
+        let is_used = move |(column, row, _): &(usize, usize, f64)| self.used[row * columns + column];
+        let nodes = self.field.surface_nodes().filter(is_used);
         nodes.map(|(column, row, height)| (self.field.position(column, row), height))
     }
 
-    /// The distance that 95 % of the nodes that count stay below, mm.
+    /// The distance that 95 % of the used nodes stay below, mm.
     fn p95(&self, nurbs: &NurbsSurface) -> f64 {
         p95(self.known().map(|(at, height)| (height - nurbs.height(at)).abs()).collect())
     }
@@ -288,40 +293,40 @@ impl<'a> Data<'a> {
         };
         let origin = self.field.origin();
         let (knots_x, knots_y) = (along(origin.x, columns), along(origin.y, rows));
-        // Heights are fitted from their mean, so that a part far from the origin loses no digits.
+        // Heights are fitted relative to their mean, so that a part far from the origin loses no precision.
         let heights = || self.field.surface_nodes().map(|(_, _, height)| height);
         let mean = heights().sum::<f64>() / heights().count().max(1) as f64;
         let count = knots_x.control_points() * knots_y.control_points();
-        let level = NurbsSurface::new(knots_x, knots_y, vec![mean; count])
+        let plane = NurbsSurface::new(knots_x, knots_y, vec![mean; count])
             .ok_or(SolveError::NotPositiveDefinite { unknowns: count })?;
-        self.move_towards(level, |_| true)
+        self.move_towards(plane, |_| true)
     }
 
-    /// The surface corrected where it misses nodes that count by more than a quarter of `tolerance`, mm, and left alone
+    /// The surface corrected where its residual at used nodes is more than a quarter of `tolerance`, mm; unchanged
     /// elsewhere.
     fn correct(&self, nurbs: NurbsSurface, tolerance: f64) -> Result<NurbsSurface, FitError> {
         let (knots_x, knots_y) = nurbs.knots();
         let (columns, rows) = (knots_x.control_points(), knots_y.control_points());
-        let mut wanted = vec![false; columns * rows];
+        let mut is_free = vec![false; columns * rows];
         for (at, height) in self.known() {
             if (height - nurbs.height(at)).abs() > tolerance / 4.0 {
-                // The 4 × 4 control points that shape the cell, and one more round it.
+                // The 4 × 4 control points that determine the cell, and one more on each side.
                 let (first_x, first_y) = (knots_x.span(at.x), knots_y.span(at.y));
                 for row in first_y.saturating_sub(1)..(first_y + 5).min(rows) {
-                    wanted[row * columns + first_x.saturating_sub(1)
+                    is_free[row * columns + first_x.saturating_sub(1)
                         ..row * columns + (first_x + 5).min(columns)]
                         .fill(true);
                 }
             }
         }
-        self.move_towards(nurbs, |point| wanted[point])
+        self.move_towards(nurbs, |point| is_free[point])
     }
 
-    /// The surface with the `wanted` control points moved by least squares.
+    /// The surface with the free control points moved by least squares.
     fn move_towards(
         &self,
         nurbs: NurbsSurface,
-        wanted: impl Fn(usize) -> bool,
+        is_free: impl Fn(usize) -> bool,
     ) -> Result<NurbsSurface, FitError> {
         let field = self.field;
         let (knots_x, knots_y) = nurbs.knots();
@@ -329,13 +334,13 @@ impl<'a> Data<'a> {
         let width = knots_x.control_points();
         let basis_x: Vec<_> = (0..columns).map(|column| knots_x.basis(field.position(column, 0).x)).collect();
         let basis_y: Vec<_> = (0..rows).map(|row| knots_y.basis(field.position(0, row).y)).collect();
-        let is_wanted = |column: usize, row: usize| {
-            (0..16).any(|local| wanted((row + local / 4) * width + column + local % 4))
+        let has_free_points = |column: usize, row: usize| {
+            (0..16).any(|local| is_free((row + local / 4) * width + column + local % 4))
         };
         let mut equations = NormalEquations::<1>::new(width, knots_y.control_points());
         for (in_rows, row_span) in spans_of(&basis_y) {
             for (in_columns, column_span) in spans_of(&basis_x) {
-                if !is_wanted(column_span, row_span) {
+                if !has_free_points(column_span, row_span) {
                     continue;
                 }
                 let mut sum = CellSum::default();
@@ -343,7 +348,7 @@ impl<'a> Data<'a> {
                     for column in in_columns.clone() {
                         let node = row * columns + column;
                         if let Node::Surface(height) = field.nodes()[node]
-                            && self.counts[node]
+                            && self.used[node]
                         {
                             let (x, y) = (&basis_x[column].value, &basis_y[row].value);
                             let shares: CellRow<1> =
@@ -356,13 +361,13 @@ impl<'a> Data<'a> {
             }
         }
         equations.add_third_difference_penalty(SMOOTHNESS);
-        let solver = GridSolver::for_some(width, knots_y.control_points(), wanted)?;
+        let solver = GridSolver::for_some(width, knots_y.control_points(), is_free)?;
         let steps = equations.solve(&solver)?;
         Ok(nurbs.moved(steps.into_iter().map(|[step]| step)))
     }
 }
 
-/// The marked nodes and those within `reach` nodes of them, on rows of `columns` nodes.
+/// The marked nodes and those within `reach` steps of them, in rows of `columns` nodes.
 fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
     let mut marked = marked.to_vec();
     for _ in 0..reach {
@@ -378,13 +383,13 @@ fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
     marked
 }
 
-/// The size that 95 % stay below.
+/// The 95th percentile.
 fn p95(mut sizes: Vec<f64>) -> f64 {
     let nodes = sizes.len();
     if nodes == 0 { 0.0 } else { *sizes.select_nth_unstable_by(nodes * 95 / 100, f64::total_cmp).1 }
 }
 
-/// Runs of nodes that lie in the same span, with the span's first control point.
+/// Runs of nodes in the same span, with the span's first control point.
 fn spans_of(basis: &[super::knots::Basis]) -> Vec<(std::ops::Range<usize>, usize)> {
     let mut runs: Vec<(std::ops::Range<usize>, usize)> = Vec::new();
     for (node, at_node) in basis.iter().enumerate() {
@@ -413,17 +418,17 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_is_fitted_closely_up_to_its_steep_rim() {
+    fn a_sphere_is_fitted_closely_almost_to_its_steep_rim() {
         let mesh = shapes::graph(28.5, 0.75, shapes::sphere);
         let fitted =
             FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
-        // 0.75 mm chords on R = 30 mm have a sagitta of 0.0023 mm; the curved triangles leave a tenth of it.
+        // Chords of 0.75 mm on R = 30 mm have a sagitta of 0.0023 mm; curved triangles reduce it to a tenth.
         let inner = worst(&fitted, shapes::sphere, 24.0);
         assert!(inner < 2.3e-4, "{inner} mm");
     }
 
     #[test]
-    fn beyond_the_rim_the_surface_goes_on_smoothly() {
+    fn beyond_the_rim_the_surface_continues_smoothly() {
         let mesh = shapes::graph(10.0, 0.5, |x, y| 0.02 * x * x - 0.01 * y * y + 0.1 * x);
         let fitted =
             FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
@@ -435,8 +440,8 @@ mod tests {
     }
 
     #[test]
-    fn a_calmed_surface_differs_only_beside_the_part() {
-        // A cap whose steep rim runs on downwards beside it.
+    fn a_calmed_surface_differs_only_outside_the_part() {
+        // A cap whose surface continues steeply downwards beyond the rim.
         let mesh = shapes::graph(28.5, 0.75, shapes::sphere);
         let fitted =
             FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
@@ -446,13 +451,13 @@ mod tests {
             assert_eq!(calm.height(at), fitted.nurbs.height(at));
         }
         let lowest = |surface: &NurbsSurface| surface.heights().iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(lowest(&fitted.nurbs) < lowest(&calm), "there is something to calm");
+        assert!(lowest(&fitted.nurbs) < lowest(&calm), "the fit needs no calming");
         let corner = calm.height(ViewPoint::new(-28.4, -28.4));
         assert!((0.0..30.0).contains(&corner), "{corner} mm");
     }
 
     #[test]
-    fn a_crease_shows_in_the_residual_instead_of_being_hidden() {
+    fn a_crease_is_visible_in_the_residual() {
         let mesh = shapes::graph(10.0, 0.5, |x, _| if x > 0.0 { -x } else { 0.0 });
         let fitted =
             FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();

@@ -2,11 +2,11 @@
 
 use std::ops::{Add, Div, Mul};
 
-/// Degree of every spline in the program.
+/// Degree of all splines in the program.
 pub const DEGREE: usize = 3;
 
-/// A uniform cubic knot vector over an interval in mm: the spline is not clamped, so every span is alike and no control
-/// point is crowded against a border.
+/// A uniform cubic knot vector over an interval in mm. The spline is not clamped: all spans are alike, and control
+/// points do not accumulate at the borders.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UniformKnots {
     start: f64,
@@ -14,7 +14,7 @@ pub struct UniformKnots {
     spans: usize,
 }
 
-/// Values, first and second derivatives of the four basis functions that do not vanish at a parameter.
+/// Values, first and second derivatives of the four nonzero basis functions at a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Basis {
     /// Index of the first of the four control points.
@@ -82,24 +82,24 @@ impl UniformKnots {
         self.start + self.step * self.spans as f64
     }
 
-    /// All knots, mm: three before the first span and three behind the last one.
+    /// All knots, mm: including three before the first span and three after the last one.
     pub fn knots(&self) -> Vec<f64> {
         (0..self.spans + 2 * DEGREE + 1).map(|index| self.start + self.step * (index as f64 - 3.0)).collect()
     }
 
-    /// The Greville abscissa of a control point, mm: the mean of its three inner knots. Control points that lie there
-    /// make the spline reproduce its own parameter (Piegl & Tiller, The NURBS Book, 1997, section 9.2).
+    /// The Greville abscissa of a control point, mm: the mean of its three inner knots. With control points at these
+    /// places, the spline reproduces its own parameter (Piegl & Tiller, The NURBS Book, 1997, section 9.2).
     pub fn greville(&self, control_point: usize) -> f64 {
         self.start + self.step * (control_point as f64 - 1.0)
     }
 
-    /// The control values of the same spline with each end knot four times, as CAD programs expect it: `values` are the
-    /// control values, one for each control point. Only the outer two at each end change: they are the blossom
-    /// at the repeated knot (Ramshaw, Blossoms are polar forms, 1989; for the knots used here
-    /// f(a, a, a) = (d₀ + 4 d₁ + d₂)/6 and f(a, a, a + h) = (2 d₁ + d₂)/3).
+    /// The control values of the same spline with each end knot repeated four times, as CAD programs expect it.
+    /// `values` are the control values, one for each control point. Only the outer two at each end change: they are
+    /// the blossom at the repeated knot (Ramshaw, Blossoms are polar forms, 1989; for the knots used here f(a, a, a)
+    /// = (d₀ + 4 d₁ + d₂)/6 and f(a, a, a + h) = (2 d₁ + d₂)/3).
     ///
     /// # Panics
-    /// When there is not one value for each control point.
+    /// When the number of values is not that of the control points.
     pub fn clamped(&self, values: &[f64]) -> Vec<f64> {
         assert_eq!(values.len(), self.control_points(), "one value for each control point");
         let mut clamped = values.to_vec();
@@ -112,13 +112,14 @@ impl UniformKnots {
         clamped
     }
 
-    /// The span that holds `parameter` (mm); the first or last one for a parameter outside.
+    /// The span that contains `parameter` (mm); the first or last span for a parameter outside.
     pub fn span(&self, parameter: f64) -> usize {
         // A cast saturates, so a parameter before the start (or NaN) gives span 0.
         (((parameter - self.start) / self.step) as usize).min(self.spans - 1)
     }
 
-    /// The basis functions at `parameter` (mm). Outside the interval the polynomials of the border spans are continued.
+    /// The basis functions at `parameter` (mm). Outside the interval the polynomials of the border spans are
+    /// extrapolated.
     ///
     /// Piegl & Tiller, The NURBS Book, 1997, algorithm A2.3, written out for uniform cubic knots.
     pub fn basis(&self, parameter: f64) -> Basis {
@@ -197,7 +198,7 @@ mod tests {
         }
 
         #[test]
-        fn derivatives_are_those_of_the_values(t in 0.1..4.9f64) {
+        fn derivatives_match_differences_of_the_values(t in 0.1..4.9f64) {
             let knots = UniformKnots::new(-1.0, 0.5, 5);
             let (u, h) = (-1.0 + t * 0.5, 1e-6);
             let (before, here, after) = (knots.basis(u - h), knots.basis(u), knots.basis(u + h));

@@ -1,4 +1,4 @@
-//! The part's surface: knots, NURBS, its nearest points, and its fit to a height field.
+//! The part's surface: knots, NURBS, nearest points, the fit to a height field, and scans.
 
 pub mod knots;
 pub mod nurbs;

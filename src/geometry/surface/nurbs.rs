@@ -7,8 +7,8 @@ use crate::geometry::space::{Extents, ViewPoint};
 
 /// A tensor-product cubic NURBS surface with unit weights over the view, z = f(x, y), in mm.
 ///
-/// Its control points stand over the Greville abscissae, so the parameters are x and y themselves
-/// (Piegl & Tiller, The NURBS Book, 1997, eq. 3.11).
+/// Its control points are at the Greville abscissae, so the parameters are x and y themselves (Piegl & Tiller, The
+/// NURBS Book, 1997, eq. 3.11).
 #[derive(Debug, Clone, PartialEq)]
 pub struct NurbsSurface {
     knots_x: UniformKnots,
@@ -28,8 +28,8 @@ pub struct SurfaceJet {
 }
 
 impl NurbsSurface {
-    /// The surface with the given control heights (mm), row by row; `None` unless there is one for each control point
-    /// and all are finite.
+    /// The surface with the given control heights (mm), row by row; `None` unless there is one finite height for each
+    /// control point.
     pub fn new(knots_x: UniformKnots, knots_y: UniformKnots, heights: Vec<f64>) -> Option<Self> {
         let expected = knots_x.control_points() * knots_y.control_points();
         (heights.len() == expected && heights.iter().all(|height| height.is_finite())).then_some(Self {
@@ -74,8 +74,8 @@ impl NurbsSurface {
         points.collect()
     }
 
-    /// The control net of the same surface with clamped knots, mm, row by row: the outer points lie on its corners.
-    /// Each knot counts once, but the first and the last one four times; see [`UniformKnots::clamped`].
+    /// The control net of the same surface with clamped knots, mm, row by row: the corner points lie on the surface.
+    /// The first and the last knot have multiplicity four, all others one; see [`UniformKnots::clamped`].
     pub fn clamped_net(&self) -> Vec<Point3<f64>> {
         let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
         let abscissae = |knots: UniformKnots| {
@@ -104,14 +104,14 @@ impl NurbsSurface {
         }
     }
 
-    /// Height at a point of the view, mm; outside the domain the border polynomials are continued.
+    /// Height at a point of the view, mm; outside the domain the border polynomials are extrapolated.
     pub fn height(&self, at: ViewPoint) -> f64 {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
         self.sum(&x, &y, &x.value, &y.value)
     }
 
     /// Height, gradient and second derivatives at a point of the view; outside the domain the border polynomials are
-    /// continued (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
+    /// extrapolated (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
     ///
     /// ```
     /// use isomark::geometry::space::ViewPoint;
@@ -159,8 +159,9 @@ impl NurbsSurface {
 }
 
 impl SurfaceJet {
-    /// The first fundamental form (E, F; F, G) of the surface over the view, no unit: a step d of the view is
-    /// √(dᵀ·I·d) long on the surface (do Carmo, Differential Geometry of Curves and Surfaces, section 2-5, for a graph).
+    /// The first fundamental form (E, F; F, G) of the surface over the view, no unit: a step d in the view has the
+    /// length √(dᵀ·I·d) on the surface (do Carmo, Differential Geometry of Curves and Surfaces, section 2-5, for a
+    /// graph).
     ///
     /// ```
     /// use isomark::geometry::surface::nurbs::SurfaceJet;

@@ -1,9 +1,9 @@
-//! From a scanner's points to a height field: what looks at the laser, smoothed as far as its noise asks for.
+//! From a scanner's points to a height field: the surfaces that face the laser, smoothed according to the noise.
 //!
-//! A point cloud takes the way of a mesh (sampled heights, then [`FittedSurface::of_field`]); its samples are those of
-//! one penalised spline for each surface that it shows. Part and table are smoothed apart, and between them there is
-//! no surface. Chuang, Shape correction for laser marking, 2023, section 4.1.1, filters such a scan by a low pass with
-//! a quarter of the Nyquist frequency as its limit; [`Smoothing::LowPass`] is that filter.
+//! A point cloud is processed like a mesh (sampled heights, then [`FittedSurface::of_field`]), but the heights are
+//! those of one penalised spline for each surface in the scan. Part and table are smoothed separately, and between
+//! them there is no surface. Chuang, Shape correction for laser marking, 2023, section 4.1.1, filters such a scan
+//! with a low-pass filter at a quarter of the Nyquist frequency; [`Smoothing::LowPass`] is that filter.
 //!
 //! [`FittedSurface::of_field`]: super::fit::FittedSurface::of_field
 
@@ -23,12 +23,12 @@ mod smoothing;
 mod visible;
 mod penalised;
 
-/// Nodes of the height field along its longer side at most, less one; as many as a mesh gets.
-const MOST_STEPS: f64 = 512.0;
-/// A node needs points on every side that are not further than this, distances between points: so gaps are bridged
-/// and rims are not.
+/// Maximum number of steps of the height field along its longer side, the same as for a mesh.
+const MAX_STEPS: f64 = 512.0;
+/// A node needs points in all four quadrants within this distance, in units of the point spacing: gaps are bridged, but
+/// rims are not extended.
 const REACH: f64 = 3.5;
-/// A node as near to a point as this needs no others, distances between points.
+/// A node this close to a point needs no other points, in units of the point spacing.
 const AT_POINT: f64 = 0.5;
 
 /// A smoothed scan.
@@ -36,18 +36,18 @@ const AT_POINT: f64 = 0.5;
 pub struct SmoothedScan {
     /// Heights of the smoothed surfaces; walls between two of them.
     pub field: HeightField,
-    /// What was found in the points.
+    /// Measurements of the scan's quality.
     pub quality: ScanQuality,
 }
 
-/// What was found in the points of a scan.
+/// Measurements of the quality of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScanQuality {
     /// Number of points.
     pub points: usize,
-    /// Number of points that shaped a surface.
+    /// Number of points used for a surface.
     pub used: usize,
-    /// Number of points that lie below or behind a surface, or look away from the laser.
+    /// Number of points below or behind a surface, or facing away from the laser.
     pub hidden: usize,
     /// Number of outliers, strays and debris.
     pub dropped: usize,
@@ -55,44 +55,44 @@ pub struct ScanQuality {
     pub spacing: f64,
     /// Distance between samples of the height field, mm.
     pub step: f64,
-    /// Separate surfaces, the one with most points first.
+    /// Separate surfaces, ordered by the number of points, largest first.
     pub regions: Vec<ScanRegion>,
 }
 
 /// One surface of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScanRegion {
-    /// Number of points that shaped it.
+    /// Number of points used for it.
     pub points: usize,
-    /// The rectangle round it in the view, mm.
+    /// Its bounding rectangle in the view, mm.
     pub extents: Extents,
     /// Lowest and highest sample, mm.
     pub heights: [f64; 2],
     /// Standard deviation of its points from the smoothed surface, mm.
     pub noise: f64,
-    /// Wavelength that the smoothing halves, mm; nothing without smoothing.
+    /// Wavelength that the smoothing halves, mm; `None` without smoothing.
     pub wavelength: Option<f64>,
-    /// Largest deviation, averaged over neighbouring points, that noise does not explain, mm: an edge that was rounded.
+    /// Largest mean deviation of neighbouring points that noise does not explain, mm, for example at a rounded edge.
     pub departure: f64,
-    /// Where that is.
+    /// Position of that deviation.
     pub departure_at: ViewPoint,
 }
 
 impl SmoothedScan {
-    /// The surfaces of a scan that look at the laser, smoothed.
+    /// The surfaces of a scan that face the laser, smoothed.
     ///
-    /// Points whose own normals look away are left out; of several surfaces above one another the uppermost counts, as
-    /// far as more than single points show it. Outliers are dropped and small gaps bridged.
+    /// Points whose own normals face away are skipped. Of several surfaces above one another the uppermost is used,
+    /// if it has more than single points. Outliers are dropped and small gaps are bridged.
     ///
     /// # Errors
-    /// When the points are too few, lie in one line, or form no surface; see [`ScanError`].
+    /// When there are too few points, when they are in one line, or when they form no surface; see [`ScanError`].
     pub fn new(cloud: &PointCloud, view: &View, smoothing: Smoothing) -> Result<Self, ScanError> {
-        let looks_away =
+        let faces_away =
             |at: usize| cloud.normals().get(at).is_some_and(|&normal| view.vector(normal).z < 0.0);
-        let points = cloud.points().iter().enumerate().filter(|(at, _)| !looks_away(*at));
+        let points = cloud.points().iter().enumerate().filter(|(at, _)| !faces_away(*at));
         let points: Vec<Point3<f64>> = points.map(|(_, &point)| view.point(point)).collect();
         let away = cloud.points().len() - points.len();
-        let seen = visible::tell_apart(&points)?;
+        let seen = visible::separate_surfaces(&points)?;
         drop(points);
         let smooth = |region: Region| -> Result<(Region, Smoothed), ScanError> {
             let smoothed = penalised::smooth(&region, &seen.cells, smoothing)?;
@@ -119,12 +119,12 @@ impl SmoothedScan {
 
 impl ScanRegion {
     fn new(region: &Region, smoothed: &Smoothed, smoothing: Smoothing) -> Self {
-        let counted = || region.points.iter().zip(&smoothed.counts).filter(|(_, counts)| **counts);
-        let heights = counted().map(|(point, _)| smoothed.nurbs.height(ViewPoint::new(point.x, point.y)));
+        let used = || region.points.iter().zip(&smoothed.is_used).filter(|(_, is_used)| **is_used);
+        let heights = used().map(|(point, _)| smoothed.nurbs.height(ViewPoint::new(point.x, point.y)));
         let widen = |[low, high]: [f64; 2], height: f64| [low.min(height), high.max(height)];
         Self {
             points: smoothed.used,
-            extents: Extents::of(counted().map(|(point, _)| point.coords.xy())),
+            extents: Extents::of(used().map(|(point, _)| point.coords.xy())),
             heights: heights.fold([f64::INFINITY, f64::NEG_INFINITY], widen),
             noise: smoothed.noise,
             wavelength: (smoothing != Smoothing::None).then_some(smoothed.wavelength),
@@ -134,18 +134,18 @@ impl ScanRegion {
     }
 }
 
-/// The height field of all surfaces: nodes with points of a surface on every side of them.
+/// The height field of all surfaces: nodes that have points of a surface on all sides.
 fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
-    let counted = |(region, smoothed): &(Region, Smoothed)| {
-        let points = region.points.iter().zip(&smoothed.counts);
-        points.filter(|(_, counts)| **counts).map(|(point, _)| point.coords.xy()).collect::<Vec<_>>()
+    let used = |(region, smoothed): &(Region, Smoothed)| {
+        let points = region.points.iter().zip(&smoothed.is_used);
+        points.filter(|(_, is_used)| **is_used).map(|(point, _)| point.coords.xy()).collect::<Vec<_>>()
     };
-    let placed: Vec<Vec<Vector2<f64>>> = surfaces.iter().map(counted).collect();
+    let placed: Vec<Vec<Vector2<f64>>> = surfaces.iter().map(used).collect();
     let extents = Extents::of(placed.iter().flatten().copied());
     let longer = extents.size().max();
-    // Two samples to a knot distance, as the fit takes them; but not more of them than a mesh gets.
+    // Two samples per knot distance, as the fit uses them, but not more than for a mesh.
     let knots = surfaces.iter().map(|(_, smoothed)| smoothed.nurbs.knots().0.step());
-    let step = (knots.fold(f64::INFINITY, f64::min) / 2.0).max(longer / MOST_STEPS);
+    let step = (knots.fold(f64::INFINITY, f64::min) / 2.0).max(longer / MAX_STEPS);
     let first = (extents.min / step).map(f64::floor);
     let last = (extents.max / step).map(f64::ceil);
     let (columns, rows) = ((last.x - first.x) as usize + 1, (last.y - first.y) as usize + 1);
@@ -174,10 +174,10 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
     }
     separate(&mut nodes, &owners, columns);
     HeightField::new(origin, step, columns.max(2), rows.max(2), nodes)
-        .expect("a surface of 64 points that are not in line has columns and rows")
+        .expect("a surface of 64 points that are not collinear has columns and rows")
 }
 
-/// Notes at the nodes round a point, given in steps of the grid, on which side of them it lies: one bit for each
+/// Marks, at the nodes round a point (in steps of the grid), the quadrant in which the point is: one bit for each
 /// quadrant.
 fn mark_sides(sides: &mut [u8], point: Vector2<f64>, [columns, rows]: [usize; 2], spacing: f64) {
     let reach = (REACH * spacing).max(1.0);
@@ -201,7 +201,7 @@ fn mark_sides(sides: &mut [u8], point: Vector2<f64>, [columns, rows]: [usize; 2]
     }
 }
 
-/// Where two surfaces meet there is a cliff, and no surface on either side of it.
+/// Marks the nodes on both sides of a border between two surfaces as walls, because there is a cliff.
 fn separate(nodes: &mut [Node], owners: &[usize], columns: usize) {
     let mut wall = |first: usize, second: usize| {
         let (Some(a), Some(b)) = (height(nodes[first]), height(nodes[second])) else { return };

@@ -1,32 +1,32 @@
-//! Whose turn it is: BeamServer talks to one client at a time.
+//! Gives access to BeamServer, which serves one client at a time.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::client::TalkError;
+use super::client::SessionError;
 use crate::hotfolder::api::JobError;
 use crate::hotfolder::seen::StopSignal;
 use crate::reason::Reason;
 
-/// How long somebody who waits for his turn goes on waiting for one and the same other.
+/// How long a thread waits for its turn while another session is running.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// How long nobody tries to talk to a server that did not answer.
+/// The pause before the next session with a server that did not answer.
 const REST: Duration = Duration::from_secs(2);
 
-/// Who talks to BeamServer when: it knows one client. A drawing that would have to wait for a server that does not
-/// answer is told so at once, so that its thread can do something else.
+/// Lets one thread at a time use BeamServer. If the server does not answer, other drawings fail at once, so that their
+/// threads can do other jobs.
 pub(crate) struct Gate {
     state: Mutex<GateState>,
     free: Condvar,
-    /// A station that is to stop does not wait for a server that answers slowly.
+    /// A station that is stopping does not wait for a slow server.
     stop: StopSignal,
 }
 
 #[derive(Default)]
 struct GateState {
-    /// Since when somebody talks to it.
+    /// When the current session started.
     busy_since: Option<Instant>,
-    /// Why nobody could the last time, and until when nobody tries again.
+    /// Why the last session failed, and when the next one may start.
     silent: Option<(Reason, Instant)>,
 }
 
@@ -39,23 +39,23 @@ impl Gate {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Talks to BeamServer when it is one's turn.
+    /// Runs a session with BeamServer when no other one is running.
     ///
     /// # Errors
-    /// To be tried again when the turn does not come soon; else what `talk` says.
+    /// [`JobError::Retry`] when another session takes too long; otherwise the error of `session`.
     pub(crate) fn exclusive<T>(
         &self,
-        talk: impl FnOnce(&StopSignal) -> Result<T, TalkError>,
+        session: impl FnOnce(&StopSignal) -> Result<T, SessionError>,
     ) -> Result<T, JobError> {
         let _turn = self.turn()?;
-        let said = talk(&self.stop);
-        self.state().silent = match &said {
-            Err(TalkError::Ill(reason)) => Some((reason.clone(), Instant::now() + REST)),
+        let result = session(&self.stop);
+        self.state().silent = match &result {
+            Err(SessionError::Server(reason)) => Some((reason.clone(), Instant::now() + REST)),
             _ => None,
         };
-        said.map_err(|error| match error {
-            TalkError::Ill(reason) => JobError::Retry(reason),
-            TalkError::Job(error) => error,
+        result.map_err(|error| match error {
+            SessionError::Server(reason) => JobError::Retry(reason),
+            SessionError::Job(error) => error,
         })
     }
 
@@ -71,11 +71,11 @@ impl Gate {
             let Some(since) = state.busy_since else { break };
             let left = PATIENCE.saturating_sub(now.duration_since(since));
             if left.is_zero() {
-                let what = "BeamServer is at another drawing.";
+                let what = "BeamServer is busy with another drawing.";
                 return Err(JobError::Retry(Reason::new(
                     "beamserver-busy",
                     what,
-                    "Nothing: it is tried again.",
+                    "Wait: isomark tries again.",
                 )));
             }
             state = self.free.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
@@ -85,7 +85,7 @@ impl Gate {
     }
 }
 
-/// Somebody's turn, until it is dropped.
+/// Permission for one session; dropping it ends the turn.
 struct Pass<'a>(&'a Gate);
 
 impl Drop for Pass<'_> {

@@ -1,4 +1,4 @@
-//! Which job is done next: what makes one result in its order, large ones never on all threads.
+//! Chooses the next job: jobs with the same result in their order, and large jobs never on all threads.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,12 @@ use crate::hotfolder::seen::{Block, Found, Gap, Meaning, Obstacle, Stamp, Verdic
 use crate::hotfolder::state::DropId;
 use crate::reason::Reason;
 
-/// A drop is rejected after the station ended as often while it was at it, as the journal counts; but for the first time
-/// it was at nothing else.
-const MOST_DEATHS: u32 = 5;
+/// A drop is rejected after the station has crashed this often while processing it, as counted by the journal. After
+/// the first crash, the drop is processed alone.
+const MAX_DEATHS: u32 = 5;
 
 impl<C: Corrector> Dispatcher<'_, C> {
-    /// Gives every free thread something to do.
+    /// Gives a job to every free thread.
     pub(super) fn hand_out(&mut self) {
         let now = self.now();
         self.lanes.refresh(&self.drops, &self.threads, now, &self.times());
@@ -41,7 +41,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Begins the job of one drop that is ready, or says what it waits for.
+    /// Starts the job of a drop that is ready, or records what the drop waits for.
     fn begin(&mut self, path: &Path) {
         let (now, times) = (self.now(), self.times());
         let Some(drop) = self.drops.get(path) else { return };
@@ -53,7 +53,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         };
         let work = match drop.meaning.clone() {
             Ok(Meaning::Companion) => return self.companion(path),
-            // A texture of a part that was done before it came.
+            // A texture that arrived after its part was processed.
             Ok(_) if is_picture(&drop.relative.to_string_lossy()) && self.late.is_companion(path) => {
                 return self.companion(path);
             }
@@ -68,11 +68,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
         let mut deaths = self.lanes.deaths(drop);
-        // What is delivered is only filed, and no fault of the file any more.
+        // A delivered drawing is only filed, which cannot crash because of its content.
         if deaths > 0 && self.executor.is_delivered(&id, stamp) {
             deaths = 0;
         }
-        let doomed = doomed.or_else(|| (deaths >= MOST_DEATHS).then(|| ends_isomark(deaths)));
+        let doomed = doomed.or_else(|| (deaths >= MAX_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = matches!(drop.block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
         let attempt =
             Attempt { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
@@ -110,7 +110,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             settings,
             stamp,
             last_chance: attempt.last_chance,
-            // Nothing waits for what is done alone.
+            // A job that runs alone delays no other.
             pace: if attempt.large || attempt.alone { Pace::Any } else { Pace::Quick },
             doomed: attempt.doomed,
             settling: self.drops.settling_beside(path, self.now(), &self.times()),
@@ -119,19 +119,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
             sidecar: self.drops.sidecar_beside(path),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {
-            if self.drops.has_part(sku) { self.executor.part_came(sku) } else { self.executor.begins(sku) }
+            if self.drops.has_part(sku) { self.executor.part_arrived(sku) } else { self.executor.begins(sku) }
         }
         let mut running = Running::of(&task, self.now());
         (running.large, running.alone) = (attempt.large, attempt.alone);
-        running.companions_came = self.late.companions_came;
+        running.companions_arrived = self.late.companions_arrived;
         running.settings_changes = self.settings_changes;
         self.threads.begin(task, running);
     }
 
     fn correct_again(&mut self, again: Recorrection, takes_long: bool, large_too: bool) {
-        // The part comes first, and the drawing may be another one then.
+        // The part is processed first, and may change the drawing.
         if self.drops.has_part(&again.sku) {
-            return self.finished_recorrection(&again.sku, &again.name, Outcome::PartCame);
+            return self.finished_recorrection(&again.sku, &again.name, Outcome::PartArrived);
         }
         let look = folders::look(&again.original);
         let Ok(Some(Found::File(stamp))) = look else {
@@ -143,7 +143,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             return self.reprocessing.takes_long(&again.name);
         }
         let drop = again.drop();
-        // The archived original bears the pattern's name.
+        // The archived original has the pattern's name.
         let name = again.original.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let work = Work::CorrectAgain { sku: again.sku, name };
         let attempt =
@@ -152,7 +152,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 }
 
-/// What is known of a drop's chances before it is read.
+/// What is known about a drop before it is read.
 struct Attempt {
     last_chance: bool,
     doomed: Option<Reason>,
@@ -162,9 +162,9 @@ struct Attempt {
 }
 
 fn ends_isomark(deaths: u32) -> Reason {
-    let what = "isomark ended without a word each time it worked at this file, for want of memory perhaps.";
-    let remedy = "Export it with fewer triangles or lines, or give the machine more memory.";
-    Reason::new("ends-isomark", what, remedy).with_number("ends", f64::from(deaths), "", None)
+    let what = "isomark crashed each time it processed this file, possibly out of memory.";
+    let remedy = "Export it with fewer triangles or lines, or add memory to the computer.";
+    Reason::new("ends-isomark", what, remedy).with_number("crashes", f64::from(deaths), "", None)
 }
 
 fn cut_short() -> Reason {

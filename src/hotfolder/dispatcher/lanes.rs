@@ -1,4 +1,4 @@
-//! What can be done now, in the order in which it is to be done.
+//! The drops that can be processed now, in their order.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Bound::{Excluded, Included, Unbounded};
@@ -9,21 +9,21 @@ use crate::config::{Sku, fold};
 use crate::hotfolder::seen::{Drop, Drops, Meaning, Moment, SettleTimes, delivered_as};
 use crate::hotfolder::state::{DropId, StampRecord};
 
-/// A drop of this size or more is a large job, bytes: reading it alone takes longer than a moment.
+/// A drop of this size or more is a large job, bytes: even reading it takes long.
 pub(super) const LARGE: u64 = 4 << 20;
 
-/// What is ready, for each SKU in its order; without a SKU each drop for itself.
+/// The drops that are ready, one lane for each SKU and one for drops without a SKU.
 pub(super) struct Lanes {
     lanes: BTreeMap<Option<Sku>, VecDeque<PathBuf>>,
-    /// What was under way when the station ended without a word: done alone, after all others.
+    /// Drops that were being processed when the station crashed: processed alone, after all others.
     suspects: VecDeque<PathBuf>,
-    /// These drops, and how often that happened, as the journal counts.
+    /// These drops, with the number of crashes from the journal.
     suspected: BTreeMap<DropId, (StampRecord, u32)>,
     /// The lane that was served last.
     last: Option<Sku>,
-    /// What was due by this moment is in the lanes.
+    /// The lanes contain the drops that were due at this moment.
     pub(super) made: Moment,
-    /// Something happened since they were made.
+    /// Something happened after they were made.
     pub(super) stale: bool,
 }
 
@@ -37,7 +37,7 @@ impl Lanes {
         self.lanes.is_empty() && self.suspects.is_empty()
     }
 
-    /// Makes them anew, if anything happened or they are used up.
+    /// Makes the lanes again, if anything happened or they are empty.
     pub(super) fn refresh(&mut self, drops: &Drops, threads: &Threads, now: Moment, times: &SettleTimes) {
         if !self.stale && !self.lanes.is_empty() {
             return;
@@ -54,8 +54,8 @@ impl Lanes {
         }
     }
 
-    /// The next drop that no job or earlier drop stands in the way of, and that is small enough for the threads that are
-    /// left; of a SKU with the fewest jobs, one SKU after the other, so that many drawings of one hold up no other.
+    /// The next drop that is blocked by no job and no earlier drop, and is small enough for the free threads. It is of
+    /// a SKU with the fewest jobs, one SKU after the other, so that many drawings of one SKU do not delay other SKUs.
     pub(super) fn next(&mut self, drops: &Drops, threads: &Threads) -> Option<PathBuf> {
         let mut next: Option<(usize, Option<Sku>, usize)> = None;
         let (behind, before) = (Excluded(&self.last), Included(&self.last));
@@ -82,12 +82,12 @@ impl Lanes {
         path
     }
 
-    /// The next drop to be done alone, once nothing else is left to do.
+    /// The next drop to be processed alone, when no other drops are left.
     pub(super) fn next_suspect(&mut self) -> Option<PathBuf> {
         if self.lanes.is_empty() { self.suspects.pop_front() } else { None }
     }
 
-    /// How often the station ended while it was at this very file.
+    /// How often the station crashed while it processed exactly this file.
     pub(super) fn deaths(&self, drop: &Drop) -> u32 {
         if self.suspected.is_empty() {
             return 0;
@@ -96,14 +96,14 @@ impl Lanes {
         suspect.filter(|(stamp, _)| stamp.is_of(drop.settle.stamp())).map_or(0, |(_, deaths)| *deaths)
     }
 
-    /// The station did not end while it was at it.
+    /// The station processed the drop without a crash.
     pub(super) fn survived(&mut self, drop: &DropId) {
         self.suspected.remove(drop);
     }
 }
 
-/// The first drop of a lane that can begin: a part when its SKU is free, a drawing when no job and no earlier drop of the
-/// SKU makes the result of its name.
+/// The first drop of a lane that can start: a part when its SKU is free, a drawing when no job and no earlier drop of
+/// the SKU makes the same result.
 fn first_free(lane: &VecDeque<PathBuf>, drops: &Drops, threads: &Threads) -> Option<usize> {
     let large_too = threads.have_room_for_large();
     let mut held = BTreeSet::new();
@@ -117,11 +117,11 @@ fn first_free(lane: &VecDeque<PathBuf>, drops: &Drops, threads: &Threads) -> Opt
                 }
                 held.insert(result);
             }
-            // What follows is made for the shape that it has.
+            // The drops after it need the surface of this part.
             Ok(Meaning::Part(sku)) => {
                 return (fits && threads.jobs_of(sku).next().is_none()).then_some(index);
             }
-            // It needs no thread.
+            // A companion needs no thread.
             Ok(Meaning::Companion) => return Some(index),
             Err(_) if fits => return Some(index),
             Err(_) => {}
@@ -130,7 +130,7 @@ fn first_free(lane: &VecDeque<PathBuf>, drops: &Drops, threads: &Threads) -> Opt
     None
 }
 
-/// Whether a drop is known to be more than a moment's work.
+/// Whether a drop is known to be a large job.
 pub(super) fn is_large(drop: &Drop) -> bool {
     drop.takes_long || drop.settle.stamp().size >= LARGE
 }

@@ -1,4 +1,4 @@
-//! What comes later than it belongs to, and what is still to be heard of.
+//! Files that arrive after the drop they belong to, and files whose events are still to come.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -6,33 +6,33 @@ use std::time::Duration;
 
 use crate::hotfolder::seen::Moment;
 
-/// How long after a pattern was delivered settings for it are told to have come too late.
+/// Settings that arrive within this time after the delivery of their pattern are reported as too late.
 const LATE_SIDECAR: Duration = Duration::from_secs(10);
-/// How long after a file was put back the system may take to report that.
+/// How long the system may take to report a file that the station itself put back.
 const HEARD_BY: Duration = Duration::from_secs(5);
 
 /// Files that are expected for a while.
 #[derive(Default)]
 pub(super) struct Late {
-    /// How many companions came so far.
-    pub(super) companions_came: u64,
-    /// Companions that were not there when their part was done: until when they may follow it, and where it went.
+    /// How many companions have arrived so far.
+    pub(super) companions_arrived: u64,
+    /// Companions that were missing when their part was filed: until when they may follow it, and where it was moved.
     companions: BTreeMap<PathBuf, (Moment, PathBuf)>,
-    /// The places of settings beside patterns that were done without any: until when they are told to be late.
+    /// The paths of settings for patterns that were delivered without any: until when they are reported as too late.
     sidecars: BTreeMap<PathBuf, Moment>,
-    /// Files that the station itself moved into the hot folder: until when that is heard.
+    /// Files that the station itself moved into the hot folder: until when an event for them is expected.
     put_back: BTreeMap<PathBuf, Moment>,
 }
 
 impl Late {
-    /// Nobody waits any longer for what did not come by now.
+    /// Forgets what was expected before `now`.
     pub(super) fn forget_before(&mut self, now: Moment) {
         self.companions.retain(|_, (until, _)| now < *until);
         self.sidecars.retain(|_, until| now < *until);
         self.put_back.retain(|_, until| now < *until);
     }
 
-    /// Companions of a part that went to `place` may follow it.
+    /// Lets companions follow their part, which was moved to `place`.
     pub(super) fn expect_companions(&mut self, absent: Vec<PathBuf>, place: &Path, until: Moment) {
         self.companions.extend(absent.into_iter().map(|path| (path, (until, place.into()))));
     }
@@ -41,27 +41,27 @@ impl Late {
         self.companions.contains_key(path)
     }
 
-    /// A companion came: where its part went.
+    /// Returns where the part of a late companion was moved.
     pub(super) fn take_companion(&mut self, path: &Path) -> Option<PathBuf> {
         self.companions.remove(path).map(|(_, place)| place)
     }
 
-    /// A pattern was done without these settings.
+    /// Expects settings that were missing when their pattern was delivered.
     pub(super) fn expect_sidecar(&mut self, sidecar: &Path, now: Moment) {
         self.sidecars.insert(sidecar.into(), now + LATE_SIDECAR);
     }
 
-    /// Whether settings that came are too late for their pattern.
+    /// Whether these settings are too late for their pattern.
     pub(super) fn take_sidecar(&mut self, path: &Path) -> bool {
         self.sidecars.remove(path).is_some()
     }
 
-    /// The station put this file into the hot folder.
+    /// Expects an event for a file that the station itself put into the hot folder.
     pub(super) fn expect_own(&mut self, path: &Path, now: Moment) {
         self.put_back.insert(path.into(), now + HEARD_BY);
     }
 
-    /// Whether what is heard of this file is the station's own doing.
+    /// Whether an event for this file is caused by the station itself.
     pub(super) fn take_own(&mut self, path: &Path) -> bool {
         self.put_back.remove(path).is_some()
     }

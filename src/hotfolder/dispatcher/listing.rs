@@ -1,4 +1,4 @@
-//! What lies in the hot folder: told by events, and by the listing, which is the truth.
+//! Finds out what is in the hot folder: from events, and from the listing, which decides.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -16,27 +16,27 @@ use crate::hotfolder::seen::{
 use crate::hotfolder::state::{DropId, HotLock, with_slashes};
 use crate::reason::Reason;
 
-/// How often a hot folder that vanished is looked for.
+/// How often the station looks for a hot folder that is not available.
 const MISSING_FOLDER_LOOK: Duration = Duration::from_millis(500);
-/// How often files that are done are looked at as long as their writers may go on.
+/// How often filed files are checked while their writers may still write to them.
 const LOOK_AT_PARKED: Duration = Duration::from_millis(500);
-/// How often a folder on a network is listed, which tells of no other computer's files.
+/// How often a folder on a network share is listed: a share does not report changes by other computers.
 const NETWORK_LISTING: Duration = Duration::from_secs(1);
-/// The pause after a listing, in the time that it took: a slow folder with many files must not be all there is to do.
+/// The pause after a listing, as a multiple of its duration: listing a slow folder must not take all the time.
 const REST_AFTER_LISTING: u32 = 4;
 
 impl<C: Corrector> Dispatcher<'_, C> {
-    /// Lists the hot folder: whatever events said or did not say, this is how it is.
+    /// Lists the hot folder. The listing corrects everything that was concluded from events.
     pub(super) fn list(&mut self) {
         let now = self.now();
         self.rounds.begin();
         self.settings.refresh_skus();
-        self.tell_settings_events();
+        self.log_settings_events();
         self.late.forget_before(now);
         let backend = self.backend();
         self.keep_state();
         for sku in self.executor.learned_elsewhere(|sku| self.threads.are_busy_with(sku)) {
-            tracing::warn!("{sku} has another shape: a station that shares the cache learned a part of it");
+            tracing::warn!("{sku} has a new part: another station that shares the cache learned it");
             self.reprocessing.check(sku);
         }
         self.reprocessing.check_unreadable();
@@ -44,7 +44,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         if !self.hot_is_there(backend) || !self.holds_hot() {
             return;
         }
-        self.executor.parking.hot_is(folders::identity(&self.folders().hot));
+        self.executor.parking.set_hot(folders::identity(&self.folders().hot));
         let begun = self.now();
         let listing = folders::list(&self.folders().hot);
         let listed = self.now();
@@ -57,10 +57,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
             self.close_what_was_interrupted();
         }
         self.release_awaited();
-        self.tell_settings_events();
+        self.log_settings_events();
     }
 
-    /// How changes of the hot folder are noticed; it is listed again after some time in any case.
+    /// How changes of the hot folder are noticed. This also sets the time of the next listing.
     fn backend(&mut self) -> Backend {
         let (now, watch) = (self.now(), self.settings.station().watch.clone());
         let hot = &self.folders().hot;
@@ -68,12 +68,13 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let (backend, interval) = match watch.backend {
             _ if self.mode == Mode::Once => (Backend::Poll, watch.rescan),
             Backend::Auto if folders::is_on_network(hot) => {
-                let words = format!(
-                    "{} is on a network, which tells of no other computer's files: it is listed every {} s",
+                let problem = format!(
+                    "{} is on a network share, which does not report changes by other computers: \
+                     listing it every {} s",
                     hot.display(),
                     network.as_secs_f64()
                 );
-                self.rounds.warn_once(words);
+                self.rounds.warn_once(problem);
                 (Backend::Poll, network)
             }
             Backend::Auto => (Backend::Native, watch.rescan),
@@ -83,7 +84,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         backend
     }
 
-    /// Whether the folders that results and originals go to are there.
+    /// Whether the folders for results and originals are available.
     fn folders_are_there(&mut self) -> bool {
         let folders = self.folders();
         let trouble =
@@ -97,35 +98,35 @@ impl<C: Corrector> Dispatcher<'_, C> {
         trouble.is_none()
     }
 
-    /// Whether the hot folder is there; it is watched then.
+    /// Whether the hot folder is available; if so, it is watched.
     fn hot_is_there(&mut self, backend: Backend) -> bool {
         let hot = self.folders().hot.clone();
         let is_there = self.watcher.follow(&hot, backend);
         let was_missing = std::mem::replace(&mut self.rounds.hot_is_missing, !is_there);
         if !is_there {
-            self.rounds.troubles.push(format!("the hot folder {} is gone", hot.display()));
+            self.rounds.troubles.push(format!("the hot folder {} is not available", hot.display()));
             self.drops = Drops::default();
             self.rounds.next = self.now() + self.settings.station().watch.rescan.min(MISSING_FOLDER_LOOK);
         }
         match (was_missing, is_there) {
             (false, false) => {
-                tracing::error!("the hot folder {} is gone; waiting for it to come back", hot.display());
+                tracing::error!("the hot folder {} is not available; waiting for it", hot.display());
             }
-            (true, true) => tracing::info!("the hot folder {} is back", hot.display()),
+            (true, true) => tracing::info!("the hot folder {} is available again", hot.display()),
             _ => {}
         }
         is_there
     }
 
-    /// What was listed is what there is.
+    /// Takes in a listing: the drops are exactly what it contains.
     fn take_in(&mut self, listing: folders::Listing) {
         let hot = self.folders().hot.clone();
         for error in &listing.unseen {
-            self.rounds.trouble(format!("something in the hot folder cannot be looked at: {error}"));
+            self.rounds.trouble(format!("cannot read something in the hot folder: {error}"));
         }
         for folder in &listing.too_deep {
             self.rounds.trouble(format!(
-                "nobody looks into {}, a folder in a SKU's folder: move its files up into that",
+                "ignoring {}: folders inside a SKU's folder are not read. Move its files one level up",
                 folder.display()
             ));
         }
@@ -138,7 +139,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         self.unfiled.retain(|path, _| found.contains(path));
     }
 
-    /// Patterns go on whose SKU has a surface by now; what is wrong with that is told when their turn comes.
+    /// Releases patterns whose SKU has a surface now. An error is reported later, by the job of such a pattern.
     fn release_awaited(&mut self) {
         for sku in self.drops.awaited() {
             let known =
@@ -150,7 +151,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Whether no other station takes the drops from the hot folder; if one does, this one ends.
+    /// Whether no other station uses the hot folder; if one does, this station ends.
     fn holds_hot(&mut self) -> bool {
         let hot = &self.settings.station().folders.hot;
         if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
@@ -158,27 +159,27 @@ impl<C: Corrector> Dispatcher<'_, C> {
             self.hot_lock = HotLock::take(hot);
         }
         if self.hot_lock.is_none() {
-            let what = format!("Another station takes drops from the hot folder {}.", hot.display());
+            let what = format!("Another station already uses the hot folder {}.", hot.display());
             self.stopped = Some(Reason::new("hot-folder-held", what, STOP_THE_OTHER));
         }
         self.hot_lock.is_some()
     }
 
-    /// Jobs that were begun and whose drop is gone were interrupted after their last step: they are closed.
+    /// Closes jobs that were started and whose drop was removed: they were interrupted after their last step.
     fn close_what_was_interrupted(&mut self) {
         let station = self.settings.station().clone();
         let Self { executor, threads, rounds, .. } = self;
         let mut journal = executor.journal();
         let is_at_work = |drop: &DropId| threads.are_at(drop);
-        let complain = |words| rounds.warn_once(words);
+        let complain = |problem| rounds.warn_once(problem);
         recovery::close_all(&station, &mut journal, &executor.parking, is_at_work, complain);
-        // What a job has just written is not in the journal yet.
+        // A temporary file that a job has just written is not in the journal yet.
         if threads.are_idle() && !std::mem::replace(&mut rounds.swept, true) {
             recovery::sweep(&station.folders, &journal);
         }
     }
 
-    /// Looks at what is done and set aside: what was written since is a new drop.
+    /// Checks the files that are filed and parked: a file that was written since then is a new drop.
     pub(super) fn look_at_parked(&mut self) {
         let now = self.now();
         if now < self.next_look_at_parked || self.executor.parking.is_empty() {
@@ -191,9 +192,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         for parked::Returned { relative, overtaken } in self.executor.parking.look(&folders, silence) {
             let drop = with_slashes(&relative);
             let Some(place) = overtaken else {
-                tracing::warn!(
-                    "{drop} was written again after it was done: what is there now is taken as a new drop"
-                );
+                tracing::warn!("{drop} was written again after it was processed: treating it as a new drop");
                 let path = folders.hot.join(&relative);
                 self.late.expect_own(&path, now);
                 self.look_again(&path);
@@ -214,15 +213,15 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     );
                 }
                 Err(error) => {
-                    self.rounds.warn_once(format!("{} stays there: {error}", place.display()));
+                    self.rounds.warn_once(format!("cannot reject {}: {error}", place.display()));
                 }
             }
         }
     }
 
-    /// Takes in what was signalled, beginning with `first`.
+    /// Handles all waiting messages, starting with `first`.
     pub(super) fn drain_events(&mut self, first: Message) {
-        // For each path when it was first named, which is the order of the drops, and what its writer did last.
+        // For each path: when it was first named, which is the order of the drops, and what its writer did last.
         let (mut hints, mut overflow) = (BTreeMap::new(), false);
         let (mut next, mut turn) = (Some(first), 0);
         while let Some(message) = next {
@@ -247,7 +246,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             turn += 1;
         }
         if self.watcher.lost_events() {
-            tracing::info!("more events than can be heard: the hot folder is listed");
+            tracing::info!("too many events at once: listing the hot folder");
             overflow = true;
         }
         let hot = self.folders().hot.clone();
@@ -262,7 +261,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Looks at one path that an event named.
+    /// Checks a path that an event named.
     pub(super) fn apply_event(&mut self, hot: &Path, path: &Path, writer: Writer) {
         let Ok(relative) = path.strip_prefix(hot) else {
             self.rounds.make_due();
@@ -272,14 +271,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         if relative.components().any(|part| is_ignored(&part.as_os_str().to_string_lossy())) || depth > 2 {
             return;
         }
-        // What this station put back is not whole for that.
+        // A file that this station renamed into the folder is not complete for that reason.
         let writer = match writer {
             Writer::Renamed if self.late.take_own(path) => Writer::Unknown,
             writer => writer,
         };
         match folders::look(path) {
             Ok(Some(Found::Folder)) if writer == Writer::Renamed && depth == 1 => {
-                // A whole folder was renamed into place, so its files are whole, too.
+                // A whole folder was renamed into place, so its files are complete, too.
                 let entries = folders::entries(path, &mut Vec::new()).unwrap_or_default();
                 for (path, what) in entries {
                     self.observe(hot, &path, what, Writer::Renamed);
@@ -294,19 +293,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
     pub(super) fn observe(&mut self, hot: &Path, path: &Path, what: Found, writer: Writer) {
         let still_for = match (self.mode, what) {
-            // There is no later look, so the file's own time must tell how long it has stood still.
+            // There is no later check, so the time of the last write decides how long the file has been unchanged.
             (Mode::Once, Found::File(Stamp { modified: Some(modified), .. })) => {
                 SystemTime::now().duration_since(modified).unwrap_or_default()
             }
             _ => Duration::ZERO,
         };
-        // A job that is over may have lain in a folder that was the hot folder when it began.
+        // The hot folder may have been a different folder when the job started.
         let Ok(relative) = path.strip_prefix(hot) else { return self.drops.forget(path) };
         self.drops.see(hot, relative, what, writer, self.now(), still_for);
         if let Some(Ok(Meaning::Part(sku))) = self.drops.get(path).map(|drop| &drop.meaning)
             && self.threads.are_busy_with(sku)
         {
-            self.executor.part_came(sku);
+            self.executor.part_arrived(sku);
         }
         self.lanes.stale = true;
     }
@@ -314,8 +313,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
 fn overtaken_by_a_newer(drop: &str) -> Reason {
     let what = format!(
-        "{drop} was written again after it was done, when a newer file of its name lay in the hot folder."
+        "{drop} was written again after it was processed, but the hot folder already had a newer file of this name."
     );
-    let remedy = "Drop it again if it is to replace the newer one.";
+    let remedy = "Drop it again if it is to replace the newer file.";
     Reason::new("overtaken", what, remedy)
 }

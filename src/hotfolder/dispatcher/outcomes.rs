@@ -1,4 +1,4 @@
-//! What became of a job, and what a drop waits for now.
+//! Handles the outcome of a job, and records what a drop waits for.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,15 +14,15 @@ use crate::hotfolder::seen::{
 use crate::hotfolder::state::with_slashes;
 use crate::reason::Reason;
 
-/// The pause after the first failure of something around a job; it doubles with each further failure.
+/// The pause after the first environment error of a job; it doubles with each further error.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
-/// The longest pause between two tries, so that a healed folder is noticed soon.
+/// The longest pause between two attempts, so that the station soon notices when a folder is available again.
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
-/// Delivered drawings whose reports and previews are held in memory until they can be filed.
-const MOST_UNFILED: usize = 200;
+/// The largest number of delivered drawings whose reports and previews stay in memory until they can be filed.
+const MAX_UNFILED: usize = 200;
 
 impl<C: Corrector> Dispatcher<'_, C> {
-    /// A job is over.
+    /// Handles the end of a job.
     pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
         let Some(running) = self.threads.finished(path) else { return };
         self.lanes.survived(&running.drop);
@@ -34,7 +34,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         if let Work::CorrectAgain { sku, name } = &running.work {
             return self.finished_recorrection(sku, &delivered_as(name), outcome);
         }
-        // Whatever else happened may let other drops go on.
+        // Every other outcome may unblock other drops.
         self.lanes.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
         match outcome {
             Outcome::Learned { absent, place } => {
@@ -65,12 +65,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.done(path);
             }
             Outcome::Changed => self.look_again(path),
-            Outcome::Incomplete { gap, reason, anew } if same => {
-                self.found_incomplete(path, &running, gap, reason, anew);
+            Outcome::Incomplete { gap, reason, arriving } if same => {
+                self.found_incomplete(path, &running, gap, reason, arriving);
             }
             Outcome::Incomplete { .. } => {}
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
-            Outcome::PartCame => {
+            Outcome::PartArrived => {
                 if let Some(sku) = running.sku() {
                     self.wait(path, Block::PartUnderWay, part_under_way(sku));
                 }
@@ -78,8 +78,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::PartRefused(reason) => self.retry_later(path, Obstacle::RefusedPart, reason),
             Outcome::NoImportFolder(reason) => self.retry_later(path, Obstacle::NoImportFolder, reason),
             Outcome::Retry(reason, unfiled) => {
-                // Without it, the journal says how far the job came, and it is worked through again.
-                if let Some(unfiled) = unfiled.filter(|_| self.unfiled.len() < MOST_UNFILED) {
+                // Without this record, the job is done again from the stage that the journal contains.
+                if let Some(unfiled) = unfiled.filter(|_| self.unfiled.len() < MAX_UNFILED) {
                     self.unfiled.insert(path.into(), *unfiled);
                 }
                 self.retry_later(path, Obstacle::Other, reason);
@@ -93,19 +93,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// A drawing lies in the import folder, or may lie there.
+    /// Handles a drawing that was delivered, or may have been.
     fn drawing_is_done(&mut self, path: &Path, running: &Running, went_along: &[PathBuf]) {
         if let Work::Correct { sku, name } = &running.work {
             self.reprocessing.forget(&delivered_as(name));
-            // Nobody found it outdated as long as it was under way.
+            // While the job was running, no check could find the drawing outdated.
             if running.was_delivered || running.settings_changes != self.settings_changes {
                 self.reprocessing.check(sku.clone());
             }
-            // Settings that went along and lie there are others.
+            // If the settings were filed with the drawing and a file of the same name exists, that is a new one.
             let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
             if let Some(sidecar) = sidecar_of(path).filter(is_late) {
                 self.late.expect_sidecar(&sidecar, self.now());
-                // It may have come while the job was at its end.
+                // It may have arrived while the job was ending.
                 if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
                     self.companion(&sidecar);
                 }
@@ -114,19 +114,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
         self.done(path);
     }
 
-    /// A drop lacks something; `anew` when that is on its way.
-    fn found_incomplete(&mut self, path: &Path, running: &Running, gap: Gap, reason: Reason, anew: bool) {
+    /// Records that a drop is incomplete; with `arriving`, its waiting time starts again.
+    fn found_incomplete(&mut self, path: &Path, running: &Running, gap: Gap, reason: Reason, arriving: bool) {
         let now = self.now();
         let Some(drop) = self.drops.get_mut(path) else { return };
-        if anew {
+        if arriving {
             drop.settle.wait_anew(now);
         }
         let what = reason.what.clone();
         if drop.found_incomplete(gap, reason) {
             tracing::info!("{} is not complete yet: {what}", running.drop);
         }
-        if running.companions_came != self.late.companions_came {
-            // What it lacks may have come while it was read.
+        if running.companions_arrived != self.late.companions_arrived {
+            // The missing file may have arrived while this one was read.
             drop.settle.companion_came();
         }
     }
@@ -139,14 +139,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.reprocessing.forget(name);
             }
             Outcome::Repeated => self.reprocessing.forget(name),
-            // The journal lists it, as it did or does from now on.
+            // The journal lists it as uncertain.
             Outcome::Uncertain => self.reprocessing.forget(name),
-            // It was asked for once; from now on it is outdated or not, as any other.
+            // The request is answered; from now on the drawing is checked like any other.
             Outcome::Rejected(_) if self.reprocessing.is_uncertain(name) => {
                 self.reprocessing.forget(name);
                 self.reprocessing.check(sku.clone());
             }
-            // It stays marked: other settings may do.
+            // It stays marked as outdated: changed settings may resolve the problem.
             Outcome::Rejected(_) => self.reprocessing.postpone(name, self.now(), true),
             Outcome::Retry(reason, _)
             | Outcome::NoImportFolder(reason)
@@ -155,16 +155,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.postpone_recorrection(sku, name, reason);
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
-            // Somebody asked for it, and nothing else would deliver it.
-            Outcome::PartCame | Outcome::Changed | Outcome::Incomplete { .. } | Outcome::Learned { .. }
+            // Somebody asked for this delivery, and nothing else would try it again.
+            Outcome::PartArrived
+            | Outcome::Changed
+            | Outcome::Incomplete { .. }
+            | Outcome::Learned { .. }
                 if self.reprocessing.is_uncertain(name) =>
             {
-                let what = "A part came, or its original in the archive changed, while isomark corrected it.";
-                let remedy = "Wait: isomark tries it again. With `--once`, run `isomark retry` again.";
+                let what = "A part arrived, or the archived original changed, while isomark corrected it.";
+                let remedy = "Wait: isomark tries again. With `--once`, run `isomark retry` again.";
                 self.postpone_recorrection(sku, name, Reason::new("correction-overtaken", what, remedy));
             }
-            // The part may come to nothing, and then it is as outdated as before.
-            Outcome::PartCame => {
+            // The part may be rejected; then the drawing is as outdated as before.
+            Outcome::PartArrived => {
                 self.reprocessing.forget(name);
                 self.reprocessing.check(sku.clone());
             }
@@ -175,16 +178,16 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// An archived original cannot be corrected again now.
+    /// Records that an archived original cannot be corrected again now.
     pub(super) fn postpone_recorrection(&mut self, sku: &Sku, name: &str, reason: Reason) {
         let (now, once) = (self.now(), self.mode == Mode::Once);
         self.reprocessing.postpone(name, now + LONGEST_PAUSE, once);
         if self.reprocessing.is_news(name, &reason) {
-            tracing::warn!("{name} of {sku} is not corrected again yet: {}", reason.what);
+            tracing::warn!("cannot correct {name} of {sku} again yet: {}", reason.what);
         }
     }
 
-    /// A companion has settled: what it belongs to may go on, or went on without it before.
+    /// Handles a companion that has settled: the drop that it belongs to can continue, or continued without it before.
     pub(super) fn companion(&mut self, path: &Path) {
         if let Some(place) = self.late.take_companion(path)
             && filing::follow(self.folders(), &self.executor.parking, path, &place).is_ok()
@@ -192,38 +195,38 @@ impl<C: Corrector> Dispatcher<'_, C> {
             self.drops.forget(path);
             return;
         }
-        self.late.companions_came += 1;
-        self.drops.companion_came(path);
+        self.late.companions_arrived += 1;
+        self.drops.companion_arrived(path);
         self.lanes.stale = true;
         let is_late = self.late.take_sidecar(path);
         if let Some(drop) = self.drops.get_mut(path) {
             let reason = if is_late {
-                let what = "The settings came after their pattern, which was delivered without them.";
-                let remedy = "Drop the pattern again; next time drop its settings first.";
+                let what = "The settings arrived too late: their pattern was delivered without them.";
+                let remedy = "Drop the pattern again. Next time drop its settings first.";
                 Reason::new("sidecar-late", what, remedy)
             } else if is_sidecar(path) {
                 let what = "The settings wait for the pattern of the same name.";
                 Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
             } else {
-                let what = "The file waits for the part that names it.";
-                Reason::new("waits-for-part", what, "Drop the part, or remove the file if nothing needs it.")
+                let what = "The file waits for the part that uses it.";
+                Reason::new("waits-for-part", what, "Drop the part, or remove the file if no part needs it.")
             };
-            let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+            let message = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
             match drop.wait(Block::Unclaimed, reason) {
                 false => {}
-                true if is_late => tracing::warn!("{words}"),
-                true => tracing::info!("{words}"),
+                true if is_late => tracing::warn!("{message}"),
+                true => tracing::info!("{message}"),
             }
         }
     }
 
-    /// The drop is done. Should another file bear its name by now, that is a new drop.
+    /// Forgets a drop that is done. If a file of its name exists now, that is a new drop.
     pub(super) fn done(&mut self, path: &Path) {
         self.drops.forget(path);
         self.look_again(path);
     }
 
-    /// Takes the file as it is now, or forgets it when it is gone.
+    /// Observes the file as it is now, or forgets the drop if the file does not exist.
     pub(super) fn look_again(&mut self, path: &Path) {
         let hot = self.folders().hot.clone();
         match folders::look(path) {
@@ -236,9 +239,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
 
     pub(super) fn wait(&mut self, path: &Path, block: Block, reason: Reason) {
         let Some(drop) = self.drops.get_mut(path) else { return };
-        let words = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
+        let message = format!("{}: {}", with_slashes(&drop.relative), reason.on_one_line());
         if drop.wait(block, reason) {
-            tracing::info!("{words}");
+            tracing::info!("{message}");
         }
     }
 
@@ -251,17 +254,21 @@ impl<C: Corrector> Dispatcher<'_, C> {
             _ => FIRST_PAUSE,
         };
         let moment = if once { Moment::MAX } else { now + pause };
-        let words = format!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
-        // An edit takes a moment, and nobody has to do anything.
+        let message = format!("{} waits: {}", with_slashes(&drop.relative), reason.on_one_line());
+        // Settings that are being saved are complete after a moment, so nobody has to act.
         if drop.wait(Block::Until { moment, pause, obstacle }, reason)
             && obstacle != Obstacle::SettingsBeingSaved
         {
-            tracing::warn!("{words}");
+            tracing::warn!("{message}");
         }
     }
 }
 
 pub(super) fn part_under_way(sku: &Sku) -> Reason {
-    let what = format!("The pattern waits for a part of {sku} that is not whole or not done yet.");
-    Reason::new("waits-for-part", what, "Finish dropping the part.")
+    let what = format!("The pattern waits for a part of {sku} that is incomplete or not processed yet.");
+    Reason::new(
+        "waits-for-part",
+        what,
+        "Wait until the part is processed. If its copy stopped, copy it again.",
+    )
 }

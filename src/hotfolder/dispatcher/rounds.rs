@@ -1,54 +1,54 @@
-//! The rounds in which the hot folder is listed.
+//! The repeated listings of the hot folder.
 
 use std::collections::BTreeMap;
 
 use crate::hotfolder::seen::Moment;
 
-/// When the next round is due, and what the last one found wrong with the hot folder itself.
+/// When the next listing is due, and the problems that the last one found with the hot folder itself.
 #[derive(Default)]
 pub(super) struct Rounds {
     pub(super) next: Moment,
-    /// The folder is not listed again before this moment, whatever asks for it.
+    /// The folder is never listed again before this moment.
     pub(super) rests_until: Moment,
     pub(super) hot_is_missing: bool,
     pub(super) troubles: Vec<String>,
-    /// What is wrong in each listing, told when it begins, and in which round it was last heard of; what is healed and
-    /// comes back is told again.
+    /// The problems, with the number of the last round that found them. A problem is logged once; if it is resolved and
+    /// occurs again, it is logged again.
     warned: BTreeMap<String, u64>,
     number: u64,
-    /// What crashes left behind was removed.
+    /// The leftovers of crashes were removed.
     pub(super) swept: bool,
 }
 
 impl Rounds {
-    /// Begins another round: what the last one did not find any more has healed.
+    /// Starts another round: problems that the last one did not find are resolved.
     pub(super) fn begin(&mut self) {
         self.warned.retain(|_, number| *number == self.number);
         self.number += 1;
         self.troubles.clear();
     }
 
-    /// When it is due.
+    /// When the next listing is due.
     pub(super) fn due(&self) -> Moment {
         self.next.max(self.rests_until)
     }
 
-    /// Only a listing tells what there is.
+    /// Lists the folder as soon as possible.
     pub(super) fn make_due(&mut self) {
         self.next = Moment::ZERO;
     }
 
-    /// Something is wrong with the hot folder itself.
-    pub(super) fn trouble(&mut self, words: String) {
-        self.warn_once(words.clone());
-        self.troubles.push(words);
+    /// Reports a problem with the hot folder itself, also in the status.
+    pub(super) fn trouble(&mut self, problem: String) {
+        self.warn_once(problem.clone());
+        self.troubles.push(problem);
     }
 
-    /// Something is wrong that stays so.
-    pub(super) fn warn_once(&mut self, words: String) {
-        if !self.warned.contains_key(&words) {
-            tracing::warn!("{words}");
+    /// Logs a problem, unless the last round has logged it.
+    pub(super) fn warn_once(&mut self, problem: String) {
+        if !self.warned.contains_key(&problem) {
+            tracing::warn!("{problem}");
         }
-        self.warned.insert(words, self.number);
+        self.warned.insert(problem, self.number);
     }
 }

@@ -1,4 +1,4 @@
-//! The threads that do the jobs, and what each is at.
+//! The threads that do the jobs, and the job of each.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,10 +13,10 @@ use crate::hotfolder::jobs::{End, Executor, Outcome, Task, Work};
 use crate::hotfolder::seen::{Message, Moment, Stamp};
 use crate::hotfolder::state::{DropId, UnderWay};
 
-/// A job that takes this long is a large one, whatever it looked like.
+/// A job that takes this long is treated as a large one.
 const LONG: Duration = Duration::from_secs(2);
 
-/// Does jobs as long as any come: the loop of a thread.
+/// The loop of a thread: does jobs until the channel is closed.
 pub(super) fn work<C: Corrector>(
     tasks: &Mutex<Receiver<Task>>,
     executor: &Executor<'_, C>,
@@ -39,28 +39,28 @@ pub(super) fn work<C: Corrector>(
 /// All threads.
 pub(super) struct Threads {
     tasks: SyncSender<Task>,
-    /// To as many threads again, for what is to be done while jobs take long that did not look like it.
+    /// To as many spare threads, for small jobs while other jobs unexpectedly take long.
     spare_tasks: SyncSender<Task>,
     pub(super) count: usize,
     running: BTreeMap<PathBuf, Running>,
 }
 
-/// A job that a thread is at.
+/// A job that a thread is doing.
 pub(super) struct Running {
     pub(super) drop: DropId,
     pub(super) work: Work,
     pub(super) since: Moment,
     pub(super) stamp: Stamp,
     pub(super) large: bool,
-    /// Nothing else is done meanwhile.
+    /// No other job runs at the same time.
     pub(super) alone: bool,
-    /// How many companions had come when it began.
-    pub(super) companions_came: u64,
-    /// How often the settings had changed when it began.
+    /// How many companions had arrived when it started.
+    pub(super) companions_arrived: u64,
+    /// How often the settings had changed when it started.
     pub(super) settings_changes: u64,
-    /// It was delivered before, and is only filed.
+    /// The drawing is already delivered, and is only filed.
     pub(super) was_delivered: bool,
-    /// A spare thread is at it.
+    /// A spare thread does it.
     is_spare: bool,
 }
 
@@ -91,7 +91,8 @@ impl Threads {
         self.jobs_of(sku).any(|running| matches!(running.work, Work::Learn(_)))
     }
 
-    /// Whether the result of this folded name may be made now: no job fits a part of the SKU, and none makes that result.
+    /// Whether the result with this folded name may be made now: no job fits a part of the SKU, and no job makes the
+    /// same result.
     pub(super) fn may_make(&self, sku: &Sku, result: &str) -> bool {
         self.jobs_of(sku).all(|running| running.work.result().is_some_and(|made| fold(&made) != result))
     }
@@ -100,7 +101,7 @@ impl Threads {
         self.jobs_of(sku).next().is_some()
     }
 
-    /// What people are shown of the jobs; what is only rejected is over at once.
+    /// The jobs that the status shows. A job that only rejects a drop is too short to be shown.
     pub(super) fn under_way(&self, now: Moment) -> Vec<UnderWay> {
         let jobs = self.running.values().filter(|running| running.sku().is_some());
         jobs.map(|running| UnderWay {
@@ -110,15 +111,15 @@ impl Threads {
         .collect()
     }
 
-    /// Whether a thread is free for a job that is not known to be large. Jobs that take long without having looked like it
-    /// make room for as many others.
+    /// Whether a thread is free for a job that is not known to be large. For each job that unexpectedly takes long, one
+    /// more may run.
     pub(super) fn have_room(&self, now: Moment) -> bool {
         let takes_long = |running: &&Running| !running.large && now.saturating_sub(running.since) >= LONG;
         let spare = self.running.values().filter(takes_long).count().min(self.count);
         self.running.len() < self.count + spare && !self.running.values().any(|running| running.alone)
     }
 
-    /// Whether a large job leaves a thread to the small ones.
+    /// Whether one more large job leaves a thread to the small ones.
     pub(super) fn have_room_for_large(&self) -> bool {
         self.running.values().filter(|running| running.large).count() + 1 < self.count
     }
@@ -140,7 +141,7 @@ impl Threads {
 }
 
 impl Running {
-    /// A job as it begins.
+    /// A job that starts now.
     pub(super) fn of(task: &Task, since: Moment) -> Self {
         Self {
             drop: task.drop.clone(),
@@ -149,7 +150,7 @@ impl Running {
             stamp: task.stamp,
             large: false,
             alone: false,
-            companions_came: 0,
+            companions_arrived: 0,
             settings_changes: 0,
             was_delivered: task.unfiled.is_some(),
             is_spare: false,

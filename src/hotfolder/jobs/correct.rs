@@ -1,4 +1,4 @@
-//! A drawing, step by step: prepare, resume, repeat, make, deliver, and what follows in [`Executor::finish`].
+//! Corrects a drawing, step by step: prepare, resume, repeat, make, deliver, and then [`Executor::finish`].
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,17 +17,17 @@ use crate::hotfolder::seen::{Meaning, delivered_as, folders, meaning, sidecar_of
 use crate::hotfolder::state::{Certainty, Delivered, DropId, Import, Job};
 use crate::reason::Reason;
 
-/// A drawing on its way.
+/// A drawing that is being corrected.
 struct Correction<'a> {
     ready: Ready<'a>,
     settings: JobSettings,
     result: Job,
-    /// The newest result of the same name.
+    /// The newest result with the same name.
     last: Option<Delivered>,
     started: Instant,
 }
 
-/// What an interrupted job on the same file did.
+/// What an interrupted job on the same file has done.
 struct Before {
     result: Job,
     certainty: Certainty,
@@ -47,12 +47,12 @@ impl<C: Corrector> Executor<'_, C> {
     ) -> Result<Outcome, EarlyEnd> {
         let started = Instant::now();
         let name = delivered_as(pattern);
-        // The first spelling stays: where files are told apart by it, another one would be a second drawing.
+        // The first spelling of the name is kept: on a case-sensitive disk, another spelling would be a second drawing.
         let name = &*self.journal().result(&name).map_or(name, |last| last.job.name);
-        let is_of_use = |unfiled: &Unfiled| {
+        let is_valid = |unfiled: &Unfiled| {
             unfiled.stamp == task.stamp && (unfiled.asked || !is_missing_for_server(&task.station, name))
         };
-        if let Some(unfiled) = unfiled.filter(is_of_use) {
+        if let Some(unfiled) = unfiled.filter(is_valid) {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
             return self.finish(&Ready { task, sku, pattern, name, read }, unfiled);
         }
@@ -83,20 +83,20 @@ impl<C: Corrector> Executor<'_, C> {
                 previous.as_deref(),
             )?,
         };
-        drawing.tell(how, &made.summary, previous.as_deref());
+        drawing.log(how, &made.summary, previous.as_deref());
         let unfiled = drawing.unfiled(how, made, before.map(|before| before.import));
         self.finish(&drawing.ready, unfiled)
     }
 
-    /// Without a surface a pattern waits.
+    /// Makes the pattern wait if there is no surface.
     fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), EarlyEnd> {
-        // The shape that settings give by its sizes is never that of a file.
+        // A primitive is given in the settings, so a rejected part file does not affect it.
         let is_from_file = task.settings.part.primitive.is_none();
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
-            let what = format!("The pattern waits for a part: no surface of {sku} is known.");
+            let what = format!("The pattern waits for a part: {sku} has no surface yet.");
             let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             return Err(EarlyEnd::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
         }
@@ -104,7 +104,7 @@ impl<C: Corrector> Executor<'_, C> {
         Ok(())
     }
 
-    /// Gathers what the drawing is made of.
+    /// Collects everything that the drawing is made from.
     fn prepare<'a>(&self, ready: Ready<'a>, started: Instant) -> Result<Correction<'a>, EarlyEnd> {
         let Ready { task, sku, name, read, .. } = ready;
         let settings = match &read.sidecar {
@@ -127,14 +127,14 @@ impl<C: Corrector> Executor<'_, C> {
         };
         let last = self.journal().result(name);
         if task.drop.is_archived() && last.as_ref().is_some_and(|last| last.job.pattern != result.pattern) {
-            let what = "The original in the archive is another one than was delivered.";
+            let what = "The original in the archive is not the one that was delivered.";
             let remedy = "Drop the drawing that is to be marked.";
             return Err(JobError::Rejected(Reason::new("archive-changed", what, remedy)).into());
         }
         Ok(Correction { ready, settings, result, last, started })
     }
 
-    /// What an interrupted job delivered of this file.
+    /// What an interrupted job has delivered for this file.
     fn resume(&self, drawing: &Correction) -> Result<Option<Before>, JobError> {
         let (task, result) = (drawing.ready.task, &drawing.result);
         let mut journal = self.journal();
@@ -154,7 +154,7 @@ impl<C: Corrector> Executor<'_, C> {
         })
     }
 
-    /// Files a drawing that was delivered before, if it is not to be delivered again; returns whether it is.
+    /// Files a drawing that was already delivered, if the settings ask not to deliver it again; returns whether it did.
     fn repeat(&self, drawing: &mut Correction) -> Result<bool, JobError> {
         let (task, name) = (drawing.ready.task, drawing.ready.name);
         let delivery = &task.station.delivery;
@@ -171,7 +171,7 @@ impl<C: Corrector> Executor<'_, C> {
                 tracing::info!("{name} was already delivered at {} and is not delivered again", last.at);
             }
             Certainty::Uncertain => tracing::warn!(
-                "{name} may have been delivered before {} and is not delivered again: `{}` does that",
+                "{name} may have been delivered before {} and is not delivered again; `{}` delivers it again",
                 last.at,
                 delivery::retry_command(&task.station, name)
             ),
@@ -181,8 +181,8 @@ impl<C: Corrector> Executor<'_, C> {
         Ok(true)
     }
 
-    /// Notes that a drawing which was corrected again is what was delivered, if it is: an importer that took it would mark a
-    /// second one. Returns whether it is.
+    /// Files a drawing that was corrected again, if it is the same as the delivered one: an importer would mark a
+    /// second delivery a second time. Returns whether it did.
     fn stays_as_delivered(&self, drawing: &Correction) -> Result<bool, JobError> {
         let is_the_same = |last: &&Delivered| {
             last.job.result == drawing.result.result
@@ -193,12 +193,12 @@ impl<C: Corrector> Executor<'_, C> {
         if !drawing.ready.task.drop.is_archived() {
             return Ok(false);
         }
-        tracing::info!("{} comes out as it was delivered, and is not delivered again", drawing.ready.name);
+        tracing::info!("{} did not change, and is not delivered again", drawing.ready.name);
         self.file_original(&drawing.ready, &drawing.result, last.import, last.certainty)?;
         Ok(true)
     }
 
-    /// Corrects the drawing; returns it with what lies in the import folder under its name.
+    /// Corrects the drawing; returns it, and the existing file with its name in the import folder.
     fn make(
         &self,
         drawing: &mut Correction,
@@ -210,17 +210,18 @@ impl<C: Corrector> Executor<'_, C> {
             Some(reason) => Err(EarlyEnd::Outcome(Outcome::NoImportFolder(reason))),
             None => Ok(()),
         };
-        // Many drawings may wait for long: each is worked through once, to tell early what is wrong with it.
+        // A drawing is corrected once even without an import folder, so that errors in it are reported early; while it
+        // waits for the folder, it is not corrected again and again.
         if task.waits_for_import {
             import_is_there()?;
         }
         if task.station.delivery.kind == DeliveryKind::Beamserver {
             beamserver::sendable(&task.station.delivery.path_for_server(&folders.import, name))?;
         }
-        // Files that are dropped together come one after the other, the drawing first perhaps.
-        let part_came = || !was_delivered && self.overtaken().contains(sku);
-        if part_came() {
-            return Err(EarlyEnd::Outcome(Outcome::PartCame));
+        // Files that are dropped together arrive one after the other, and the drawing may arrive before its part.
+        let part_arrived = || !was_delivered && self.overtaken().contains(sku);
+        if part_arrived() {
+            return Err(EarlyEnd::Outcome(Outcome::PartArrived));
         }
         let previous = filing::delivered_before(folders, name).map_err(folder_trouble)?;
         let made = guarded(|| {
@@ -229,19 +230,18 @@ impl<C: Corrector> Executor<'_, C> {
         drawing.result.result = delivery::hash_of(&made.drawing);
         import_is_there()?;
         self.shares.are_there(folders, false)?;
-        if part_came() {
-            return Err(EarlyEnd::Outcome(Outcome::PartCame));
+        if part_arrived() {
+            return Err(EarlyEnd::Outcome(Outcome::PartArrived));
         }
         Ok((made, previous))
     }
 }
 
 impl Before {
-    /// What is left to be done when the report cannot be made any more.
+    /// The remaining steps when the report cannot be made any more.
     fn without_report(self, task: &Task) -> Unfiled {
         tracing::warn!(
-            "part or settings changed since the station was interrupted while it delivered {}: \
-             it has no report of its own",
+            "{} has no report: part or settings changed after the station was interrupted while delivering it",
             self.result.name
         );
         Unfiled {
@@ -261,41 +261,41 @@ impl Correction<'_> {
         self.last.as_ref().is_some_and(|last| last.job.key == self.result.key)
     }
 
-    /// Tells what was delivered, and what is odd about it.
-    fn tell(&self, how: How, summary: &str, previous: Option<&[u8]>) {
+    /// Logs the delivery, with warnings about anything unusual.
+    fn log(&self, how: How, summary: &str, previous: Option<&[u8]>) {
         let Ready { task, sku, name, read, .. } = self.ready;
         let is_for_server = task.station.delivery.kind == DeliveryKind::Beamserver;
         let for_server = if is_for_server { " for BeamServer" } else { "" };
         let took = self.started.elapsed().as_millis();
-        let outcome = words(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
-        tracing::info!("{name} {outcome}{for_server} in {took} ms: {summary}");
+        let outcome = describe(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
+        tracing::info!("{name} {outcome}{for_server} ({took} ms): {summary}");
         let last = self.last.as_ref();
         if let Some(last) = last
             && !self.is_same_again()
             && !is_same_drop(&last.job.drop, &self.result.drop)
         {
-            let [older, newer] = told_apart(&last.job.drop.to_string(), &self.result.drop.to_string());
+            let [older, newer] = distinguishable(&last.job.drop.to_string(), &self.result.drop.to_string());
             tracing::warn!(
-                "{older} and {newer} claim one result: {name} is now made of {newer}. Give the drawings different names."
+                "{older} and {newer} have the same result name: {name} now comes from {newer}. Rename one of the drawings"
             );
         }
         if read.sidecar.is_none()
             && let Some(settings) = last.and_then(|last| sidecar_of_last(&task.station.folders, sku, last))
         {
             tracing::warn!(
-                "{name} comes without the settings that its last version had: if they still hold, drop it again with {}",
+                "{name} arrived without the settings of its previous version. If they still apply, drop it again with {}",
                 settings.display()
             );
         }
         let is_ours = |bytes: &[u8]| last.is_some_and(|last| last.job.result == delivery::hash_of(bytes));
         if how == How::Replaced && !previous.is_some_and(is_ours) {
             tracing::warn!(
-                "the {name} that was replaced in import was another one than this station had put there"
+                "the replaced {name} in import was not the drawing that this station had delivered"
             );
         }
     }
 
-    /// What is left to be done with the drawing; its preview is drawn. `import` is what an interrupted job left.
+    /// Draws the preview, and returns the remaining steps. `import` is the state that an interrupted job left.
     fn unfiled(&self, how: How, mut made: Delivery, import: Option<Import>) -> Unfiled {
         let Ready { task, name, .. } = self.ready;
         (made.drawing, made.check) = (Vec::new(), None);
@@ -315,12 +315,13 @@ impl Correction<'_> {
     }
 }
 
-/// Whether nobody has to see to it that the marking software gets the last result.
+/// Whether the last result needs no import by BeamServer.
 fn is_imported(task: &Task, last: &Delivered) -> bool {
     task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done
 }
 
-/// Whether two drops are one; of what was corrected again from the archive, only the pattern's name is known.
+/// Whether two drops are the same; of a drawing that was corrected again from the archive, only the pattern's name is
+/// known.
 fn is_same_drop(a: &DropId, b: &DropId) -> bool {
     let name = |drop: &DropId| match drop {
         DropId::Hot(path) => match meaning(Path::new(path)) {
@@ -332,8 +333,8 @@ fn is_same_drop(a: &DropId, b: &DropId) -> bool {
     a == b || ((a.is_archived() || b.is_archived()) && fold(&name(a)) == fold(&name(b)))
 }
 
-/// Two names that differ, spelled so that the difference is seen: an accent may be a letter of its own.
-fn told_apart(one: &str, other: &str) -> [String; 2] {
+/// Two different names, spelled so that the difference is visible: an accent may be a separate character.
+fn distinguishable(one: &str, other: &str) -> [String; 2] {
     let looks_alike = fold(one) == fold(other);
     let spelled = |name: &str| match looks_alike {
         true => name
@@ -345,30 +346,31 @@ fn told_apart(one: &str, other: &str) -> [String; 2] {
     [spelled(one), spelled(other)]
 }
 
-/// The settings in the archive that lie beside the original of a result.
+/// The settings in the archive beside the original of a result.
 fn sidecar_of_last(folders: &FolderPaths, sku: &Sku, last: &Delivered) -> Option<PathBuf> {
     let original = Some(&last.original).filter(|original| !original.is_empty())?;
     sidecar_of(&folders.archive.join(sku.key()).join(original)).filter(|path| folders::is_file(path))
 }
 
-fn words(how: How, last: Option<(&str, bool)>) -> String {
+/// What happened to a drawing, as text for the log; `last` is the time of the last result, and whether it is the same.
+fn describe(how: How, last: Option<(&str, bool)>) -> String {
     match (how, last) {
-        (How::Replaced, Some((at, false))) => format!("replaces in import the result of {at},"),
-        (How::Replaced, _) => "replaces the older drawing in import,".into(),
+        (How::Replaced, Some((at, false))) => format!("replaced the result of {at} in import"),
+        (How::Replaced, _) => "replaced the older drawing in import".into(),
         (How::New, Some((at, true))) => {
-            format!("was already delivered at {at}, is gone from import, and is delivered again,")
+            format!("was already delivered at {at}, is missing in import, and is delivered again")
         }
-        (How::New, Some((at, false))) => format!("delivered to import after an older result of {at},"),
+        (How::New, Some((at, false))) => format!("delivered to import after an older result of {at}"),
         (How::New, None) => "delivered to import".into(),
-        (How::Unchanged, _) => "was already delivered and lies in import unchanged,".into(),
-        (How::Again, _) => "was already delivered and is delivered again,".into(),
+        (How::Unchanged, _) => "was already delivered and is unchanged in import".into(),
+        (How::Again, _) => "was already delivered and is written to import again".into(),
         (How::BeforeTheCrash(Certainty::Certain), _) => {
-            "was delivered before the station was interrupted, and is filed".into()
+            "was delivered before the station was interrupted, and is filed now".into()
         }
         (How::BeforeTheCrash(Certainty::Uncertain), _) => {
-            "may have been delivered before the station was interrupted, and is filed".into()
+            "may have been delivered before the station was interrupted, and is filed now".into()
         }
-        (How::Perhaps, _) => "may have been delivered to import, and is filed".into(),
+        (How::Perhaps, _) => "may have been delivered to import, and is filed now".into(),
     }
 }
 
@@ -377,7 +379,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_another_drop_of_one_name_is_another() {
+    fn drops_are_the_same_if_path_or_archived_name_agree() {
         for (a, b, same) in [
             ("mug@pic.dxf", "mug@pic.dxf", true),
             ("mug@pic.png", "mug@pic.dxf", false),
@@ -392,10 +394,10 @@ mod tests {
     }
 
     #[test]
-    fn names_that_look_alike_are_told_apart() {
-        let [one, other] = told_apart("m\u{fc}g@pic.dxf", "mu\u{308}g@pic.dxf");
+    fn names_that_look_alike_are_made_distinguishable() {
+        let [one, other] = distinguishable("m\u{fc}g@pic.dxf", "mu\u{308}g@pic.dxf");
         assert_eq!((&*one, &*other), ("m\\u{fc}g@pic.dxf", "mu\\u{308}g@pic.dxf"));
-        assert_eq!(told_apart("mug@pic.png", "m\u{fc}g@pic.dxf"), ["mug@pic.png", "m\u{fc}g@pic.dxf"]);
-        assert_eq!(told_apart("Mug@pic.dxf", "mug@pic.dxf"), ["Mug@pic.dxf", "mug@pic.dxf"]);
+        assert_eq!(distinguishable("mug@pic.png", "m\u{fc}g@pic.dxf"), ["mug@pic.png", "m\u{fc}g@pic.dxf"]);
+        assert_eq!(distinguishable("Mug@pic.dxf", "mug@pic.dxf"), ["Mug@pic.dxf", "mug@pic.dxf"]);
     }
 }

@@ -1,5 +1,5 @@
-//! A drawing into the import folder: once, whole, and known for done after any crash. The protocol is that of the
-//! [`Journal`].
+//! Delivers a drawing to the import folder: once, complete, and known as delivered after any crash. The [`Journal`]
+//! describes the protocol.
 
 use std::path::{Path, PathBuf};
 use std::sync::MutexGuard;
@@ -10,34 +10,34 @@ use super::resume::{InImport, Renamed, Seen, after_a_failed_rename};
 use crate::config::{DeliveryKind, FolderPaths, Repeat, Station};
 use crate::files::{TEMPORARY_END, TEMPORARY_START, read_if_there, sync_folder, write_flushed, write_whole};
 use crate::hotfolder::api::{Check, Delivery, JobError};
-use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Identity, Stamp, folders};
 use crate::hotfolder::state::{Certainty, Delivered, Job, Journal};
 
-/// The folder in the state folder with the drawings that BeamConstruct holds while others of their names are tried.
+/// The folder in the state folder with the drawings that are in BeamConstruct while their replacements are tried.
 const PREVIOUS: &str = "previous";
-/// How the name of a drawing ends that BeamServer imports for trial.
+/// The suffix of a drawing that BeamServer imports as a trial.
 pub(crate) const TRIAL_END: &str = "-trial.dxf";
 
-/// How a drawing came to lie in the import folder.
+/// How a drawing was delivered to the import folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum How {
-    /// There was none of its name.
+    /// There was no drawing of its name.
     New,
     /// It replaced another drawing.
     Replaced,
-    /// The same bytes lay there and were left alone: importers take a file that is written again for a new one.
+    /// The file had the same bytes and was not written: importers treat a file that is written again as a new one.
     Unchanged,
-    /// The same bytes lay there and were written again, because the settings say so.
+    /// The file had the same bytes and was written again, because the settings ask for it.
     Again,
-    /// The station put it there before it was interrupted, or may have.
+    /// The station delivered it before it was interrupted, or may have.
     BeforeTheCrash(Certainty),
-    /// The share reported that it could not be renamed, and holds neither it nor its temporary file.
+    /// The share reported that renaming it failed, and contains neither the drawing nor its temporary file.
     Perhaps,
 }
 
 impl How {
-    /// Whether it is known to lie, or to have lain, there.
+    /// Whether its delivery is certain.
     pub(crate) fn certainty(self) -> Certainty {
         match self {
             Self::BeforeTheCrash(certainty) => certainty,
@@ -47,8 +47,8 @@ impl How {
     }
 }
 
-/// Puts the drawing into the import folder, once a second reader has found in the written file what was meant; `previous`
-/// is what lies there under its name.
+/// Delivers the drawing to the import folder, after a second reader has confirmed the written file; `previous` is the
+/// existing file with its name.
 pub(crate) fn deliver<'a>(
     journal: impl Fn() -> MutexGuard<'a, Journal>,
     station: &Station,
@@ -83,13 +83,13 @@ pub(crate) fn deliver<'a>(
     let mut certainty = Certainty::Certain;
     if let Err(error) = noted.and_then(|()| fs::rename(&temporary, import.join(&job.name))) {
         let seen = look_into_import(import, &temporary, job, identity);
-        // What cannot be looked at now is looked at by the next try.
+        // If the folder cannot be read now, the next attempt reads it.
         let Ok(seen) = seen else { return Err(folder_trouble(error)) };
         match after_a_failed_rename(seen) {
             Renamed::Yes => {}
             Renamed::Unknown => certainty = Certainty::Uncertain,
-            Renamed::No | Renamed::NotToBeSeen => {
-                // As long as the journal may say `delivering`, the temporary file is what says that it was not done.
+            Renamed::No | Renamed::NotVisible => {
+                // While the journal may contain `delivering`, the temporary file proves that it was not delivered.
                 if journal().cancelled(&job.drop).is_ok() {
                     remove_quietly(&temporary);
                 }
@@ -97,17 +97,17 @@ pub(crate) fn deliver<'a>(
             }
         }
     }
-    // Importers may have seen it.
+    // An importer may already have read the drawing, so this error does not undo the delivery.
     if let Err(error) = sync_folder(import) {
-        tracing::warn!("{} lies in import, and a power cut may take it away again: {error}", job.name);
+        tracing::warn!("{} is in import, but a power cut may still remove it: {error}", job.name);
     }
-    // Should this line get lost, the folder says the same as long as nobody takes the drawing away.
-    let why = "the share reported that it could not be renamed";
-    tell_trouble(note_delivered(station, &mut journal(), job, certainty, why));
+    // If this line is lost, the folder shows the same until somebody takes the drawing away.
+    let why = "the share reported that it could not rename the file";
+    warn_if_not_noted(note_delivered(station, &mut journal(), job, certainty, why));
     Ok(if certainty == Certainty::Certain { how } else { How::Perhaps })
 }
 
-/// Has the second reader check the file, if the settings ask for it; the report then states it.
+/// Lets the second reader check the file, if the settings ask for it; the report then states the result.
 fn read_back(
     station: &Station,
     made: &mut Delivery,
@@ -121,7 +121,8 @@ fn read_back(
     Ok(())
 }
 
-/// What lies in the import folder of a drawing that was about to get its name there; `then` is which folder that was.
+/// The state of the import folder for a drawing that was about to get its final name there; `then` is the identity of
+/// the folder at that time.
 pub(crate) fn look_into_import(
     import: &Path,
     temporary: &Path,
@@ -140,7 +141,7 @@ pub(crate) fn look_into_import(
     })
 }
 
-/// Notes that the drawing bears its name, as far as is known.
+/// Notes that the drawing has its final name, with the certainty of that.
 pub(crate) fn note_delivered(
     station: &Station,
     journal: &mut Journal,
@@ -151,8 +152,8 @@ pub(crate) fn note_delivered(
     journal.delivered(&job.drop, certainty)?;
     if certainty == Certainty::Uncertain {
         tracing::warn!(
-            "{} may not have been delivered: {why_uncertain}, and the import folder holds neither it nor its temporary file. \
-             See whether the importer took it; if not, `{}` delivers it again",
+            "{} may not have been delivered: {why_uncertain}, and the import folder contains neither the drawing nor its \
+             temporary file. Check whether the importer took it; if not, `{}` delivers it again",
             job.name,
             retry_command(station, &job.name)
         );
@@ -160,34 +161,35 @@ pub(crate) fn note_delivered(
     Ok(())
 }
 
-/// What delivers an uncertain drawing again, as it is typed.
+/// The command that delivers an uncertain drawing again.
 pub(crate) fn retry_command(station: &Station, name: &str) -> String {
     let [file, name] = [&*station.file.to_string_lossy(), name].map(crate::reason::quoted);
     format!("isomark retry {file} {name}")
 }
 
-/// Whether the drawing in the import folder is the one that BeamConstruct holds.
+/// Whether the drawing in the import folder is the one in BeamConstruct.
 fn is_held(journal: &Journal, station: &Station, name: &str, drawing: &[u8]) -> bool {
     let is_it = |last: Delivered| last.held() == hash_of(drawing);
     station.delivery.kind == DeliveryKind::Beamserver && journal.result(name).is_some_and(is_it)
 }
 
-/// What the journal knows a drawing by.
+/// The hash of a drawing in the journal.
 pub(crate) fn hash_of(drawing: &[u8]) -> String {
     blake3::hash(drawing).to_hex().to_string()
 }
 
-/// The name bears the station's mark, because several stations may deliver into one folder.
+/// The path of a drawing's temporary file. Its name contains the station's tag, because several stations may deliver to
+/// one folder.
 pub(crate) fn temporary_of(import: &Path, tag: &str, job: &Job) -> PathBuf {
     import.join(format!("{TEMPORARY_START}{tag}-{}{TEMPORARY_END}", &job.key))
 }
 
-/// Takes a drawing that must not be marked out of the import folder; the one that BeamConstruct holds comes back.
+/// Removes a drawing that must not be marked from the import folder, and restores the one that is in BeamConstruct.
 ///
 /// # Errors
-/// When the journal cannot be written; nothing is changed then.
+/// When the journal cannot be written; then nothing is changed.
 pub(crate) fn take_back(folders: &FolderPaths, journal: &mut Journal, job: &Job) -> Result<(), JobError> {
-    // Noted first: what comes back must never pass for what was delivered.
+    // Noted first: the restored drawing must never be taken for the delivered one.
     journal.cancelled(&job.drop).map_err(folder_trouble)?;
     let kept = folders.state.join(PREVIOUS).join(&job.name);
     let last = journal.result(&job.name);
@@ -195,30 +197,30 @@ pub(crate) fn take_back(folders: &FolderPaths, journal: &mut Journal, job: &Job)
     let previous = read_if_there(&kept).ok().flatten().filter(is_last);
     match previous.map(|previous| write_whole(&folders.import, &job.name, &previous)) {
         Some(Ok(())) => {
-            tracing::info!("the drawing before it is back in import as {}", job.name);
+            tracing::info!("restored the previous drawing {} in import", job.name);
             return Ok(());
         }
-        Some(Err(error)) => tracing::warn!("the drawing before it cannot come back: {error}"),
+        Some(Err(error)) => tracing::warn!("cannot restore the previous drawing {}: {error}", job.name),
         None => {}
     }
     remove_quietly(&folders.import.join(&job.name));
     Ok(())
 }
 
-/// The drawing is what BeamConstruct holds now: the one before it is not needed any more.
+/// Removes the kept copy of the previous drawing: the new one is in BeamConstruct.
 pub(crate) fn forget_previous(folders: &FolderPaths, name: &str) {
     remove_quietly(&folders.state.join(PREVIOUS).join(name));
 }
 
-/// A file of this name is imported for trial; importers and this program ignore it.
+/// The name of the file for the trial import; importers and this program ignore it.
 pub(crate) fn trial_name(journal: &Journal) -> String {
     format!("{TEMPORARY_START}{}{TRIAL_END}", journal.tag())
 }
 
-/// What cannot be removed is hidden, ignored by importers, and removed at a later start.
+/// Removes a hidden file; an error is only logged, because importers ignore the file and a later start removes it.
 pub(crate) fn remove_quietly(path: &Path) {
     match fs::remove_file(path) {
-        // A read-only disk says so also of what is not there.
+        // A read-only disk reports this error also for a file that does not exist.
         Err(error) if fs::symlink_metadata(path).is_ok() => tracing::warn!("{error}"),
         _ => {}
     }

@@ -1,4 +1,4 @@
-//! One job, from a drop that is ready to its outcome, in a thread of its own.
+//! Does one job, from a ready drop to its outcome, in its own thread.
 //!
 //! ```text
 //! read ─▶ correct ─▶ write, read back ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
@@ -6,8 +6,8 @@
 //!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, preview
 //! ```
 //!
-//! Whatever ends the program between two steps, the drop and the journal together say how far it came, and the next
-//! start goes on from there.
+//! If the program ends between two steps, the drop and the journal together show how far the job got, and the next
+//! start continues from there.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -21,15 +21,15 @@ use crate::config::{JobSettings, Sku};
 use crate::files::read_if_there;
 use crate::hotfolder::api::{Corrector, JobError, PartLearned};
 use crate::hotfolder::beamserver;
-use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Parking, Stamp, StopSignal, sidecar_of};
 use crate::hotfolder::state::{DropId, Journal, OpenJob, Shares};
 
-/// What the threads of a station share.
+/// The state that the threads of a station share.
 pub(crate) struct Executor<'a, C> {
     pub(crate) corrector: &'a C,
     pub(crate) journal: Mutex<Journal>,
-    /// SKUs for which a part came while a drawing of them was being corrected.
+    /// SKUs for which a part arrived while a drawing of them was being corrected.
     pub(super) overtaken: Mutex<BTreeSet<Sku>>,
     pub(super) restoring: Restoring,
     /// Archived parts that cannot be fitted with these settings.
@@ -37,7 +37,7 @@ pub(crate) struct Executor<'a, C> {
     pub(super) beamserver: beamserver::Gate,
     pub(crate) shares: Shares,
     pub(crate) parking: Parking,
-    /// The name of the surface that each SKU was last seen to have under these settings.
+    /// The settings and the last known part identity of each SKU.
     pub(super) shapes: Mutex<BTreeMap<Sku, (JobSettings, String)>>,
 }
 
@@ -64,12 +64,12 @@ impl<'a, C: Corrector> Executor<'a, C> {
         self.overtaken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A part of the SKU lies in the hot folder: what is not delivered yet waits for it.
-    pub(crate) fn part_came(&self, sku: &Sku) {
+    /// Notes that a part of the SKU is in the hot folder: drawings that are not delivered yet wait for it.
+    pub(crate) fn part_arrived(&self, sku: &Sku) {
         self.overtaken().insert(sku.clone());
     }
 
-    /// A drawing of the SKU begins, with no part of it in the hot folder.
+    /// Notes that a drawing of the SKU is started, with no part of it in the hot folder.
     pub(crate) fn begins(&self, sku: &Sku) {
         self.overtaken().remove(sku);
     }
@@ -82,9 +82,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
     /// Does one job.
     pub(crate) fn perform(&self, task: Task) -> End {
         let drop = task.drop.clone();
-        tell_trouble(self.journal().began(&drop, task.stamp));
+        warn_if_not_noted(self.journal().began(&drop, task.stamp));
         let end = self.attempt(task);
-        tell_trouble(self.journal().ended(&drop));
+        warn_if_not_noted(self.journal().ended(&drop));
         end
     }
 
@@ -127,7 +127,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         self.take_as_up_to_date(&task.station.folders, sku, &task.settings);
         let learned = guarded(|| self.corrector.learn_part(sku, &read.file, &task.settings, task.pace))?;
         let PartLearned { summary, report } = learned;
-        // It may have been learned with one version of them, and is filed with another.
+        // A companion that changed meanwhile would be filed in another version than the one that was learned.
         if !read.companions.iter().all(filing::Beside::is_unchanged) {
             return Ok(Outcome::Changed);
         }
@@ -136,14 +136,14 @@ impl<'a, C: Corrector> Executor<'a, C> {
             filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
         }
         let archived = self.archive(task, sku, name, read, None)?;
-        // Should it fail, the job stays open, and the next listing closes it: the note must not name an older part.
+        // If this fails, the job stays open and the next listing closes it: the note must not name an older part.
         filing::set_current_part(folders, sku, &archived).map_err(folder_trouble)?;
         self.note_shape(sku, &task.settings, true);
         let original = filing::in_archive(folders, sku, &archived);
-        tell_trouble(self.journal().learned(&task.drop, sku.as_str(), &original));
+        warn_if_not_noted(self.journal().learned(&task.drop, sku.as_str(), &original));
         self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner).remove(sku);
         let took = started.elapsed().as_millis();
-        tracing::info!("{name} is now the shape of {sku}, in {took} ms: {summary}");
+        tracing::info!("{name} is now the part of {sku} ({took} ms): {summary}");
         let place = archived.parent().unwrap_or(&archived).to_path_buf();
         Ok(Outcome::Learned { absent: read.absent.clone(), place })
     }
@@ -162,7 +162,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         intake::read(&intake, |name, bytes| guarded(|| Ok(self.corrector.completeness(name, bytes))))
     }
 
-    /// The sidecar's text of an archived original, if it has one.
+    /// The settings of an archived original, with those of its sidecar if it has one.
     pub(crate) fn settings_of_original(&self, original: &Path, settings: &JobSettings) -> JobSettings {
         let sidecar = sidecar_of(original);
         let text = sidecar.as_ref().and_then(|path| read_if_there(path).ok().flatten());

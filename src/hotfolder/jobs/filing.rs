@@ -1,17 +1,17 @@
-//! What lies where when a job is over.
+//! The places of all files after a job.
 //!
 //! ```text
-//! import/<name>.dxf                       the corrected drawing, nothing else ever
-//! reports/<sku>/<name>.report.json        of the latest drawing or part of that name
+//! import/<name>.dxf                       the corrected drawing, and never anything else
+//! reports/<sku>/<name>.report.json        of the latest drawing or part with that name
 //! reports/<sku>/<name>.preview.svg
 //! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
 //! archive/<sku>/current-part.txt          which archived part the surface comes from
-//! rejected/[<folder>/]<name>              as it lay in the hot folder; when taken: rejected/(2)/<name> and so on
+//! rejected/[<folder>/]<name>              as it was in the hot folder; when taken: rejected/(2)/<name> and so on
 //! rejected/[<folder>/]<name>.reason.json  and .reason.txt
 //! ```
 //!
-//! SKU folders bear the SKU's name in lower case. Companions lie beside their part. A rejected drop is tried again by
-//! moving it back into the hot folder as it is.
+//! SKU folders have the SKU's name in lower case. Companions are beside their part. To try a rejected drop again, move
+//! it back into the hot folder unchanged.
 
 use std::ffi::{OsStr, OsString};
 use std::io;
@@ -29,38 +29,38 @@ use crate::hotfolder::state::with_slashes;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
-/// An original that leaves the hot folder.
+/// An original that is moved out of the hot folder.
 pub(crate) struct Original<'a> {
-    /// Where it lies.
+    /// Where it is.
     pub(crate) path: &'a Path,
     pub(crate) content: Content<'a>,
-    /// Files beside it that go along.
+    /// Files beside it that are moved with it.
     pub(crate) companions: &'a [Beside],
 }
 
-/// What is known of an original.
+/// What is known about an original.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Content<'a> {
-    /// What was read of it: should somebody write or replace it meanwhile, these bytes are what is put away.
+    /// The bytes that were read: they are filed even if somebody has changed or replaced the file since.
     Read(&'a [u8], Stamp),
-    /// It was not read now, and is what bears this stamp.
+    /// It was not read; it is the file with this stamp.
     Seen(Stamp),
-    /// It cannot be read, and whatever lies there goes.
+    /// It cannot be read; the file at the path is moved, unchanged or not.
     Unknown,
 }
 
-/// A file beside an original that goes along.
+/// A file beside an original that is moved with it.
 #[derive(Debug, Clone)]
 pub(crate) struct Beside {
     pub(crate) path: PathBuf,
-    /// The file as it was seen; what was written since stays in the hot folder.
+    /// The file as it was seen; if it was written since, it stays in the hot folder.
     pub(crate) stamp: Stamp,
-    /// What was read of it, if that is kept.
+    /// The bytes that were read, if they are kept.
     pub(crate) bytes: Option<Vec<u8>>,
 }
 
 impl Beside {
-    /// The file at the path as it is now; `None` when there is none.
+    /// The file at the path as it is now; `None` if there is no file.
     pub(crate) fn at(path: &Path) -> Option<Self> {
         match look(path) {
             Ok(Some(Found::File(stamp))) => Some(Self { path: path.into(), stamp, bytes: None }),
@@ -68,14 +68,14 @@ impl Beside {
         }
     }
 
-    /// Whether it is as it was seen.
+    /// Whether the file is unchanged since it was seen.
     pub(crate) fn is_unchanged(&self) -> bool {
         matches!(look(&self.path), Ok(found) if found == Some(Found::File(self.stamp)))
     }
 }
 
-/// Makes the folders that belong to isomark. The import folder does not: made by mistake, under a mistyped name or
-/// where a share is not mounted, it would swallow drawings.
+/// Creates the folders that belong to isomark. The import folder is never created: under a mistyped name, or where a
+/// share is not mounted, drawings would be delivered to a folder that nobody reads.
 pub(crate) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBuf, io::Error)> {
     let FolderPaths { hot, archive, rejected, cache, reports, state, import: _, skus: _ } = folders;
     let ours = [
@@ -92,36 +92,36 @@ pub(crate) fn prepare(folders: &FolderPaths) -> Result<(), (&'static str, PathBu
     Ok(())
 }
 
-/// Makes the folder of the SKU files if it is to lie beside the station file. Anywhere else it may be on a share that is
-/// not there yet, and so may its files.
+/// Creates the folder of the SKU files if its place is beside the station file. Anywhere else it may be on a share that
+/// is not mounted yet.
 pub(crate) fn prepare_skus(station: &Station) -> io::Result<()> {
     let skus = &station.folders.skus;
     if skus.parent() == station.file.parent() { fs::create_dir_all(skus) } else { Ok(()) }
 }
 
-/// The drawing of that name in the import folder.
+/// The drawing with that name in the import folder.
 pub(crate) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<Option<Vec<u8>>> {
     read_if_there(&folders.import.join(name))
 }
 
-/// The ending of a report.
+/// The suffix of a report's name.
 pub(crate) const REPORT: &str = "report.json";
 
-/// The ending of a picture.
+/// The suffix of a preview's name.
 pub(crate) const PREVIEW: &str = "preview.svg";
 
-/// Where a file named after a drop lies in the SKU's reports folder.
+/// The path of a file named after a drop in the SKU's reports folder.
 pub(crate) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {
     folders.reports.join(sku.key()).join(format!("{name}.{ending}"))
 }
 
-/// The note of the archived part that the SKU's surface comes from.
+/// The path of the note that names the archived part of the SKU's surface.
 pub(crate) fn current_part_note(folders: &FolderPaths, sku: &Sku) -> PathBuf {
     folders.archive.join(sku.key()).join(CURRENT_PART)
 }
 
-/// Puts a file named after a drop into the SKU's reports folder. A power cut in the same moment may lose it, and never
-/// leaves a part of it.
+/// Writes a file named after a drop into the SKU's reports folder. A power cut at that moment may lose the file, but
+/// never leaves an incomplete one.
 pub(crate) fn write_report(
     folders: &FolderPaths,
     sku: &Sku,
@@ -134,7 +134,7 @@ pub(crate) fn write_report(
     write_whole_or_not(&folder, &format!("{name}.{ending}"), bytes)
 }
 
-/// Where an original that is done goes in the SKU's archive folder; the folder is made.
+/// The place of an original in the SKU's archive folder; the folder is created.
 pub(crate) fn archive_place(
     folders: &FolderPaths,
     sku: &Sku,
@@ -150,8 +150,8 @@ pub(crate) fn in_archive(folders: &FolderPaths, sku: &Sku, archived: &Path) -> S
     with_slashes(archived.strip_prefix(folders.archive.join(sku.key())).unwrap_or(archived))
 }
 
-/// Takes an original out of the hot folder whose copy lies in the archive, and lets its companions follow. What bears its
-/// name by now and is not what was read is another drop and stays.
+/// Removes an original from the hot folder whose copy is in the archive, and files its companions. If a different file
+/// has its name now, that is another drop and stays.
 pub(crate) fn remove_copied(
     folders: &FolderPaths,
     parking: &Parking,
@@ -163,9 +163,9 @@ pub(crate) fn remove_copied(
         Content::Seen(_) | Content::Unknown => None,
     };
     match (look(original.path)?, filed) {
-        (Some(_), Some(filed)) => parking.take_away(folders, original.path, &filed)?,
+        (Some(_), Some(filed)) => parking.take_out(folders, original.path, &filed)?,
         (Some(_), None) => {}
-        (None, _) => parking.stays_gone(folders, original.path)?,
+        (None, _) => parking.check_removed(folders, original.path)?,
     }
     companions_follow(folders, parking, original, copy);
     Ok(())
@@ -177,7 +177,7 @@ pub(crate) fn set_current_part(folders: &FolderPaths, sku: &Sku, archived: &Path
     write_whole(&folder, CURRENT_PART, format!("{}\n", in_archive(folders, sku, archived)).as_bytes())
 }
 
-/// Where the archived part is that the SKU's surface comes from, as it was noted; `None` when none was.
+/// The path of the archived part that the SKU's surface comes from, from the note; `None` without a note.
 ///
 /// # Errors
 /// When the note cannot be read.
@@ -188,14 +188,14 @@ pub(crate) fn noted_part(folders: &FolderPaths, sku: &Sku) -> io::Result<Option<
     Ok(Some(note.with_file_name(text.trim_end())))
 }
 
-/// The archived part that the SKU's surface comes from, if it is there.
+/// The archived part that the SKU's surface comes from, if the file exists.
 pub(crate) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> {
     let part = noted_part(folders, sku).ok()??;
     matches!(look(&part), Ok(Some(Found::File(_)))).then_some(part)
 }
 
-/// Moves an original that cannot be done into the rejected folder, with the reason beside it. The reason is written
-/// first, so that no rejected file is ever without one. `before` is told where it goes before it is moved there.
+/// Moves an original that cannot be processed into the rejected folder, with the reason beside it. The reason is
+/// written first, so that every rejected file has one. `before` is called with the new path before the file is moved.
 pub(crate) fn reject(
     folders: &FolderPaths,
     parking: &Parking,
@@ -209,10 +209,10 @@ pub(crate) fn reject(
     let name = file_name.to_string_lossy();
     let stem = shortened(&name);
     let mut names = all_names(file_name, original);
-    // A list of points may bear the very name that the reason will get; it lies there with its own reason.
+    // A point list may have exactly the name that the reason will get; it is there with its own reason.
     names.extend(["json", "txt"].map(|ending| format!("{stem}.reason.{ending}.reason.json").into()));
     let place = match free_place(&folder, &names)? {
-        // An interruption left the copy there, and the original in the hot folder.
+        // After an interruption, the copy is there, and the original still in the hot folder.
         free if holds_copy(&place_before(&folder, &free).join(file_name), original) => {
             place_before(&folder, &free)
         }
@@ -221,14 +221,14 @@ pub(crate) fn reject(
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
-        "{} was rejected.\n\n{reason}\n\nTo try again, correct the file and drop it again, or move it back as it is.\n",
+        "{} was rejected.\n\n{reason}\n\nTo try again, correct the file and drop it again, or move it back unchanged.\n",
         on_one_line(&drop)
     );
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
     if let Err(error) = put_away(folders, parking, original, &place.join(file_name)) {
-        // It is another file by now, and the reason none of its own.
+        // The original was replaced by another file, which the reason does not describe.
         if error.kind() == io::ErrorKind::Interrupted {
             for ending in ["json", "txt"] {
                 fs::remove_file(place.join(format!("{stem}.reason.{ending}")))?;
@@ -239,7 +239,7 @@ pub(crate) fn reject(
     Ok(place.join(file_name))
 }
 
-/// The place before a free one: the folder itself, or the numbered folder in it before.
+/// The place before a free one: the folder itself, or the previous numbered folder in it.
 fn place_before(folder: &Path, free: &Path) -> PathBuf {
     let name = free.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let number = name.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
@@ -249,7 +249,7 @@ fn place_before(folder: &Path, free: &Path) -> PathBuf {
     }
 }
 
-/// Whether a copy of this very original lies there: its content and the time of its last write are the same.
+/// Whether there is a copy of exactly this original: with the same content and the same time of the last write.
 fn holds_copy(copy: &Path, original: &Original) -> bool {
     let modified = match look(copy) {
         Ok(Some(Found::File(stamp))) => stamp.modified,
@@ -266,7 +266,7 @@ fn holds_copy(copy: &Path, original: &Original) -> bool {
     }
 }
 
-/// Moves one companion into the folder where its part went before.
+/// Moves one companion into the folder of its part, which was moved before.
 pub(crate) fn follow(
     folders: &FolderPaths,
     parking: &Parking,
@@ -278,19 +278,19 @@ pub(crate) fn follow(
     go_along(folders, parking, &companion, &place.join(name))
 }
 
-/// Puts the original away at `target` and its companions beside it, the original first: what may be left behind by an
-/// interruption is a companion without a part, which does no harm. What lies there survives a power cut.
+/// Files the original at `target` and its companions beside it. The original is first: an interruption may then only
+/// leave a companion without a part, which does no harm. The filed original survives a power cut.
 pub(crate) fn put_away(
     folders: &FolderPaths,
     parking: &Parking,
     original: &Original,
     target: &Path,
 ) -> io::Result<()> {
-    let there = look(original.path)?;
+    let found = look(original.path)?;
     let filed = match original.content {
         Content::Read(bytes, stamp) => {
-            if there.is_none() {
-                parking.stays_gone(folders, original.path)?;
+            if found.is_none() {
+                parking.check_removed(folders, original.path)?;
             }
             if !holds_copy(target, original) {
                 write_new(target, bytes, stamp.modified)?;
@@ -300,16 +300,16 @@ pub(crate) fn put_away(
         Content::Seen(stamp) if holds_copy(target, original) => {
             Some(Filed { stamp, hash: content_hash(target)? })
         }
-        Content::Seen(seen) if there.is_some() => {
+        Content::Seen(seen) if found.is_some() => {
             let (stamp, hash) = copy_new(original.path, target)?;
             if stamp != seen {
                 fs::remove_file(target)?;
-                let words = format!("{} was written again", original.path.display());
-                return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+                let message = format!("{} was written again", original.path.display());
+                return Err(io::Error::new(io::ErrorKind::Interrupted, message));
             }
             Some(Filed { stamp, hash })
         }
-        Content::Unknown if there.is_some() => {
+        Content::Unknown if found.is_some() => {
             move_new(original.path, target)?;
             flush(target)?;
             None
@@ -317,18 +317,18 @@ pub(crate) fn put_away(
         Content::Seen(_) | Content::Unknown => None,
     };
     if let Some(filed) = filed {
-        parking.take_away(folders, original.path, &filed)?;
+        parking.take_out(folders, original.path, &filed)?;
     }
     companions_follow(folders, parking, original, target);
     Ok(())
 }
 
-/// Lets a file that was moved survive a power cut, as far as it may be opened.
+/// Makes a moved file survive a power cut, if it can be opened.
 fn flush(file: &Path) -> io::Result<()> {
     if let Ok(Some(Found::File(_))) = look(file) {
-        // Windows flushes only what is open to be written.
+        // Windows flushes only files that are open for writing.
         let opened = fs::OpenOptions::new().read(true).write(cfg!(windows)).open(file);
-        // One that nobody may read was rejected for that.
+        // The file may have been rejected because it cannot be read.
         if let Ok(opened) = opened {
             opened.sync_all()?;
         }
@@ -341,23 +341,23 @@ fn companions_follow(folders: &FolderPaths, parking: &Parking, original: &Origin
         let name = name_beside(&companion.path, target.file_name().unwrap_or_default());
         match go_along(folders, parking, companion, &target.with_file_name(name)) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                tracing::warn!("{} stays in the hot folder: {error}", companion.path.display());
+                tracing::warn!("{} remains in the hot folder: {error}", companion.path.display());
             }
             _ => {}
         }
     }
 }
 
-/// Copies a companion to its place and takes it out of the hot folder, unless it was written since it was seen.
+/// Copies a companion to its place and removes it from the hot folder, unless it was written since it was seen.
 fn go_along(folders: &FolderPaths, parking: &Parking, companion: &Beside, to: &Path) -> io::Result<()> {
     let path = &companion.path;
     let copied = match &companion.bytes {
-        // It was copied there when the station was interrupted.
+        // It was copied before the station was interrupted.
         Some(bytes) if has_content(to, bytes) => Ok(blake3::hash(bytes)),
         Some(bytes) => write_new(to, bytes, companion.stamp.modified).map(|()| blake3::hash(bytes)),
         None if !companion.is_unchanged() && look(path)?.is_some() => {
-            let words = "it was written again while its part was read";
-            return Err(io::Error::new(io::ErrorKind::Interrupted, words));
+            let message = "it was written again while its part was read";
+            return Err(io::Error::new(io::ErrorKind::Interrupted, message));
         }
         None => copy_new(path, to).map(|(_, hash)| hash),
     };
@@ -367,10 +367,10 @@ fn go_along(folders: &FolderPaths, parking: &Parking, companion: &Beside, to: &P
         }
         copied => copied?,
     };
-    parking.take_away(folders, path, &Filed { stamp: companion.stamp, hash })
+    parking.take_out(folders, path, &Filed { stamp: companion.stamp, hash })
 }
 
-/// What a companion is called beside its original: settings bear the pattern's name, or they would not be found again.
+/// The name of a companion beside its original: settings get the pattern's name, so that they are found again.
 fn name_beside(companion: &Path, original: &OsStr) -> OsString {
     if is_sidecar(companion) && is_drawing(&original.to_string_lossy()) {
         return Path::new(original).with_extension(SIDECAR).into_os_string();
@@ -382,8 +382,9 @@ fn is_same(a: &Path, b: &Path) -> bool {
     matches!((content_hash(a), content_hash(b)), (Ok(a), Ok(b)) if a == b)
 }
 
-/// The names that must be free where an original goes. Settings belong to each pattern of their stem that lies beside
-/// them, so neither do others' lie there, nor does a pattern that those which travel along would be taken for.
+/// The names that must be free at the place of an original. Settings belong to every pattern with their stem in the
+/// same folder. So the place must contain no settings of another pattern, and no pattern that these settings would
+/// belong to.
 fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
     let companions = original.companions.iter().map(|companion| name_beside(&companion.path, name));
     let mut names: Vec<OsString> = std::iter::once(name.to_owned()).chain(companions).collect();
@@ -399,7 +400,7 @@ fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
     names
 }
 
-/// A name that leaves room for an ending: file systems take 255 bytes.
+/// A name that leaves room for a suffix: file systems allow 255 bytes.
 fn shortened(name: &str) -> &str {
     let end = (0..=name.len().min(230)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
     &name[..end]
@@ -418,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn no_original_comes_to_lie_beside_the_settings_of_another() {
+    fn no_original_is_filed_beside_the_settings_of_another() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         let sku = "can".parse().unwrap();
@@ -441,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_is_never_written_over_a_rejected_scan_of_its_name() {
+    fn a_reason_never_overwrites_a_rejected_scan_of_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         fs::create_dir_all(&folders.hot).unwrap();
@@ -459,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drop_that_took_the_name_of_one_that_is_done_stays() {
+    fn a_new_drop_with_the_name_of_a_processed_one_stays() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         let path = folders.hot.join("can.dxf");
@@ -477,7 +478,7 @@ mod tests {
         let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
         drop("second");
 
-        // Its copy lay in the archive, or is to be made.
+        // Its copy is in the archive, or is still to be made.
         remove_copied(&folders, &parking, &original, &archive.join("can.dxf")).unwrap();
         put_away(&folders, &parking, &original, &archive.join("before")).unwrap();
         assert_eq!((content(&path), content(&archive.join("before"))), ("second".into(), "first".into()));
@@ -489,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_since_it_was_seen_is_not_rejected_for_what_it_was() {
+    fn a_file_written_since_it_was_seen_is_not_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         fs::create_dir_all(&folders.hot).unwrap();
@@ -506,9 +507,9 @@ mod tests {
         assert_eq!(fs::read_dir(&folders.rejected).unwrap().count(), 0);
     }
 
-    /// What an interruption left behind is used: a drop is rejected once.
+    /// The files from the interrupted rejection are used: a drop is rejected once.
     #[test]
-    fn a_rejection_that_was_interrupted_goes_on_where_it_was() {
+    fn an_interrupted_rejection_continues_where_it_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         fs::create_dir_all(&folders.hot).unwrap();
@@ -526,7 +527,7 @@ mod tests {
             fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
             assert_eq!(reject_drop(), folders.rejected.join(place));
             assert!(!path.exists());
-            // As if it had not been taken away any more.
+            // As if the rejection had been interrupted before it removed the file.
             fs::copy(folders.rejected.join(place), &path).unwrap();
             fs::File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
             assert_eq!(reject_drop(), folders.rejected.join(place));

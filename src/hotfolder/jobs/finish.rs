@@ -1,4 +1,4 @@
-//! The end of a job: the marking software, report and preview, and the original out of the hot folder.
+//! The end of a job: the marking software, report and preview, and moving the original out of the hot folder.
 
 use std::path::{Path, PathBuf};
 
@@ -8,18 +8,18 @@ use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, 
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
-use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Found, LARGEST_DROP, delivered_as, folders};
 use crate::hotfolder::state::{Certainty, Import, Job, with_slashes};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
-/// A drawing on its way to its place.
+/// A drawing that is being delivered and filed.
 #[derive(Clone, Copy)]
 pub(crate) struct Ready<'a> {
     pub(crate) task: &'a Task,
     pub(crate) sku: &'a Sku,
-    /// The pattern's name, after which report and original are named.
+    /// The pattern's name; report and original are named after it.
     pub(crate) pattern: &'a str,
     /// The name of the result in the import folder.
     pub(crate) name: &'a str,
@@ -27,7 +27,7 @@ pub(crate) struct Ready<'a> {
 }
 
 impl<C: Corrector> Executor<'_, C> {
-    /// What follows a delivery: the marking software, the report, the preview, and the original out of the hot folder.
+    /// Does the steps after a delivery: the marking software, the report, the preview, and filing the original.
     pub(crate) fn finish(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
         match self.finish_steps(ready, &mut unfiled) {
             Ok(()) => Ok(match unfiled.certainty {
@@ -62,7 +62,7 @@ impl<C: Corrector> Executor<'_, C> {
         self.file_original(ready, &unfiled.job, unfiled.import, unfiled.certainty)
     }
 
-    /// Sees to it that BeamConstruct holds the drawing.
+    /// Imports the drawing into BeamConstruct, unless it is already there.
     fn import(&self, station: &Station, name: &str, unfiled: &Unfiled) -> Result<String, JobError> {
         let import = &station.folders.import;
         let for_server = |name: &str| beamserver::sendable(&station.delivery.path_for_server(import, name));
@@ -83,7 +83,7 @@ impl<C: Corrector> Executor<'_, C> {
         })
     }
 
-    /// Moves the original to the archive and notes that all is done; `certainty` is that of the delivery.
+    /// Moves the original to the archive and notes that the job is done; `certainty` is that of the delivery.
     pub(crate) fn file_original(
         &self,
         ready: &Ready,
@@ -100,12 +100,12 @@ impl<C: Corrector> Executor<'_, C> {
                 filing::in_archive(folders, ready.sku, &archived)
             }
         };
-        tell_trouble(self.journal().done(job, &original, import, certainty));
+        warn_if_not_noted(self.journal().done(job, &original, import, certainty));
         Ok(())
     }
 
-    /// Moves an original to the archive; `result` is the drawing that was made of it, and whether it is known to have been
-    /// delivered.
+    /// Moves an original to the archive; `result` is the drawing that was made from it, and whether its delivery is
+    /// certain.
     pub(crate) fn archive(
         &self,
         task: &Task,
@@ -141,7 +141,7 @@ impl<C: Corrector> Executor<'_, C> {
         if drop.is_archived() {
             let name = drop.file_name();
             tracing::warn!(
-                "{name} cannot be corrected again, and what was delivered stays in force, outdated: {}",
+                "{name} cannot be corrected again; the outdated drawing is not replaced: {}",
                 reason.on_one_line()
             );
             return Ok(Outcome::Rejected(reason));
@@ -170,17 +170,19 @@ impl<C: Corrector> Executor<'_, C> {
         if let Work::Correct { name, .. } = &task.work
             && let Some(older) = self.journal().result(&delivered_as(name))
         {
-            reason.what +=
-                &format!(" What was delivered as {} at {} stays in force.", older.job.name, older.at);
+            reason.what += &format!(
+                " The drawing {} that was delivered at {} is not replaced.",
+                older.job.name, older.at
+            );
         }
-        // Noted before the move: a pattern must not slip through with the older shape after a crash between the two.
+        // Noted before the move: after a crash between the two, no pattern may be corrected for the older part.
         let note = |rejected: &Path| {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
             self.journal().rejected(drop, &reason.code, &to, part_of)
         };
         let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note);
         let rejected = match rejected {
-            // It was written again.
+            // The file was written again.
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => return Ok(Outcome::Changed),
             rejected => rejected.map_err(folder_trouble)?,
         };
@@ -194,8 +196,8 @@ impl<C: Corrector> Executor<'_, C> {
     }
 }
 
-/// Whether BeamServer would look for a drawing that is not there.
+/// Whether BeamServer would look for a drawing that is missing.
 pub(crate) fn is_missing_for_server(station: &Station, name: &str) -> bool {
-    let there = || folders::is_file(&station.folders.import.join(name));
-    station.delivery.kind == DeliveryKind::Beamserver && !there()
+    let exists = || folders::is_file(&station.folders.import.join(name));
+    station.delivery.kind == DeliveryKind::Beamserver && !exists()
 }

@@ -1,4 +1,4 @@
-//! Reading a drop: whole, with the files that travel along.
+//! Reads a drop completely, with the files that belong to it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,16 +12,16 @@ use crate::hotfolder::error::folder_trouble;
 use crate::hotfolder::seen::{Found, Gap, LARGEST_DROP, Meaning, Stamp, folders, meaning};
 use crate::reason::Reason;
 
-/// The largest sidecar that is taken, bytes.
+/// The largest sidecar that is accepted, bytes.
 const LARGEST_SIDECAR: u64 = 1 << 20;
 
 /// A drop as it was read.
 pub(crate) struct Read {
     pub(crate) file: DroppedFile,
     pub(crate) stamp: Stamp,
-    /// Files beside it that travel along.
+    /// Files beside it that are filed with it.
     pub(crate) companions: Vec<Beside>,
-    /// Files that it names and that are not there, without need.
+    /// Optional files that it names and that are missing.
     pub(crate) absent: Vec<PathBuf>,
     /// A pattern's own settings: the file and its text.
     pub(crate) sidecar: Option<(PathBuf, String)>,
@@ -34,24 +34,24 @@ impl Read {
     }
 }
 
-/// What is to be read.
+/// A drop to be read.
 pub(crate) struct Intake<'a> {
     pub(crate) path: &'a Path,
     /// Its name in its folder.
     pub(crate) own_name: &'a str,
-    /// What it is called; a pattern is named after its SKU even if it lay in a folder.
+    /// Its full name: a pattern is named after its SKU even if it was in a folder.
     pub(crate) name: &'a str,
     /// The file as it was seen last.
     pub(crate) stamp: Stamp,
-    /// What is incomplete now stays so.
+    /// The file is rejected if it is incomplete now.
     pub(crate) last_chance: bool,
     /// Other drops that may still be written.
     pub(crate) settling: &'a BTreeSet<PathBuf>,
-    /// The settings beside a pattern, if it may have some.
+    /// The path of the settings beside a pattern, if it may have some.
     pub(crate) sidecar: Option<PathBuf>,
 }
 
-/// Reads a drop, if it is whole and did not change or go meanwhile.
+/// Reads a drop, if it is complete and was not changed or removed during the reading.
 pub(crate) fn read(
     intake: &Intake,
     completeness: impl FnOnce(&str, &[u8]) -> Result<Completeness, JobError>,
@@ -76,12 +76,12 @@ pub(crate) fn read(
         }
         Completeness::CutShort(reason) => {
             let reason = reason.in_file(intake.own_name);
-            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, anew: false }))
+            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap: Gap::Content, reason, arriving: false }))
         }
     }
 }
 
-/// The file with those that travel along, once those it needs are there and whole.
+/// Adds the companions to a file, once those that it needs are complete.
 fn with_companions(
     intake: &Intake,
     mut file: DroppedFile,
@@ -112,7 +112,7 @@ fn with_companions(
             }
         }
     }
-    // A part or pattern that a part names is a drop of its own and does not go along; a picture is its texture.
+    // A part or pattern that this part names is a separate drop and stays; a picture is a texture of this part.
     companions.retain(|companion| {
         let name = companion.path.file_name().unwrap_or_default();
         meaning(Path::new(name)) == Ok(Meaning::Companion) || is_picture(&name.to_string_lossy())
@@ -138,7 +138,7 @@ fn with_companions(
         Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
         Some((reason, _)) => {
             let gap = Gap::Companion;
-            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap, reason, anew: intake.last_chance }))
+            Err(EarlyEnd::Outcome(Outcome::Incomplete { gap, reason, arriving: intake.last_chance }))
         }
     }
 }
@@ -147,8 +147,7 @@ fn needed(named: &[Companion]) -> impl Iterator<Item = &Companion> {
     named.iter().filter(|companion| companion.needed && is_plain(&companion.name))
 }
 
-/// The contents of the files that a part at this path cannot be read without, by their names; those that are not there
-/// are left out.
+/// The contents of the files that the part at this path needs, by their names; missing files are left out.
 pub(crate) fn read_needed(part: &Path, named: &[Companion]) -> Result<BTreeMap<String, Vec<u8>>, JobError> {
     let mut siblings = BTreeMap::new();
     for Companion { name, .. } in needed(named) {
@@ -165,8 +164,9 @@ pub(crate) fn read_needed(part: &Path, named: &[Companion]) -> Result<BTreeMap<S
 fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
     match folders::look(&path).map_err(folder_trouble)? {
         Some(Found::File(stamp)) if stamp.size > LARGEST_SIDECAR => {
-            let what = "The settings beside the pattern are too large to be settings.";
-            let reason = Reason::new("sidecar-too-large", what, "Write only what the pattern needs into it.");
+            let what = "The settings file beside the pattern is too large.";
+            let remedy = "Keep only the settings that the pattern needs.";
+            let reason = Reason::new("sidecar-too-large", what, remedy);
             let (size, limit) = (stamp.size as f64, LARGEST_SIDECAR as f64);
             Err(JobError::Rejected(reason.with_number("size", size, "bytes", Some(limit))))
         }
@@ -175,15 +175,15 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
                 return Err(JobError::Retry(unsteady()));
             };
             let text = String::from_utf8(bytes.clone()).map_err(|_| {
-                let what = "The settings beside the pattern are not UTF-8 text.";
+                let what = "The settings file beside the pattern is not UTF-8 text.";
                 let reason = Reason::new("settings-unreadable", what, "Save the file as UTF-8.");
                 JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy()))
             })?;
             Ok(Some((Beside { path, stamp, bytes: Some(bytes) }, text)))
         }
         Some(Found::Folder | Found::Other(_)) => {
-            let what = "The settings beside the pattern are a folder or a link, which nobody follows.";
-            let reason = Reason::new("sidecar-no-file", what, "Put a file there, or take it away.");
+            let what = "The settings beside the pattern are a folder or a link, not a file.";
+            let reason = Reason::new("sidecar-no-file", what, "Replace it with a file, or remove it.");
             Err(JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy())))
         }
         None => Ok(None),
@@ -192,37 +192,35 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
 
 fn unsteady() -> Reason {
     let what = "The file changed while it was read.";
-    Reason::new("file-unsteady", what, "Nothing: it is read again.")
+    Reason::new("file-unsteady", what, "Wait: isomark reads it again.")
 }
 
-/// The file's own fault or its owner's, not that of a folder of the station.
+/// The error for a dropped file that cannot be read; the station's folders are not the cause.
 fn unreadable(error: &std::io::Error) -> JobError {
     let what = format!("The file cannot be read: {error}.");
-    let remedy = "Close the program that holds it, or let isomark read it; it is then read by itself.";
+    let remedy =
+        "Close the program that has it open, or give isomark read access; isomark then reads it by itself.";
     JobError::Retry(Reason::new("file-unreadable", what, remedy))
 }
 
 fn too_large(size: u64) -> Reason {
-    let reason = Reason::new(
-        "file-too-large",
-        "The file is too large to be handled.",
-        "Export it with fewer triangles or lines.",
-    );
+    let reason =
+        Reason::new("file-too-large", "The file is too large.", "Export it with fewer triangles or lines.");
     reason.with_number("size", size as f64, "bytes", Some(LARGEST_DROP as f64))
 }
 
 fn companion_missing(part: &str, companion: &Companion) -> Reason {
-    let what = format!("{part} needs {}, which is not there.", companion.name);
-    Reason::new("companion-missing", what, format!("Drop {} beside it.", companion.name))
+    let what = format!("{part} needs {}, which is missing.", companion.name);
+    Reason::new("companion-missing", what, format!("Drop {} into the same folder.", companion.name))
 }
 
 fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
-    let what = format!("{part} needs {}, which is not whole.", companion.name);
+    let what = format!("{part} needs {}, which is incomplete.", companion.name);
     let reason = Reason::new("companion-short", what, format!("Copy {} again.", companion.name));
     reason.with_number("size", size as f64, "bytes", Some(companion.bytes as f64))
 }
 
 fn sidecar_settles(pattern: &str) -> Reason {
-    let what = format!("The settings beside {pattern} may still be written.");
-    Reason::new("sidecar-settling", what, "Nothing: they are looked at again.")
+    let what = format!("A program may still be writing the settings beside {pattern}.");
+    Reason::new("sidecar-settling", what, "Wait: isomark reads them again.")
 }

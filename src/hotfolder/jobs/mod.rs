@@ -1,4 +1,4 @@
-//! What is done: each job as a row of steps, from a drop that is read to an original that is filed.
+//! The jobs: each is a sequence of steps, from reading a drop to filing its original.
 
 mod task;
 pub(crate) mod basis;

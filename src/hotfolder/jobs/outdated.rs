@@ -1,4 +1,4 @@
-//! Delivered drawings that would be others today, because their SKU has a new part or new settings.
+//! Delivered drawings that are outdated, because their SKU has a new part or new settings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,32 +11,32 @@ use crate::hotfolder::seen::Moment;
 use crate::hotfolder::state::{Delivered, DropId, Import};
 use crate::reason::Reason;
 
-/// Results that are looked at in one go: the station must stay responsive.
+/// The number of results that are checked at a time, so that the station stays responsive.
 const SLICE: usize = 50;
 
-/// What is outdated, and what of it is to be corrected again.
+/// The outdated drawings, and which of them are to be corrected again.
 #[derive(Default)]
 pub(crate) struct Reprocessing {
-    /// The SKUs to look at, with how far that is.
-    unchecked: BTreeMap<Sku, Look>,
-    /// Nothing was known of their parts when they were looked at.
+    /// The SKUs to check, with the progress of each.
+    unchecked: BTreeMap<Sku, Progress>,
+    /// SKUs whose part was unknown when they were checked.
     unknown: BTreeSet<Sku>,
-    /// What is known of their parts could not be read.
+    /// SKUs whose part could not be read from the cache.
     unreadable: BTreeSet<Sku>,
-    /// At the start and after a change of the station's settings every SKU counts.
+    /// Whether every SKU is checked or in `unchecked`; false at the start and after a change of the station's settings.
     all_checked: bool,
-    /// By the names of the results, folded.
+    /// By the folded names of the results.
     marked: BTreeMap<String, Marked>,
-    /// What people asked to be corrected again: of one SKU or of all.
+    /// What people asked to be corrected again: the drawings of one SKU, or all.
     asked: Vec<Option<Sku>>,
 }
 
-/// How far the results of a SKU were looked at.
+/// How far the results of a SKU are checked.
 #[derive(Default)]
-struct Look {
+struct Progress {
     /// The folded name of the last result.
     after: Option<Arc<str>>,
-    /// How many were found outdated that were not before.
+    /// The number of results that became outdated.
     news: usize,
 }
 
@@ -46,17 +46,17 @@ struct Marked {
     /// When it is corrected again; `None` until somebody asks for it.
     due: Option<Moment>,
     under_way: bool,
-    /// It turned out to be more than a moment's work.
+    /// It turned out to be a large job.
     takes_long: bool,
-    /// It is corrected again because nobody knows whether it was delivered.
+    /// It is corrected again because its delivery is uncertain.
     uncertain: bool,
-    /// Why it is not corrected again yet, as it was last told.
-    told: Option<String>,
+    /// The last logged reason why it is not corrected again yet.
+    last_reason: Option<String>,
 }
 
 impl Marked {
     fn new(again: Recorrection) -> Self {
-        Self { again, due: None, under_way: false, takes_long: false, uncertain: false, told: None }
+        Self { again, due: None, under_way: false, takes_long: false, uncertain: false, last_reason: None }
     }
 }
 
@@ -68,7 +68,7 @@ pub(crate) struct Recorrection {
     pub(crate) name: String,
     /// The archived original.
     pub(crate) original: PathBuf,
-    /// The same relative to the SKU's archive folder.
+    /// Its path relative to the SKU's archive folder.
     place: String,
 }
 
@@ -79,52 +79,52 @@ impl Recorrection {
 }
 
 impl Reprocessing {
-    /// The SKU's part or settings may be others now.
+    /// Checks the SKU again: its part or settings may have changed.
     pub(crate) fn check(&mut self, sku: Sku) {
         self.unchecked.entry(sku).or_default().after = None;
     }
 
-    /// A job of the SKU is over, and may have found its part in the archive.
+    /// Checks the SKU again if its part was unknown: a job may have found it in the archive.
     pub(crate) fn check_if_unknown(&mut self, sku: &Sku) {
         if let Some(sku) = self.unknown.take(sku) {
             self.check(sku);
         }
     }
 
-    /// A cache that could not be read may be there again.
+    /// Checks SKUs again whose part could not be read: the cache may be available again.
     pub(crate) fn check_unreadable(&mut self) {
         std::mem::take(&mut self.unreadable).into_iter().for_each(|sku| self.check(sku));
     }
 
-    /// The settings of all may be others now.
+    /// Checks all SKUs again: their settings may have changed.
     pub(crate) fn check_all(&mut self) {
         self.all_checked = false;
     }
 
-    /// The next SKU to look at that is not `held`.
+    /// The next SKU to check that is not held back.
     pub(crate) fn next_unchecked(
         &mut self,
         all: impl FnOnce() -> BTreeSet<Sku>,
         is_held: impl Fn(&Sku) -> bool,
     ) -> Option<Sku> {
         if !std::mem::replace(&mut self.all_checked, true) {
-            self.unchecked = all().into_iter().map(|sku| (sku, Look::default())).collect();
+            self.unchecked = all().into_iter().map(|sku| (sku, Progress::default())).collect();
         }
         self.unchecked.keys().find(|sku| !is_held(sku)).cloned()
     }
 
-    /// The SKU cannot be looked at.
+    /// Skips the SKU: it cannot be checked now.
     pub(crate) fn leave(&mut self, sku: &Sku) {
         self.unchecked.remove(sku);
     }
 
-    /// Nor can those.
+    /// Skips all SKUs that match.
     pub(crate) fn leave_all(&mut self, these: impl Fn(&Sku) -> bool) {
         self.unchecked.retain(|sku, _| !these(sku));
     }
 
-    /// Marks what is outdated among the next results of the SKU, and lets it be corrected again if the station's settings
-    /// say so.
+    /// Marks the outdated drawings among the next results of the SKU, and has them corrected again if the station's
+    /// settings ask for it.
     pub(crate) fn look_at<C: Corrector>(
         &mut self,
         executor: &Executor<'_, C>,
@@ -132,17 +132,17 @@ impl Reprocessing {
         sku: &Sku,
         settings: &JobSettings,
     ) {
-        let Some(mut look) = self.unchecked.remove(sku) else { return };
+        let Some(mut progress) = self.unchecked.remove(sku) else { return };
         let Ok(part) = executor.identity(sku, settings) else {
             self.unreadable.insert(sku.clone());
             return;
         };
-        let (results, last) = executor.journal().results_of(sku, look.after.as_deref(), SLICE);
+        let (results, last) = executor.journal().results_of(sku, progress.after.as_deref(), SLICE);
         let archive = station.folders.archive.join(sku.key());
         executor.rebase(&archive, &results, part.as_deref(), settings);
         for result in results {
             if result.original.is_empty() {
-                // It was removed, and nothing can be corrected again.
+                // The original was removed, so the drawing cannot be corrected again.
                 if !self.is_uncertain(&result.job.name) {
                     self.forget(&result.job.name);
                 }
@@ -151,25 +151,25 @@ impl Reprocessing {
             let basis = part
                 .as_deref()
                 .map(|part| executor.basis_of_original(part, &archive.join(&result.original), settings));
-            look.news += usize::from(self.mark(station, sku, result, basis));
+            progress.news += usize::from(self.mark(station, sku, result, basis));
         }
         if last.is_some() {
-            look.after = last;
-            self.unchecked.insert(sku.clone(), look);
-        } else if look.news > 0 {
-            tell_of_outdated(station, sku, look.news);
+            progress.after = last;
+            self.unchecked.insert(sku.clone(), progress);
+        } else if progress.news > 0 {
+            log_outdated(station, sku, progress.news);
         }
     }
 
-    /// Marks a result if it is outdated or due, and forgets it otherwise; `basis` is what it would be made of today, if
-    /// the SKU's part is known. Whether it is outdated and was not before.
+    /// Marks a result if it is outdated or due, and forgets it otherwise; `basis` is the basis that it would have now,
+    /// if the SKU's part is known. Returns whether it became outdated.
     fn mark(&mut self, station: &Station, sku: &Sku, result: Delivered, basis: Option<String>) -> bool {
         let name = result.job.name;
         let key = fold(&name);
         let is_due = station.delivery.kind == DeliveryKind::Beamserver && result.import == Import::Due;
         let is_outdated = match basis {
             Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
-            // As long as its part is not known, it is what it was last found to be.
+            // While its part is unknown, the last result of the check is kept.
             None => {
                 self.unknown.insert(sku.clone());
                 self.marked.contains_key(&key)
@@ -195,7 +195,7 @@ impl Reprocessing {
         is_new && is_outdated
     }
 
-    /// The next drawing to correct again whose result, by its folded name, may be made, and whether it takes long.
+    /// The next drawing to correct again, and whether it takes long; `may_make` decides by SKU and folded name.
     pub(crate) fn next(
         &mut self,
         now: Moment,
@@ -212,14 +212,14 @@ impl Reprocessing {
         Some((next.again.clone(), next.takes_long))
     }
 
-    /// It is more than a moment's work, and waits for its turn.
+    /// Notes that it is a large job, which waits for its turn.
     pub(crate) fn takes_long(&mut self, name: &str) {
         if let Some(marked) = self.marked.get_mut(&fold(name)) {
             (marked.under_way, marked.takes_long) = (false, true);
         }
     }
 
-    /// It could not be done; `never` in a station that stops as soon as it can.
+    /// Notes that it could not be done, and tries again at `moment`; `never` in a station that runs once.
     pub(crate) fn postpone(&mut self, name: &str, moment: Moment, never: bool) {
         if let Some(marked) = self.marked.get_mut(&fold(name)) {
             marked.under_way = false;
@@ -227,10 +227,10 @@ impl Reprocessing {
         }
     }
 
-    /// Whether nobody was told this reason yet why it is not corrected again.
+    /// Whether this reason differs from the last logged one.
     pub(crate) fn is_news(&mut self, name: &str, reason: &Reason) -> bool {
-        let told = self.marked.get_mut(&fold(name)).map(|marked| &mut marked.told);
-        told.is_some_and(|told| told.replace(reason.what.clone()).as_ref() != Some(&reason.what))
+        let last = self.marked.get_mut(&fold(name)).map(|marked| &mut marked.last_reason);
+        last.is_some_and(|last| last.replace(reason.what.clone()).as_ref() != Some(&reason.what))
     }
 
     /// It is up to date, or cannot be corrected again.
@@ -238,17 +238,18 @@ impl Reprocessing {
         self.marked.remove(&fold(name));
     }
 
-    /// Whether it is corrected again because nobody knows whether it was delivered.
+    /// Whether it is corrected again because its delivery is uncertain.
     pub(crate) fn is_uncertain(&self, name: &str) -> bool {
         self.marked.get(&fold(name)).is_some_and(|marked| marked.uncertain)
     }
 
-    /// Somebody wants what is outdated to be corrected again, of one SKU or of all.
+    /// Requests the correction of all outdated drawings, of one SKU or of all.
     pub(crate) fn ask_for(&mut self, sku: Option<Sku>) {
         self.asked.push(sku);
     }
 
-    /// Somebody decided that a drawing which may not have been delivered is delivered again; `archive` is its SKU's.
+    /// Delivers a drawing again that may not have been delivered, on request; `archive` is the archive folder of its
+    /// SKU.
     pub(crate) fn deliver_again(&mut self, sku: Sku, result: &Delivered, archive: &Path) {
         let (name, place) = (result.job.name.clone(), result.original.clone());
         let key = fold(&name);
@@ -260,7 +261,7 @@ impl Reprocessing {
         self.marked.insert(key, marked);
     }
 
-    /// Lets what was asked for be corrected again, once it is known what is outdated.
+    /// Starts the requested corrections, once it is known which drawings are outdated.
     pub(crate) fn answer(&mut self) {
         if !self.all_checked {
             return;
@@ -276,43 +277,43 @@ impl Reprocessing {
             };
             let meant = self.marked.values_mut().filter(is_meant);
             let count = meant.map(|marked| marked.due = Some(Moment::ZERO)).count();
-            let plural = if count == 1 { "drawing is" } else { "drawings are" };
-            tracing::info!("{count} outdated {plural} corrected again, as asked");
+            let plural = if count == 1 { "drawing" } else { "drawings" };
+            tracing::info!("correcting {count} outdated {plural} again, as requested");
         }
     }
 
-    /// What waits for its time need not wait any longer.
+    /// Ends the pauses of all drawings that wait for another attempt.
     pub(crate) fn free_all(&mut self) {
         self.marked.values_mut().filter_map(|marked| marked.due.as_mut()).for_each(|due| *due = Moment::ZERO);
     }
 
-    /// Whether nothing is left to be looked at or corrected now.
+    /// Whether nothing is left to check or to correct now.
     pub(crate) fn is_idle(&self, now: Moment) -> bool {
         self.unchecked.is_empty()
             && self.all_checked
             && !self.marked.values().any(|m| m.under_way || m.due.is_some_and(|due| due <= now))
     }
 
-    /// The number of outdated drawings, and the first `most` of them by name, each with its SKU.
-    pub(crate) fn marked(&self, most: usize) -> (usize, Vec<(String, Sku)>) {
+    /// The number of outdated drawings, and the first `limit` of them by name, each with its SKU.
+    pub(crate) fn marked(&self, limit: usize) -> (usize, Vec<(String, Sku)>) {
         let outdated = || self.marked.values().filter(|marked| !marked.uncertain);
         let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
-        (outdated().count(), outdated().take(most).map(both).collect())
+        (outdated().count(), outdated().take(limit).map(both).collect())
     }
 }
 
-fn tell_of_outdated(station: &Station, sku: &Sku, count: usize) {
+fn log_outdated(station: &Station, sku: &Sku, count: usize) {
     let (drawings, them) = match count {
         1 => (format!("1 delivered drawing of {sku} is"), "it"),
         more => (format!("{more} delivered drawings of {sku} are"), "them"),
     };
-    let outdated = format!("{drawings} outdated by a new part or new settings");
+    let outdated = format!("{drawings} outdated: the part or the settings changed");
     match station.delivery.outdated {
-        Outdated::Correct => tracing::info!("{outdated}: isomark corrects {them} again from the archive"),
+        Outdated::Correct => tracing::info!("{outdated}. Correcting {them} again from the archive"),
         Outdated::Mark => {
             let [station, name] = [&*station.file.to_string_lossy(), sku.as_str()].map(crate::reason::quoted);
             let command = format!("isomark retry {station} --outdated {name}");
-            tracing::warn!("{outdated}: `{command}` corrects {them} again");
+            tracing::warn!("{outdated}. `{command}` corrects {them} again");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What an interruption left open: what is found of it on the disk, and what is done about it as [`after_a_crash`] decides.
+//! Closes jobs that were interrupted: collects the evidence on the disk, and does what [`after_a_crash`] decides.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -17,17 +17,17 @@ use crate::hotfolder::seen::{Found, Parking, folders, sidecar_of};
 use crate::hotfolder::state::{DropId, Journal, OpenJob, Stage};
 use crate::reason::Reason;
 
-/// A temporary file that nobody renamed for this long was left by a crash.
+/// A temporary file of this age was left behind by a crash.
 const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
-/// Nothing was to be looked for.
+/// The import folder does not matter, so it was not read.
 const NOT_LOOKED: InImport =
     InImport { temporary: false, result: Seen::Nothing, same_folder: true, on_network: false };
 
-/// Decides how a job that was interrupted goes on, and notes it.
+/// Decides how an interrupted job continues, and notes it in the journal.
 ///
 /// # Errors
-/// To be tried again when the folders cannot tell now.
+/// [`JobError::Retry`] while a folder is not available.
 pub(crate) fn resume(
     station: &Station,
     journal: &mut Journal,
@@ -60,7 +60,7 @@ pub(crate) fn resume(
     Ok(resume)
 }
 
-/// Where the original of a job lies already that is at hand, if its copy was finished before an interruption.
+/// The finished copy of the original in the archive, if the copy was made before the interruption.
 pub(crate) fn copy_of(station: &Station, open: &OpenJob, sku: &Sku, bytes: &[u8]) -> Option<PathBuf> {
     let Stage::Filing { to, .. } = &open.stage else { return None };
     let copy = station.folders.archive.join(sku.key()).join(to);
@@ -70,8 +70,9 @@ pub(crate) fn copy_of(station: &Station, open: &OpenJob, sku: &Sku, bytes: &[u8]
     matches!(resume, Resume::Finish { copied: true, .. } | Resume::Refile { copied: true }).then_some(copy)
 }
 
-/// Closes the jobs that were begun and whose drop is gone: their last step was done, or somebody took the drop away. An
-/// archived original is never in the hot folder: its job is closed, and done again if BeamServer has still to be told.
+/// Closes the jobs that were started and whose drop was removed: their last step was done, or somebody took the drop
+/// away. An archived original is never in the hot folder: its job is closed, and done again if the drawing is still to
+/// be imported by BeamServer.
 pub(crate) fn close_all(
     station: &Station,
     journal: &mut Journal,
@@ -79,7 +80,7 @@ pub(crate) fn close_all(
     is_at_work: impl Fn(&DropId) -> bool,
     mut complain: impl FnMut(String),
 ) {
-    journal.hot_is(folders::identity(&station.folders.hot));
+    journal.set_hot(folders::identity(&station.folders.hot));
     for (drop, open) in journal.all_begun() {
         let Some(original) = look_for(&station.folders, &drop, &open).filter(|_| !is_at_work(&drop)) else {
             continue;
@@ -89,12 +90,12 @@ pub(crate) fn close_all(
         }
         match close(station, journal, &drop, &open, original) {
             Ok(Resume::Wait(_)) => complain(format!(
-                "{drop} was interrupted, and the hot folder {} is another one than then: if a share is missing, \
-                 connect it; the drop is done to its end when it is back",
+                "{drop} was interrupted, and the hot folder {} is a different folder now. If a share is missing, \
+                 connect it: isomark then finishes the drop",
                 station.folders.hot.display()
             )),
             Err(JobError::Retry(reason)) => {
-                complain(format!("{drop} was interrupted and cannot be closed: {}", reason.what));
+                complain(format!("{drop} was interrupted and cannot be finished yet: {}", reason.what));
             }
             _ => {}
         }
@@ -130,27 +131,28 @@ fn close(
     Ok(resume)
 }
 
-/// What became of the original of a job that nobody is at; `None` when it lies in the hot folder, so that its turn comes.
+/// The place of the original of a job that is not running; `None` if it is in the hot folder, where it is processed
+/// again.
 fn look_for(folders: &FolderPaths, drop: &DropId, open: &OpenJob) -> Option<Original> {
     let DropId::Hot(path) = drop else { return Some(Original::InArchive) };
     match folders::look(&folders.hot.join(path)) {
         Ok(Some(Found::File(stamp))) if open.stamp.is_of(stamp) => return None,
         _ => {}
     }
-    // An empty mount point, or another share: the drop may come back with the folder it lay in.
+    // An empty mount point, or another share: the drop may return together with its folder.
     if open.hot.is_some() && open.hot != folders::identity(&folders.hot) {
         return Some(Original::OutOfSight);
     }
     Some(Original::Gone { filed: archived(folders, open).is_some_and(|place| is_file(&place)) })
 }
 
-/// Where the original of an interrupted job was about to go.
+/// The path in the archive to which the original of an interrupted job was being moved.
 fn archived(folders: &FolderPaths, open: &OpenJob) -> Option<PathBuf> {
     let (Stage::Filing { to, .. }, Ok(sku)) = (&open.stage, open.sku.parse::<Sku>()) else { return None };
     Some(folders.archive.join(sku.key()).join(to))
 }
 
-/// What lies in the import folder, as far as that decides at this stage.
+/// The state of the import folder, as far as it matters at this stage.
 fn in_import(station: &Station, journal: &Journal, stage: &Stage) -> Result<InImport, JobError> {
     let folders = &station.folders;
     match (stage, temporary(folders, journal, stage)) {
@@ -168,7 +170,7 @@ fn in_import(station: &Station, journal: &Journal, stage: &Stage) -> Result<InIm
     }
 }
 
-/// The temporary file of a drawing that is about to get its name.
+/// The temporary file of a drawing that is about to get its final name.
 fn temporary(folders: &FolderPaths, journal: &Journal, stage: &Stage) -> Option<PathBuf> {
     let Stage::Renaming { result, tag, .. } = stage else { return None };
     let tag = if tag.is_empty() { journal.tag() } else { tag };
@@ -177,15 +179,15 @@ fn temporary(folders: &FolderPaths, journal: &Journal, stage: &Stage) -> Option<
 
 fn other_import(import: &Path) -> Reason {
     let what = format!(
-        "The station was interrupted while it delivered the drawing, and {} is another folder since.",
+        "The station was interrupted while it delivered the drawing, and {} is a different folder now.",
         import.display()
     );
-    let remedy = "Connect the share with the import folder; or see there whether the drawing arrived, and drop it again if not.";
+    let remedy = "Connect the share with the import folder; or check there whether the drawing arrived, and drop it again if not.";
     Reason::new("import-other", what, remedy)
 }
 
-/// Settings that an interruption left behind when their pattern went to the archive go there, too: the next pattern of
-/// that name must not take them for its own. Should one lie there already, they are its own by now.
+/// Moves settings to the archive that an interruption left behind when their pattern was moved there: the next pattern
+/// of that name must not use them. If such a pattern is there already, the settings belong to it.
 fn leftover_sidecar_follows(folders: &FolderPaths, parking: &Parking, drop: &DropId, open: &OpenJob) {
     let DropId::Hot(path) = drop else { return };
     let path = folders.hot.join(path);
@@ -197,18 +199,18 @@ fn leftover_sidecar_follows(folders: &FolderPaths, parking: &Parking, drop: &Dro
     if is_file(&sidecar) {
         let place = archived.parent().unwrap_or(&archived);
         if let Err(error) = filing::follow(folders, parking, &sidecar, place) {
-            tracing::warn!("{} stays in the hot folder: {error}", sidecar.display());
+            tracing::warn!("{} remains in the hot folder: {error}", sidecar.display());
         }
     }
 }
 
-/// Removes what crashes left behind in the import folder: this station's temporary files that no job needs any more.
+/// Removes the leftovers of crashes in the import folder: this station's temporary files that no job needs.
 pub(crate) fn sweep(folders: &FolderPaths, journal: &Journal) {
     let ours = format!("{TEMPORARY_START}{}-", journal.tag());
     let needed: Vec<PathBuf> =
         journal.all_begun().iter().filter_map(|(_, open)| temporary(folders, journal, &open.stage)).collect();
     for (path, name) in temporaries(&folders.import) {
-        // What bears another station's tag is that one's, however old it is.
+        // A file with another station's tag belongs to that station, even if it is old.
         let is_tagged = name[TEMPORARY_START.len()..].contains('-');
         let is_left = if is_tagged { name.starts_with(&ours) } else { is_left_behind(&path) };
         if is_left && !needed.contains(&path) {
@@ -217,7 +219,7 @@ pub(crate) fn sweep(folders: &FolderPaths, journal: &Journal) {
     }
 }
 
-/// Removes the old temporary files that crashes left behind in the station's own folders.
+/// Removes old temporary files, left behind by crashes, from the station's own folders.
 pub(crate) fn sweep_own(folders: &FolderPaths) {
     let FolderPaths { archive, rejected, cache, reports, state, .. } = folders;
     for own in [archive, rejected, cache, reports, state] {
@@ -225,14 +227,14 @@ pub(crate) fn sweep_own(folders: &FolderPaths) {
     }
 }
 
-/// Whether nobody renamed the temporary file for so long that nobody will.
+/// Whether the temporary file is so old that no running job needs it.
 fn is_left_behind(path: &Path) -> bool {
     let written = fs::metadata(path).and_then(|metadata| metadata.modified());
     let age = written.ok().and_then(|written| SystemTime::now().duration_since(written).ok());
     age.is_some_and(|age| age > LEFT_BEHIND)
 }
 
-/// A SKU's folder lies at most two folders deep, and a numbered one in it.
+/// Removes old temporary files from a folder and from the SKU folders and numbered folders in it.
 fn sweep_below(folder: &Path, depth: usize) {
     temporaries(folder)
         .iter()

@@ -1,4 +1,4 @@
-//! The way back from the rejected folder into the hot folder.
+//! Moves rejected drops back into the hot folder.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -18,20 +18,20 @@ use crate::hotfolder::state::{JournalPositions, with_slashes};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
-/// How the names of the files with reasons end.
+/// The suffix of the files with reasons.
 pub(super) const REASON: &str = ".reason.json";
-/// What to do when the station's folders may not be written.
+/// The remedy when the station's folders are not writable.
 pub const AS_ITS_USER: &str =
-    "Do it as the user that runs the station, on Linux with `sudo -u isomark` before the command.";
+    "Run the command as the user that runs the station; on Linux put `sudo -u isomark` before it.";
 
-/// What is needed of a reason's file.
+/// The needed content of a reason's file.
 #[derive(Deserialize)]
 struct RejectedDrop {
     drop: String,
 }
 
-/// Moves rejected drops back into the hot folder, with the companions that lie beside them, and removes their reasons:
-/// those named as they were in the hot folder, or all. Returns what is back, and why others are not.
+/// Moves rejected drops back into the hot folder, with their companions, and removes their reasons: the drops in
+/// `wanted`, by their names in the hot folder, or all. Returns the drops that were moved, and why others were not.
 ///
 /// # Errors
 /// When the rejected folder cannot be read.
@@ -42,7 +42,7 @@ pub fn return_rejected(
     let mut reasons = Vec::new();
     collect(&folders.rejected, 0, &mut reasons)?;
     let order = JournalPositions::read(&folders.state)?;
-    // Of a drop that was rejected several times the newest counts; an older one would undo it.
+    // Of a drop that was rejected several times, only the newest version is moved: an older one would replace it.
     let mut newest = BTreeMap::new();
     for reason in reasons {
         let Ok(text) = fs::read(&reason) else { continue };
@@ -59,10 +59,13 @@ pub fn return_rejected(
     let (mut returned, mut trouble) = (Vec::new(), Vec::new());
     for (drop, (line, rejected_at, _, reason)) in newest {
         if done_since(folders, &order, &drop, line, rejected_at) {
-            let what =
-                format!("{drop} is not put back: a newer one of that name was done since it was rejected.");
-            let remedy =
-                format!("Move it from {} yourself if it shall replace that.", folders.rejected.display());
+            let what = format!(
+                "{drop} is not moved back: a newer drop of that name was processed after the rejection."
+            );
+            let remedy = format!(
+                "Move it from {} yourself if it is to replace the newer one.",
+                folders.rejected.display()
+            );
             trouble.push(Reason::new("newer-done", what, remedy));
             continue;
         }
@@ -70,10 +73,10 @@ pub fn return_rejected(
             Ok(()) => returned.push(drop),
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => {
-                let what = format!("{drop} cannot be put back: {error}.");
+                let what = format!("{drop} cannot be moved back: {error}.");
                 let remedy = match error.kind() {
                     ErrorKind::PermissionDenied => AS_ITS_USER,
-                    _ => "Let what lies in the hot folder under its name be done first.",
+                    _ => "Wait until the file of its name in the hot folder is processed.",
                 };
                 trouble.push(Reason::new("not-returned", what, remedy));
             }
@@ -85,11 +88,11 @@ pub fn return_rejected(
         if trouble.is_empty() {
             let rejected = folders.rejected.display();
             trouble.push(if folders.hot.join(name).is_file() {
-                let what = format!("{name} was not rejected: it lies in the hot folder.");
-                Reason::new("not-rejected", what, "Try all that waits at once: leave out its name.")
+                let what = format!("{name} was not rejected: it is in the hot folder.");
+                Reason::new("not-rejected", what, "Leave out the name to try all waiting drops again.")
             } else {
-                let what = format!("No drop {name} lies in {rejected}.");
-                let remedy = "Name it as it was named in the hot folder; its .reason.txt begins with that.";
+                let what = format!("There is no rejected drop {name} in {rejected}.");
+                let remedy = "Use its name in the hot folder: its .reason.txt starts with that name.";
                 Reason::new("not-rejected", what, remedy)
             });
         }
@@ -97,12 +100,12 @@ pub fn return_rejected(
     Ok((returned, trouble))
 }
 
-/// Whether somebody who typed `name` means the drop: as it was named, or as a terminal shows it.
+/// Whether a typed `name` is that of the drop: its real name, or the form that a terminal shows.
 fn names(name: &str, drop: &str) -> bool {
     name == drop || name == on_one_line(drop)
 }
 
-/// How many rejected drops lie in the folder.
+/// The number of rejected drops in the folder.
 ///
 /// # Errors
 /// When it cannot be read.
@@ -112,7 +115,7 @@ pub fn count_rejected(folder: &Path) -> std::io::Result<usize> {
     Ok(reasons.len())
 }
 
-/// Whether a rejected drop lies in the folder that is meant by this name; what cannot be read is none.
+/// Whether the folder contains a rejected drop of this name; files that cannot be read are ignored.
 pub fn is_rejected(folder: &Path, name: &str) -> bool {
     let mut reasons = Vec::new();
     let drop = |reason: &PathBuf| serde_json::from_slice::<RejectedDrop>(&fs::read(reason).ok()?).ok();
@@ -120,10 +123,10 @@ pub fn is_rejected(folder: &Path, name: &str) -> bool {
         && reasons.iter().filter_map(drop).any(|rejected| names(name, &rejected.drop))
 }
 
-/// Reasons lie up to two folders deep: a SKU's, and a numbered one in it.
+/// Collects the files with reasons. They are up to two folders deep: a SKU's folder, and a numbered one in it.
 fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let entries = match fs::read_dir(folder) {
-        // A station that never ran rejected nothing.
+        // A station that never ran has no rejected folder.
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         entries => entries?,
     };
@@ -138,20 +141,20 @@ fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::
     Ok(())
 }
 
-/// When the file was written; nothing where that cannot be told.
+/// When the file was written; `None` where that is unknown.
 fn written(file: &Path) -> Option<SystemTime> {
     fs::metadata(file).and_then(|metadata| metadata.modified()).ok()
 }
 
-/// The number of the folder `(2)`, `(3)` … that a rejected drop lies in, 1 without one.
+/// The number of the folder `(2)`, `(3)` … of a rejected drop; 1 if it is in no such folder.
 fn place_number(file: &Path) -> u64 {
     let folder = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
     let number = folder.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
     number.and_then(|number| number.parse().ok()).unwrap_or(1)
 }
 
-/// Whether a drop of that name was done since it was rejected: the journal tells it by its lines; where it was written
-/// anew without the rejection, the report, or the note of the SKU's part, is newer.
+/// Whether a drop of that name was processed after the rejection. The order of the journal's lines decides. If the
+/// journal no longer contains the rejection, the time of the report, or of the note of the SKU's part, decides.
 fn done_since(
     folders: &FolderPaths,
     order: &JournalPositions,
@@ -159,7 +162,7 @@ fn done_since(
     rejected: Option<usize>,
     rejected_at: Option<SystemTime>,
 ) -> bool {
-    let (done, told) = match meaning(Path::new(drop)) {
+    let (done, record) = match meaning(Path::new(drop)) {
         Ok(Meaning::Pattern { sku, name }) => {
             (order.delivered(&name), filing::report_path(folders, &sku, &name, REPORT))
         }
@@ -168,23 +171,23 @@ fn done_since(
     };
     match rejected {
         Some(rejected) => done.is_some_and(|done| done > rejected),
-        None => written(&told).is_some_and(|done| Some(done) > rejected_at),
+        None => written(&record).is_some_and(|done| Some(done) > rejected_at),
     }
 }
 
-/// The place of the rejected drop that a reason's file is about; `None` if it is about none.
+/// The path of the rejected drop that a reason's file describes; `None` if it describes none.
 pub(super) fn drop_of(reason: &Path) -> Option<PathBuf> {
     let RejectedDrop { drop } = serde_json::from_slice(&fs::read(reason).ok()?).ok()?;
     Some(reason.with_file_name(Path::new(&drop).file_name()?))
 }
 
-/// The companions beside a rejected drop; none of one that cannot be read.
+/// The companions beside a rejected drop; empty for a drop that cannot be read.
 pub(super) fn companions_of(rejected: &Path) -> Vec<PathBuf> {
     fs::read(rejected).map(|bytes| companions(rejected, &bytes)).unwrap_or_default()
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {
-    // What stands in the file is not to lead out of the hot folder.
+    // The path in the file must not lead out of the hot folder.
     let relative = Path::new(drop);
     let plain = relative.components().all(|part| matches!(part, std::path::Component::Normal(_)));
     let Some(name) = relative.file_name().filter(|_| plain) else {
@@ -213,7 +216,7 @@ fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Resu
     Ok(())
 }
 
-/// Companions beside a rejected drop that bear its name or are named in it.
+/// The companions beside a rejected drop: files with its name, and files that it names.
 fn companions(rejected: &Path, bytes: &[u8]) -> Vec<PathBuf> {
     let folder = rejected.parent().unwrap_or(Path::new(""));
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());

@@ -1,4 +1,4 @@
-//! One thread at a time restores the surface of a SKU, while others correct its drawings.
+//! Lets only one thread at a time restore the surface of a SKU, while others correct its drawings.
 
 use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -14,17 +14,17 @@ pub(super) struct Restoring {
     over: Condvar,
 }
 
-/// As long as it lives, no other thread restores the surface of the SKU.
+/// The right to restore the surface of the SKU, until it is dropped.
 pub(super) struct Claim<'r> {
     restoring: &'r Restoring,
     sku: &'r Sku,
 }
 
 impl Restoring {
-    /// Waits until nobody else restores the surface of the SKU.
+    /// Waits until no other thread restores the surface of the SKU.
     ///
     /// # Errors
-    /// [`JobError::TakesLong`] for a quick job that would have to wait: it is not to keep a thread from others.
+    /// [`JobError::TakesLong`] for a quick job that would have to wait: it must not block a thread.
     pub(super) fn claim<'r>(&'r self, sku: &'r Sku, pace: Pace) -> Result<Claim<'r>, JobError> {
         let skus = self.skus.lock().unwrap_or_else(PoisonError::into_inner);
         if pace == Pace::Quick && skus.contains(sku) {

@@ -1,13 +1,13 @@
-//! What becomes of a job after an interruption: a pure function of the journal's stage and of what is found on the disk.
+//! How a job continues after an interruption: a pure function of the journal's stage and the files on the disk.
 //!
-//! A drawing lies flushed in the import folder under a temporary name before the journal says `delivering`, and gets its
-//! own name after that, so the folder decides whether it was delivered. Nothing is filed before that is known.
+//! A drawing is flushed in the import folder under a temporary name before the journal records `delivering`, and gets
+//! its final name after that. So the folder decides whether it was delivered. Nothing is filed before that is known.
 
 use crate::config::DeliveryKind;
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::state::{Certainty, Import, Stage};
 
-/// What is found of a job that was interrupted.
+/// What is found about a job that was interrupted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Evidence {
     pub(crate) original: Original,
@@ -18,85 +18,85 @@ pub(crate) struct Evidence {
 /// Where the original is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Original {
-    /// Where the job began, and the job is done now; `copied` when its content lies where it was to be filed.
+    /// In the hot folder, and its job runs now; `copied` if a copy is at the place where it was to be filed.
     AtHand { inputs: Inputs, copied: bool },
-    /// Gone from the hot folder; `filed` when a file lies where it was to go.
+    /// No longer in the hot folder; `filed` if a file is at the place where it was to be filed.
     Gone { filed: bool },
-    /// In the archive, where originals are corrected again, and nobody is at it.
+    /// In the archive, where originals are corrected again; no job runs on it.
     InArchive,
-    /// Not in the hot folder, which is another one than it was.
+    /// Not in the hot folder, which was replaced by a different folder.
     OutOfSight,
 }
 
-/// How what the job is made of now compares with what it was made of.
+/// How the inputs of the job compare with those before the interruption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Inputs {
     Same,
-    /// The part or the settings are others.
+    /// The part or the settings changed.
     Changed,
-    /// The file itself is another one.
+    /// The drop is a different file.
     AnotherFile,
 }
 
-/// What is seen in the import folder of a drawing that was about to get its name there.
+/// The state of the import folder for a drawing that was about to get its final name there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct InImport {
-    /// Its temporary file is there.
+    /// Its temporary file exists.
     pub(crate) temporary: bool,
     pub(crate) result: Seen,
-    /// It is the folder that it was.
+    /// The folder was not replaced by a different one.
     pub(crate) same_folder: bool,
-    /// The folder is on another computer, which may have done what it reported as failed.
+    /// The folder is on another computer, which may have renamed a file although it reported a failure.
     pub(crate) on_network: bool,
 }
 
-/// What is seen under the drawing's name.
+/// The file with the drawing's name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Seen {
     Nothing,
     Ours,
-    /// Another drawing, which was to be replaced, or one that nobody read.
+    /// Another drawing, which was to be replaced, or one that was not compared.
     Another,
 }
 
-/// What is to be done.
+/// How the job continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Resume {
-    /// Nothing yet: this cannot be seen.
+    /// It waits: this folder is not available.
     Wait(Hidden),
-    /// It was not done, or has to be made anew: the journal forgets it.
+    /// It was not delivered, or must be made again: the journal forgets it.
     Redo,
-    /// A job without a drawing is done from its start; `copied` when only its original is to be removed in the end.
+    /// A job without a drawing is done from the start; with `copied`, its original is only removed at the end.
     Refile { copied: bool },
-    /// The drawing was delivered, and what follows is done; `report` when it can be made again for that.
+    /// The drawing was delivered, and the remaining steps are done; with `report`, the report can be made again.
     Finish { certainty: Certainty, import: Import, report: bool, copied: bool },
-    /// Nothing is left to be done but to note the drawing.
+    /// Only the journal's last line about the drawing is missing.
     NoteDrawing { certainty: Certainty, import: Import },
-    /// Nothing is left to be done but to note the part.
+    /// Only the journal's last line about the part is missing.
     NotePart,
 }
 
-/// What cannot be seen after an interruption.
+/// A folder that is not available after an interruption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Hidden {
-    /// The import folder is another one, such as the place of a share that is not connected.
+    /// The import folder is a different one, such as the mount point of a share that is not mounted.
     Import,
-    /// The hot folder is.
+    /// The hot folder is a different one.
     Drop,
 }
 
-/// Whether the drawing got its name.
+/// Whether the drawing got its final name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Renamed {
     Yes,
     No,
-    /// It did, and somebody took it away, or somebody removed its temporary file before.
+    /// Either it did, and was taken away; or its temporary file was removed before.
     Unknown,
-    /// The folder is another one now.
-    NotToBeSeen,
+    /// The folder is a different one now.
+    NotVisible,
 }
 
-/// What becomes of the job.
+/// Decides how the job continues.
 pub(crate) fn after_a_crash(stage: &Stage, seen: Evidence) -> Resume {
     let Evidence { original, import, kind } = seen;
     if original == Original::OutOfSight {
@@ -105,8 +105,8 @@ pub(crate) fn after_a_crash(stage: &Stage, seen: Evidence) -> Resume {
     let is_filed = matches!(stage, Stage::Filing { .. });
     let certainty = match stage {
         Stage::Renaming { .. } => match (renamed(import), kind) {
-            (Renamed::NotToBeSeen, _) => return Resume::Wait(Hidden::Import),
-            // Nobody takes drawings away from BeamServer's folder: what is not there is made anew.
+            (Renamed::NotVisible, _) => return Resume::Wait(Hidden::Import),
+            // Nobody takes drawings from BeamServer's folder: a missing drawing is made again.
             (Renamed::No, _) | (Renamed::Unknown, DeliveryKind::Beamserver) => return Resume::Redo,
             (Renamed::Yes, _) => Certainty::Certain,
             (Renamed::Unknown, DeliveryKind::Folder) => Certainty::Uncertain,
@@ -123,13 +123,13 @@ pub(crate) fn after_a_crash(stage: &Stage, seen: Evidence) -> Resume {
     };
     let held = match kind {
         DeliveryKind::Folder => Import::ByFolder,
-        // An original is only filed when BeamConstruct holds its drawing.
+        // An original is filed only after its drawing was imported into BeamConstruct.
         DeliveryKind::Beamserver if is_filed => Import::Done,
         DeliveryKind::Beamserver => Import::Due,
     };
     match original {
         Original::AtHand { inputs: Inputs::AnotherFile, .. } => Resume::Redo,
-        // BeamServer would look for a drawing that is not there.
+        // BeamServer would look for a missing drawing.
         Original::AtHand { .. } if held == Import::Due && import.result == Seen::Nothing => Resume::Redo,
         Original::AtHand { inputs, copied } => {
             Resume::Finish { certainty, import: held, report: inputs == Inputs::Same, copied }
@@ -140,22 +140,22 @@ pub(crate) fn after_a_crash(stage: &Stage, seen: Evidence) -> Resume {
     }
 }
 
-/// What the import folder says after an interruption.
+/// Whether the drawing got its final name, from the import folder after an interruption.
 fn renamed(seen: InImport) -> Renamed {
     match seen {
         InImport { temporary: true, .. } => Renamed::No,
-        InImport { same_folder: false, .. } => Renamed::NotToBeSeen,
+        InImport { same_folder: false, .. } => Renamed::NotVisible,
         InImport { result: Seen::Ours, .. } => Renamed::Yes,
-        // Renamed, the drawing would have replaced it.
+        // The renamed drawing would have replaced it.
         InImport { result: Seen::Another, .. } => Renamed::No,
         InImport { result: Seen::Nothing, .. } => Renamed::Unknown,
     }
 }
 
-/// What the import folder says after the system reported that it could not rename the drawing.
+/// Whether the drawing got its final name, from the import folder after the system reported that renaming failed.
 pub(crate) fn after_a_failed_rename(seen: InImport) -> Renamed {
     match renamed(seen) {
-        // On a disk of this machine, what failed was not done: somebody removed the temporary file.
+        // On a local disk, a failed rename was not done: somebody removed the temporary file.
         Renamed::Unknown if !seen.on_network => Renamed::No,
         renamed => renamed,
     }
@@ -219,11 +219,11 @@ mod tests {
     const WAIT_FOR_IMPORT: Resume = Resume::Wait(Hidden::Import);
     const WAIT_FOR_HOT: Resume = Resume::Wait(Hidden::Drop);
 
-    /// What the import folder holds: the temporary file, what lies under the drawing's name, and whether it is the folder
-    /// that it was.
+    /// The state of the import folder: whether the temporary file exists, the file with the drawing's name, and whether
+    /// it is the same folder as before.
     type Folders = (bool, Seen, bool);
 
-    /// Name, stage, and what becomes of it for each place of the original.
+    /// Name, stage, and how the job continues for each place of the original.
     type Case<'a> = (&'a str, Stage, DeliveryKind, Folders, &'a [(Original, Resume)]);
 
     const NEVER_RENAMED: Folders = (true, Nothing, true);
@@ -234,7 +234,7 @@ mod tests {
     const OTHER_FOLDER: Folders = (false, Ours, false);
 
     #[test]
-    fn what_is_found_decides_how_a_job_goes_on() {
+    fn a_job_continues_according_to_the_files_found() {
         use Import::{ByFolder, Done, Due};
         use Resume::{NotePart, Redo};
         let cases: &[Case] = &[
@@ -285,7 +285,7 @@ mod tests {
                     (IN_ARCHIVE, note(PERHAPS, ByFolder)),
                 ],
             ),
-            ("an older drawing stayed", renaming(), Folder, OTHER_DRAWING, &[(SAME, Redo), (GONE, Redo)]),
+            ("an older drawing remained", renaming(), Folder, OTHER_DRAWING, &[(SAME, Redo), (GONE, Redo)]),
             (
                 "another import folder",
                 renaming(),
@@ -307,7 +307,7 @@ mod tests {
                 &[(SAME, finish(SURE, Due)), (GONE, note(SURE, Due)), (IN_ARCHIVE, note(SURE, Due))],
             ),
             (
-                "gone from BeamServer's folder",
+                "missing in BeamServer's folder",
                 renaming(),
                 Beamserver,
                 TAKEN,
@@ -349,7 +349,7 @@ mod tests {
                 &[(SAME, finish(SURE, Due)), (GONE, note(SURE, Due)), (IN_ARCHIVE, note(SURE, Due))],
             ),
             (
-                "delivered, and gone from BeamServer's folder",
+                "delivered, and missing in BeamServer's folder",
                 delivered(SURE),
                 Beamserver,
                 TAKEN,
@@ -415,9 +415,9 @@ mod tests {
         }
     }
 
-    /// Whatever is found, no drawing is made twice and none is lost.
+    /// In every case, no drawing is made twice and none is lost.
     #[test]
-    fn no_case_delivers_twice_or_forgets_what_was_delivered() {
+    fn no_case_delivers_twice_or_forgets_a_delivery() {
         let flags = [false, true];
         let certainties = [SURE, PERHAPS];
         let stages = std::iter::once(renaming())
@@ -461,20 +461,20 @@ mod tests {
     }
 
     #[test]
-    fn the_import_folder_decides_what_became_of_an_interrupted_delivery() {
-        use Renamed::{No, NotToBeSeen, Unknown, Yes};
+    fn the_import_folder_decides_whether_a_drawing_was_delivered() {
+        use Renamed::{No, NotVisible, Unknown, Yes};
         for (name, result, [temporary, same_folder, on_network], crash, failed) in [
             ("not renamed yet", Nothing, [true, true, false], No, No),
             ("not renamed yet over the same", Ours, [true, true, false], No, No),
-            ("there, wherever that is", Nothing, [true, false, false], No, No),
+            ("not renamed, in a different folder", Nothing, [true, false, false], No, No),
             ("renamed", Ours, [false, true, false], Yes, Yes),
             ("taken away, or never renamed", Nothing, [false, true, false], Unknown, No),
             ("the same on a share", Nothing, [false, true, true], Unknown, Unknown),
             ("the older one was not replaced", Another, [false, true, false], No, No),
             ("the same on a share", Another, [false, true, true], No, No),
-            ("another folder", Nothing, [false, false, false], NotToBeSeen, NotToBeSeen),
-            ("another folder with such a drawing", Ours, [false, false, true], NotToBeSeen, NotToBeSeen),
-            ("another folder with another", Another, [false, false, false], NotToBeSeen, NotToBeSeen),
+            ("another folder", Nothing, [false, false, false], NotVisible, NotVisible),
+            ("another folder with the same drawing", Ours, [false, false, true], NotVisible, NotVisible),
+            ("another folder with another drawing", Another, [false, false, false], NotVisible, NotVisible),
         ] {
             let seen = InImport { temporary, result, same_folder, on_network };
             assert_eq!((renamed(seen), after_a_failed_rename(seen)), (crash, failed), "{name}");

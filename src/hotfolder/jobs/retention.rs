@@ -1,8 +1,8 @@
-//! How long reports, archived originals and rejected drops are kept, and how long the journal may become.
+//! Removes old reports, archived originals and rejected drops, and keeps the journal short.
 //!
-//! A thread of its own looks through the folders, so that no drop waits for it. It removes only what a station filed: reports
-//! by their endings, rejected drops by their reasons, of a SKU's archive the drawings that the journal knows and what lies in
-//! numbered folders. The journal is asked first, and forgets an archived original before the file goes.
+//! A separate thread does this, so that no drop waits for it. It removes only files that a station filed: reports by
+//! their suffixes, rejected drops by their reasons, and in a SKU's archive the drawings that the journal knows and the
+//! files in numbered folders. Before an archived original is removed, the journal is asked and forgets it.
 
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ffi::OsString;
@@ -31,27 +31,27 @@ use crate::printable::on_one_line;
 const FIRST_PAUSE: Duration = Duration::from_secs(60);
 /// Time between two passes over the folders.
 const PAUSE: Duration = Duration::from_secs(3600);
-/// Time between two looks at the length of the journal.
+/// Time between two checks of the length of the journal.
 const JOURNAL_PAUSE: Duration = Duration::from_secs(1);
-/// A station that did not run for longer than this may have a clock that was set forward: it removes nothing for a day.
+/// After a longer time without running, the clock may have been set forward: the station removes nothing for a day.
 const LONGEST_REST: Duration = Duration::from_secs(30 * 86_400);
 const DAY: Duration = Duration::from_secs(86_400);
-/// Of what may go for want of space, so many are remembered in one pass: the oldest.
-const MOST_REMEMBERED: usize = 10_000;
+/// The number of oldest files that one pass remembers as candidates for freeing space.
+const MAX_CANDIDATES: usize = 10_000;
 
-/// Keeps the folders within what the settings allow.
+/// Keeps the folders within the limits of the settings.
 pub(crate) struct Keeper {
     shared: Mutex<Shared>,
     wake: Condvar,
     ends: AtomicBool,
     stop: StopSignal,
-    /// When the station was started, by the clock that is set and by the one that is not.
+    /// When the station was started, by the time of day and by the monotonic clock.
     started: (SystemTime, Instant),
-    /// Whether the clock is about where it was when the station ran last.
+    /// Whether the time of day is plausible, compared with the last run of the station.
     clock_is_known: bool,
 }
 
-/// Ends the keeper's work when it goes.
+/// Ends the keeper's work when it is dropped.
 pub(crate) struct Ends<'k>(&'k Keeper);
 
 impl Drop for Ends<'_> {
@@ -90,8 +90,8 @@ impl Keeper {
         }
     }
 
-    /// Ends the keeper's work when what it returns goes.
-    pub(crate) fn ends_with_this(&self) -> Ends<'_> {
+    /// Ends the keeper's work when the returned guard is dropped.
+    pub(crate) fn end_on_drop(&self) -> Ends<'_> {
         Ends(self)
     }
 
@@ -103,7 +103,7 @@ impl Keeper {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The settings may be others now.
+    /// Takes over the station's settings, which may have changed.
     pub(crate) fn follow(&self, station: &Station) {
         let mut shared = self.shared();
         if shared.folders != station.folders || shared.retention != station.retention {
@@ -114,37 +114,37 @@ impl Keeper {
         }
     }
 
-    /// The station ends.
+    /// Ends the keeper's threads.
     pub(crate) fn end(&self) {
         self.ends.store(true, Ordering::Release);
-        // Whoever is about to wait has looked before it takes the lock.
+        // With the lock taken once, no thread can be between its check of the flag and its wait.
         drop(self.shared());
         self.wake.notify_all();
     }
 
-    /// What was kept and removed last, once the folders were looked through.
+    /// The result of the last pass over the folders.
     pub(crate) fn kept(&self) -> Option<Kept> {
         self.shared().kept.clone()
     }
 
-    /// Writes the journal anew whenever it has become long, until the station ends.
+    /// Rewrites the journal whenever it has become long, until the station ends.
     pub(crate) fn keep_journal_short<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>) {
         while !self.has_ended() {
             keep_short(&journal);
-            let goes_on = |_: &mut Shared| !self.has_ended();
-            drop(self.wake.wait_timeout_while(self.shared(), JOURNAL_PAUSE, goes_on));
+            let is_running = |_: &mut Shared| !self.has_ended();
+            drop(self.wake.wait_timeout_while(self.shared(), JOURNAL_PAUSE, is_running));
         }
     }
 
-    /// Passes over the folders a while after the start, after each change of the settings and then every hour, until the
-    /// station ends; only `once`, and at the start, in one that ends by itself.
+    /// Passes over the folders some time after the start, after each change of the settings and then every hour, until
+    /// the station ends. With `once`, there is one pass, at the start.
     pub(crate) fn run<'j>(&self, journal: impl Fn() -> MutexGuard<'j, Journal>, once: bool) {
         let folders = self.shared().folders.clone();
         sweep_own(&folders);
         if !once {
-            // What lies in the hot folder comes first.
-            let stays = |_: &mut Shared| !self.has_ended();
-            drop(self.wake.wait_timeout_while(self.shared(), FIRST_PAUSE, stays));
+            // The drops in the hot folder are processed first.
+            let is_running = |_: &mut Shared| !self.has_ended();
+            drop(self.wake.wait_timeout_while(self.shared(), FIRST_PAUSE, is_running));
         }
         loop {
             if self.has_ended() {
@@ -157,7 +157,7 @@ impl Keeper {
             };
             let (started, running) = (self.started.0, self.started.1.elapsed());
             let has_ended = || self.has_ended();
-            // A clock that is set forward makes nothing old.
+            // Computed from the start, so a clock that is set forward later makes no file old.
             let mut pass = Pass::new(&folders, &retention, started + running, &has_ended);
             pass.removes = self.clock_is_known || running >= DAY;
             pass.run(&journal);
@@ -171,12 +171,12 @@ impl Keeper {
                 }
             }
             let shared = self.shared();
-            let stays = |shared: &mut Shared| !shared.is_new && !self.has_ended();
+            let is_unchanged = |shared: &mut Shared| !shared.is_new && !self.has_ended();
             let waited = match once {
                 true => shared,
                 false => {
                     self.wake
-                        .wait_timeout_while(shared, PAUSE, stays)
+                        .wait_timeout_while(shared, PAUSE, is_unchanged)
                         .unwrap_or_else(PoisonError::into_inner)
                         .0
                 }
@@ -189,7 +189,7 @@ impl Keeper {
     }
 }
 
-/// One look through the folders.
+/// One pass over the folders.
 struct Pass<'a> {
     folders: &'a FolderPaths,
     retention: &'a Retention,
@@ -198,14 +198,14 @@ struct Pass<'a> {
     /// Whether anything is removed.
     removes: bool,
     kept: Kept,
-    /// The oldest of what may go for want of space; the youngest of them goes from here first.
+    /// The oldest candidates for freeing space; the youngest of them leaves the heap first.
     oldest: BinaryHeap<Aged>,
-    /// There were more than are remembered.
+    /// There were more candidates than are remembered.
     are_more: bool,
     trouble: Option<io::Error>,
 }
 
-/// Something that may go as a whole.
+/// Something that can be removed as a whole.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Aged {
     at: SystemTime,
@@ -219,7 +219,8 @@ enum What {
     Report(PathBuf),
     /// A rejected drop, by the file with its reason.
     Rejected(PathBuf),
-    /// An archived original, by its place in the SKU's folder, and the settings beside it if they are of nothing else.
+    /// An archived original, by its place in the SKU's folder, and the settings beside it if they belong to no other
+    /// file.
     Original { sku: Sku, place: String, sidecar: Option<PathBuf> },
 }
 
@@ -260,7 +261,7 @@ impl<'a> Pass<'a> {
             self.look_at_rejected(journal);
             self.look_at_archive(journal);
             let removed = self.make_room(journal);
-            // Those that were not remembered may be as old as the next in line.
+            // Candidates that were not remembered may be older than the remaining ones.
             if !(removed && self.are_more && self.is_too_much()) || self.ends() {
                 break;
             }
@@ -290,7 +291,7 @@ impl<'a> Pass<'a> {
         removed
     }
 
-    /// Takes in one thing that was found, and removes it if it is older than it may become.
+    /// Handles one thing that was found, and removes it if it is older than its limit.
     fn found<'j>(
         &mut self,
         what: What,
@@ -307,7 +308,7 @@ impl<'a> Pass<'a> {
         self.kept.bytes += bytes;
         if self.retention.largest.is_some() && limit.is_some() {
             self.oldest.push(Aged { at, what, bytes });
-            if self.oldest.len() > MOST_REMEMBERED {
+            if self.oldest.len() > MAX_CANDIDATES {
                 self.oldest.pop();
                 self.are_more = true;
             }
@@ -321,7 +322,7 @@ impl<'a> Pass<'a> {
         journal: &impl Fn() -> MutexGuard<'j, Journal>,
     ) -> bool {
         let removed = match what {
-            What::Report(file) => gone(file).map(|()| true),
+            What::Report(file) => remove_if_there(file).map(|()| true),
             What::Rejected(reason) => self.remove_rejected(reason, journal),
             What::Original { sku, place, sidecar } => {
                 self.remove_original(sku, place, sidecar.as_deref(), journal)
@@ -384,7 +385,7 @@ impl<'a> Pass<'a> {
                 let files: Vec<Metadata> = all.filter_map(|file| fs::symlink_metadata(file).ok()).collect();
                 self.found(What::Rejected(reason), &files, self.retention.rejected, journal);
             }
-            // Companions go with the last drop beside them.
+            // Companions are removed with the last drop beside them.
             self.kept.bytes += others
                 .iter()
                 .filter_map(|file| fs::symlink_metadata(file).ok())
@@ -400,19 +401,19 @@ impl<'a> Pass<'a> {
     ) -> io::Result<bool> {
         let Some(drop) = rejected::drop_of(reason) else { return Ok(false) };
         let place = with_slashes(drop.strip_prefix(&self.folders.rejected).unwrap_or(&drop));
-        // As long as it lies there, patterns wait for a good part, also at another station that shares the folder.
+        // While this part is there, patterns wait for a valid part, also at another station that shares the folder.
         if journal().holds_patterns_back(&place) || self.is_newer_than_the_part(&drop) {
             return Ok(false);
         }
         let mut beside = files(reason.parent().unwrap_or(reason));
         let is_reason = |path: &Path| path.to_string_lossy().ends_with(REASON);
         if !beside.any(|path| path != reason && is_reason(&path)) {
-            rejected::companions_of(&drop).iter().try_for_each(|companion| gone(companion))?;
+            rejected::companions_of(&drop).iter().try_for_each(|companion| remove_if_there(companion))?;
         }
-        gone(&drop)?;
-        gone(&reason.with_extension("txt"))?;
-        // Last: what lies there without its reason would never be found again.
-        gone(reason)?;
+        remove_if_there(&drop)?;
+        remove_if_there(&reason.with_extension("txt"))?;
+        // The reason is last: without it, the other files would never be found again.
+        remove_if_there(reason)?;
         remove_if_empty(reason);
         Ok(true)
     }
@@ -422,13 +423,13 @@ impl<'a> Pass<'a> {
             let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let sku = name.parse::<Sku>().ok().filter(|sku| is_folder && sku.key() == name);
             let Some(sku) = sku else { continue };
-            // A folder that this station did not make is none of its own.
+            // A folder without these was not created by this station.
             if !folder.join(CURRENT_PART).is_file() && !journal().has_results(&sku) {
                 continue;
             }
             let current = match noted_part(self.folders, &sku) {
                 Ok(current) => current,
-                // Nobody can know what its surface comes from.
+                // Without the note, the part of the surface is unknown, so nothing is removed.
                 Err(error) => {
                     self.trouble.get_or_insert(error);
                     continue;
@@ -441,7 +442,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Looks at the originals in one folder of a SKU.
+    /// Checks the originals in one folder of a SKU.
     fn look_at_originals<'j>(
         &mut self,
         sku: &Sku,
@@ -461,17 +462,17 @@ impl<'a> Pass<'a> {
         let drawings_of = |file: &Path| drawings.get(&stem(file)).copied().unwrap_or(0);
         let top = self.folders.archive.join(sku.key());
         for file in files(folder) {
-            // A folder that nobody may write into is not emptied in the journal either.
+            // If files cannot be removed, the journal must not forget them either.
             if self.ends() || self.trouble.is_some() {
                 return;
             }
             let is_drawing = is_drawing(&file.to_string_lossy());
-            // The settings of a drawing go with it.
+            // The settings of a drawing are removed with it.
             if is_sidecar(&file) && drawings_of(&file) == 1 {
                 continue;
             }
-            // What lies beside the part that the surface comes from may be a file that it needs; and in the SKU's own folder
-            // may lie parts and files of other people.
+            // A file beside the part of the surface may be needed by that part. The SKU's own folder may also contain
+            // parts and files of other people.
             let is_of_current = current.is_some_and(|part| part.parent() == Some(folder));
             if !is_drawing && (is_of_current || folder == top) {
                 self.kept.bytes += fs::symlink_metadata(&file).map_or(0, |metadata| metadata.len());
@@ -499,20 +500,20 @@ impl<'a> Pass<'a> {
     ) -> io::Result<bool> {
         let file = self.folders.archive.join(sku.key()).join(place);
         let is_drawing = is_drawing(&file.to_string_lossy());
-        // Another part may have become the SKU's since.
+        // The SKU may have a newer part now.
         let is_of_current = |part: PathBuf| part == file || (!is_drawing && part.parent() == file.parent());
         if noted_part(self.folders, sku)?.is_some_and(is_of_current) {
             return Ok(false);
         }
-        let removed = journal().remove_original(sku, place, || gone(&file))?;
+        let removed = journal().remove_original(sku, place, || remove_if_there(&file))?;
         if removed {
-            sidecar.map_or(Ok(()), gone)?;
+            sidecar.map_or(Ok(()), remove_if_there)?;
             remove_if_empty(&file);
         }
         Ok(removed)
     }
 
-    /// Whether a rejected part came after the one that its SKU's surface comes from.
+    /// Whether a rejected part arrived after the part that its SKU's surface comes from.
     fn is_newer_than_the_part(&self, rejected: &Path) -> bool {
         let relative = rejected.strip_prefix(&self.folders.rejected).unwrap_or(rejected);
         let is_numbered = |part: &Component| is_numbered(Path::new(part.as_os_str()));
@@ -526,35 +527,35 @@ impl<'a> Pass<'a> {
         if self.kept.removed > 0 {
             let plural = if self.kept.removed == 1 { "file" } else { "files" };
             tracing::info!(
-                "removed {} old {plural} of reports, rejected and archive ({:.1} MB), as `[retention]` asks",
+                "removed {} old {plural} from reports, rejected and archive ({:.1} MB), as set in `[retention]`",
                 self.kept.removed,
                 self.kept.removed_bytes as f64 / 1e6
             );
         }
         if let Some(error) = &self.trouble {
             self.kept.trouble = Some(format!(
-                "isomark cannot read or remove old files: {error}. Let it read and write in that folder"
+                "cannot read or remove old files: {error}. Give isomark read and write access to that folder"
             ));
         } else if self.kept.too_much {
             self.kept.trouble = Some(format!(
                 "reports, archive and rejected take {:.3} GB, more than `max_gb` under `[retention]`. Raise it, set \
-                 `archive_days`, or move originals elsewhere: isomark may remove nothing more",
+                 `archive_days`, or move originals elsewhere: the settings allow isomark to remove nothing else",
                 self.kept.bytes as f64 / 1e9
             ));
         }
     }
 }
 
-/// Removes a file; one that is gone already is removed.
-fn gone(file: &Path) -> io::Result<()> {
+/// Removes a file, if it exists.
+fn remove_if_there(file: &Path) -> io::Result<()> {
     match fs::remove_file(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         removed => removed,
     }
 }
 
-/// The files and folders in a folder, each with whether it is a folder; links and devices are neither. One after the other:
-/// there may be a hundred thousand.
+/// The files and folders in a folder, each with whether it is a folder; links and devices are left out. It is an
+/// iterator, because a folder may contain a hundred thousand files.
 fn entries(folder: &Path) -> impl Iterator<Item = (PathBuf, bool)> + use<> {
     let kind = |entry: fs::DirEntry| {
         let kind = entry.file_type().ok()?;
@@ -568,23 +569,23 @@ fn files(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
     entries(folder).filter(|(_, is_folder)| !is_folder).map(|(path, _)| path)
 }
 
-/// Whether a folder bears a number, such as `(2)`: it holds what bears a name that was taken.
+/// Whether the name of a folder is a number, such as `(2)`: it contains files whose names were taken.
 fn is_numbered(folder: &Path) -> bool {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let number = name.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
     number.is_some_and(|number| number.parse::<u64>().is_ok())
 }
 
-/// Removes the numbered folder around a file if it was the last in it.
+/// Removes the numbered folder of a file, if it is empty now.
 fn remove_if_empty(file: &Path) {
     if let Some(folder) = file.parent().filter(|folder| is_numbered(folder)) {
-        // What is not empty stays.
+        // The system refuses to remove a folder that is not empty.
         let _ = std::fs::remove_dir(folder);
     }
 }
 
-/// When a file came to lie where it is. The time of its last write is the designer's, so the latest of all times decides:
-/// a file is rather kept for too long.
+/// When a file was filed. The time of its last write comes from the designer, so the latest of all its times decides:
+/// in doubt, a file is kept longer.
 fn filed_at(metadata: &Metadata) -> Option<SystemTime> {
     let times = [metadata.modified().ok(), metadata.created().ok(), changed(metadata)];
     times.into_iter().flatten().max()
@@ -598,7 +599,7 @@ fn changed(metadata: &Metadata) -> Option<SystemTime> {
     SystemTime::UNIX_EPOCH.checked_add(Duration::from_secs(seconds))
 }
 
-/// When a file's name or content changed last: not told.
+/// When a file's name or content changed last: unknown on this system.
 #[cfg(not(unix))]
 fn changed(_: &Metadata) -> Option<SystemTime> {
     None
@@ -609,7 +610,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn after_a_year_reports_and_rejected_drops_go_and_originals_stay() {
+    fn after_a_year_reports_and_rejected_drops_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("station.toml");
         let text = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n\

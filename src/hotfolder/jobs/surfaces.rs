@@ -1,4 +1,4 @@
-//! Which shape a SKU has now: from the cache, from the archive, or from another station that shares the cache.
+//! The current part and surface of a SKU: from the cache, from the archive, or from a station that shares the cache.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,12 +8,12 @@ use super::{Executor, basis, filing, intake};
 use crate::config::{FolderPaths, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::hotfolder::api::{Completeness, Corrector, DroppedFile, JobError};
-use crate::hotfolder::error::{folder_trouble, guarded, tell_trouble};
+use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::folders;
 use crate::hotfolder::state::Delivered;
 use crate::reason::Reason;
 
-/// Results that are looked at while no other job can use the journal.
+/// The number of results that are read at a time, while no other job can use the journal.
 const SLICE: usize = 200;
 
 impl<C: Corrector> Executor<'_, C> {
@@ -21,7 +21,7 @@ impl<C: Corrector> Executor<'_, C> {
         self.shapes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Notes the SKU's surface, if it was not noted for these settings or is `new`.
+    /// Notes the identity of the SKU's part, if it was not noted for these settings or is `new`.
     pub(crate) fn note_shape(&self, sku: &Sku, settings: &JobSettings, new: bool) {
         let is_noted = self.shapes().get(sku).is_some_and(|(noted, _)| noted == settings);
         if (new || !is_noted)
@@ -31,8 +31,8 @@ impl<C: Corrector> Executor<'_, C> {
         }
     }
 
-    /// The SKUs that nobody is at and whose shape is another one than was last seen here: another station that shares the
-    /// surfaces learned a part.
+    /// The SKUs without a job whose part differs from the one that was last seen here: another station that shares the
+    /// surfaces learned it.
     pub(crate) fn learned_elsewhere(&self, is_busy: impl Fn(&Sku) -> bool) -> Vec<Sku> {
         let mut changed = Vec::new();
         for (sku, (settings, last)) in self.shapes().iter_mut().filter(|(sku, _)| !is_busy(sku)) {
@@ -46,24 +46,24 @@ impl<C: Corrector> Executor<'_, C> {
         changed
     }
 
-    /// What the SKU's part is known by; `None` as long as it is not known.
+    /// The identity of the SKU's part; `None` while it is unknown.
     pub(crate) fn identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
         guarded(|| self.corrector.part_identity(sku, settings))
     }
 
-    /// The basis of a drawing of the SKU that is made now; `None` as long as its part is not known.
+    /// The basis of a drawing of the SKU that is made now; `None` while its part is unknown.
     pub(crate) fn basis(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
         Ok(self.identity(sku, settings)?.map(|part| basis::basis(&part, settings)))
     }
 
-    /// The basis that the drawing of an archived original has today.
+    /// The basis that the drawing of an archived original would have now.
     pub(crate) fn basis_of_original(&self, part: &str, original: &Path, settings: &JobSettings) -> String {
         basis::basis(part, &self.settings_of_original(original, settings))
     }
 
-    /// Takes the delivered drawings of the SKU whose basis an older version wrote as up to date with what holds now, before
-    /// a part is learned: what changes from now on outdates them. Where nobody knows the part that they were made of, the
-    /// new one does.
+    /// Treats the delivered drawings of the SKU whose basis an older version wrote as up to date, before a part is
+    /// learned: later changes make them outdated. If the part that they were made from is unknown, the new part makes
+    /// them outdated.
     pub(crate) fn take_as_up_to_date(&self, folders: &FolderPaths, sku: &Sku, settings: &JobSettings) {
         let Ok(part) = self.identity(sku, settings) else { return };
         let archive = folders.archive.join(sku.key());
@@ -78,13 +78,13 @@ impl<C: Corrector> Executor<'_, C> {
             } else {
                 let older = results.iter().filter(|result| result.is_of_older_form());
                 let bases = older.map(|result| (&*result.job.name, basis::of_unknown_part())).collect();
-                tell_trouble(self.journal().rebase(bases));
+                warn_if_not_noted(self.journal().rebase(bases));
             }
             last = next;
         }
     }
 
-    /// The same for some of them; `part` is what the SKU's part is known by.
+    /// Does the same for some results; `part` is the identity of the SKU's part.
     pub(crate) fn rebase(
         &self,
         archive: &Path,
@@ -98,41 +98,41 @@ impl<C: Corrector> Executor<'_, C> {
             |result: &Delivered| self.basis_of_original(part, &archive.join(&result.original), settings);
         let bases: Vec<_> = older.map(|result| (&*result.job.name, present(result))).collect();
         if !bases.is_empty() {
-            tell_trouble(self.journal().rebase(bases));
+            warn_if_not_noted(self.journal().rebase(bases));
         }
     }
 
-    /// Says how many delivered drawings have a basis that an older version wrote.
-    pub(crate) fn tell_of_older_form(&self) {
+    /// Logs how many delivered drawings have a basis that an older version wrote.
+    pub(crate) fn warn_of_older_form(&self) {
         let drawings = match self.journal().of_older_form() {
             0 => return,
             1 => "1 delivered drawing".to_owned(),
             more => format!("{more} delivered drawings"),
         };
         tracing::warn!(
-            "taking {drawings} as up to date: an older version of isomark noted part and settings in a form that \
+            "treating {drawings} as up to date: an older version of isomark recorded part and settings in a form that \
              cannot be compared. Drop a drawing again if its part or settings changed while isomark was updated"
         );
     }
 
-    /// Why the older shape of the SKU is not used: its newest part was rejected and still lies in the rejected folder.
+    /// Why the older part of the SKU is not used: its newest part was rejected and is still in the rejected folder.
     pub(crate) fn refused(&self, folders: &FolderPaths, sku: &Sku) -> Option<Reason> {
         let journal = self.journal();
         let refused = journal.refused(sku)?;
-        let lies = folders.rejected.join(&refused.to);
-        if !matches!(folders::look(&lies), Ok(Some(_))) {
+        let rejected = folders.rejected.join(&refused.to);
+        if !matches!(folders::look(&rejected), Ok(Some(_))) {
             return None;
         }
         let what =
-            format!("The new part {} of {sku} was rejected; its older shape is not used.", refused.drop);
+            format!("The new part {} of {sku} was rejected; the older part is not used.", refused.drop);
         let remedy = format!(
-            "Drop a good part of {sku}; or remove {}, to go on with the older shape.",
-            lies.display()
+            "Drop a valid part of {sku}; or remove {} to continue with the older part.",
+            rejected.display()
         );
         Some(Reason::new("part-rejected", what, remedy))
     }
 
-    /// Whether there is a surface for the SKU; one that got lost is fitted again from the archived part.
+    /// Whether there is a surface for the SKU; a lost one is fitted again from the archived part.
     pub(crate) fn has_surface(
         &self,
         folders: &FolderPaths,
@@ -144,7 +144,7 @@ impl<C: Corrector> Executor<'_, C> {
         if is_known()? {
             return Ok(true);
         }
-        // Drawings of one SKU are done side by side, and one of them fits the part.
+        // Drawings of one SKU are corrected in parallel, and the job of one of them fits the part.
         let _claim = self.restoring.claim(sku, pace)?;
         if is_known()? {
             return Ok(true);
@@ -165,7 +165,7 @@ impl<C: Corrector> Executor<'_, C> {
         let file = DroppedFile { name, bytes, siblings };
         match guarded(|| self.corrector.restore_part(sku, &file, settings, pace)) {
             Ok(learned) => {
-                tracing::info!("the surface of {sku} is restored from the archive: {}", learned.summary);
+                tracing::info!("restored the surface of {sku} from the archive: {}", learned.summary);
                 Ok(true)
             }
             Err(JobError::Rejected(reason)) => {

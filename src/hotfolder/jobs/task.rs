@@ -1,4 +1,4 @@
-//! What a job needs to know, and what can become of it.
+//! The input and the possible outcomes of a job.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,49 +10,49 @@ use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
 use crate::reason::Reason;
 
-/// One job, with all it needs to know.
+/// One job, with everything that it needs.
 pub(crate) struct Task {
-    /// Where the drop lies.
+    /// Where the drop is.
     pub(crate) path: PathBuf,
     pub(crate) drop: DropId,
     /// The path of a drop in the hot folder.
     pub(crate) relative: PathBuf,
     pub(crate) work: Work,
-    /// The station as it was when the job began.
+    /// The station as it was when the job was started.
     pub(crate) station: Station,
     /// The SKU's settings.
     pub(crate) settings: JobSettings,
     /// The file as it was seen last.
     pub(crate) stamp: Stamp,
-    /// What is incomplete now stays so.
+    /// The file is rejected if it is incomplete now.
     pub(crate) last_chance: bool,
     /// How long it may take.
     pub(crate) pace: Pace,
-    /// Why the file can only be rejected, whatever it is.
+    /// Why the file is rejected without processing it.
     pub(crate) doomed: Option<Reason>,
     /// Other drops that may still be written.
     pub(crate) settling: BTreeSet<PathBuf>,
-    /// The drawing waited for the import folder before, so there is no need to work it through again until it is there.
+    /// The drawing already waits for the import folder, so it is not corrected again until that is available.
     pub(crate) waits_for_import: bool,
-    /// What was delivered while report or original could not be filed.
+    /// The result that is delivered, but whose report or original could not be filed.
     pub(crate) unfiled: Option<Unfiled>,
     /// The settings that were seen beside the drop.
     pub(crate) sidecar: Option<PathBuf>,
 }
 
 impl Task {
-    /// The place of the settings beside a pattern: as they were seen, or where they belong.
+    /// The path of the settings beside a pattern: the usual path, or the one where they were seen.
     pub(crate) fn place_of_sidecar(&self) -> Option<PathBuf> {
-        let there = sidecar_of(&self.path).filter(|path| matches!(folders::look(path), Ok(Some(_))));
+        let existing = sidecar_of(&self.path).filter(|path| matches!(folders::look(path), Ok(Some(_))));
         match self.work {
-            Work::Correct { .. } => there.or_else(|| self.sidecar.clone()),
-            Work::CorrectAgain { .. } => there,
+            Work::Correct { .. } => existing.or_else(|| self.sidecar.clone()),
+            Work::CorrectAgain { .. } => existing,
             Work::Learn(_) | Work::Reject(_) => None,
         }
     }
 }
 
-/// What is to be done.
+/// The kind of a job.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Work {
     /// Fit a part.
@@ -61,7 +61,7 @@ pub(crate) enum Work {
     Correct { sku: Sku, name: String },
     /// Correct an archived pattern again.
     CorrectAgain { sku: Sku, name: String },
-    /// Reject what is nothing.
+    /// Reject a drop whose name is invalid.
     Reject(Reason),
 }
 
@@ -92,50 +92,50 @@ pub(crate) struct Unfiled {
     /// The preview as SVG.
     pub(crate) preview: Option<Vec<u8>>,
     pub(crate) import: Import,
-    /// Whether BeamServer was asked for it, too.
+    /// Whether BeamServer has already imported it.
     pub(crate) asked: bool,
 }
 
 /// The end of a job.
 pub(crate) struct End {
     pub(crate) outcome: Outcome,
-    /// Files beside the drop that, if it is done, went with it.
+    /// Files beside the drop that were filed with it, if it is done.
     pub(crate) went_along: Vec<PathBuf>,
 }
 
-/// What became of a job.
+/// The outcome of a job.
 pub(crate) enum Outcome {
-    /// A part is known; companions that it names and that were not there may follow to the place.
+    /// A part was learned; missing companions that it names may be moved to `place` later.
     Learned { absent: Vec<PathBuf>, place: PathBuf },
-    /// A drawing was delivered, or lies in the import folder already.
+    /// A drawing was delivered, or is already in the import folder.
     Delivered,
-    /// The same, and nobody knows whether it was.
+    /// A drawing was filed, but may not have been delivered.
     Uncertain,
     /// A drawing was not delivered again.
     Repeated,
-    /// The drop lies in the rejected folder.
+    /// The drop is in the rejected folder.
     Rejected(Reason),
-    /// The file changed or went: look again.
+    /// The file was changed or removed: check it again.
     Changed,
-    /// It lacks something; `anew` when that is on its way.
-    Incomplete { gap: Gap, reason: Reason, anew: bool },
+    /// The drop is incomplete; with `arriving`, its waiting time starts again, because the missing file is arriving.
+    Incomplete { gap: Gap, reason: Reason, arriving: bool },
     /// There is no surface for the SKU.
     NoSurface(Reason),
-    /// A part of the SKU came before the drawing was delivered.
-    PartCame,
-    /// It was to be quick, and is not.
+    /// A part of the SKU arrived before the drawing was delivered.
+    PartArrived,
+    /// It was started as a quick job, and is a large one.
     TakesLong,
-    /// The newest part of the SKU was rejected, and its older shape is not used.
+    /// The newest part of the SKU was rejected, and the older part is not used.
     PartRefused(Reason),
     /// There is no import folder.
     NoImportFolder(Reason),
-    /// Something around the job fails.
+    /// Environment error.
     Retry(Reason, Option<Box<Unfiled>>),
-    /// Nothing can be done any more.
+    /// The station cannot continue.
     Stop(Reason),
 }
 
-/// How a job ended before its end.
+/// Why a job ended early.
 pub(crate) enum EarlyEnd {
     Error(JobError),
     Outcome(Outcome),

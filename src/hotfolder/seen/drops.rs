@@ -1,4 +1,4 @@
-//! The drops that lie in the hot folder, and what is known of each.
+//! The drops in the hot folder, and the state of each.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -17,36 +17,36 @@ use crate::reason::Reason;
 pub(crate) struct Drop {
     /// Its path in the hot folder.
     pub(crate) relative: PathBuf,
-    /// What it is, or why it is nothing.
+    /// What it is, or why its name is invalid.
     pub(crate) meaning: Result<Meaning, Reason>,
     pub(crate) settle: Settle,
-    /// Its place in the order in which drops came.
+    /// Its place in the order in which drops arrived.
     number: u64,
     pub(crate) block: Block,
-    /// What it was found to lack when it was read last.
+    /// Why it was incomplete when it was read last.
     pub(crate) lacks: Option<Reason>,
-    /// What was last told about it.
-    pub(crate) told: Option<Reason>,
-    /// It turned out to be more than a moment's work.
+    /// The last reported reason why it waits.
+    pub(crate) last_reason: Option<Reason>,
+    /// It turned out to be a large job.
     pub(crate) takes_long: bool,
 }
 
-/// What keeps a settled drop from being done.
+/// What prevents a settled drop from being processed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Block {
     /// Nothing.
     Free,
-    /// Something around the job failed: not before this moment, and after the next failure not for twice the pause.
+    /// Environment error: it is tried again at this moment; the next error doubles the pause.
     Until { moment: Moment, pause: Duration, obstacle: Obstacle },
     /// A pattern whose SKU has no surface.
     UnknownSku,
-    /// A pattern whose SKU is about to get another surface.
+    /// A pattern whose SKU is about to get a new surface.
     PartUnderWay,
-    /// A companion that no part has asked for yet.
+    /// A companion that no part has used yet.
     Unclaimed,
 }
 
-/// What was in the way of a job.
+/// What prevented a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Obstacle {
     /// The newest part of the SKU was rejected.
@@ -64,11 +64,11 @@ pub(crate) struct Drops {
     all: BTreeMap<PathBuf, Drop>,
     /// Number of parts per SKU.
     parts: BTreeMap<Sku, usize>,
-    /// What may belong to a part or pattern beside it.
+    /// Drops that may belong to a part or pattern beside them.
     companions: BTreeSet<PathBuf>,
-    /// Settings beside patterns, by their names without ending, folded: people do not mind how a name is spelled.
+    /// Settings beside patterns, by their folded paths without extension: the spelling of a name does not matter.
     sidecars: BTreeMap<String, PathBuf>,
-    /// How many came so far.
+    /// How many drops have arrived so far.
     count: u64,
 }
 
@@ -76,7 +76,7 @@ fn is_bitmap(relative: &Path) -> bool {
     relative.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bmp"))
 }
 
-/// The path without its ending, folded.
+/// The folded path without its extension.
 fn folded_stem(path: &Path) -> String {
     fold(&path.with_extension("").to_string_lossy())
 }
@@ -90,7 +90,7 @@ impl Drops {
         self.all.get_mut(path)
     }
 
-    /// Something lies at `hot/relative`.
+    /// Records what is at `hot/relative`.
     pub(crate) fn see(
         &mut self,
         hot: &Path,
@@ -109,10 +109,10 @@ impl Drops {
         if let Some(drop) = self.all.get_mut(&path) {
             let changed = drop.settle.stamp() != stamp;
             if changed && drop.takes_long {
-                (drop.takes_long, drop.told) = (false, None);
+                (drop.takes_long, drop.last_reason) = (false, None);
             }
             drop.settle.see(stamp, writer, now);
-            // Another file may do where the last one failed.
+            // A changed file may succeed where the last one failed.
             if changed && drop.block != Block::UnknownSku {
                 drop.block = Block::Free;
             }
@@ -131,7 +131,7 @@ impl Drops {
         }
         let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
             Some(format) if !format.has_end_mark() => Ending::Unmarked,
-            // A length alone says little of a file that got its length first.
+            // The length is not enough: some programs reserve the full length before they write.
             Some(MeshFormat::Stl | MeshFormat::Ply) => Ending::Short,
             _ if is_sidecar(relative) || is_bitmap(relative) => Ending::Short,
             _ => Ending::Marked,
@@ -146,18 +146,18 @@ impl Drops {
             number,
             block,
             lacks: None,
-            told: None,
+            last_reason: None,
             takes_long: false,
         };
         self.all.insert(path, drop);
     }
 
-    /// What writers do may have gone unheard.
+    /// Records that events about writers may have been lost.
     pub(crate) fn events_were_lost(&mut self) {
         self.all.values_mut().for_each(|drop| drop.settle.events_were_lost());
     }
 
-    /// The drop is gone from the hot folder.
+    /// Forgets a drop that is no longer in the hot folder.
     pub(crate) fn forget(&mut self, path: &Path) {
         let Some(drop) = self.all.remove(path) else { return };
         self.companions.remove(path);
@@ -181,13 +181,14 @@ impl Drops {
         gone.iter().for_each(|path| self.forget(path));
     }
 
-    /// Whether a part for the SKU lies in the hot folder.
+    /// Whether a part for the SKU is in the hot folder.
     pub(crate) fn has_part(&self, sku: &Sku) -> bool {
         self.parts.contains_key(sku)
     }
 
-    /// What can be done now, each with its SKU: parts first, because patterns need them, then as they came.
-    /// What pauses after a failure is not overtaken by a newer drop with the same result, which it would undo later.
+    /// The drops that can be processed now, each with its SKU: parts first, because patterns need them, then in the
+    /// order of their arrival. A drop that pauses after an error is not overtaken by a newer drop with the same result:
+    /// the older drop would replace that result later.
     pub(crate) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<(Option<Sku>, PathBuf)> {
         let pausing = self.all.values().filter(|drop| matches!(drop.block, Block::Until { .. }));
         let mut held = BTreeMap::<Aim, u64>::new();
@@ -219,12 +220,12 @@ impl Drops {
         beside.filter(settles).cloned().collect()
     }
 
-    /// The settings beside a pattern, as far as they were seen, however their name is spelled.
+    /// The settings that were seen beside a pattern, in any spelling of their name.
     pub(crate) fn sidecar_beside(&self, pattern: &Path) -> Option<PathBuf> {
         self.sidecars.get(&folded_stem(pattern)).cloned()
     }
 
-    /// What waits for its next try need not wait any longer.
+    /// Ends the pauses of all drops that wait for another attempt.
     pub(crate) fn free_all(&mut self) {
         for drop in self.all.values_mut() {
             if matches!(drop.block, Block::Until { .. } | Block::UnknownSku) {
@@ -233,17 +234,17 @@ impl Drops {
         }
     }
 
-    /// When after `moment` the next drop can be done, if nothing else happens.
+    /// When the next drop after `moment` can be processed, if nothing else happens.
     pub(crate) fn next_due(&self, moment: Moment, times: &SettleTimes) -> Option<Moment> {
         self.all.values().filter_map(|drop| self.due(drop, times)).filter(|due| *due > moment).min()
     }
 
-    /// Whether a drop is still to be read and only has to stand still for that.
+    /// Whether a drop has not settled yet.
     pub(crate) fn any_settles(&self, now: Moment, times: &SettleTimes) -> bool {
         self.all.values().any(|drop| drop.settle.is_settling(now, times))
     }
 
-    /// When the drop can be done; `None` as long as something else must happen first.
+    /// When the drop can be processed; `None` while something else must happen first.
     fn due(&self, drop: &Drop, times: &SettleTimes) -> Option<Moment> {
         let free = match &drop.block {
             Block::Free => Moment::ZERO,
@@ -267,7 +268,7 @@ impl Drops {
         skus.collect()
     }
 
-    /// The SKU has a surface now: its patterns need not wait any longer.
+    /// Releases the patterns of a SKU that has a surface now.
     pub(crate) fn release(&mut self, known: &Sku) {
         for drop in self.all.values_mut().filter(|drop| drop.block == Block::UnknownSku) {
             if matches!(&drop.meaning, Ok(Meaning::Pattern { sku, .. }) if sku == known) {
@@ -276,8 +277,8 @@ impl Drops {
         }
     }
 
-    /// A companion came into the folder: what lacks one there is looked at again.
-    pub(crate) fn companion_came(&mut self, companion: &Path) {
+    /// Records a new companion: incomplete drops in its folder are checked again.
+    pub(crate) fn companion_arrived(&mut self, companion: &Path) {
         let folder = companion.parent();
         for (path, drop) in &mut self.all {
             if path.parent() == folder && drop.sku().is_some() {
@@ -286,7 +287,7 @@ impl Drops {
         }
     }
 
-    /// What still lies there: drops that wait for something else, and drops that are not whole.
+    /// The remaining drops: those that wait for something else, and those that are incomplete.
     pub(crate) fn left(&self) -> (Vec<Waiting>, Vec<Waiting>) {
         let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
         for drop in self.all.values() {
@@ -298,10 +299,10 @@ impl Drops {
     }
 }
 
-/// What a drop changes when it is done: of several with one aim the newest counts in the end.
+/// What a drop changes when it is processed: of several drops with one aim, the newest must be the last.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Aim {
-    /// The shape of a SKU.
+    /// The part of a SKU.
     Shape(Sku),
     /// The drawing of this name.
     Drawing(String),
@@ -316,42 +317,42 @@ impl Drop {
         }
     }
 
-    /// What it waits for, in words, too.
+    /// What it waits for, and the reason for people.
     fn waits_for(&self) -> (WaitsFor, Reason) {
-        let told = || self.told.clone().unwrap_or_else(still_settling);
+        let reason = || self.last_reason.clone().unwrap_or_else(still_settling);
         match (self.block, &self.lacks) {
             (Block::Free, None) if self.takes_long => (WaitsFor::Turn, waits_for_turn()),
             (Block::Free, lacks) => (WaitsFor::Rest, lacks.clone().unwrap_or_else(still_settling)),
-            (Block::Until { obstacle: Obstacle::RefusedPart, .. }, _) => (WaitsFor::AnotherDrop, told()),
-            (Block::Until { .. }, _) => (WaitsFor::Surroundings, told()),
+            (Block::Until { obstacle: Obstacle::RefusedPart, .. }, _) => (WaitsFor::AnotherDrop, reason()),
+            (Block::Until { .. }, _) => (WaitsFor::Surroundings, reason()),
             (Block::UnknownSku | Block::PartUnderWay | Block::Unclaimed, _) => {
-                (WaitsFor::AnotherDrop, told())
+                (WaitsFor::AnotherDrop, reason())
             }
         }
     }
 
-    /// It lacks something; returns whether that is news.
+    /// Records that it is incomplete; returns whether the reason is new.
     pub(crate) fn found_incomplete(&mut self, gap: Gap, reason: Reason) -> bool {
         self.settle.found_incomplete(gap);
         (self.block, self.lacks) = (Block::Free, Some(reason.clone()));
-        self.tell(reason)
+        self.set_reason(reason)
     }
 
-    /// It is whole, and more than a moment's work.
+    /// Records that it is complete, and a large job.
     pub(crate) fn found_large(&mut self) {
         (self.block, self.lacks, self.takes_long) = (Block::Free, None, true);
     }
 
-    /// Something keeps it from being done; returns whether that is news.
+    /// Records that it waits; returns whether the reason is new.
     pub(crate) fn wait(&mut self, block: Block, reason: Reason) -> bool {
         self.block = block;
-        self.tell(reason)
+        self.set_reason(reason)
     }
 
-    fn tell(&mut self, reason: Reason) -> bool {
-        let is_news = self.told.as_ref() != Some(&reason);
-        self.told = Some(reason);
-        is_news
+    fn set_reason(&mut self, reason: Reason) -> bool {
+        let is_new = self.last_reason.as_ref() != Some(&reason);
+        self.last_reason = Some(reason);
+        is_new
     }
 
     /// The SKU that it is a part or pattern of.
@@ -363,7 +364,7 @@ impl Drop {
     }
 }
 
-/// The order in which drops of one moment are done.
+/// The order in which drops of one moment are processed.
 fn rank(drop: &Drop) -> u8 {
     match drop.meaning {
         Ok(Meaning::Companion) => 0,
@@ -377,15 +378,15 @@ fn not_a_file() -> Reason {
     Reason::new("not-a-file", "This is a link or a device, not a file.", "Drop the file itself.")
 }
 
-/// A drop that was read and is more than a moment's work.
+/// The reason of a drop that was read and is a large job.
 fn waits_for_turn() -> Reason {
-    let what = "The file is whole and waits for its turn: large job.";
-    Reason::new("waits-for-turn", what, "Nothing: it is done after the large ones before it.")
+    let what = "The file is complete. It is a large job and waits for its turn.";
+    Reason::new("waits-for-turn", what, "Wait: it is processed after the large jobs before it.")
 }
 
 fn still_settling() -> Reason {
-    let what = "The file may still be written, or its turn has not come.";
-    Reason::new("still-settling", what, "Nothing: it is looked at again.")
+    let what = "A program may still be writing the file, or other files are processed first.";
+    Reason::new("still-settling", what, "Wait: isomark checks it again.")
 }
 
 #[cfg(test)]
@@ -394,7 +395,7 @@ mod tests {
     use crate::hotfolder::seen::settle::Stamp;
 
     #[test]
-    fn what_pauses_is_not_overtaken_by_a_newer_drop_with_the_same_result() {
+    fn a_pausing_drop_is_not_overtaken_by_one_with_the_same_result() {
         let hot = Path::new("hot");
         let at = Duration::from_secs;
         let (still, open_ended) = (at(0), at(0));
@@ -434,6 +435,6 @@ mod tests {
         assert_eq!(see(&mut drops, 1), (0, 1));
         drops.get_mut(Path::new("hot/can.dxf")).unwrap().found_large();
         assert_eq!(see(&mut drops, 1), (1, 0));
-        assert_eq!(see(&mut drops, 2), (0, 1), "another file");
+        assert_eq!(see(&mut drops, 2), (0, 1), "a changed file");
     }
 }

@@ -1,4 +1,4 @@
-//! The few things that are done to folders: list, read a steady file, move without overwriting.
+//! Operations on folders: list, read a file that does not change meanwhile, move without overwriting.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -9,13 +9,13 @@ use fs_err as fs;
 use super::{Stamp, is_ignored};
 use crate::files::{in_full, keep_new, named, temporary};
 
-/// The largest file that is taken, bytes: it is held in memory, and fitting it takes a few times as much.
+/// The largest file that is accepted, bytes: it is kept in memory, and fitting it needs a few times as much.
 pub(crate) const LARGEST_DROP: u64 = 1 << 30;
 
 /// How much of a file is copied at a time, bytes.
 const COPY_BUFFER: usize = 1 << 16;
 
-/// What lies at a path.
+/// The kind of thing at a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Found {
     /// A file.
@@ -26,10 +26,10 @@ pub(crate) enum Found {
     Other(Stamp),
 }
 
-/// Which folder bears a path: a folder that was removed and made again is another one.
+/// The identity of a folder: a folder that was removed and created again has another one.
 pub(crate) type Identity = u64;
 
-/// What lies at the path; `None` when nothing does.
+/// What is at the path; `None` if nothing is.
 pub(crate) fn look(path: &Path) -> io::Result<Option<Found>> {
     match fs::symlink_metadata(path) {
         Ok(metadata) if metadata.is_file() => Ok(Some(Found::File(stamp(&metadata)))),
@@ -40,7 +40,7 @@ pub(crate) fn look(path: &Path) -> io::Result<Option<Found>> {
     }
 }
 
-/// Whether a file lies at the path.
+/// Whether a file is at the path.
 pub(crate) fn is_file(path: &Path) -> bool {
     matches!(look(path), Ok(Some(Found::File(_))))
 }
@@ -48,12 +48,12 @@ pub(crate) fn is_file(path: &Path) -> bool {
 /// The identity of the folder at the path, if there is one.
 pub(crate) fn identity(folder: &Path) -> Option<Identity> {
     let metadata = fs::metadata(folder).ok()?;
-    // The number of a removed folder is soon given to another one; the times of their making differ.
+    // The inode of a removed folder is soon used again; the creation time differs.
     metadata.is_dir().then(|| file_identity(&metadata) ^ creation(&metadata).rotate_left(32))
 }
 
 /// Whether the open file is still the one at the path.
-pub(crate) fn lies_at(file: &std::fs::File, path: &Path) -> bool {
+pub(crate) fn is_still_at(file: &std::fs::File, path: &Path) -> bool {
     let identity = |metadata: &std::fs::Metadata| (file_identity(metadata), creation(metadata));
     matches!((file.metadata(), fs::metadata(path)), (Ok(ours), Ok(theirs)) if identity(&ours) == identity(&theirs))
 }
@@ -72,7 +72,7 @@ fn file_identity(metadata: &std::fs::Metadata) -> Identity {
     creation(metadata)
 }
 
-/// When the file was made, in nanoseconds; 0 where the file system does not tell.
+/// When the file was created, in nanoseconds; 0 where the file system does not report it.
 fn creation(metadata: &std::fs::Metadata) -> u64 {
     let created = metadata.created().ok();
     let age = created.and_then(|created| created.duration_since(std::time::UNIX_EPOCH).ok());
@@ -82,11 +82,11 @@ fn creation(metadata: &std::fs::Metadata) -> u64 {
 /// A listing of the hot folder: files and other things in it and in its SKU folders, without ignored names.
 #[derive(Debug, Default)]
 pub(crate) struct Listing {
-    /// Paths and what lies there, in the order in which they were written.
+    /// Paths and what is there, in the order in which they were written.
     pub(crate) drops: Vec<(PathBuf, Found)>,
-    /// Folders inside SKU folders, which nobody looks into.
+    /// Folders inside SKU folders, which are not read.
     pub(crate) too_deep: Vec<PathBuf>,
-    /// What could not be looked at; the rest of the listing is right all the same.
+    /// What could not be read; the rest of the listing is valid.
     pub(crate) unseen: Vec<io::Error>,
 }
 
@@ -104,7 +104,7 @@ pub(crate) fn list(hot: &Path) -> io::Result<Listing> {
         Found::File(stamp) | Found::Other(stamp) => stamp.modified,
         Found::Folder => None,
     };
-    // A clock that was ahead must not put an old file behind all that come.
+    // A file with a time in the future must not be sorted after all new files.
     let now = SystemTime::now();
     let order = |found: &Found| written(found).map(|time| time.min(now));
     listing.drops.sort_by(|(a, x), (b, y)| order(x).cmp(&order(y)).then_with(|| a.cmp(b)));
@@ -127,7 +127,7 @@ fn list_sku_folder(folder: &Path, listing: &mut Listing) {
     }
 }
 
-/// What lies in one folder, without ignored names; what cannot be looked at goes to `unseen`.
+/// The entries of one folder, without ignored names; errors go to `unseen`.
 pub(crate) fn entries(folder: &Path, unseen: &mut Vec<io::Error>) -> io::Result<Vec<(PathBuf, Found)>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -144,13 +144,13 @@ pub(crate) fn entries(folder: &Path, unseen: &mut Vec<io::Error>) -> io::Result<
     Ok(found)
 }
 
-/// Opens a file to read it.
+/// Opens a file for reading.
 #[cfg(not(windows))]
 pub(crate) fn open(path: &Path) -> io::Result<fs::File> {
     fs::File::open(path)
 }
 
-/// Opens a file to read it, which Windows refuses as long as somebody has it open to write, and the other way round.
+/// Opens a file for reading; Windows refuses this while another program has it open for writing, and vice versa.
 #[cfg(windows)]
 pub(crate) fn open(path: &Path) -> io::Result<fs::File> {
     const READ_AND_DELETE: u32 = 1 | 4;
@@ -159,12 +159,12 @@ pub(crate) fn open(path: &Path) -> io::Result<fs::File> {
     options.open(path)
 }
 
-/// Whether the file can be opened to be read: on Windows not as long as somebody writes it.
+/// Whether the file can be opened for reading: on Windows not while a program writes it.
 pub(crate) fn can_be_read(path: &Path) -> bool {
     open(path).is_ok()
 }
 
-/// The content of a file and its stamp; `None` when it changed, was replaced or went while it was read, or is larger
+/// The content of a file and its stamp; `None` if it was changed, replaced or removed while it was read, or is larger
 /// than [`LARGEST_DROP`].
 pub(crate) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
     let mut file = match open(path) {
@@ -184,13 +184,13 @@ pub(crate) fn read_whole(path: &Path) -> io::Result<Option<(Vec<u8>, Stamp)>> {
     Ok((same && bytes.len() as u64 == before.size).then_some((bytes, before)))
 }
 
-/// Whether the file holds exactly these bytes.
+/// Whether the file contains exactly these bytes.
 pub(crate) fn has_content(path: &Path, bytes: &[u8]) -> bool {
     matches!(look(path), Ok(Some(Found::File(stamp))) if stamp.size == bytes.len() as u64)
         && matches!(read_whole(path), Ok(Some((content, _))) if content == bytes)
 }
 
-/// Whether the folder lies on another computer, whose files raise no events here.
+/// Whether the folder is on another computer, whose changes raise no events here.
 #[cfg(target_os = "linux")]
 pub(crate) fn is_on_network(folder: &Path) -> bool {
     let Ok(folder) = fs::canonicalize(folder) else { return false };
@@ -198,7 +198,7 @@ pub(crate) fn is_on_network(folder: &Path) -> bool {
     is_mounted_from_network(&folder, &mounts)
 }
 
-/// Whether the folder lies on another computer: its full name is that of a share, also behind a drive's letter.
+/// Whether the folder is on another computer: its full path is that of a share, also behind a drive letter.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn is_on_network(folder: &Path) -> bool {
     use std::path::Prefix::{UNC, VerbatimUNC};
@@ -207,7 +207,7 @@ pub(crate) fn is_on_network(folder: &Path) -> bool {
         if matches!(prefix.kind(), UNC(..) | VerbatimUNC(..)))
 }
 
-/// Where the disk or share is mounted that the folder lies on; `None` for a folder that is not there.
+/// The mount point of the folder's disk or share; `None` if the folder does not exist.
 #[cfg(target_os = "linux")]
 pub(crate) fn mount_of(folder: &Path) -> Option<PathBuf> {
     let folder = fs::canonicalize(folder).ok()?;
@@ -215,25 +215,25 @@ pub(crate) fn mount_of(folder: &Path) -> Option<PathBuf> {
     nearest_mount(&folder, &mounts).map(|(point, _)| point)
 }
 
-/// The number of the device that the folder lies on; `None` for a folder that is not there.
+/// The number of the folder's device; `None` if the folder does not exist.
 #[cfg(target_os = "linux")]
 pub(crate) fn device_of(folder: &Path) -> Option<u64> {
     fs::metadata(folder).ok().map(|metadata| std::os::unix::fs::MetadataExt::dev(&metadata))
 }
 
-/// Elsewhere nobody asks.
+/// Not needed on other systems, where [`mount_of`] is `None`.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn device_of(_: &Path) -> Option<u64> {
     None
 }
 
-/// Elsewhere the mount point of a share goes with it, as a drive's letter does.
+/// On other systems, the mount point of a share disappears with it, like a drive letter.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn mount_of(_: &Path) -> Option<PathBuf> {
     None
 }
 
-/// The file systems whose files other computers, or the host of a virtual machine, change behind the kernel's back.
+/// File systems whose files are changed by other computers, or by the host of a virtual machine, without an event.
 #[cfg(target_os = "linux")]
 const NETWORK_FILE_SYSTEMS: &[&str] = &[
     "nfs",
@@ -255,8 +255,8 @@ const NETWORK_FILE_SYSTEMS: &[&str] = &[
     "davfs",
 ];
 
-/// The mount point above the folder and the kind of its file system. `mounts` has the form of `/proc/self/mountinfo`: the
-/// fifth word is where, the one after ` - ` which file system.
+/// The mount point above the folder and the kind of its file system. `mounts` has the form of `/proc/self/mountinfo`:
+/// the fifth word is the mount point, the word after ` - ` the file system.
 #[cfg(target_os = "linux")]
 fn nearest_mount<'a>(folder: &Path, mounts: &'a str) -> Option<(PathBuf, &'a str)> {
     let mut nearest: Option<(PathBuf, &str)> = None;
@@ -264,7 +264,7 @@ fn nearest_mount<'a>(folder: &Path, mounts: &'a str) -> Option<(PathBuf, &'a str
         let Some((head, tail)) = line.split_once(" - ") else { continue };
         let (Some(point), Some(kind)) = (head.split(' ').nth(4), tail.split(' ').next()) else { continue };
         let point = PathBuf::from(point.replace("\\040", " "));
-        // Of two on one point, the later lies on top.
+        // Of two mounts on one point, the later one covers the other.
         if folder.starts_with(&point) && nearest.as_ref().is_none_or(|(last, _)| point.starts_with(last)) {
             nearest = Some((point, kind));
         }
@@ -285,13 +285,13 @@ fn is_mounted_from_network(folder: &Path, mounts: &str) -> bool {
 /// `AlreadyExists` when the name is taken.
 pub(crate) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     let mut moving = tempfile::TempPath::try_from_path(in_full(from))?;
-    // It is a designer's file, not a temporary one: a failed move must leave it where it is.
+    // It is a designer's file, not a temporary one: a failed move must not remove it.
     moving.disable_cleanup(true);
     let Err(failed) = moving.persist_noclobber(in_full(to)) else { return stays_once(from, to) };
     match failed.error.kind() {
         ErrorKind::AlreadyExists | ErrorKind::NotFound => Err(named(failed.error, "cannot move to", to)),
         ErrorKind::CrossesDevices => move_by_copy(from, to),
-        // Some network and memory-card file systems know no rename that spares the target.
+        // Some network and memory-card file systems have no rename that never overwrites.
         _ if look(to)?.is_none() => match fs::rename(from, to) {
             Err(error) if error.kind() == ErrorKind::CrossesDevices => move_by_copy(from, to),
             renamed => renamed,
@@ -300,8 +300,8 @@ pub(crate) fn move_new(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Where the file system cannot rename without overwriting, a file gets its new name and then loses the old one, if that
-/// is allowed. With both it would be another drop for ever.
+/// Removes the old name, where the file system could only add the new name to the file: with both names, the file would
+/// always be a new drop. If removing fails, the new name is removed again.
 #[cfg(unix)]
 fn stays_once(from: &Path, to: &Path) -> io::Result<()> {
     let is_one = |a: &Path, b: &Path| -> io::Result<bool> {
@@ -320,26 +320,26 @@ fn stays_once(_: &Path, _: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The other half of [`move_new`]: the original goes when its copy is safe. One that was written meanwhile is another drop
-/// and stays.
+/// Moves a file to another file system: the original is removed when its copy is complete. If it was written meanwhile,
+/// it is another drop and stays.
 fn move_by_copy(from: &Path, to: &Path) -> io::Result<()> {
     let (before, _) = copy_new(from, to)?;
     if look(from)? == Some(Found::File(before)) { fs::remove_file(from) } else { Ok(()) }
 }
 
-/// Copies a file, never over another one; returns what was copied: the stamp before and the hash of the content. When it
-/// returns, the copy survives a power cut.
+/// Copies a file, never over another one; returns the stamp of the original and the hash of the content. The copy
+/// survives a power cut.
 ///
 /// # Errors
-/// `Unsupported` for what is no file: opening a pipe would wait for its writer for ever. `Interrupted` when the file changes
-/// meanwhile; nothing is there then.
+/// `Unsupported` for anything except a file: opening a pipe could wait for its writer without end. `Interrupted` when
+/// the file changes meanwhile; then there is no copy.
 pub(crate) fn copy_new(from: &Path, to: &Path) -> io::Result<(Stamp, blake3::Hash)> {
     let before = match look(from)? {
         Some(Found::File(before)) => before,
         None => return Err(named(ErrorKind::NotFound.into(), "cannot copy", from)),
         Some(_) => {
-            let words = "only a file can be moved to another disk";
-            return Err(named(io::Error::new(ErrorKind::Unsupported, words), "cannot move", from));
+            let message = "only a file can be moved to another disk";
+            return Err(named(io::Error::new(ErrorKind::Unsupported, message), "cannot move", from));
         }
     };
     let mut original = open(from)?;
@@ -367,17 +367,17 @@ pub(crate) fn content_hash(path: &Path) -> io::Result<blake3::Hash> {
     Ok(hasher.finalize())
 }
 
-/// The first of `folder`, `folder/(2)`, `folder/(3)` … in which no file bears one of the names; it is made if needed.
+/// The first of `folder`, `folder/(2)`, `folder/(3)` … in which none of the names is taken; it is created if needed.
 ///
-/// Numbers are on folders, not on files, because names say which SKU a file is for and which buffers belong to it: the
-/// content of a numbered folder can be moved back as it is.
+/// The numbers are in the names of folders, not of files, because a file's name determines its SKU and its buffers. So
+/// the content of a numbered folder can be moved back unchanged.
 pub(crate) fn free_place(folder: &Path, names: &[impl AsRef<Path>]) -> io::Result<PathBuf> {
     let place = |number: u64| if number == 1 { folder.into() } else { folder.join(format!("({number})")) };
     let taken = |number: u64| -> io::Result<bool> {
         let place: PathBuf = place(number);
         names.iter().try_fold(false, |taken, name| Ok(taken || look(&place.join(name.as_ref()))?.is_some()))
     };
-    // Numbers are taken from 1 on: double until one is free, then halve the gap.
+    // Numbers are used without gaps from 1 on: double until one is free, then bisect.
     let mut free = 1;
     while taken(free)? {
         free *= 2;
@@ -400,7 +400,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_moved_over_anything() {
+    fn moving_never_overwrites_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
         fs::write(&a, "a").unwrap();
@@ -416,7 +416,7 @@ mod tests {
         assert_eq!(fs::read(folder.path().join("d")).unwrap(), b"b");
     }
 
-    /// Linux has a second file system in memory; where there is none, [`move_by_copy`] alone is tested.
+    /// Linux usually has a second file system in memory; without it, this test is skipped.
     #[cfg(target_os = "linux")]
     #[test]
     fn files_move_across_file_systems() {
@@ -432,9 +432,9 @@ mod tests {
         assert_eq!((fs::read(&from).unwrap(), fs::read(&to).unwrap()), (b"b".to_vec(), b"a".to_vec()));
     }
 
-    /// A number that is not reused shows the rest; where it is, only the time of making tells.
+    /// Where inodes are used again, only the creation time distinguishes the folders.
     #[test]
-    fn a_folder_made_again_is_another_one() {
+    fn a_folder_created_again_has_another_identity() {
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("hot");
         fs::create_dir(&folder).unwrap();
@@ -450,7 +450,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_folder_is_on_what_is_mounted_nearest_to_it() {
+    fn a_folder_is_on_the_nearest_mount() {
         let mounts = "22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw\n\
                       31 22 0:45 / /mnt/laser\\040one rw - nfs4 server:/share rw\n\
                       32 31 0:46 / /mnt/laser\\040one/local rw shared:3 - tmpfs tmpfs rw\n";
@@ -467,7 +467,7 @@ mod tests {
 
     #[cfg(windows)]
     #[test]
-    fn what_is_being_written_is_not_read() {
+    fn a_file_that_is_being_written_is_not_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.obj");
         let writer = fs::File::create(&path).unwrap();
@@ -478,7 +478,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_pipe_is_not_opened_to_move_it() {
+    fn moving_a_pipe_does_not_open_it() {
         let folder = tempfile::tempdir().unwrap();
         let (pipe, to) = (folder.path().join("x.dxf"), folder.path().join("y.dxf"));
         if !std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|status| status.success()) {
@@ -489,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_numbered_without_a_gap() {
+    fn places_are_numbered_without_gaps() {
         let folder = tempfile::tempdir().unwrap();
         for number in 1..=9 {
             let place = free_place(folder.path(), &["x", "y"]).unwrap();

@@ -1,4 +1,4 @@
-//! What is there: files, what their names mean, when they are whole, and what is known of each drop.
+//! What is in the folders: files, the meaning of their names, when they are complete, and the state of each drop.
 
 pub mod names;
 pub mod settle;

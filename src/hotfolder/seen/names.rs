@@ -1,15 +1,15 @@
-//! What the name of a drop means.
+//! The meaning of a drop's name.
 //!
 //! | in the hot folder | is |
 //! |---|---|
-//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and means nothing |
-//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this very name, as `.dxf` |
+//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and has no meaning |
+//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this name, as `.dxf` |
 //! | `<sku>/<anything>.glb` and so on | a part or a scan |
-//! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one of the same name |
-//! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they travel with that part |
-//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.png` or `.bmp` in the same folder, with which it travels |
+//! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one with the same name |
+//! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they are filed with that part |
+//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.png` or `.bmp` in the same folder, filed with it |
 //!
-//! Extensions may be written in any case. Temporary and system names are never touched ([`is_ignored`]).
+//! Extensions may be written in any case. Files with temporary and system names are never touched ([`is_ignored`]).
 
 use std::path::{Component, Path, PathBuf};
 
@@ -21,16 +21,16 @@ use crate::reason::Reason;
 /// Extensions of files that belong to a part, in lower case.
 const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
 
-/// The file in a SKU's archive folder that holds the path of its part, relative to that folder, with `/`.
+/// The file in a SKU's archive folder that contains the path of its part, relative to that folder, with `/`.
 pub const CURRENT_PART: &str = "current-part.txt";
 
 /// Extension of the settings beside a pattern.
 pub(crate) const SIDECAR: &str = "toml";
 
-/// The longest file name that is taken, in bytes: file systems end at 255, and results need a suffix.
+/// The longest file name that is accepted, in bytes: file systems allow 255, and results need a suffix.
 const LONGEST_NAME: usize = 230;
 
-/// Endings of names that other programs use while they write, lock or keep a copy, in lower case.
+/// Suffixes that other programs use while they write a file, lock it or keep a copy, in lower case.
 const IGNORED_ENDINGS: &[&str] = &[
     "~",
     ".tmp",
@@ -66,20 +66,20 @@ const IGNORED_NAMES: &[&str] = &[
 /// What a file in the hot folder is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Meaning {
-    /// The shape of a SKU.
+    /// A part of a SKU.
     Part(Sku),
     /// A drawing for a SKU.
     Pattern {
         /// The SKU it is for.
         sku: Sku,
-        /// What the pattern is called; the result bears this name, as a DXF file ([`delivered_as`]).
+        /// The name of the pattern; the result has this name, as a DXF file ([`delivered_as`]).
         name: String,
     },
     /// A file that belongs to a part.
     Companion,
 }
 
-/// The name in the import folder of the result of a pattern.
+/// The name of a pattern's result in the import folder.
 pub fn delivered_as(pattern: &str) -> String {
     match pattern.rsplit_once('.') {
         Some((stem, _)) if is_picture(pattern) => format!("{stem}.dxf"),
@@ -87,7 +87,7 @@ pub fn delivered_as(pattern: &str) -> String {
     }
 }
 
-/// Whether the name is a temporary, lock or system name, of a file or a folder, that is none of our business.
+/// Whether the name is a temporary, lock or system name of a file or folder, which is ignored.
 pub fn is_ignored(name: &str) -> bool {
     let name = name.to_lowercase();
     name.starts_with(['.', '~'])
@@ -101,15 +101,15 @@ pub(crate) fn is_sidecar(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
 }
 
-/// The place of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
+/// The path of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
 pub(crate) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
     pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
 }
 
-/// What the file at `relative` (to the hot folder: a name, or a SKU's folder and a name) is.
+/// The meaning of the file at `relative`, its path in the hot folder: a name, or a SKU's folder and a name.
 ///
 /// # Errors
-/// With the reason why it cannot be anything: unknown kind, a name that is no SKU, a name that cannot be delivered.
+/// With the reason why the name is invalid: an unknown kind, an invalid SKU, or a name that cannot be delivered.
 pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     let mut parts = Vec::new();
     for component in relative.components() {
@@ -129,7 +129,7 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
         return Err(reason.with_number("length", length, "bytes", Some(LONGEST_NAME as f64)));
     }
     if let Some(character) = name.chars().find(|c| c.is_control() || r#"\:*?"<>|"#.contains(*c)) {
-        let what = format!("The file's name holds {character:?}, which not every file system can store.");
+        let what = format!("The file's name contains {character:?}, which some file systems cannot store.");
         return Err(Reason::new(
             "name-character",
             what,
@@ -137,12 +137,12 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
         ));
     }
     if name.eq_ignore_ascii_case(CURRENT_PART) {
-        let what = format!("{CURRENT_PART} is the name of isomark's own note in the archive.");
+        let what = format!("isomark uses the name {CURRENT_PART} for its own file in the archive.");
         return Err(Reason::new("name-reserved", what, "Give the scan another name."));
     }
     let (stem, extension) = name.rsplit_once('.').unwrap_or((name, ""));
     let extension = extension.to_lowercase();
-    // Nobody names a texture like a drawing for a SKU.
+    // A name with `@` is meant as a drawing for a SKU, not as a texture.
     let is_companion = COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@');
     if is_companion || extension == SIDECAR {
         return Ok(Meaning::Companion);
@@ -163,7 +163,7 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     Ok(Meaning::Pattern { sku, name })
 }
 
-/// Whether a stem already says which SKU it is for.
+/// Whether a stem already names the SKU.
 fn names_sku(stem: &str, sku: &Sku) -> bool {
     stem.split('@').next().unwrap_or(stem).parse::<Sku>().as_ref() == Ok(sku)
 }
@@ -183,8 +183,8 @@ fn unknown_kind(extension: &str) -> Reason {
 fn unreadable_name() -> Reason {
     Reason::new(
         "name-unreadable",
-        "The file's name is not readable text.",
-        "Rename it in plain letters and digits.",
+        "The file's name is not valid text.",
+        "Rename it with plain letters and digits.",
     )
 }
 
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn names_say_what_a_file_is() {
+    fn a_name_determines_what_a_file_is() {
         let sku = |name: &str| name.parse::<Sku>().unwrap();
         let pattern = |name: &str, called: &str| Meaning::Pattern { sku: sku(name), name: called.into() };
         for (relative, expected) in [
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_are_nothing_are_explained() {
+    fn invalid_names_get_a_reason() {
         let long = format!("{}.dxf", "x".repeat(240));
         for (relative, code) in [
             ("can.step", "unknown-kind"),

@@ -1,20 +1,20 @@
-//! Files that are done and filed, and that their writers may still hold open.
+//! Files that are filed, but that their writers may still have open.
 //!
 //! ```text
-//! state/parked/<what was filed>/<path in the hot folder>
+//! state/parked/<signature of the filed content>/<path in the hot folder>
 //! ```
 //!
-//! A file goes on being written after it was renamed or removed, by whoever opened it before. So a drop that is done is
-//! copied to its place, and the file itself is set aside for as long as a silent writer is waited for
-//! (`watch.incomplete_s`). If it changes meanwhile, it goes back into the hot folder under its name, the same file, so that
-//! its writer goes on writing there: it is a new drop. If it does not, it is removed. What was filed stands in the name of
-//! a folder around it, so that the next start goes on from there.
+//! A program that has a file open can write to it even after the file was renamed or removed. So a processed drop is
+//! copied to its place, and the file itself is parked for `watch.incomplete_s`. If it changes meanwhile, the same file
+//! is moved back into the hot folder under its name, so that its writer continues there: it is a new drop. If it does
+//! not change, it is removed. A folder around the file is named after the filed content, so that the next start can
+//! continue.
 //!
-//! It is set aside by a rename, so on the disk of the hot folder: in the state folder if that is there, otherwise in the
-//! archive, the rejected or the hot folder, hidden.
+//! A file is parked by a rename, so it stays on the disk of the hot folder: in the state folder if that is on the same
+//! disk, otherwise in a hidden folder in the archive, the rejected or the hot folder.
 //!
-//! Windows lets a program open a file so that nobody else can write it; there the file is removed at once, and one that
-//! somebody has open to write stays where it is until it is closed.
+//! On Windows, a program can open a file so that no other program can write to it. So there the file is removed at
+//! once, and a file that another program has open for writing stays in the hot folder until it is closed.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -32,46 +32,46 @@ use crate::hotfolder::clock;
 /// The folder in the state folder, and the hidden one elsewhere.
 const PARKED: &str = "parked";
 const HIDDEN: &str = ".isomark-parked";
-/// Files up to this size are read before they are removed: what was written within one tick of the file system's clock
-/// shows in nothing else.
+/// Files up to this size are read before they are removed: a change within one tick of the file system's clock is
+/// visible only in the content.
 const READ_AT_THE_END: u64 = 64 << 20;
-/// The files that are set aside take no more than this, bytes, or the oldest is removed.
-const MOST_BYTES: u64 = 4 << 30;
+/// The largest total size of the parked files, bytes; above it, the oldest are removed.
+const MAX_BYTES: u64 = 4 << 30;
 
-/// What was filed of a file.
+/// The filed content of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Filed {
     pub(crate) stamp: Stamp,
     pub(crate) hash: blake3::Hash,
 }
 
-/// All files that are set aside.
+/// All parked files.
 #[derive(Default)]
 pub(crate) struct Parking {
     all: Mutex<Vec<Parked>>,
-    /// Which folder the hot folder is.
+    /// The identity of the hot folder.
     hot: Mutex<Option<Identity>>,
 }
 
-/// One of them.
+/// A parked file.
 struct Parked {
-    /// The folder around it, named after what was filed.
+    /// The folder around it, named after the filed content.
     folder: PathBuf,
     /// Its path in the hot folder.
     relative: PathBuf,
     filed: Signature,
-    /// The machine was started anew since: who wrote it then does not any more.
+    /// The machine was restarted since, so the writer of the file has ended.
     outlived_its_writer: bool,
-    /// As it was seen last, if it is not what was filed.
+    /// Size and time of the file at the last check, if it differs from the filed one.
     changed: Option<(u64, Option<u128>)>,
-    /// It cannot go back where it came from.
+    /// It could not be moved back into the hot folder.
     is_stuck: bool,
-    /// How long it had been set aside when `since` began.
+    /// How long it had been parked at `since`.
     age: Duration,
     since: Instant,
 }
 
-/// What tells whether a file is still what was filed.
+/// Shows whether a file still has the filed content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Signature {
     size: u64,
@@ -81,29 +81,29 @@ struct Signature {
     hash: String,
 }
 
-/// What is seen of a file that is set aside.
+/// What is known about a parked file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Evidence {
-    /// Size and time of the last write; `None` when it is gone.
+    /// Size and time of the last write; `None` if the file was removed.
     now: Option<(u64, Option<u128>)>,
-    /// It was set aside for as long as a silent writer is waited for.
+    /// It has been parked for the whole waiting time.
     is_over: bool,
     /// It was written before the machine was started.
     outlived_its_writer: bool,
 }
 
-/// What is to be done about it.
+/// What to do with a parked file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
-    /// Nothing yet.
+    /// Keep it.
     Stays,
-    /// It changed since the last look: it may be in the middle of being written.
+    /// Wait: it changed since the last check, and may still be written.
     Changes,
-    /// It stands still and is not what was filed, unless its content is.
+    /// It changed and has settled: move it back, unless its content is the filed one.
     IsAnother,
-    /// Nobody writes it any more: it is removed, if its content is what was filed.
+    /// Its time is over: remove it, if its content is the filed one.
     IsOver,
-    /// Somebody removed it.
+    /// Forget it: somebody removed it.
     IsGone,
 }
 
@@ -111,14 +111,14 @@ enum Verdict {
 pub(crate) struct Returned {
     /// Its path in the hot folder.
     pub(crate) relative: PathBuf,
-    /// Where it is now, if a newer drop bears its name in the hot folder.
+    /// Where it is now, if a newer drop has its name in the hot folder.
     pub(crate) overtaken: Option<PathBuf>,
 }
 
-/// What the evidence says; `changed` is how the file was seen last, if it was not what was filed.
+/// Decides what to do with a file; `changed` is its state at the last check, if that differed from the filed one.
 fn verdict(filed: &Signature, changed: Option<(u64, Option<u128>)>, seen: Evidence) -> Verdict {
     let Some(now) = seen.now else { return Verdict::IsGone };
-    // A power cut leaves a file that nobody flushed shorter, and its time as it was.
+    // After a power cut, a file that was not flushed may be shorter, with its time unchanged.
     let is_torn = seen.outlived_its_writer && now.1.is_some() && now.1 == filed.modified;
     if now == (filed.size, filed.modified) || is_torn {
         return if seen.is_over || is_torn { Verdict::IsOver } else { Verdict::Stays };
@@ -131,7 +131,7 @@ impl Parking {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes up what an earlier start set aside.
+    /// Finds the files that were parked before this start.
     pub(crate) fn restore(&self, folders: &FolderPaths) {
         let (boot, on_network) = (boot(), is_on_network(&folders.hot));
         for base in places(folders) {
@@ -151,7 +151,7 @@ impl Parking {
                 all.extend(files.into_iter().map(|relative| {
                     Parked {
                         folder: folder.clone(),
-                        // What changed while no station ran is taken as seen once.
+                        // A change while no station was running is treated as seen once.
                         changed: size_and_time(&folder.join(&relative))
                             .ok()
                             .flatten()
@@ -159,7 +159,7 @@ impl Parking {
                         is_stuck: false,
                         relative,
                         filed: filed.clone(),
-                        // The writer of a file on a share is another machine.
+                        // The writer of a file on a share may be another machine, which was not restarted.
                         outlived_its_writer: its_boot != boot && !on_network,
                         age: age.unwrap_or_default(),
                         since: Instant::now(),
@@ -169,20 +169,21 @@ impl Parking {
         }
     }
 
-    /// Takes a file out of the hot folder that was filed as `filed`. What bears its name by now and is another file stays
-    /// where it is.
+    /// Removes a file from the hot folder that was filed as `filed`. If a different file has its name now, that one
+    /// stays.
     ///
     /// # Errors
-    /// As [`Self::stays_gone`]; and when it cannot be moved; on Windows also as long as somebody has it open to write.
-    pub(crate) fn take_away(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
+    /// As [`Self::check_removed`]; when it cannot be moved; on Windows also while another program has it open for
+    /// writing.
+    pub(crate) fn take_out(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
         if cfg!(windows) {
-            return self.remove_alone(folders, path, filed);
+            return self.remove_exclusively(folders, path, filed);
         }
         match look(path)? {
             Some(Found::File(stamp)) if stamp == filed.stamp => {}
-            // Another drop by now.
+            // This is another drop now.
             Some(_) => return Ok(()),
-            None => return self.stays_gone(folders, path),
+            None => return self.check_removed(folders, path),
         }
         let relative = path.strip_prefix(&folders.hot).ok().map(Path::to_path_buf);
         let relative = relative.unwrap_or_else(|| PathBuf::from(path.file_name().unwrap_or_default()));
@@ -192,7 +193,7 @@ impl Parking {
             let folder = match set_aside(path, &base, &relative, &signature) {
                 Ok(folder) => folder,
                 Err(error) if error.kind() == ErrorKind::NotFound && look(path)?.is_none() => {
-                    return self.stays_gone(folders, path);
+                    return self.check_removed(folders, path);
                 }
                 Err(error) => {
                     trouble = error;
@@ -200,12 +201,12 @@ impl Parking {
                 }
             };
             let place = folder.join(&relative);
-            // It may have been written since it was looked at, within one tick of the file system's clock.
+            // It may have been written since it was read, within one tick of the file system's clock.
             let is_another = filed.stamp.size <= READ_AT_THE_END
                 && content_hash(&place).is_ok_and(|hash| hash != filed.hash);
-            // No file is without a time where this one has one.
+            // A signature without a time never matches a file that has a time, so the file is known as changed.
             let signature = Signature { modified: signature.modified.filter(|_| !is_another), ..signature };
-            // The next start knows it by that, too.
+            // The next start reads the same from the name of the folder.
             let folder = if is_another { renamed(folder, &base, &signature) } else { folder };
             let place = folder.join(&relative);
             self.all().push(Parked {
@@ -218,17 +219,18 @@ impl Parking {
                 age: Duration::ZERO,
                 since: Instant::now(),
             });
-            // Back in the hot folder after a power cut, it would be a new drop.
+            // Without the flush, a power cut could bring it back into the hot folder as a new drop.
             return sync_folder(path.parent().unwrap_or(path));
         }
-        Err(crate::files::named(trouble, "cannot take away", path))
+        Err(crate::files::named(trouble, "cannot remove", path))
     }
 
-    /// Removes a file that nobody has open to write, if it is what was filed. Only Windows makes that certain.
-    fn remove_alone(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
-        // As long as this is open, nobody can open it to write.
-        let _alone = match open(path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return self.stays_gone(folders, path),
+    /// Removes a file that no other program has open for writing, if it has the filed content. Only Windows can ensure
+    /// this.
+    fn remove_exclusively(&self, folders: &FolderPaths, path: &Path, filed: &Filed) -> io::Result<()> {
+        // While this handle is open, no other program can open the file for writing.
+        let _exclusive = match open(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.check_removed(folders, path),
             opened => opened?,
         };
         let is_filed = look(path)? == Some(Found::File(filed.stamp))
@@ -236,52 +238,53 @@ impl Parking {
         if is_filed { fs::remove_file(path) } else { Ok(()) }
     }
 
-    /// Which folder the hot folder is, as it was seen last.
-    pub(crate) fn hot_is(&self, identity: Option<Identity>) {
+    /// Sets the identity of the hot folder, as it was seen last.
+    pub(crate) fn set_hot(&self, identity: Option<Identity>) {
         *self.hot.lock().unwrap_or_else(PoisonError::into_inner) = identity;
     }
 
-    /// A drop that somebody took away is done with what was read of it; one that went with the whole hot folder comes back
-    /// with it and would be done twice.
+    /// Checks that a missing drop was removed alone: then it is filed with the content that was read. A drop that is
+    /// missing because the whole hot folder is not available returns with the folder, and would be processed twice.
     ///
     /// # Errors
-    /// `NotFound` when the hot folder is gone, too, or another one, such as the place of a share that is not connected;
-    /// `Interrupted` when it is back.
-    pub(crate) fn stays_gone(&self, folders: &FolderPaths, drop: &Path) -> io::Result<()> {
+    /// `NotFound` when the hot folder is not available or is a different one, such as an empty mount point;
+    /// `Interrupted` when it is available again.
+    pub(crate) fn check_removed(&self, folders: &FolderPaths, drop: &Path) -> io::Result<()> {
         let hot = &folders.hot;
         let known = *self.hot.lock().unwrap_or_else(PoisonError::into_inner);
         let now = identity(hot);
         if now.is_none() || known.is_some_and(|known| Some(known) != now) {
-            let words = format!("the hot folder {} is gone, and the drop with it", hot.display());
-            return Err(io::Error::new(ErrorKind::NotFound, words));
+            let message = format!("the hot folder {}, with the drop, is not available", hot.display());
+            return Err(io::Error::new(ErrorKind::NotFound, message));
         }
         if look(drop)?.is_some() {
-            let words = format!("the hot folder {} was gone for a moment", hot.display());
-            return Err(io::Error::new(ErrorKind::Interrupted, words));
+            let message = format!("the hot folder {} was not available for a moment", hot.display());
+            return Err(io::Error::new(ErrorKind::Interrupted, message));
         }
         Ok(())
     }
 
-    /// Whether a file was written again that is about to go back.
+    /// Whether a file was written again and is about to be moved back.
     pub(crate) fn any_changes(&self) -> bool {
         self.all().iter().any(|parked| parked.changed.is_some() && !parked.is_stuck)
     }
 
-    /// How many files are set aside.
+    /// The number of parked files.
     pub(crate) fn count(&self) -> usize {
         self.all().len()
     }
 
-    /// Whether nothing is set aside.
+    /// Whether no file is parked.
     pub(crate) fn is_empty(&self) -> bool {
         self.all().is_empty()
     }
 
-    /// Looks at everything that is set aside: brings back what was written since, and removes what was not for `silence`.
+    /// Checks all parked files: moves those back that were written since, and removes those that did not change for
+    /// `silence`.
     pub(crate) fn look(&self, folders: &FolderPaths, silence: Duration) -> Vec<Returned> {
-        // The others may set something aside meanwhile.
+        // Other threads may park more files meanwhile.
         let mut all = std::mem::take(&mut *self.all());
-        let mut surplus = all.iter().map(|parked| parked.filed.size).sum::<u64>().saturating_sub(MOST_BYTES);
+        let mut surplus = all.iter().map(|parked| parked.filed.size).sum::<u64>().saturating_sub(MAX_BYTES);
         let mut returned = Vec::new();
         all.retain_mut(|parked| {
             let is_surplus = surplus > 0;
@@ -294,7 +297,7 @@ impl Parking {
 }
 
 impl Parked {
-    /// Does what is to be done about it; whether it stays.
+    /// Checks the file and handles it; returns whether it stays parked.
     fn look(
         &mut self,
         folders: &FolderPaths,
@@ -303,7 +306,7 @@ impl Parked {
         returned: &mut Vec<Returned>,
     ) -> bool {
         let place = self.folder.join(&self.relative);
-        // What cannot be looked at now is looked at again.
+        // A file that cannot be checked now is checked again.
         let Ok(now) = size_and_time(&place) else { return true };
         let evidence = Evidence {
             now,
@@ -315,7 +318,7 @@ impl Parked {
         match verdict {
             Verdict::Stays => self.changed = None,
             Verdict::Changes => self.changed = evidence.now,
-            // Saved again as it was, or given another time.
+            // It was saved again unchanged, or only its time was changed.
             Verdict::IsAnother if has_its_content() => {
                 if let Some((size, modified)) = evidence.now {
                     (self.filed.size, self.filed.modified) = (size, modified);
@@ -323,7 +326,7 @@ impl Parked {
                 self.changed = None;
             }
             Verdict::IsAnother => {
-                self.is_stuck = !self.goes_back(folders, returned);
+                self.is_stuck = !self.move_back(folders, returned);
                 return self.is_stuck;
             }
             Verdict::IsOver
@@ -331,11 +334,11 @@ impl Parked {
                     && self.filed.size <= READ_AT_THE_END
                     && content_hash(&place).is_ok_and(|hash| *hash.to_hex() != *self.filed.hash) =>
             {
-                self.is_stuck = !self.goes_back(folders, returned);
+                self.is_stuck = !self.move_back(folders, returned);
                 return self.is_stuck;
             }
             Verdict::IsOver => match fs::remove_file(&place) {
-                // It is looked at again.
+                // It is checked again.
                 Err(error) if error.kind() != ErrorKind::NotFound => {
                     tracing::debug!("{error}");
                     return true;
@@ -353,8 +356,8 @@ impl Parked {
         true
     }
 
-    /// Moves it back into the hot folder; whether it is gone from here.
-    fn goes_back(&self, folders: &FolderPaths, returned: &mut Vec<Returned>) -> bool {
+    /// Moves it back into the hot folder; returns whether it is no longer parked.
+    fn move_back(&self, folders: &FolderPaths, returned: &mut Vec<Returned>) -> bool {
         let (place, target) = (self.folder.join(&self.relative), folders.hot.join(&self.relative));
         if !folders.hot.is_dir() {
             return false;
@@ -365,17 +368,17 @@ impl Parked {
             Ok(()) => None,
             Err(error) if error.kind() == ErrorKind::AlreadyExists => Some(place),
             Err(error) => {
-                tracing::warn!("{} cannot go back into the hot folder: {error}", self.relative.display());
+                tracing::warn!("cannot move {} back into the hot folder: {error}", self.relative.display());
                 return false;
             }
         };
-        // What was overtaken is moved from here by whoever is told, and stays until that is done.
-        let is_gone = overtaken.is_none();
-        if is_gone {
+        // The caller rejects an overtaken file, which stays parked until then.
+        let is_moved = overtaken.is_none();
+        if is_moved {
             remove_empty(&self.folder);
         }
         returned.push(Returned { relative: self.relative.clone(), overtaken });
-        is_gone
+        is_moved
     }
 }
 
@@ -385,13 +388,13 @@ impl Signature {
         Self { size: stamp.size, modified: nanoseconds(stamp.modified), hash: hash.to_hex().to_string() }
     }
 
-    /// The name of the folder around a file; `number` tells folders of one name apart.
+    /// The name of the folder around a file; `number` distinguishes folders with the same signature.
     fn name(&self, boot: &str, number: u32) -> String {
         let modified = self.modified.map_or("x".to_owned(), |modified| modified.to_string());
         format!("{boot}-{}-{modified}-{}-{number}", self.size, self.hash)
     }
 
-    /// What such a name says, and when the machine had been started.
+    /// Reads such a name: the signature, and the start of the machine.
     fn parse(name: &str) -> Option<(Self, String)> {
         let words: Vec<&str> = name.split('-').collect();
         let [boot, size, modified, hash, _] = <[&str; 5]>::try_from(words).ok()?;
@@ -400,38 +403,38 @@ impl Signature {
     }
 }
 
-/// Where files may be set aside: one of them is on the disk of the hot folder.
+/// The folders where files may be parked: at least one of them is on the disk of the hot folder.
 fn places(folders: &FolderPaths) -> [PathBuf; 4] {
     let FolderPaths { hot, archive, rejected, state, .. } = folders;
     [state.join(PARKED), archive.join(HIDDEN), rejected.join(HIDDEN), hot.join(HIDDEN)]
 }
 
-/// Which start of the machine this is, as a folder's name may hold it.
+/// The identity of this start of the machine, in a form for the name of a folder.
 fn boot() -> String {
     let boot = clock::uptime().map(|uptime| uptime.boot).unwrap_or_default();
     blake3::hash(boot.as_bytes()).to_hex()[..8].to_owned()
 }
 
-/// Renames a file into a folder of its own; returns that folder.
+/// Renames a file into its own new folder; returns that folder.
 fn set_aside(path: &Path, base: &Path, relative: &Path, filed: &Signature) -> io::Result<PathBuf> {
     let (boot, mut number, mut tries) = (boot(), 1, 0);
     let folder = loop {
         let folder = base.join(filed.name(&boot, number));
         match fs::create_dir_all(base).and_then(|()| fs::create_dir(&folder)) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
-            // It was removed with the last file in it.
+            // Another thread removed `base` with the last file in it.
             Err(error) if error.kind() == ErrorKind::NotFound && tries < 3 => tries += 1,
             made => break made.map(|()| folder)?,
         }
     };
     let place = folder.join(relative);
     let made = place.parent().map_or(Ok(()), fs::create_dir_all);
-    // No file can have that name yet, so nothing is overwritten.
+    // The folder is new, so nothing is overwritten.
     made.and_then(|()| fs::rename(path, &place)).inspect_err(|_| remove_empty(&folder))?;
     Ok(folder)
 }
 
-/// Gives a folder around a file its name for another signature; where that cannot be, it keeps its own.
+/// Renames the folder around a file for another signature; if that fails, it keeps its name.
 fn renamed(folder: PathBuf, base: &Path, filed: &Signature) -> PathBuf {
     let boot = boot();
     let free = (1..100).map(|number| base.join(filed.name(&boot, number))).find(|other| !other.exists());
@@ -450,19 +453,19 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
 }
 
-/// Removes the folders around a file that is gone from its place.
+/// Removes the folders around a parked file that was moved away.
 pub(crate) fn remove_around(place: &Path, relative: &Path) {
     if let Some(folder) = place.ancestors().nth(relative.components().count()) {
         remove_empty(folder);
     }
 }
 
-/// Removes the folder around a file that is gone, and the one with all of them if it was the last.
+/// Removes the empty folder around a former file, and the folder with all of them if it was the last.
 fn remove_empty(folder: &Path) {
     for inner in entries(folder) {
         let _ = std::fs::remove_dir(inner);
     }
-    // What is not empty stays.
+    // The system refuses to remove a folder that is not empty.
     if std::fs::remove_dir(folder).is_ok()
         && let Some(base) = folder.parent()
     {
@@ -486,21 +489,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_seen_of_a_file_decides_what_it_is() {
+    fn the_evidence_decides_about_a_parked_file() {
         let filed = Signature { size: 7, modified: Some(100), hash: String::new() };
         let (same, longer, later) = (Some((7, Some(100))), Some((9, Some(200))), Some((7, Some(200))));
         let torn = Some((0, Some(100)));
         for (name, changed, now, is_over, outlived, expected) in [
-            ("it is as it was filed", None, same, false, false, Verdict::Stays),
-            ("nobody wrote it for long enough", None, same, true, false, Verdict::IsOver),
-            ("somebody began to write", None, longer, false, false, Verdict::Changes),
-            ("goes on writing", later, longer, false, false, Verdict::Changes),
-            ("and stopped", longer, longer, false, false, Verdict::IsAnother),
-            ("of the same length", later, later, false, false, Verdict::IsAnother),
-            ("wrote at the very end", None, longer, true, false, Verdict::IsAnother),
-            ("somebody took it away", longer, None, false, false, Verdict::IsGone),
-            ("cut off within a tick of the clock", torn, torn, false, false, Verdict::IsAnother),
-            ("a power cut tore it", None, torn, false, true, Verdict::IsOver),
+            ("unchanged", None, same, false, false, Verdict::Stays),
+            ("unchanged for the whole time", None, same, true, false, Verdict::IsOver),
+            ("a writer has started", None, longer, false, false, Verdict::Changes),
+            ("the writer continues", later, longer, false, false, Verdict::Changes),
+            ("the writer stopped", longer, longer, false, false, Verdict::IsAnother),
+            ("changed, with the same length", later, later, false, false, Verdict::IsAnother),
+            ("written at the end of the time", None, longer, true, false, Verdict::IsAnother),
+            ("removed by somebody", longer, None, false, false, Verdict::IsGone),
+            ("truncated within a tick of the clock", torn, torn, false, false, Verdict::IsAnother),
+            ("truncated by a power cut", None, torn, false, true, Verdict::IsOver),
             ("written before the power cut", longer, longer, false, true, Verdict::IsAnother),
         ] {
             let seen = Evidence { now, is_over, outlived_its_writer: outlived };
@@ -515,9 +518,9 @@ mod tests {
         FolderPaths { hot, import, archive, rejected, cache, reports, skus, state }
     }
 
-    /// A hot folder with one file that is filed and set aside, and what looks at it.
+    /// A hot folder with one file that is filed and parked.
     #[cfg(not(windows))]
-    fn set_aside_one(folder: &Path) -> (FolderPaths, Parking) {
+    fn park_one(folder: &Path) -> (FolderPaths, Parking) {
         let folders = folders_in(folder);
         fs::create_dir_all(folders.hot.join("can")).unwrap();
         let path = folders.hot.join("can/a.dxf");
@@ -525,17 +528,17 @@ mod tests {
         let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
         let parking = Parking::default();
         let filed = Filed { stamp, hash: blake3::hash(b"first") };
-        parking.take_away(&folders, &path, &filed).unwrap();
+        parking.take_out(&folders, &path, &filed).unwrap();
         assert!(!path.exists() && !parking.is_empty());
         (folders, parking)
     }
 
     #[cfg(not(windows))]
     #[test]
-    fn only_what_is_written_again_goes_back() {
+    fn only_files_that_are_written_again_are_moved_back() {
         const LONG: Duration = Duration::from_secs(3600);
         let folder = tempfile::tempdir().unwrap();
-        let (folders, parking) = set_aside_one(folder.path());
+        let (folders, parking) = park_one(folder.path());
         let label = entries(&folders.state.join(PARKED)).remove(0);
         let place = label.join("can/a.dxf");
         let looks = |parking: &Parking| {
@@ -543,11 +546,11 @@ mod tests {
             both.into_iter().flatten().map(|returned| returned.relative).collect::<Vec<_>>()
         };
         assert!(looks(&parking).is_empty());
-        // The same again, and given another time.
+        // Written with the same content, and with a different time.
         fs::write(&place, "first").unwrap();
         fs::File::options().write(true).open(&place).unwrap().set_modified(UNIX_EPOCH).unwrap();
         assert!(looks(&parking).is_empty() && place.exists());
-        // Another start takes it up, and sees what was written between.
+        // Another start finds it, and the change made between the starts.
         fs::write(&place, "second").unwrap();
         let next = Parking::default();
         next.restore(&folders);
@@ -559,9 +562,9 @@ mod tests {
 
     #[cfg(not(windows))]
     #[test]
-    fn what_was_written_within_one_tick_of_the_clock_goes_back() {
+    fn a_change_within_one_tick_of_the_clock_is_noticed() {
         let folder = tempfile::tempdir().unwrap();
-        let (folders, parking) = set_aside_one(folder.path());
+        let (folders, parking) = park_one(folder.path());
         let place = entries(&folders.state.join(PARKED)).remove(0).join("can/a.dxf");
         let modified = fs::metadata(&place).unwrap().modified().unwrap();
         fs::write(&place, "FIRST").unwrap();
@@ -572,10 +575,10 @@ mod tests {
 
     #[cfg(not(windows))]
     #[test]
-    fn what_cannot_go_back_yet_is_not_forgotten() {
+    fn a_file_that_cannot_be_moved_back_yet_is_not_forgotten() {
         const LONG: Duration = Duration::from_secs(3600);
         let folder = tempfile::tempdir().unwrap();
-        let (folders, parking) = set_aside_one(folder.path());
+        let (folders, parking) = park_one(folder.path());
         let place = entries(&folders.state.join(PARKED)).remove(0).join("can/a.dxf");
         assert!(!parking.any_changes());
         fs::write(&place, "second").unwrap();
@@ -584,7 +587,7 @@ mod tests {
         for _ in 0..2 {
             let returned = parking.look(&folders, LONG);
             assert_eq!(returned.iter().map(|one| one.overtaken.as_ref()).collect::<Vec<_>>(), [Some(&place)]);
-            assert!(!parking.any_changes(), "nothing that could end waits for it");
+            assert!(!parking.any_changes(), "a station that runs once does not wait for it");
         }
         fs::remove_file(&place).unwrap();
         assert!(parking.look(&folders, LONG).is_empty() && parking.is_empty());
@@ -592,23 +595,23 @@ mod tests {
 
     #[cfg(not(windows))]
     #[test]
-    fn what_was_another_when_it_was_set_aside_is_so_after_a_restart() {
+    fn a_file_that_changed_before_it_was_parked_returns_after_a_restart() {
         let folder = tempfile::tempdir().unwrap();
-        let (folders, parking) = set_aside_one(folder.path());
+        let (folders, parking) = park_one(folder.path());
         let path = folders.hot.join("can/b.dxf");
         fs::write(&path, "second").unwrap();
         let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
-        parking.take_away(&folders, &path, &Filed { stamp, hash: blake3::hash(b"another") }).unwrap();
+        parking.take_out(&folders, &path, &Filed { stamp, hash: blake3::hash(b"another") }).unwrap();
         let next = Parking::default();
         next.restore(&folders);
-        // It is taken as seen once.
+        // The change is treated as seen once.
         let returned = next.look(&folders, Duration::from_secs(3600));
         assert_eq!(returned.iter().map(|one| &one.relative).collect::<Vec<_>>(), [Path::new("can/b.dxf")]);
         assert!(path.exists());
     }
 
     #[test]
-    fn what_went_with_the_hot_folder_is_not_filed() {
+    fn a_drop_that_vanished_with_the_hot_folder_is_not_filed() {
         let folder = tempfile::tempdir().unwrap();
         let folders = folders_in(folder.path());
         let (path, parking) = (folders.hot.join("a.dxf"), Parking::default());
@@ -617,30 +620,30 @@ mod tests {
         let Some(Found::File(stamp)) = look(&path).unwrap() else { panic!("a file") };
         let filed = Filed { stamp, hash: blake3::hash(b"first") };
         fs::rename(&folders.hot, folder.path().join("elsewhere")).unwrap();
-        let gone = parking.take_away(&folders, &path, &filed).unwrap_err();
+        let gone = parking.take_out(&folders, &path, &filed).unwrap_err();
         assert_eq!(gone.kind(), ErrorKind::NotFound);
-        // Somebody took the drop alone.
+        // Somebody removed only the drop.
         fs::create_dir_all(&folders.hot).unwrap();
-        parking.take_away(&folders, &path, &filed).unwrap();
+        parking.take_out(&folders, &path, &filed).unwrap();
         assert!(parking.is_empty());
-        // An empty folder stands where the share was.
-        parking.hot_is(identity(&folder.path().join("elsewhere")));
-        let gone = parking.take_away(&folders, &path, &filed).unwrap_err();
+        // An empty folder replaces the share.
+        parking.set_hot(identity(&folder.path().join("elsewhere")));
+        let gone = parking.take_out(&folders, &path, &filed).unwrap_err();
         assert_eq!(gone.kind(), ErrorKind::NotFound);
     }
 
     #[cfg(not(windows))]
     #[test]
-    fn what_nobody_writes_is_removed_in_the_end() {
+    fn a_file_that_nobody_writes_is_removed_in_the_end() {
         let folder = tempfile::tempdir().unwrap();
-        let (folders, parking) = set_aside_one(folder.path());
+        let (folders, parking) = park_one(folder.path());
         assert!(parking.look(&folders, Duration::ZERO).is_empty());
         assert!(parking.is_empty() && !folders.state.join(PARKED).exists());
         assert_eq!(files_in(&folders.hot), Vec::<PathBuf>::new());
     }
 
     #[test]
-    fn what_was_filed_stands_in_a_name() {
+    fn a_signature_is_written_and_read_as_a_name() {
         for modified in [Some(1_767_225_600_123_456_789), None] {
             let filed = Signature { size: 12, modified, hash: "ab12".into() };
             assert_eq!(Signature::parse(&filed.name("0f", 3)), Some((filed, "0f".to_owned())));

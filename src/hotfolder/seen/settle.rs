@@ -1,19 +1,22 @@
-//! When a file is whole: a pure state machine per file. Time is an argument, nothing is opened here.
+//! Decides when a file is complete: a pure state machine for each file. Time is an argument, and no file is opened
+//! here.
 //!
-//! A file is read when its writer was seen to close it or to rename it into place; or, if nothing is known of its
-//! writer, when its size and time stood still for the settle time. A writer that was seen to write and not yet to close
-//! may be a copy that stalls, and is waited for as long as for the rest of a file; where nothing is known of its writer,
-//! a file of a format without an end mark must stand still for longer than others, and for a moment even after its writer
-//! closed it, who may open it again. If its content then turns out to end
-//! too early, it is read again after its next change; if there is none within a limit, the job goes on and the file is
-//! rejected.
+//! A file is read when its writer was seen to close it or to rename it into place. If nothing is known about its
+//! writer, it is read when its size and time have not changed for the settle time. A writer that was seen to write, but
+//! not to close the file, may be a copy that has stalled: the station waits as long as for the rest of an incomplete
+//! file. A file in a format without an end mark must stay unchanged for longer than others if nothing is known about
+//! its writer. Even after its writer closed it, it must stay unchanged for a short time, because the writer may open it
+//! again.
+//!
+//! If the content ends too early, the file is read again after its next change. If it does not change within a limit,
+//! the file is rejected.
 
 use std::time::{Duration, SystemTime};
 
 /// Time since the station started.
 pub type Moment = Duration;
 
-/// What the file system says about a file's content without opening it; equal stamps are taken for equal content.
+/// What the file system reports about a file without opening it; equal stamps are treated as equal content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stamp {
     /// Size in bytes.
@@ -24,98 +27,99 @@ pub struct Stamp {
     pub identity: u64,
 }
 
-/// How long to wait for what.
+/// The waiting times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SettleTimes {
-    /// How long a file must stand still before it is read, if no writer was seen to close it.
+    /// How long a file must stay unchanged before it is read, if no writer was seen to close it.
     pub still: Duration,
-    /// The same for a file whose format has no end mark: half of it looks whole.
+    /// The same for a file whose format has no end mark: half of it looks complete.
     pub open_ended: Duration,
-    /// How long an incomplete file must stand still before it is given up, and one that its writer has open before it
-    /// is read.
+    /// How long an incomplete file must stay unchanged before it is rejected; and a file that its writer has open,
+    /// before it is read.
     pub incomplete: Duration,
-    /// The same after its writer closed it: only a writer that opens it again can still complete it.
+    /// How long an incomplete file must stay unchanged after its writer closed it: only a writer that opens it again
+    /// can complete it.
     pub incomplete_after_close: Duration,
 }
 
-/// What is to be done about a file now.
+/// What to do with a file now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing before this moment, unless something is seen or heard.
+    /// Wait until this moment, unless the file changes.
     Wait(Moment),
-    /// Read it; then do the job, or tell with [`Settle::found_incomplete`] that it cannot be done yet.
+    /// Read it; then do the job, or report with [`Settle::found_incomplete`] that it is incomplete.
     Read,
-    /// It still lacks this and nothing more is to be expected: reject it.
+    /// Reject it: it is still incomplete, and nothing more is expected.
     GiveUp(Gap),
 }
 
-/// What is known of a file's writer.
+/// What is known about a file's writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Writer {
     /// Nothing.
     Unknown,
-    /// It was seen to write; where closing is seen, too, it still has the file open.
+    /// It was seen to write, and still has the file open.
     Open,
     /// It closed the file.
     Closed,
-    /// It renamed the file into place, so the file is whole.
+    /// It renamed the file into place, so the file is complete.
     Renamed,
 }
 
-/// How the end of a whole file is known.
+/// How the end of a complete file is recognized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
     /// By an end mark or a length.
     Marked,
-    /// By nothing, but the file is short and written in one go.
+    /// Not at all, but the file is short and written in one step.
     Short,
-    /// By nothing.
+    /// Not at all.
     Unmarked,
 }
 
-/// What an incomplete file lacks.
+/// What is missing from an incomplete file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gap {
-    /// Its own end.
+    /// The rest of its content.
     Content,
-    /// A file that it names and that is still to come.
+    /// A file that it names.
     Companion,
 }
 
-/// What is known of one file.
+/// The state of one file.
 #[derive(Debug, Clone)]
 pub struct Settle {
     stamp: Stamp,
     ending: Ending,
     /// When the stamp was first seen.
     since: Moment,
-    /// How long the file had been standing still when it was first seen.
+    /// How long the file had been unchanged when it was first seen.
     head_start: Duration,
-    /// What was seen of its writer, at the last change or since.
+    /// What is known about its writer, at the last change or since.
     writer: Writer,
     gap: Option<Gap>,
 }
 
 impl Settle {
-    /// A file seen for the first time; `still_for` is how long it is known to have stood still already.
+    /// A file that is seen for the first time; `still_for` is how long it is known to be unchanged.
     pub fn new(stamp: Stamp, writer: Writer, now: Moment, still_for: Duration) -> Self {
         Self { stamp, ending: Ending::Marked, since: now, head_start: still_for, writer, gap: None }
     }
 
-    /// The same for a file that ends like this.
+    /// The same file with this kind of ending.
     pub fn ending(self, ending: Ending) -> Self {
         Self { ending, ..self }
     }
 
-    /// The stamp last seen.
+    /// The last seen stamp.
     pub fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    /// The file was seen again; `writer` is what its writer was seen to do before that.
+    /// Records that the file was seen again; `writer` is what its writer was seen to do before that.
     pub fn see(&mut self, stamp: Stamp, writer: Writer, now: Moment) {
-        let goes_on = self.writer == Writer::Open && stamp.identity == self.stamp.identity;
-        let writer = if writer == Writer::Unknown && goes_on { Writer::Open } else { writer };
+        let is_still_open = self.writer == Writer::Open && stamp.identity == self.stamp.identity;
+        let writer = if writer == Writer::Unknown && is_still_open { Writer::Open } else { writer };
         if stamp != self.stamp {
             *self = Self { ending: self.ending, ..Self::new(stamp, writer, now, Duration::ZERO) };
         } else if writer != Writer::Unknown {
@@ -125,34 +129,34 @@ impl Settle {
         }
     }
 
-    /// What was not heard may have been that the writer closed the file.
+    /// Records that events were lost: the writer may have closed the file.
     pub fn events_were_lost(&mut self) {
         if self.writer == Writer::Open {
             self.writer = Writer::Unknown;
         }
     }
 
-    /// Its content was read and is incomplete.
+    /// Records that the content was read and is incomplete.
     pub fn found_incomplete(&mut self, gap: Gap) {
         self.gap = Some(gap);
     }
 
-    /// A file that it may lack has come: read it again.
+    /// Records that a missing file may have arrived: read this file again.
     pub fn companion_came(&mut self) {
         if self.gap == Some(Gap::Companion) {
             self.gap = None;
         }
     }
 
-    /// What it lacks is on its way: the limit counts from now.
+    /// Records that a missing file is arriving: the waiting time starts again.
     pub fn wait_anew(&mut self, now: Moment) {
         self.since = now;
         self.head_start = Duration::ZERO;
     }
 
-    /// When something is to be done about the file, if it is not seen again before.
+    /// When the file is to be handled, if it does not change before.
     pub fn due(&self, times: &SettleTimes) -> Moment {
-        // A writer that closed the file may open it again as long as this.
+        // A writer that closed the file may open it again within this time.
         let again = times.incomplete_after_close.min(times.open_ended);
         let needed = match self.gap {
             None => match self.writer {
@@ -174,12 +178,12 @@ impl Settle {
         self.since + needed.saturating_sub(self.head_start)
     }
 
-    /// Whether it is to be read for the first time since it changed, and not yet.
+    /// Whether it has not settled since its last change, so that it is not read yet.
     pub fn is_settling(&self, now: Moment, times: &SettleTimes) -> bool {
         self.gap.is_none() && now < self.due(times)
     }
 
-    /// What is to be done now.
+    /// What to do with the file now.
     pub fn verdict(&self, now: Moment, times: &SettleTimes) -> Verdict {
         let due = self.due(times);
         match self.gap {
@@ -221,7 +225,7 @@ mod tests {
         Verdict::Wait(Duration::from_millis(milliseconds))
     }
 
-    /// What happened when (ms), and the verdict at the moments after it.
+    /// The name, the events with their times (ms), and the verdicts at later times (ms).
     type Case = (&'static str, &'static [(u64, Event)], Vec<(u64, Verdict)>);
 
     #[test]
@@ -247,7 +251,7 @@ mod tests {
                 vec![(500, wait(60_000)), (59_999, wait(60_000)), (60_000, CUT)],
             ),
             (
-                "a copy that stalls and goes on",
+                "a copy that stalls and continues",
                 &[(0, Seen(1)), (500, Incomplete(Gap::Content)), (50_000, Seen(2))],
                 vec![(50_000, wait(50_500)), (50_500, Read), (60_000, Read)],
             ),
@@ -259,7 +263,7 @@ mod tests {
             ("written, then closed", &[(0, Written(1)), (5, Closed(1))], vec![(5, Read)]),
             ("closed, then opened again", &[(0, Closed(1)), (5, Written(1))], vec![(5, wait(60_000))]),
             (
-                "written, and nobody heard it closed",
+                "written, and the event of closing was lost",
                 &[(0, Written(1)), (5, EventsLost)],
                 vec![(5, wait(500)), (500, Read)],
             ),
@@ -279,7 +283,7 @@ mod tests {
                 vec![(3000, wait(60_000)), (60_000, ALONE)],
             ),
             (
-                "the buffer came",
+                "the buffer arrived",
                 &[(0, Closed(1)), (1, Incomplete(Gap::Companion)), (7000, CompanionCame)],
                 vec![(7000, Read)],
             ),
@@ -317,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_format_without_an_end_mark_stands_still_for_longer() {
+    fn a_format_without_an_end_mark_settles_later() {
         let stamp = |size| Stamp { size, modified: None, identity: 1 };
         let at = Duration::from_millis;
         let mut settle =
@@ -330,13 +334,13 @@ mod tests {
         assert_eq!(settle.verdict(at(60_000), &TIMES), wait(63_000), "its writer may open it again");
         assert_eq!(settle.verdict(at(63_000), &TIMES), Read);
         settle.see(stamp(4), Writer::Renamed, at(70_000));
-        assert_eq!(settle.verdict(at(70_000), &TIMES), Read, "it came whole");
+        assert_eq!(settle.verdict(at(70_000), &TIMES), Read, "it is complete");
         let short = Settle::new(stamp(1), Writer::Unknown, at(0), Duration::ZERO).ending(Ending::Short);
         assert_eq!(short.verdict(at(0), &TIMES), wait(3_000));
     }
 
     #[test]
-    fn stillness_before_the_first_look_counts() {
+    fn the_time_before_the_first_look_is_included() {
         let stamp = Stamp { size: 1, modified: None, identity: 1 };
         let mut settle = Settle::new(stamp, Writer::Unknown, Duration::ZERO, Duration::from_secs(3600));
         assert_eq!(settle.verdict(Duration::ZERO, &TIMES), Read);

@@ -1,4 +1,4 @@
-//! Events from the hot folder and the wish to stop, on one channel. Events are hints: losing one costs only time.
+//! Events from the hot folder and requests to stop, on one channel. Events are hints: losing one only costs time.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,28 +13,28 @@ use super::folders::identity;
 use crate::config::Backend;
 use crate::hotfolder::jobs::End;
 
-/// What wakes the station.
+/// A message that wakes the station.
 pub(crate) enum Message {
-    /// Something outside.
+    /// A signal from outside.
     Signal(Signal),
-    /// The job on this drop is over.
+    /// The job on this drop has ended.
     Finished(PathBuf, Box<End>),
 }
 
-/// What happens outside.
+/// A signal from outside.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Signal {
     /// Something happened to this path.
     Touched(PathBuf),
-    /// Somebody writes into this file; told only where closing it is told, too.
+    /// A program writes to this file; sent only on systems that also report when the file is closed.
     Written(PathBuf),
     /// A writer closed this file.
     Closed(PathBuf),
-    /// It was renamed to this path.
+    /// A file was renamed to this path.
     Renamed(PathBuf),
-    /// Events were lost: only a listing tells.
+    /// Events were lost, so the folder must be listed.
     Overflow,
-    /// Somebody wants the station to stop.
+    /// The station is to stop.
     Stop,
 }
 
@@ -51,12 +51,12 @@ struct Shared {
 }
 
 impl StopSignal {
-    /// Asks the station to stop after the job under way.
+    /// Asks the station to stop after the current jobs.
     pub fn raise(&self) {
         self.shared.raised.store(true, Ordering::SeqCst);
         let station = self.shared.station.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(station) = station.as_ref() {
-            // A station that is gone needs no stopping, and one with many messages looks at the flag soon.
+            // If this fails, the station has ended, or it has many messages and checks the flag soon.
             let _ = station.try_send(Message::Signal(Signal::Stop));
         }
     }
@@ -72,13 +72,13 @@ impl StopSignal {
     }
 }
 
-/// Watches one folder for as long as that very folder exists.
+/// Watches one folder, until that folder is removed or replaced.
 pub(crate) struct Watcher {
     sender: SyncSender<Message>,
-    /// More happened than the channel holds.
+    /// There were more events than the channel can hold.
     lost: Arc<AtomicBool>,
     watched: Option<Watched>,
-    /// What was last said about a watch that could not be set up.
+    /// The last logged error of a watch that could not be set up.
     complaint: Option<String>,
 }
 
@@ -94,22 +94,22 @@ impl Watcher {
         Self { sender, lost: Arc::default(), watched: None, complaint: None }
     }
 
-    /// Whether events were lost since the last call: then only a listing tells.
+    /// Whether events were lost since the last call, so that the folder must be listed.
     pub(crate) fn lost_events(&self) -> bool {
         self.lost.swap(false, Ordering::SeqCst)
     }
 
-    /// Sees to it that the folder that now bears this path is watched: a watch on a folder that was removed or
-    /// replaced is silent for ever. Returns whether the folder exists.
+    /// Watches the folder that is at this path now: a watch on a folder that was removed or replaced never reports an
+    /// event again. Returns whether the folder exists.
     pub(crate) fn follow(&mut self, folder: &Path, backend: Backend) -> bool {
         let Some(now) = identity(folder) else {
             self.watched = None;
             return false;
         };
-        let good = |watched: &Watched| watched.folder == folder && watched.identity == now;
+        let is_current = |watched: &Watched| watched.folder == folder && watched.identity == now;
         if backend == Backend::Poll {
             self.watched = None;
-        } else if !self.watched.as_ref().is_some_and(good) {
+        } else if !self.watched.as_ref().is_some_and(is_current) {
             self.watched = None;
             match watch(folder, self.sender.clone(), self.lost.clone()) {
                 Ok(events) => {
@@ -124,7 +124,7 @@ impl Watcher {
 
     fn complain(&mut self, error: &str) {
         if self.complaint.as_deref() != Some(error) {
-            tracing::warn!("the system reports no events for the hot folder ({error}); it is listed instead");
+            tracing::warn!("the system reports no events for the hot folder ({error}); listing it instead");
             self.complaint = Some(error.into());
         }
     }
@@ -135,10 +135,10 @@ fn watch(
     sender: SyncSender<Message>,
     lost: Arc<AtomicBool>,
 ) -> notify::Result<RecommendedWatcher> {
-    // Events bear absolute paths; the station knows its drops by the folder's path as the settings spell it.
+    // Events contain absolute paths; the station identifies its drops by the folder's path in the settings.
     let (absolute, spelled) = (std::path::absolute(folder)?, folder.to_path_buf());
     let watched = absolute.clone();
-    // The handler does nothing but send, and never waits: a slow one lets the system's queue overflow.
+    // The handler only sends, and never waits: with a slow handler, the system's queue overflows.
     let handler = move |event| {
         signals(event, |signal| {
             let message = Message::Signal(signal.respelled(&absolute, &spelled));
@@ -154,7 +154,7 @@ fn watch(
 }
 
 impl Signal {
-    /// The same with `from` at the head of its path replaced by `to`.
+    /// The same signal, with `from` at the start of its path replaced by `to`.
     fn respelled(self, from: &Path, to: &Path) -> Self {
         let respell = |path: PathBuf| match path.strip_prefix(from) {
             Ok(rest) if rest.as_os_str().is_empty() => to.to_path_buf(),
@@ -171,7 +171,7 @@ impl Signal {
     }
 }
 
-/// What an event of the system tells.
+/// Translates an event of the system into signals.
 fn signals(event: notify::Result<notify::Event>, mut send: impl FnMut(Signal)) {
     let Ok(event) = event else { return send(Signal::Overflow) };
     if event.need_rescan() {
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
     use notify::event::{CreateKind, DataChange, Flag};
 
-    fn told(event: notify::Event) -> Vec<Signal> {
+    fn signals_of(event: notify::Event) -> Vec<Signal> {
         let mut all = Vec::new();
         signals(Ok(event), |signal| all.push(signal));
         all
@@ -214,26 +214,29 @@ mod tests {
         let close = EventKind::Access(AccessKind::Close(AccessMode::Write));
         let renamed = |mode| EventKind::Modify(ModifyKind::Name(mode));
         let touched = |path: &str| Signal::Touched(path.into());
-        let came = |path: &str| Signal::Renamed(path.into());
+        let renamed_to = |path: &str| Signal::Renamed(path.into());
 
-        assert_eq!(told(event(close)), [Signal::Closed("a".into())]);
-        assert_eq!(told(event(renamed(RenameMode::To))), [came("a")]);
-        assert_eq!(told(event(renamed(RenameMode::From))), [touched("a")]);
+        assert_eq!(signals_of(event(close)), [Signal::Closed("a".into())]);
+        assert_eq!(signals_of(event(renamed(RenameMode::To))), [renamed_to("a")]);
+        assert_eq!(signals_of(event(renamed(RenameMode::From))), [touched("a")]);
         let both = event(renamed(RenameMode::Both)).add_path("b".into());
-        assert_eq!(told(both), [touched("a"), came("b")]);
-        assert_eq!(told(event(EventKind::Create(CreateKind::File))), [touched("a")]);
-        // Elsewhere nobody tells when a file is closed.
+        assert_eq!(signals_of(both), [touched("a"), renamed_to("b")]);
+        assert_eq!(signals_of(event(EventKind::Create(CreateKind::File))), [touched("a")]);
+        // Other systems do not report when a file is closed.
         let written = if cfg!(target_os = "linux") { Signal::Written("a".into()) } else { touched("a") };
-        assert_eq!(told(event(EventKind::Modify(ModifyKind::Data(DataChange::Any)))), [written]);
-        assert_eq!(told(event(EventKind::Access(AccessKind::Open(AccessMode::Any)))), []);
-        assert_eq!(told(notify::Event::new(EventKind::Other).set_flag(Flag::Rescan)), [Signal::Overflow]);
+        assert_eq!(signals_of(event(EventKind::Modify(ModifyKind::Data(DataChange::Any)))), [written]);
+        assert_eq!(signals_of(event(EventKind::Access(AccessKind::Open(AccessMode::Any)))), []);
+        assert_eq!(
+            signals_of(notify::Event::new(EventKind::Other).set_flag(Flag::Rescan)),
+            [Signal::Overflow]
+        );
         let mut all = Vec::new();
         signals(Err(notify::Error::generic("lost")), |signal| all.push(signal));
         assert_eq!(all, [Signal::Overflow]);
     }
 
     #[test]
-    fn events_name_drops_as_the_settings_do() {
+    fn signals_use_the_path_of_the_settings() {
         let (from, to) = (Path::new("/srv/laser/hot"), Path::new("hot"));
         let closed = |path: &str| Signal::Closed(path.into());
         assert_eq!(closed("/srv/laser/hot/can.dxf").respelled(from, to), closed("hot/can.dxf"));

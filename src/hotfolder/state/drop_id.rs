@@ -1,4 +1,4 @@
-//! What a job is known by: where its original lies.
+//! The identity of a job: the place of its original.
 
 use std::fmt;
 use std::path::Path;
@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Sku;
 
-/// How the names of archived originals begin.
+/// The prefix of archived originals.
 const ARCHIVE: &str = "archive:";
 
-/// Where the original of a job lies; written as text, by [`fmt::Display`].
+/// The place of a job's original; written as text by [`fmt::Display`].
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(from = "String", into = "String")]
 pub(crate) enum DropId {
@@ -66,7 +66,7 @@ impl From<DropId> for String {
     }
 }
 
-/// A relative path as people and machines are told it.
+/// A relative path with `/`, in the form used in messages and files.
 pub(crate) fn with_slashes(relative: &Path) -> String {
     let parts: Vec<_> = relative.components().map(|part| part.as_os_str().to_string_lossy()).collect();
     parts.join("/")
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_drop_is_read_as_it_was_written() {
+    fn a_drop_id_survives_writing_and_reading() {
         let sku: Sku = "Can 5".parse().unwrap();
         for (drop, text, name) in [
             (DropId::hot(Path::new("can@a.dxf")), "can@a.dxf", "can@a.dxf"),

@@ -1,4 +1,4 @@
-//! Who runs a station, as others are told it.
+//! The process that runs a station, recorded in a file for other processes.
 
 use std::fmt::{Display, Formatter};
 use std::path::Path;
@@ -8,37 +8,37 @@ use crate::hotfolder::clock;
 
 const HOLDER: &str = "station.toml";
 
-/// Who runs a station.
+/// The process that runs a station.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
     /// The station's name.
     pub station: String,
     /// The number of its process.
     pub process: u32,
-    /// The machine it runs on, as far as it is known.
+    /// The machine that it runs on; empty if unknown.
     pub machine: String,
-    /// Since when, in universal time.
+    /// When it was started, in universal time.
     pub since: String,
 }
 
 impl Holder {
-    /// This process, which runs the station of this name from now on.
+    /// This process, which runs the station with this name from now on.
     pub(crate) fn this_process(station: &str) -> Self {
         let (process, since) = (std::process::id(), clock::now());
         Self { station: station.into(), process, machine: machine(), since }
     }
 
-    /// Somebody whose words cannot be read.
+    /// A process whose file cannot be read.
     pub(crate) fn unknown() -> Self {
         Self { station: "a station".into(), process: 0, machine: String::new(), since: String::new() }
     }
 
-    /// Leaves the words in the state folder.
+    /// Writes the file in the state folder.
     pub(crate) fn write(&self, state: &Path) -> std::io::Result<()> {
         write_whole_unsynced(state, HOLDER, self.to_lines().as_bytes())
     }
 
-    /// Whoever left words in the state folder.
+    /// Reads the file in the state folder.
     pub(crate) fn read(state: &Path) -> Option<Self> {
         let bytes = read_if_there(&state.join(HOLDER)).ok()??;
         Self::from_lines(&String::from_utf8_lossy(&bytes))
@@ -55,7 +55,7 @@ impl Holder {
         )
     }
 
-    /// `None` for a file that does not hold what [`Holder::to_lines`] writes.
+    /// `None` for a file that [`Holder::to_lines`] did not write.
     fn from_lines(text: &str) -> Option<Self> {
         let value = |key: &str| {
             let line = text.lines().find_map(|line| line.strip_prefix(key)?.trim_start().strip_prefix('='));
@@ -80,7 +80,7 @@ impl Display for Holder {
     }
 }
 
-/// The machine's name where the system keeps it in a file; empty elsewhere.
+/// The machine's name, on systems that keep it in a file; empty elsewhere.
 fn machine() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.trim().to_owned()

@@ -1,4 +1,4 @@
-//! What the station must not forget, whatever happens to it: one line for each step that cannot be taken back.
+//! The station's memory that survives any interruption: one line for each step that cannot be undone.
 //!
 //! ```text
 //! state/journal.log
@@ -6,18 +6,18 @@
 //! 09fe77d1 {"at":"2026-03-01T12:34:56Z","did":"delivered","drop":"can@date.dxf"}
 //! ```
 //!
-//! Each line begins with the first eight hexadecimal digits of the BLAKE3 hash of what follows, so that a line cut by
-//! a crash is known for what it is. Lines are only ever appended and flushed to the disk; when the journal has become
-//! long it is written anew, whole, with what still counts.
+//! Each line starts with the first eight hexadecimal digits of the BLAKE3 hash of the rest, so that a line cut by a
+//! crash is recognized. Lines are only appended and flushed to the disk. A journal that has become long is replaced by
+//! a new one with the records that are still needed.
 //!
 //! # Exactly once
 //!
-//! A drawing lies flushed in the import folder under a name that importers ignore *before* the journal says
-//! `delivering`, and is renamed to its own name *after* that. So after a crash the folder decides: the temporary file is
-//! still there, then the drawing was not delivered; the drawing is there, then it was. When neither is there, the importer
-//! has taken the drawing away since, or somebody removed the temporary file before it was renamed, and nobody can know:
-//! the drawing is not delivered a second time, and is `uncertain` until somebody decides (`jobs::resume`). A drop is known
-//! by its path and its [`Stamp`]: should another file bear its name by then, that is another drop.
+//! A drawing is flushed in the import folder, under a name that importers ignore, *before* the journal records
+//! `delivering`. It is renamed to its final name *after* that. So after a crash the folder decides. If the temporary
+//! file exists, the drawing was not delivered. If the drawing exists, it was delivered. If neither exists, either the
+//! importer has taken the drawing, or somebody removed the temporary file before it was renamed. Then the drawing is
+//! not delivered a second time, and is `uncertain` until a person decides (`jobs::resume`). A drop is identified by its
+//! path and its [`Stamp`]: another file with its name is another drop.
 
 mod line;
 mod new_journal;
@@ -40,7 +40,7 @@ use crate::config::Sku;
 use crate::files::sync_folder;
 use crate::hotfolder::clock;
 use crate::hotfolder::clock::Uptime;
-use crate::hotfolder::seen::folders::lies_at;
+use crate::hotfolder::seen::folders::is_still_at;
 use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 
 pub(crate) use line::{Certainty, Import, Job, StampRecord};
@@ -52,59 +52,59 @@ use results::Results;
 pub(crate) use rewriting::keep_short;
 pub(crate) use stage::{OpenJob, Stage};
 
-/// Results that are remembered; the oldest are forgotten first. A dropped drawing that is forgotten is new again.
-const MOST_RESULTS: usize = 100_000;
-/// The journal is written anew when it has this many lines more than what still counts.
+/// Number of results that are remembered; the oldest are forgotten first. A forgotten drawing is treated as new.
+const MAX_RESULTS: usize = 100_000;
+/// The journal is rewritten when it has this many lines that are no longer needed.
 const IDLE_LINES: usize = 20_000;
 
-/// A station that ends again and again within this time is ended from outside, and not by what it is at.
+/// Crashes that follow each other within this time have a cause outside the station, and are counted once.
 const SHORTEST_LIFE: Duration = Duration::from_secs(60);
 
-/// A part that was rejected while an older shape of its SKU is known.
+/// A part that was rejected while an older part of its SKU is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Refused {
     pub(crate) drop: DropId,
-    /// Where it lies in the rejected folder, with `/`.
+    /// Its path in the rejected folder, with `/`.
     pub(crate) to: String,
 }
 
-/// The journal with what still counts of it.
+/// The journal, with the records that are still needed.
 pub(crate) struct Journal {
     folder: PathBuf,
     tag: String,
-    /// Which folder was the state folder when the tag was written.
+    /// The identity of the state folder when the tag was written.
     home: Option<Identity>,
     /// Whether the tag is written.
     tag_is_kept: bool,
-    /// Which folder is the hot folder.
+    /// The identity of the hot folder.
     hot: Option<Identity>,
     /// Closed while the file is replaced, and opened again by the next line.
     file: Option<std::fs::File>,
-    /// Length of the file up to the last whole line.
+    /// Length of the file up to the last complete line.
     length: u64,
     lines: usize,
     open: BTreeMap<DropId, OpenJob>,
     results: Results,
-    /// The folded names of the results that came while the journal is written anew.
+    /// The folded names of the results that were added while the journal is being rewritten.
     changed: Option<BTreeSet<Arc<str>>>,
     refused: BTreeMap<String, Refused>,
     at_work: BTreeMap<DropId, AtWork>,
 }
 
-/// A drop that a thread is at, or was at when the station ended.
+/// A drop that a thread is processing, or was processing when the station crashed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct AtWork {
     stamp: StampRecord,
-    /// How often the station ended meanwhile, without a word. What ends it comes from outside if that happens again and
-    /// again within [`SHORTEST_LIFE`] of one start of the machine; that counts as once.
+    /// How often the station crashed while it processed the drop. Crashes within [`SHORTEST_LIFE`] of each other and of
+    /// one start of the machine are counted once.
     deaths: u32,
-    /// When it was counted last, where the system tells.
+    /// When the last crash was counted, where the system reports it.
     last_death: Option<Uptime>,
     under_way: bool,
 }
 
 impl Journal {
-    /// Reads the journal in the state folder, or begins one. Lines that are damaged are told and skipped.
+    /// Reads the journal in the state folder, or starts a new one. Damaged lines are logged and skipped.
     ///
     /// # Errors
     /// When the folder cannot be read or written; `InvalidData` for a line that a newer version wrote.
@@ -144,8 +144,8 @@ impl Journal {
                     journal.length = read;
                 }
                 Parsed::Unknown => {
-                    let words = "a newer version of isomark wrote into it; start that one";
-                    return Err(io::Error::new(io::ErrorKind::InvalidData, words));
+                    let message = "a newer version of isomark wrote it; use that version";
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, message));
                 }
                 Parsed::Damaged => damaged += 1,
             }
@@ -159,12 +159,12 @@ impl Journal {
             (journal.tag, journal.tag_is_kept) = (new_tag(), false);
         }
         journal.home = home;
-        // What follows the last good line was being written when the station ended.
+        // The bytes after the last valid line were being written when the station ended.
         let length = journal.length;
         journal.file()?.set_len(length)?;
         journal.length = length;
         sync_folder(folder)?;
-        // Before the first file that bears it; on a full disk it is written with the first delivery.
+        // The tag is written before the first file with it; on a full disk, it is written with the first delivery.
         if !journal.tag_is_kept
             && let Err(error) = journal.keep_tag()
         {
@@ -174,22 +174,22 @@ impl Journal {
             tracing::warn!("the journal cannot be written: {error}");
         }
         if damaged > 0 {
-            tracing::warn!("{damaged} damaged lines of {} are skipped", folder.join(JOURNAL).display());
+            tracing::warn!("skipping {damaged} damaged lines of {}", folder.join(JOURNAL).display());
         }
         if journal.lines > 2 * journal.live() + 1000 {
-            journal.write_anew_if_possible();
+            journal.rewrite_if_possible();
         }
         Ok(journal)
     }
 
-    /// What the station was at when it ended may be why it ended.
+    /// Counts a crash for each drop that was being processed: the drop may be the cause.
     fn count_deaths(&mut self) -> io::Result<()> {
         let now = clock::uptime();
         let begun = self.at_work.iter().filter(|(_, at_work)| at_work.under_way);
         let died = begun.map(|(drop, at_work)| {
-            let counts = counts(at_work, now.as_ref());
-            let deaths = at_work.deaths + u32::from(counts);
-            let last = if counts { now.clone() } else { at_work.last_death.clone() };
+            let is_new = is_new_death(at_work, now.as_ref());
+            let deaths = at_work.deaths + u32::from(is_new);
+            let last = if is_new { now.clone() } else { at_work.last_death.clone() };
             died(drop.clone(), at_work.stamp, deaths, last)
         });
         died.collect::<Vec<_>>().into_iter().try_for_each(|record| self.append(record, false))
@@ -207,37 +207,37 @@ impl Journal {
         if self.file.is_none() {
             let path = self.folder.join(JOURNAL);
             let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
-            // A file that was replaced without a word of it may have another length.
+            // If replacing the journal failed after the rename, the known length is that of the old file.
             self.length = file.metadata()?.len();
             self.file = Some(file.into_parts().0);
         }
         self.file.as_mut().ok_or_else(|| io::ErrorKind::NotFound.into())
     }
 
-    /// Writes all that counts anew if the file is not there any more.
+    /// Writes all needed records again if the file was removed or replaced.
     ///
     /// # Errors
     /// When it cannot be written.
     pub(crate) fn keep_in_place(&mut self) -> io::Result<()> {
         match &self.file {
-            Some(file) if !lies_at(file, &self.folder.join(JOURNAL)) => self.write_anew(),
-            // It was put in its place and has not been opened since.
-            None if !self.folder.join(JOURNAL).exists() => self.write_anew(),
+            Some(file) if !is_still_at(file, &self.folder.join(JOURNAL)) => self.rewrite(),
+            // The journal was replaced and has not been opened since.
+            None if !self.folder.join(JOURNAL).exists() => self.rewrite(),
             _ => Ok(()),
         }
     }
 
-    /// Notes with the jobs that are begun from now on which folder is the hot folder.
-    pub(crate) fn hot_is(&mut self, identity: Option<Identity>) {
+    /// Sets the identity of the hot folder, which is noted with every job that is started from now on.
+    pub(crate) fn set_hot(&mut self, identity: Option<Identity>) {
         self.hot = identity;
     }
 
-    /// A thread is at this drop.
+    /// Notes that a thread starts to process this drop.
     pub(crate) fn began(&mut self, drop: &DropId, stamp: Stamp) -> io::Result<()> {
         self.append(Record::Began { drop: drop.clone(), stamp: stamp.into() }, false)
     }
 
-    /// No thread is at this drop any more; a line that says that it is done says so, too.
+    /// Notes that no thread processes this drop any more, unless a line already states that it is done.
     pub(crate) fn ended(&mut self, drop: &DropId) -> io::Result<()> {
         if !self.at_work.contains_key(drop) {
             return Ok(());
@@ -245,13 +245,13 @@ impl Journal {
         self.append(Record::Ended { drop: drop.clone() }, false)
     }
 
-    /// The drops that the station was at when it ended without a word, and how often.
+    /// The drops that were being processed when the station crashed, with the number of crashes.
     pub(crate) fn suspects(&self) -> BTreeMap<DropId, (StampRecord, u32)> {
         let died = self.at_work.iter().filter(|(_, at_work)| at_work.deaths > 0);
         died.map(|(drop, at_work)| (drop.clone(), (at_work.stamp, at_work.deaths))).collect()
     }
 
-    /// The job that was begun on this very file.
+    /// The job that was started on exactly this file.
     pub(crate) fn begun(&self, drop: &DropId, stamp: Stamp) -> Option<&OpenJob> {
         self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
     }
@@ -261,25 +261,25 @@ impl Journal {
         self.results.uncertain()
     }
 
-    /// All jobs that were begun and not filed away.
+    /// All jobs that were started and not filed.
     pub(crate) fn all_begun(&self) -> Vec<(DropId, OpenJob)> {
         self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()
     }
 
-    /// The newest result of a name, however it is spelled.
+    /// The newest result of a name, in any spelling.
     pub(crate) fn result(&self, name: &str) -> Option<Delivered> {
         self.results.get(name)
     }
 
-    /// At most `most` of the newest results of a SKU, in the order of their folded names behind that of `after`, with the
-    /// last one's folded name: there may be a hundred thousand.
+    /// Up to `limit` of the newest results of a SKU, in the order of their folded names after `after`, with the folded
+    /// name of the last one. The limit is needed because there may be a hundred thousand.
     pub(crate) fn results_of(
         &self,
         sku: &Sku,
         after: Option<&str>,
-        most: usize,
+        limit: usize,
     ) -> (Vec<Delivered>, Option<Arc<str>>) {
-        self.results.of_sku(sku, after, most)
+        self.results.of_sku(sku, after, limit)
     }
 
     /// Number of results whose basis an older version wrote.
@@ -302,17 +302,17 @@ impl Journal {
         self.refused.values().any(|refused| refused.to == rejected)
     }
 
-    /// What this station's temporary files bear in their names.
+    /// The tag in the names of this station's temporary files.
     pub(crate) fn tag(&self) -> &str {
         &self.tag
     }
 
-    /// The part of the SKU that was rejected last, if none was taken since.
+    /// The part of the SKU that was rejected last, if no part was learned since.
     pub(crate) fn refused(&self, sku: &Sku) -> Option<&Refused> {
         self.refused.get(sku.key())
     }
 
-    /// The drawing lies flushed under its temporary name and is about to get its own.
+    /// Notes that the drawing is flushed under its temporary name and is about to get its final one.
     pub(crate) fn delivering(&mut self, job: &Job, stamp: Stamp, import: Option<Identity>) -> io::Result<()> {
         if !self.tag_is_kept {
             self.keep_tag()?;
@@ -321,18 +321,18 @@ impl Journal {
         self.append(Record::Delivering { job, stamp, import, hot, tag }, true)
     }
 
-    /// The drawing bears its own name, as far as is known.
+    /// Notes that the drawing has its final name, with the certainty of that.
     pub(crate) fn delivered(&mut self, drop: &DropId, certainty: Certainty) -> io::Result<()> {
         self.append(Record::Delivered { drop: drop.clone(), certainty }, false)
     }
 
-    /// The drawing was not given its own name.
+    /// Notes that the drawing did not get its final name.
     pub(crate) fn cancelled(&mut self, drop: &DropId) -> io::Result<()> {
         self.append(Record::Cancelled { drop: drop.clone() }, true)
     }
 
-    /// The original is about to go to `to`, relative to the SKU's archive folder; `result` is the drawing that was made of
-    /// it, and whether it is known to have been delivered; `None` for a part.
+    /// Notes that the original is about to be moved to `to`, relative to the SKU's archive folder. `result` is the
+    /// drawing that was made from it, with the certainty of its delivery; `None` for a part.
     pub(crate) fn filing(
         &mut self,
         drop: &DropId,
@@ -353,7 +353,7 @@ impl Journal {
         self.append(record, true)
     }
 
-    /// A drawing is done, its original filed away.
+    /// Notes that a drawing is done and its original filed.
     pub(crate) fn done(
         &mut self,
         job: &Job,
@@ -367,7 +367,8 @@ impl Journal {
         self.append(Record::Done { job, original, import, older, certainty }, false)
     }
 
-    /// Replaces the basis that an older version wrote in the results of these names, unless their drop is being done.
+    /// Replaces the basis that an older version wrote in the results with these names, unless their drop is being
+    /// processed.
     pub(crate) fn rebase(&mut self, bases: Vec<(&str, String)>) -> io::Result<()> {
         for (name, basis) in bases {
             let Some(result) = self.result(name).filter(Delivered::is_of_older_form) else { continue };
@@ -384,11 +385,11 @@ impl Journal {
         Ok(())
     }
 
-    /// Lets `remove` remove the original at this place in the SKU's archive folder, and forgets that it lies there; returns
-    /// `false` if it is still needed, or is nothing that this station filed. No job begins on it meanwhile.
+    /// Forgets the original at this place in the SKU's archive folder, and calls `remove` to remove it. Returns `false`
+    /// if the original is still needed, or was not filed by this station. No job can start on it meanwhile.
     ///
     /// # Errors
-    /// When the journal cannot be written, or `remove` fails; the original is known as before then.
+    /// When the journal cannot be written, or `remove` fails; then the original is not forgotten.
     pub(crate) fn remove_original(
         &mut self,
         sku: &Sku,
@@ -410,7 +411,7 @@ impl Journal {
             result.original == place && result.job.sku.parse::<Sku>().is_ok_and(|of| of == *sku)
         };
         let Some(result) = self.result(&delivered_as(again.file_name())).filter(is_its_original) else {
-            // Only numbered folders are surely made by a station.
+            // Only numbered folders are certainly created by a station.
             return if place.contains('/') { remove().map(|()| true) } else { Ok(false) };
         };
         let is_needed = result.certainty == Certainty::Uncertain
@@ -429,13 +430,13 @@ impl Journal {
         Ok(true)
     }
 
-    /// A part is done and filed away.
+    /// Notes that a part is done and filed.
     pub(crate) fn learned(&mut self, drop: &DropId, sku: &str, original: &str) -> io::Result<()> {
         let record = Record::Learned { drop: drop.clone(), sku: sku.into(), original: original.into() };
         self.append(record, false)
     }
 
-    /// A drop lies in the rejected folder.
+    /// Notes that a drop is moved to the rejected folder.
     pub(crate) fn rejected(
         &mut self,
         drop: &DropId,
@@ -445,12 +446,12 @@ impl Journal {
     ) -> io::Result<()> {
         let part_of = part_of.map(|sku| sku.as_str().to_owned());
         let record = Record::Rejected { drop: drop.clone(), code: code.into(), to: to.into(), part_of };
-        // Without this line on the disk, patterns might go on with the older shape after a crash.
+        // Without this line on the disk, patterns might be corrected for the older part after a crash.
         let keep = matches!(&record, Record::Rejected { part_of: Some(_), .. });
         self.append(record, keep)
     }
 
-    /// Appends a line; with `flush` it survives a power cut. What fails leaves the journal as it was.
+    /// Appends a line; with `flush` it survives a power cut. An error leaves the journal unchanged.
     fn append(&mut self, record: Record, flush: bool) -> io::Result<()> {
         self.append_line(Line { at: clock::now(), record }, flush)
     }
@@ -458,7 +459,7 @@ impl Journal {
     fn append_line(&mut self, line: Line, flush: bool) -> io::Result<()> {
         let text = written(&line)?;
         if let Err(error) = self.write(text.as_bytes(), flush) {
-            // A line cut by a full disk would spoil the next one.
+            // A line cut by a full disk would make the next one unreadable.
             if let Some(file) = &self.file {
                 file.set_len(self.length)?;
                 file.sync_data()?;
@@ -480,9 +481,9 @@ impl Journal {
         if flush { file.sync_data() } else { Ok(()) }
     }
 
-    fn write_anew_if_possible(&mut self) {
-        if let Err(error) = self.write_anew() {
-            tracing::warn!("the journal stays long: {error}");
+    fn rewrite_if_possible(&mut self) {
+        if let Err(error) = self.rewrite() {
+            tracing::warn!("the journal cannot be shortened: {error}");
             self.lines = 0;
         }
     }
@@ -520,7 +521,7 @@ impl Journal {
                 let result = job.map(|job| (job, certainty));
                 match self.open.get_mut(&drop) {
                     Some(open) if open.stamp.is_same(stamp) => open.filing(result, to),
-                    // What needs no delivery is filed without one.
+                    // A job without a delivery starts with this line.
                     _ => {
                         self.open
                             .insert(drop, OpenJob { stamp, sku, hot, stage: Stage::Filing { result, to } });
@@ -553,9 +554,9 @@ impl Journal {
         }
     }
 
-    /// Forgets the oldest results when there are too many, and none that somebody has still to see to.
+    /// Forgets the oldest results when there are too many, except those that are uncertain or still to be imported.
     fn forget_surplus(&mut self) {
-        let surplus = self.results.len().saturating_sub(MOST_RESULTS);
+        let surplus = self.results.len().saturating_sub(MAX_RESULTS);
         if surplus > 0 {
             let mut by_age: Vec<_> = self.results.iter().filter_map(age).collect();
             by_age.sort();
@@ -563,8 +564,8 @@ impl Journal {
         }
     }
 
-    /// Writes what still counts, whole, over the old journal.
-    fn write_anew(&mut self) -> io::Result<()> {
+    /// Replaces the journal by one with only the needed records.
+    fn rewrite(&mut self) -> io::Result<()> {
         self.forget_surplus();
         let mut new = NewJournal::begin(&self.folder)?;
         for result in self.results.iter() {
@@ -573,7 +574,7 @@ impl Journal {
         self.replace_by(new)
     }
 
-    /// The lines of all that counts but the results.
+    /// The lines of all needed records except the results.
     fn lines_but_results(&self) -> Vec<Line> {
         let at = clock::now();
         let tag = Record::Tag { tag: self.tag.clone(), home: home_of(&self.folder) };
@@ -594,12 +595,12 @@ impl Journal {
         records.into_iter().map(|record| Line { at: at.clone(), record }).collect()
     }
 
-    /// Puts a new journal, which has all results, in the place of this one.
+    /// Completes a new journal, which contains all results, and replaces this one by it.
     fn replace_by(&mut self, mut new: NewJournal) -> io::Result<()> {
         for line in self.lines_but_results() {
             new.put(&line)?;
         }
-        // Windows replaces no file that is open.
+        // Windows cannot replace a file that is open.
         self.file = None;
         (self.lines, self.length) = new.keep(&self.folder)?;
         (self.home, self.tag_is_kept) = (home_of(&self.folder), true);
@@ -607,25 +608,25 @@ impl Journal {
     }
 }
 
-/// When a result was delivered, with its name; nothing of one that may not be forgotten.
+/// The time and name of a result; `None` for one that must not be forgotten.
 fn age(result: Delivered) -> Option<(String, String)> {
     let is_over = result.certainty == Certainty::Certain && result.import != Import::Due;
     is_over.then_some((result.at, result.job.name))
 }
 
-/// A tag that no other station has: two machines may call their state folders the same and deliver into one folder.
+/// A tag that no other station has: two machines with the same path of the state folder may deliver to one folder.
 fn new_tag() -> String {
-    // The standard library draws the keys of its hashers at random.
+    // The standard library uses random keys for its hashers.
     format!("{:08x}", RandomState::new().hash_one(clock::now()) as u32)
 }
 
-/// Which folder the state folder is, so that a copy of it is known for one.
+/// The identity of the state folder, so that a copy of it is recognized.
 #[cfg(unix)]
 fn home_of(folder: &Path) -> Option<Identity> {
     crate::hotfolder::seen::folders::identity(folder)
 }
 
-/// Which folder the state folder is, so that a copy of it is known for one: a copy lies elsewhere.
+/// The identity of the state folder, so that a copy of it is recognized: a copy has another path.
 #[cfg(not(unix))]
 fn home_of(folder: &Path) -> Option<Identity> {
     let full = fs::canonicalize(folder).ok()?;
@@ -633,20 +634,20 @@ fn home_of(folder: &Path) -> Option<Identity> {
     hash.as_bytes().first_chunk().map(|bytes| Identity::from_le_bytes(*bytes))
 }
 
-/// The tag of stations whose journal has none, as older versions wrote it.
+/// The tag of a station whose journal contains none, because an older version wrote it.
 fn tag_of_older(folder: &Path) -> String {
     let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
     blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex()[..8].to_owned()
 }
 
-/// Whether the end of the station that is found now is another one than the last that was counted. Where the system does not
-/// tell the time, only the first one is, so that no drop is rejected for it.
-fn counts(at_work: &AtWork, now: Option<&Uptime>) -> bool {
+/// Whether the crash that is found now is counted as a new one. Where the system does not report the uptime, only the
+/// first crash is counted, so that no drop is rejected by mistake.
+fn is_new_death(at_work: &AtWork, now: Option<&Uptime>) -> bool {
     match (&at_work.last_death, now) {
-        // Counted by an older version, which knew another clock.
+        // Counted by an older version, which used another clock.
         (None, Some(_)) => true,
         (None, None) => at_work.deaths == 0,
-        // The machine was started anew, which no clock that jumps can feign.
+        // The machine was restarted; a wrong clock cannot cause this.
         (Some(last), Some(now))
             if ![&last.boot, &now.boot].contains(&&String::new()) && last.boot != now.boot =>
         {

@@ -1,11 +1,11 @@
-//! One station, one process: a lock that the operating system frees however its holder ends.
+//! One process for each station: a lock that the operating system frees when the process ends for any reason.
 //!
 //! ```text
-//! state/station.lock      locked as long as the station runs; empty, and never removed
-//! state/station.toml      who holds it: process, machine and time; what it says holds only while the lock is taken
+//! state/station.lock      locked while the station runs; empty, and never removed
+//! state/station.toml      the holder: process, machine and time; valid only while the lock is taken
 //! ```
 //!
-//! The words lie beside the lock and not in it, because on Windows nobody else can read a locked file.
+//! The holder is in a separate file, because on Windows no other process can read a locked file.
 
 use std::fs::TryLockError;
 use std::io::ErrorKind;
@@ -17,32 +17,33 @@ use fs_err as fs;
 use super::Holder;
 use crate::hotfolder::error::StationError;
 use crate::hotfolder::seen::Identity;
-use crate::hotfolder::seen::folders::{identity, lies_at};
+use crate::hotfolder::seen::folders::{identity, is_still_at};
 
 const LOCK: &str = "station.lock";
-/// `isomark status` takes the lock for a moment to see whether somebody has it; a start waits for as long as that.
+/// `isomark status` takes the lock for a moment to check whether a station holds it; a start waits for longer than
+/// that.
 const ATTEMPTS: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The right to run a station; dropping it, or the end of the process, gives it back.
+/// The right to run a station, until it is dropped or the process ends.
 #[derive(Debug)]
 pub struct StationLock {
     path: PathBuf,
     file: std::fs::File,
 }
 
-/// Holds other stations off a hot folder, whose drops both would take. On Unix the folder itself is locked; on Windows,
-/// which locks no folders, a file for it among the temporary files of the user, so that others' stations are not seen.
+/// Keeps a second station from using the same hot folder. On Unix the folder itself is locked. Windows cannot lock
+/// folders, so there it is a file in the temporary folder of the user; stations of other users are not noticed.
 #[derive(Debug)]
 pub(crate) struct HotLock {
-    /// Which folder it is for.
+    /// The folder that it is for.
     pub(crate) identity: Option<Identity>,
     /// `None` where nothing can be locked, as on some shares.
     _file: Option<std::fs::File>,
 }
 
 impl HotLock {
-    /// Takes it; `None` when another station has it.
+    /// Takes the lock; `None` when another station has it.
     pub(crate) fn take(hot: &Path) -> Option<Self> {
         let identity = identity(hot);
         let Ok(file) = lockable(hot) else { return Some(Self { identity, _file: None }) };
@@ -75,11 +76,11 @@ impl StationLock {
     /// Takes the lock in the station's state folder, which must exist.
     ///
     /// # Errors
-    /// [`StationError::Held`] with who holds it, or [`StationError::Lock`] when the file cannot be made or locked.
+    /// [`StationError::Held`] with the holder, or [`StationError::Lock`] when the file cannot be created or locked.
     pub fn take(state: &Path, station: &str) -> Result<Self, StationError> {
         let path = state.join(LOCK);
         let trouble = |source| StationError::Lock { path: path.clone(), source };
-        // Windows locks no file that is opened for appending alone.
+        // Windows does not lock a file that is opened only for appending.
         let file =
             fs::OpenOptions::new().create(true).read(true).append(true).open(&path).map_err(trouble)?;
         let file = file.into_parts().0;
@@ -92,7 +93,7 @@ impl StationLock {
                 Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
                 Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {
                     tracing::warn!(
-                        "{} cannot be locked there: see to it yourself that no second isomark runs this station",
+                        "cannot lock {}: make sure that no second isomark runs this station",
                         path.display()
                     );
                     break;
@@ -100,17 +101,17 @@ impl StationLock {
                 Err(TryLockError::Error(error)) => return Err(trouble(error)),
             }
         }
-        // The lock holds without these words, too: a full disk must not keep a station from starting.
+        // The lock is valid without this file, too: a full disk must not prevent a start.
         if let Err(error) = Holder::this_process(station).write(state) {
-            tracing::warn!("others cannot be told who runs this station: {error}");
+            tracing::warn!("cannot record which process runs this station: {error}");
         }
         Ok(Self { path, file })
     }
 
-    /// Takes it again if its file is not where it was taken, since a lock on a removed file holds nobody off; returns
-    /// whether it had to.
+    /// Takes the lock again if its file was removed or replaced, since such a lock stops no other station. Returns
+    /// whether it did.
     pub(crate) fn keep_in_place(&mut self, state: &Path, station: &str) -> Result<bool, StationError> {
-        if lies_at(&self.file, &self.path) {
+        if is_still_at(&self.file, &self.path) {
             return Ok(false);
         }
         let path = self.path.clone();
@@ -119,10 +120,10 @@ impl StationLock {
         Ok(true)
     }
 
-    /// Who runs the station now; `None` when nobody does.
+    /// The process that runs the station now; `None` when it is not running.
     ///
     /// # Errors
-    /// When the lock's file cannot be looked at.
+    /// When the lock's file cannot be read.
     pub fn holder(state: &Path) -> std::io::Result<Option<Holder>> {
         let file = match fs::File::open(state.join(LOCK)) {
             Ok(file) => file.into_parts().0,
@@ -142,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hot_folder_serves_one_station() {
+    fn a_hot_folder_is_used_by_one_station() {
         let [hot, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
         let taken = HotLock::take(hot.path());
         assert!(taken.is_some() && HotLock::take(hot.path()).is_none());
@@ -152,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_start_is_told_who_holds_the_lock_and_gets_it_afterwards() {
+    fn a_second_start_names_the_holder_and_succeeds_afterwards() {
         let state = tempfile::tempdir().unwrap();
         assert_eq!(StationLock::holder(state.path()).unwrap(), None);
         let lock = StationLock::take(state.path(), "Laser \"1\"").unwrap();

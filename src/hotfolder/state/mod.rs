@@ -1,4 +1,4 @@
-//! What is remembered: the journal, who runs the station, what it is at, and what people ask of it.
+//! What the station remembers: the journal, the process that runs it, its status, and the requests from people.
 
 mod drop_id;
 mod holder;

@@ -1,5 +1,5 @@
-//! What people ask of a running station from another terminal: one small file for each request in
-//! `state/requests/`, removed when it is taken. A station that does not run takes them when it starts.
+//! Requests to a running station from another terminal: one small file for each request in `state/requests/`, removed
+//! when the station reads it. A stopped station reads them when it starts.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -10,22 +10,22 @@ use crate::config::Sku;
 use crate::files::{make_folder, write_whole_unsynced};
 
 const FOLDER: &str = "requests";
-/// Endings of names that are still being written are none of these.
+/// Files that are still being written have other suffixes.
 const ENDING: &str = ".txt";
 
-/// What is asked.
+/// A request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Request {
-    /// Try now whatever waits for its next try.
+    /// Try all waiting drops again now.
     Waiting,
     /// Correct outdated drawings again, of one SKU or of all.
     Outdated(Option<Sku>),
-    /// Deliver the drawing of this name again, or all, of those that may not have been delivered.
+    /// Deliver drawings again that may not have been delivered: the one with this name, or all.
     Uncertain(Option<String>),
 }
 
 impl Request {
-    /// Leaves the request for the station whose state folder this is.
+    /// Writes the request into the state folder of a station.
     ///
     /// # Errors
     /// When the folder cannot be written to.
@@ -33,7 +33,7 @@ impl Request {
         let folder = state.join(FOLDER);
         fs::create_dir_all(state)?;
         make_folder(&folder)?;
-        let words = match self {
+        let text = match self {
             Self::Waiting => "waiting".to_owned(),
             Self::Outdated(None) => "outdated".to_owned(),
             Self::Outdated(Some(sku)) => format!("outdated {sku}"),
@@ -42,7 +42,7 @@ impl Request {
         };
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let name = format!("{:020}-{}{ENDING}", since.as_nanos(), std::process::id());
-        write_whole_unsynced(&folder, &name, format!("{words}\n").as_bytes())
+        write_whole_unsynced(&folder, &name, format!("{text}\n").as_bytes())
     }
 
     fn parse(text: &str) -> Option<Self> {
@@ -50,7 +50,7 @@ impl Request {
             None if text.trim() == "waiting" => Some(Self::Waiting),
             None if text.trim() == "outdated" => Some(Self::Outdated(None)),
             None if text.trim() == "uncertain" => Some(Self::Uncertain(None)),
-            // Names may have any number of spaces in them.
+            // A name may contain any number of spaces.
             Some(("uncertain", name)) => Some(Self::Uncertain(Some(name.to_owned()))),
             Some(("outdated", sku)) => sku.trim().parse().ok().map(|sku| Self::Outdated(Some(sku))),
             _ => None,
@@ -58,7 +58,7 @@ impl Request {
     }
 }
 
-/// All requests, oldest first; they are removed. One that cannot be removed is left for the next time, unheard.
+/// Reads and removes all requests, oldest first. A request that cannot be removed is ignored until the next call.
 pub(crate) fn take(state: &Path) -> Vec<Request> {
     let Ok(entries) = std::fs::read_dir(state.join(FOLDER)) else { return Vec::new() };
     let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
@@ -70,7 +70,7 @@ pub(crate) fn take(state: &Path) -> Vec<Request> {
         if fs::remove_file(&file).is_ok() {
             match Request::parse(&text) {
                 Some(request) => requests.push(request),
-                None => tracing::warn!("a request is not understood: {:?}", text.trim()),
+                None => tracing::warn!("ignoring an unknown request: {:?}", text.trim()),
             }
         }
     }
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn requests_come_once_and_in_order() {
+    fn requests_are_read_once_and_in_order() {
         let state = tempfile::tempdir().unwrap();
         let all = [
             Request::Waiting,

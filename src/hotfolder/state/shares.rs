@@ -1,11 +1,12 @@
-//! Which folders of the station lie on shares and disks that can go away.
+//! Remembers which folders of the station are on shares and disks that can be disconnected.
 //!
 //! ```text
-//! state/shares.json       for each folder that was seen on one: where it is and where that was mounted
+//! state/shares.json       for each folder that was seen on one: its path and its mount point
 //! ```
 //!
-//! When a share goes, its mount point stays as an empty folder. What is put there is on the wrong disk, and hidden as soon
-//! as the share is back; so a folder that was once seen on a mounted share or disk is only used while it is on one.
+//! When a share is disconnected, its mount point remains as an empty folder. Files written there are on the wrong disk,
+//! and hidden when the share is mounted again. So a folder that was once seen on a mounted share or disk is only used
+//! while it is on one.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,14 +21,14 @@ use crate::hotfolder::seen::folders::{device_of, mount_of};
 use crate::reason::Reason;
 
 const FILE: &str = "shares.json";
-/// The code of the reason for which drops wait for a share.
+/// The code of the reason when drops wait for a share.
 const SHARE_MISSING: &str = "share-missing";
 
-/// What was seen of the folders that others than this station own, or that may lie elsewhere.
+/// The mount points of the folders for results and originals.
 pub(crate) struct Shares {
     state: PathBuf,
     seen: Mutex<BTreeMap<String, Seen>>,
-    /// The device of each folder when it was looked at last and was there: as long as it is the same, nothing came or went.
+    /// The device of each folder at the last check: while it is the same, nothing was mounted or unmounted.
     devices: Mutex<BTreeMap<PathBuf, u64>>,
 }
 
@@ -35,19 +36,19 @@ pub(crate) struct Shares {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Seen {
     folder: PathBuf,
-    /// The mount point that it lies at or below.
+    /// Its mount point: the folder itself or a folder above it.
     mount: PathBuf,
 }
 
 impl Shares {
-    /// What the state folder says was seen; what cannot be read is seen anew.
+    /// Reads the remembered mount points from the state folder; without a readable file, it starts empty.
     pub(crate) fn open(state: &Path) -> Self {
         let text = read_if_there(&state.join(FILE)).ok().flatten().unwrap_or_default();
         let seen = serde_json::from_slice(&text).unwrap_or_default();
         Self { state: state.into(), seen: Mutex::new(seen), devices: Mutex::default() }
     }
 
-    /// Sees to it that the folders which results and originals go to lie where they did; with `closely` also where one
+    /// Checks that the folders for results and originals are still on the same mount points; with `closely` also if one
     /// disk is mounted at several places.
     ///
     /// # Errors
@@ -79,15 +80,15 @@ impl Shares {
             Some(before) if before.folder == now.folder && before.mount.starts_with(&now.mount) => {
                 return Err(JobError::Retry(self.missing(purpose, before)));
             }
-            // What lies on the machine's own disk goes away with the machine.
+            // The machine's own disk cannot be disconnected.
             None if now.mount.parent().is_none() => return Ok(()),
             _ => {}
         }
         seen.insert(purpose.into(), now);
         let written = serde_json::to_string_pretty(&*seen).map_err(std::io::Error::other);
-        // Until it is written, it is known as long as the station runs.
+        // If it cannot be written, it is known until the station ends.
         if let Err(error) = written.and_then(|text| write_whole(&self.state, FILE, text.as_bytes())) {
-            tracing::warn!("it cannot be noted that the {purpose} folder is on a share: {error}");
+            tracing::warn!("cannot record that the {purpose} folder is on a share: {error}");
         }
         Ok(())
     }
@@ -95,12 +96,12 @@ impl Shares {
     fn missing(&self, purpose: &str, before: &Seen) -> Reason {
         let Seen { folder, mount } = before;
         let what = format!(
-            "The {purpose} folder {} lay on a share or disk that is not mounted at {} now.",
+            "The {purpose} folder {} was on a share or disk that is not mounted at {} now.",
             folder.display(),
             mount.display()
         );
         let remedy = format!(
-            "Mount it. If it is to be a plain folder from now on, remove {}.",
+            "Mount it. If the folder is no longer on a share, remove {}.",
             self.state.join(FILE).display()
         );
         Reason::new(SHARE_MISSING, what, remedy)
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_on_a_share_is_used_only_while_it_is_on_one() {
+    fn a_folder_on_a_share_is_used_only_while_it_is_mounted() {
         let state = tempfile::tempdir().unwrap();
         let see = |shares: &Shares, folder: &str, mount: &str| {
             shares.is_there("import", Seen { folder: folder.into(), mount: mount.into() }).is_ok()

@@ -1,5 +1,5 @@
-//! What a station is at, for people at another terminal and for programs: `state/status.json`, written anew at most
-//! once a second.
+//! The status of a station, for people at another terminal and for programs: `state/status.json`, written at most once
+//! a second.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -15,15 +15,15 @@ use crate::hotfolder::clock;
 use crate::hotfolder::seen::{Drops, Moment};
 use crate::reason::Reason;
 
-/// Name and version of the JSON form; `plugins/README.md` says what is stable.
+/// Name and version of the JSON form; `plugins/README.md` states what is stable.
 pub const SCHEMA: &str = "isomark.status/1";
 /// The file in the state folder.
 pub const FILE: &str = "status.json";
 
 const SHORTEST_INTERVAL: Duration = Duration::from_secs(1);
-/// A status that says nothing new is written anyway after this time, so that a station that hangs is seen.
+/// An unchanged status is written again after this time, to show that the station is alive.
 const LONGEST_INTERVAL: Duration = Duration::from_secs(10);
-/// A station that says nothing for longer than this hangs, or its state folder cannot be written.
+/// A station without a new status for this time hangs, or cannot write its state folder.
 const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 const HOUR: Duration = Duration::from_secs(3600);
 /// Entries of a list that are written out; the rest is counted.
@@ -37,84 +37,83 @@ pub struct Status {
     pub schema: String,
     /// The station's name.
     pub station: String,
-    /// Whether it ran when this was written; only the lock tells whether it still does.
+    /// Whether it was running when this was written; only the lock shows whether it still is.
     pub running: bool,
-    /// The same in more words.
+    /// The same in more detail.
     #[serde(default)]
     pub state: State,
     /// When this was written, in universal time.
     pub at: String,
     /// When the station was started.
     pub since: String,
-    /// What it did since then.
+    /// What it has done since then.
     pub done: Done,
-    /// What is wrong with the folders and the settings themselves.
+    /// The problems with the folders and the settings.
     #[serde(default)]
     pub troubles: Vec<String>,
-    /// How many rejected drops lie in the rejected folder; the station itself does not count them.
+    /// Number of rejected drops in the rejected folder; the station itself does not count them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub in_rejected: Option<usize>,
-    /// What it is doing.
+    /// The jobs that are being done.
     pub under_way: Vec<UnderWay>,
-    /// What waits for something else.
+    /// Drops that wait for something else.
     pub waiting: Listed<Waits>,
-    /// What is still being written, or ends too early.
+    /// Drops that are still being written, or end too early.
     pub incomplete: Listed<Waits>,
-    /// Delivered drawings that would be others today.
+    /// Delivered drawings that are outdated.
     pub outdated: Listed<OutdatedDrawing>,
-    /// Drawings of which nobody knows whether they were delivered.
+    /// Drawings that may not have been delivered.
     #[serde(default)]
     pub uncertain: Listed<UncertainDrawing>,
     /// The last rejections, newest first.
     pub rejections: Vec<Rejection>,
-    /// What is kept for how long; absent before the folders were looked through.
+    /// What is kept for how long; absent before the first pass over the folders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kept: Option<Kept>,
 }
 
-/// How long reports, archived originals and rejected drops are kept, and what that came to when the folders were looked
-/// through last.
+/// How long reports, archived originals and rejected drops are kept, and the result of the last pass over the folders.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kept {
-    /// When that was, in universal time.
+    /// When that pass was, in universal time.
     pub at: String,
-    /// For how long reports are kept, days; absent for ever.
+    /// How long reports are kept, days; absent if they are never removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reports_days: Option<f64>,
-    /// For how long archived originals are kept, days; absent for ever.
+    /// How long archived originals are kept, days; absent if they are never removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub archive_days: Option<f64>,
-    /// For how long rejected drops are kept, days; absent for ever.
+    /// How long rejected drops are kept, days; absent if they are never removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rejected_days: Option<f64>,
-    /// The size of all three above which the oldest go earlier, bytes; absent without such a limit.
+    /// The limit for the total size, bytes: above it, the oldest files are removed earlier; absent without a limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_bytes: Option<u64>,
-    /// What the three take, bytes.
+    /// The total size, bytes.
     pub bytes: u64,
-    /// How many reports, pictures, originals and rejected drops were removed then.
+    /// Number of reports, previews, originals and rejected drops that were removed.
     pub removed: u64,
-    /// What they took, bytes.
+    /// The size of the removed files, bytes.
     pub removed_bytes: u64,
-    /// Whether they take more than they may, and nothing else may be removed.
+    /// Whether the total size is above the limit, and nothing else may be removed.
     pub too_much: bool,
-    /// Why something could not be removed.
+    /// Why a file could not be removed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trouble: Option<String>,
 }
 
-/// What can be told of a station from outside.
+/// The state of a station, as seen from outside.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
-    /// It runs, and says so.
+    /// It is running and writes its status.
     Running,
-    /// It runs and says nothing any more: it hangs, or cannot write its state folder.
+    /// It is running but no longer writes its status: it hangs, or cannot write its state folder.
     Silent,
     /// It was stopped.
     #[default]
     Stopped,
-    /// It does not run, and never said that it would end.
+    /// It is not running, and did not report that it was stopping: it crashed or was killed.
     EndedSilently,
 }
 
@@ -138,7 +137,7 @@ pub struct Done {
 pub struct UnderWay {
     /// The drop, relative to the hot folder.
     pub drop: String,
-    /// For how long, s.
+    /// How long it has been running, s.
     pub for_s: f64,
 }
 
@@ -160,7 +159,7 @@ pub struct Waits {
     pub reason: Reason,
 }
 
-/// A delivered drawing that would be another one today.
+/// A delivered drawing that is outdated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OutdatedDrawing {
     /// Its name in the import folder.
@@ -169,13 +168,13 @@ pub struct OutdatedDrawing {
     pub sku: String,
 }
 
-/// A drawing that the station was interrupted at, and that neither lies in the import folder nor is ready to get there:
-/// an importer took it, or somebody removed its temporary file.
+/// A drawing that may not have been delivered: the station was interrupted, and the import folder contains neither the
+/// drawing nor its temporary file. Either an importer took it, or somebody removed the temporary file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UncertainDrawing {
     /// Its name in the import folder.
     pub name: String,
-    /// The drop it was made of, relative to the hot folder.
+    /// The drop that it was made from, relative to the hot folder.
     pub drop: String,
     /// Its SKU.
     pub sku: String,
@@ -202,16 +201,16 @@ pub struct Rejection {
 }
 
 impl Status {
-    /// The status that a station wrote last; `None` when none ever did.
+    /// The last status that a station wrote; `None` if there is none.
     ///
     /// # Errors
-    /// When the file cannot be read, or is not of this version's form.
+    /// When the file cannot be read, or does not have this version's form.
     pub fn read(state: &Path) -> std::io::Result<Option<Self>> {
         let Some(bytes) = crate::files::read_if_there(&state.join(FILE))? else { return Ok(None) };
         Ok(Some(serde_json::from_slice(&bytes)?))
     }
 
-    /// What this says at a later time of a station that runs, or does not: a running one writes its status every few
+    /// The status at a later time, with the current state of the station: a running one writes its status every few
     /// seconds.
     pub fn seen(self, runs: bool, now: SystemTime) -> Self {
         let heard = now.checked_sub(LONGEST_SILENCE).unwrap_or(SystemTime::UNIX_EPOCH);
@@ -225,7 +224,7 @@ impl Status {
     }
 }
 
-/// What a station remembers to tell.
+/// What a station remembers for its status.
 pub(crate) struct StatusBoard {
     station: String,
     since: String,
@@ -236,16 +235,16 @@ pub(crate) struct StatusBoard {
     rejections: VecDeque<Rejection>,
     next: Moment,
     heartbeat: Moment,
-    /// What was written last, without its time.
+    /// The last written status, without its time.
     last: Option<Status>,
     complained: bool,
 }
 
-/// What the status shows of the station.
+/// The state of the station that the status shows.
 pub(crate) struct View<'a> {
     pub(crate) drops: &'a Drops,
     pub(crate) under_way: Vec<UnderWay>,
-    /// How many there are, and the first [`LISTED`].
+    /// The number of outdated drawings, and the first [`LISTED`] of them.
     pub(crate) outdated: (usize, Vec<(String, Sku)>),
     pub(crate) uncertain: Vec<UncertainDrawing>,
     pub(crate) kept: Option<Kept>,
@@ -255,7 +254,7 @@ pub(crate) struct View<'a> {
 }
 
 impl StatusBoard {
-    /// Begins with what was rejected before the station was started; an older status that cannot be read is no loss.
+    /// Starts with the rejections from the previous status, if that can be read.
     pub(crate) fn new(station: &Station, state: &Path) -> Self {
         let before = Status::read(state).ok().flatten().map(|status| status.rejections);
         Self {
@@ -311,7 +310,7 @@ impl StatusBoard {
             Ok(()) => self.complained = false,
             Err(error) => {
                 if !std::mem::replace(&mut self.complained, true) {
-                    tracing::warn!("the status cannot be told: {error}");
+                    tracing::warn!("cannot write the status: {error}");
                 }
             }
         }
@@ -331,7 +330,8 @@ impl StatusBoard {
             let waits = |waiting: Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
             listed(list.into_iter().map(waits).collect())
         };
-        // What waits goes on waiting while it is tried again; what is read for the first time lacks nothing yet.
+        // A waiting drop is listed as waiting while it is tried again. A drop that is being read is not listed as
+        // incomplete.
         waiting.retain(|drop| drop.waits_for != WaitsFor::Turn || !running(drop));
         let incomplete = incomplete.into_iter().filter(|drop| !running(drop)).collect();
         let (count, outdated) = &view.outdated;
@@ -384,7 +384,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_be_told_of_a_station_from_outside() {
+    fn a_station_has_four_states_seen_from_outside() {
         let at = SystemTime::UNIX_EPOCH + Duration::from_secs(1_767_225_600);
         let bytes = serde_json::json!({
             "schema": SCHEMA, "station": "test", "running": true, "at": clock::timestamp(at), "since": "",
@@ -392,7 +392,7 @@ mod tests {
             "waiting": {"count": 0, "first": []}, "incomplete": {"count": 0, "first": []},
             "outdated": {"count": 0, "first": []},
         });
-        // One that an older version wrote knows no troubles.
+        // A status of an older version has no `troubles`.
         let status: Status = serde_json::from_value(bytes).unwrap();
         let ended = Status { running: false, ..status.clone() };
         for (status, runs, after, state) in [

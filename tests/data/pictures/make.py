@@ -1,7 +1,7 @@
 """Makes the pictures of this folder: `pip install pillow pypng ezdxf`, `apt install librsvg2-bin`, `python make.py`.
 
-Nothing of isomark is used. `letters.png` is drawn by librsvg from the outlines of ../patterns/abc.dxf, 24 pixels to a
-mm; the other files show one and the same asymmetric figure, written by pypng and Pillow in the ways that files differ.
+Nothing of isomark is used. librsvg draws `letters.png` from the outlines of ../patterns/abc.dxf, 24 pixels per mm. The
+other files show the same asymmetric figure, written by pypng and Pillow in all the ways in which files differ.
 """
 
 import io
@@ -28,7 +28,7 @@ svg = (
 drawn = subprocess.run(["rsvg-convert", "-b", "white"], input=svg.encode(), capture_output=True, check=True).stdout
 Image.open(io.BytesIO(drawn)).convert("L").save("letters.png", dpi=(DOTS_PER_MM * 25.4,) * 2, optimize=True)
 
-# The figure: an F with a foot, 12 x 9 pixels, each drawn 2 x 2; no turn or mirror image looks the same.
+# The figure: an F with a foot, 12 x 9 pixels, each drawn 2 x 2. Every rotation and mirror image looks different.
 FIGURE = [
     "............",
     ".#########..",
@@ -85,15 +85,15 @@ grey.convert("1").save("one-bit.bmp", dpi=dpi)
 grey.convert("RGB").save("rgb.bmp", dpi=dpi)
 grey.convert("P").save("palette.bmp", dpi=dpi)
 grey.save("no-size.bmp", dpi=(0, 0))
-# Turned a quarter counter-clockwise, with the note that it is to be turned back (Exif orientation 6).
+# Rotated 90 degrees counter-clockwise, marked to be rotated back (Exif orientation 6).
 exif = Image.Exif()
 exif[0x0112] = 6
 grey.rotate(90, expand=True).save("exif-turned.png", dpi=dpi, exif=exif)
-# Mirrored, with its note (orientation 2).
+# Mirrored, and marked so (Exif orientation 2).
 exif[0x0112] = 2
 grey.transpose(Image.Transpose.FLIP_LEFT_RIGHT).save("exif-mirrored.png", dpi=dpi, exif=exif)
 
-# Pixels twice as high as wide, in a pHYs chunk without a unit: every other row left out.
+# Pixels twice as high as wide, stated in a pHYs chunk without a unit: every other row is omitted.
 def chunk(kind, data):
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
@@ -101,13 +101,13 @@ lines = b"".join(b"\0" + bytes(0 if dot else 255 for dot in row) for row in rows
 with open("pixels-not-square.png", "wb") as file:
     file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height // 2, 8, 0, 0, 0, 0)))
     file.write(chunk(b"pHYs", struct.pack(">IIB", 2, 1, 0)) + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b""))
-# A small file that unfolds to 60,000 x 60,000 pixels.
+# A small file that expands to 60,000 x 60,000 pixels.
 with open("bomb.png", "wb") as file:
     data = zlib.compress(bytes(1 << 20))
     file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 60000, 60000, 8, 0, 0, 0, 0)))
     file.write(chunk(b"IDAT", data) + chunk(b"IEND", b""))
 
-# A photograph's shades: a ramp from black to white.
+# Shades of grey as in a photograph: a ramp from black to white.
 ramp = Image.linear_gradient("L").resize((64, 64))
 ramp.save("shades.png", dpi=dpi)
 Image.new("L", (20, 20), 255).save("all-white.png", dpi=dpi)

@@ -1,6 +1,6 @@
-"""Makes the scans of this folder with writers that are not ours (see README.md): python make.py
+"""Makes the scans of this folder with independent writers (see README.md): python make.py
 
-The mandarin and the letters' place are those of tests/reference_cases.rs; noise is 0.05 mm unless said otherwise."""
+The mandarin is that of tests/reference_cases; noise is 0.05 mm unless stated otherwise."""
 
 import numpy as np
 import meshio
@@ -39,8 +39,8 @@ PlyData([vertices(x, y, z)], text=True).write("mandarin-plyfile-text.ply")
 trimesh.PointCloud(points).export("mandarin-trimesh.ply")
 np.savetxt("mandarin-numpy.xyz", np.column_stack([points, random.integers(0, 255, size=(len(x), 3))]), fmt="%.4f")
 
-# A time-of-flight camera of 224 x 172 pixels, in metres as it writes: the fruit on a plate 30 mm below, noise of 0.3 mm,
-# pixels without a value, and some that are several mm off. Thinned to every second row and column.
+# A time-of-flight camera of 224 x 172 pixels, which writes metres: the fruit on a plate 30 mm below, noise of 0.3 mm,
+# pixels without a value, and outliers of several mm. Reduced to every second row and column.
 x, y = np.meshgrid((np.arange(0, 224, 2) - 112) * 0.6, (np.arange(0, 172, 2) - 86) * 0.6)
 z = np.where(np.hypot(x, y) < 29, mandarin(x, y), -30.0) + 0.3 * random.normal(size=x.shape)
 off = random.random(x.shape) < 0.02

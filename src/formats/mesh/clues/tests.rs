@@ -24,7 +24,7 @@ use Severity::{Note, Warning};
 use UpAxis::{Y, Z};
 
 #[test]
-fn the_standard_counts_until_the_size_speaks_against_it() {
+fn the_standard_applies_unless_the_size_contradicts_it() {
     let program = clues(Glb, "some program");
     assert_eq!(decided(&program, &corners([0.066, 0.115, 0.066])), (Metre, Y, [Note, Note]));
     assert_eq!(decided(&program, &corners([66.0, 115.0, 66.0])), (Millimetre, Y, [Warning, Warning]));
@@ -33,16 +33,16 @@ fn the_standard_counts_until_the_size_speaks_against_it() {
 }
 
 #[test]
-fn blender_files_of_a_passed_through_obj_are_set_upright() {
+fn blender_files_of_an_imported_z_up_obj_are_set_upright() {
     let mut blender = clues(Glb, "Khronos glTF Blender I/O v5.2.41");
     blender.root_turn = RootTurn::UpToFront;
     assert_eq!(decided(&blender, &corners([66.0, 66.0, 115.0])), (Millimetre, Z, [Warning, Warning]));
-    // In metres the turn may be the designer's own.
+    // In metres the designer may have made the rotation.
     assert_eq!(decided(&blender, &corners([0.066, 0.066, 0.115])), (Metre, Y, [Note, Note]));
 }
 
 #[test]
-fn open_cascade_files_show_their_axis_by_the_zeros_of_their_normals() {
+fn signed_zeros_in_normals_show_the_axis_of_open_cascade_files() {
     let mut cascade = clues(Glb, "Open CASCADE Technology 8.0 [dev.opencascade.org]");
     let can = corners([0.066, 0.066, 0.115]);
     assert_eq!(decided(&cascade, &can), (Metre, Y, [Note, Warning]));
@@ -55,7 +55,7 @@ fn open_cascade_files_show_their_axis_by_the_zeros_of_their_normals() {
 }
 
 #[test]
-fn obj_files_follow_their_producer() {
+fn unit_and_axis_of_obj_files_depend_on_their_producer() {
     let can = corners([66.0, 66.0, 115.0]);
     assert_eq!(decided(&clues(Obj, "Created by FreeCAD <http>"), &can), (Millimetre, Z, [Note, Note]));
     assert_eq!(decided(&clues(Obj, ""), &can), (Millimetre, Z, [Warning, Warning]));
@@ -65,7 +65,7 @@ fn obj_files_follow_their_producer() {
 }
 
 #[test]
-fn blender_obj_files_in_mm_show_their_axis_by_dust_or_by_their_stand() {
+fn rounding_or_the_base_plane_shows_the_axis_of_blender_obj_files_in_mm() {
     let blender = clues(Obj, "Blender 5.2.3 LTS");
     let standing = |min: [f64; 3], dust| {
         let size = Vector3::new(66.0, 66.0, 115.0);
@@ -88,7 +88,7 @@ fn settings_override_without_a_notice() {
 }
 
 #[test]
-fn sizes_that_no_product_has_are_named_with_their_number() {
+fn implausible_sizes_are_reported_with_their_number() {
     for (size, number) in [(0.0005, "0.500 mm"), (3.0, "3000.000 mm")] {
         let verdict = clues(Glb, "").judge(&corners([size, 0.0, 0.0]), &MeshOptions::default());
         let notice = verdict.notices.iter().find(|notice| notice.code == "size-implausible").unwrap();

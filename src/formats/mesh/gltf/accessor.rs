@@ -1,7 +1,7 @@
-//! Numbers out of glTF buffers: what an accessor names is checked here, and then read by the format crate.
+//! Numbers from glTF buffers: everything an accessor refers to is checked here, then the format crate reads it.
 //!
-//! The crate panics on references that lead nowhere, on kinds it does not expect and on strides below an element's
-//! size, gives nothing where data reach beyond their buffer, and leaves out sparse values whose places do not rise.
+//! The crate panics on references to missing entries, on unexpected types and on strides smaller than an element. It
+//! returns nothing if data extend beyond their buffer, and skips sparse values whose indices do not increase.
 
 use std::borrow::Cow;
 
@@ -11,7 +11,7 @@ use ::gltf::json::accessor::{Accessor, ComponentType, Type, sparse::Sparse};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, buffer::View};
 
-use crate::formats::mesh::{MOST_TRIANGLES, MeshReadError, at_most};
+use crate::formats::mesh::{MAX_TRIANGLES, MeshReadError, at_most};
 
 /// The JSON and its buffers.
 pub(super) struct Data<'a> {
@@ -20,7 +20,7 @@ pub(super) struct Data<'a> {
 }
 
 impl Data<'_> {
-    /// Triples of floats, such as positions; `item` says what they are for.
+    /// Triples of floats, such as positions; `item` names their use for error messages.
     pub(super) fn vectors(
         &self,
         index: Index<Accessor>,
@@ -65,7 +65,7 @@ impl Data<'_> {
         if values.len() as u64 == count { Ok(values) } else { Err(no_data()) }
     }
 
-    /// Refuses what the crate would stumble over or leave out.
+    /// Refuses data on which the crate would panic, or which it would skip.
     fn check(
         &self,
         accessor: &Accessor,
@@ -78,11 +78,11 @@ impl Data<'_> {
                 let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
                 self.bytes(view, offset, count, size, item)?;
             }
-            // Without a view all values are zero, and only sparse ones make sense of it.
+            // Without a view all values are zero, which makes sense only together with sparse values.
             None if accessor.sparse.is_none() => return Err(MeshReadError::NoData { item: item() }),
             None => {
                 let longest = self.buffers.iter().map(|buffer| buffer.len() as u64).max().unwrap_or(0);
-                // Zeros cost no file bytes; more of them than the buffers have bytes are damage.
+                // Zeros take no bytes in the file; more of them than the buffers have bytes indicate damage.
                 if count > longest {
                     return Err(MeshReadError::DataBeyondBuffer {
                         item: item(),
@@ -92,7 +92,7 @@ impl Data<'_> {
                 }
             }
         }
-        at_most("elements in one accessor", count as usize, 3 * MOST_TRIANGLES)?;
+        at_most("elements in one accessor", count as usize, 3 * MAX_TRIANGLES)?;
         accessor.sparse.as_ref().map_or(Ok(()), |sparse| self.check_sparse(sparse, count, size, item))
     }
 
@@ -126,14 +126,14 @@ impl Data<'_> {
         if !places.is_sorted_by(|one, next| one < next) {
             return Err(MeshReadError::WrongData {
                 item: item(),
-                expected: "sparse values at rising places",
-                found: "sparse values at places in disorder".into(),
+                expected: "sparse values with increasing indices",
+                found: "sparse values with unsorted indices".into(),
             });
         }
         Ok(())
     }
 
-    /// The bytes of `count` elements of `size` bytes each, `offset` bytes into a view, and their distance in bytes.
+    /// The bytes of `count` elements of `size` bytes each, from `offset` bytes into a view, and their stride in bytes.
     fn bytes(
         &self,
         view: Index<View>,
@@ -154,7 +154,7 @@ impl Data<'_> {
         let beyond = |needed, available| MeshReadError::DataBeyondBuffer { item: item(), needed, available };
         let bytes = slice(buffer, start, end).ok_or_else(|| beyond(end, buffer.len() as u64))?;
 
-        // The crate takes a distance of zero for none, as it is meant.
+        // A stride of zero means none, also for the crate.
         let stride = view.byte_stride.map_or(0, |stride| stride.0);
         let stride = if stride == 0 { size } else { stride };
         if stride < size {
@@ -164,7 +164,7 @@ impl Data<'_> {
                 found: format!("elements of {size} bytes, {stride} bytes apart"),
             });
         }
-        // The last element may end before its stride does.
+        // The last element may end before a full stride.
         let span = count.saturating_sub(1).saturating_mul(stride as u64).saturating_add(size as u64);
         let end = if count == 0 { offset } else { offset.saturating_add(span) };
         let bytes = slice(bytes, offset, end).ok_or_else(|| beyond(end, bytes.len() as u64))?;
@@ -195,7 +195,7 @@ impl Data<'_> {
     }
 }
 
-/// What an accessor's elements are made of; none where the file's word for it is unknown.
+/// Component type and shape of an accessor's elements; `None` if the file's word for it is unknown.
 type Kind = (Option<ComponentType>, Option<Type>);
 
 fn widened<T: Into<u32>>(narrow: Vec<T>) -> Vec<u32> {

@@ -1,4 +1,4 @@
-//! The walk through a glTF scene: nodes, transforms, primitives.
+//! Walks through a glTF scene: nodes, transforms, primitives.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,19 +15,22 @@ use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
 use crate::formats::mesh::{
-    MOMENT, MOST_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, a_moment, at_most, normals,
+    MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, QUICK_TRIANGLES, RawPart, at_most, check_pace,
+    normals,
 };
 
 use super::accessor::Data;
 
-/// Most triangles that copies of few bytes may make: nodes share meshes, and primitives numbers, as often as they like.
-const MOST_COPIES: usize = 2_000_000;
-/// A triangle that a file holds takes three indices of two bytes; with small ones its vertices take more.
+/// Largest number of triangles in a small file: any number of nodes can share a mesh, and any number of primitives can
+/// share an accessor.
+const MAX_COPIES: usize = 2_000_000;
+/// Bytes that a triangle takes in the file: three indices of two bytes. If the indices are smaller, the vertices take
+/// more.
 const BYTES_OF_TRIANGLE: usize = 6;
-/// A vertex that a file holds takes three floats.
+/// Bytes that a vertex takes in the file: three floats.
 const BYTES_OF_VERTEX: usize = 12;
 
-/// Reads the file's own scene; numbers stay in the file's unit and axes.
+/// Reads the file's default scene; numbers stay in the file's unit and axes.
 pub(super) fn read(
     document: &Document,
     buffers: &[Cow<'_, [u8]>],
@@ -44,32 +47,32 @@ pub(super) fn read(
         used_materials: vec![false; root.materials.len()],
         has_normals: false,
         pace,
-        most_triangles: most(bytes, BYTES_OF_TRIANGLE, MOST_COPIES).min(MOST_TRIANGLES),
-        most_vertices: most(bytes, BYTES_OF_VERTEX, 3 * MOST_COPIES / 2).min(3 * MOST_TRIANGLES),
+        max_triangles: capacity(bytes, BYTES_OF_TRIANGLE, MAX_COPIES).min(MAX_TRIANGLES),
+        max_vertices: capacity(bytes, BYTES_OF_VERTEX, 3 * MAX_COPIES / 2).min(3 * MAX_TRIANGLES),
     };
     let roots = walk.roots()?;
     walk.part.clues.root_turn = walk.turn_of(&roots);
     walk.nodes(roots)?;
-    walk.name_the_rest();
+    walk.finish_skipped();
     walk.finish()
 }
 
 struct Walk<'a> {
-    /// The JSON as it stands: the crate's own view of it panics on references that lead nowhere.
+    /// The raw JSON; the crate's wrapper around it panics on references to missing entries.
     root: &'a Root,
     data: Data<'a>,
     part: RawPart,
-    /// How often something was left aside, by its name.
+    /// How often something was skipped, by its name.
     skipped: BTreeMap<&'static str, usize>,
     used_materials: Vec<bool>,
     has_normals: bool,
     pace: Pace,
-    most_triangles: usize,
-    most_vertices: usize,
+    max_triangles: usize,
+    max_vertices: usize,
 }
 
-/// What the bytes of a file have room for, but at least `copies`.
-fn most(bytes: usize, each: usize, copies: usize) -> usize {
+/// How many elements of `each` bytes fit into the file's bytes, but at least `copies`.
+fn capacity(bytes: usize, each: usize, copies: usize) -> usize {
     (bytes / each).max(copies)
 }
 
@@ -85,7 +88,7 @@ impl Walk<'_> {
                 index: scene,
                 count: root.scenes.len(),
             }),
-            // A file without scenes is a library of nodes; all that nobody owns are taken.
+            // A file without scenes is a library of nodes; all nodes without a parent are roots.
             None => {
                 let mut is_child = vec![false; root.nodes.len()];
                 for child in root.nodes.iter().flat_map(children) {
@@ -98,7 +101,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Which quarter turn about X all roots with a mesh or children have in common.
+    /// The quarter turn about X that all roots with a mesh or children have in common.
     fn turn_of(&self, roots: &[usize]) -> RootTurn {
         let carriers = roots
             .iter()
@@ -124,12 +127,12 @@ impl Walk<'_> {
         while let Some((number, above)) = waiting.pop() {
             let node = nodes.get(number).zip(self.transform(number));
             let (node, own_transform) = node.ok_or_else(|| MeshReadError::BrokenReference {
-                item: "the tree of nodes".into(),
+                item: "the node tree".into(),
                 kind: "node",
                 index: number,
                 count: nodes.len(),
             })?;
-            // A tree reaches every node once; this also ends the walk on cycles.
+            // In a tree every node is reached once; this also ends the walk on cycles.
             if std::mem::replace(&mut reached[number], true) {
                 return Err(MeshReadError::NodeTwice { node: node_name(node, number) });
             }
@@ -143,17 +146,17 @@ impl Walk<'_> {
         }
         let unreached =
             nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
-        self.leave_aside("object outside the scene shown", unreached.count());
+        self.skip("object outside the default scene", unreached.count());
         Ok(())
     }
 
     fn node(&mut self, node: &Node, number: usize, transform: &Matrix4<f64>) -> Result<(), MeshReadError> {
-        self.leave_aside("camera", usize::from(node.camera.is_some()));
-        self.leave_aside("skin (the part is read unposed)", usize::from(node.skin.is_some()));
+        self.skip("camera", usize::from(node.camera.is_some()));
+        self.skip("skin (the part is read without its pose)", usize::from(node.skin.is_some()));
         if let Some(extensions) = &node.extensions {
-            self.leave_aside("light", usize::from(extensions.others.contains_key("KHR_lights_punctual")));
+            self.skip("light", usize::from(extensions.others.contains_key("KHR_lights_punctual")));
             let instanced = extensions.others.contains_key("EXT_mesh_gpu_instancing");
-            self.leave_aside("set of instances (only the first place is read)", usize::from(instanced));
+            self.skip("set of instances (only the first one is read)", usize::from(instanced));
         }
         let Some(mesh_index) = node.mesh else { return Ok(()) };
         let meshes = &self.root.meshes;
@@ -184,22 +187,22 @@ impl Walk<'_> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let item = |what: &str| format!("mesh \"{mesh}\", primitive {number}, {what}");
         if let Some(what) = no_surface(primitive) {
-            self.leave_aside(what, 1);
+            self.skip(what, 1);
             return Ok(());
         }
         let Some(positions) = attribute(Semantic::Positions) else {
-            self.leave_aside("primitive without positions", 1);
+            self.skip("primitive without positions", 1);
             return Ok(());
         };
-        self.leave_aside("set of morph targets", usize::from(primitive.targets.is_some()));
+        self.skip("set of morph targets", usize::from(primitive.targets.is_some()));
 
         let positions = self.data.vectors(positions, &|| item("POSITION"))?;
         let first_vertex = self.part.positions.len();
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
-        // Every vertex index must fit, as those of all instances are numbered through.
+        // Vertices of all instances are numbered consecutively, and every index must fit.
         let vertices = first_vertex + positions.len();
-        at_most("vertices", vertices, self.most_vertices)?;
-        a_moment(self.pace, vertices, 3 * MOMENT)?;
+        at_most("vertices", vertices, self.max_vertices)?;
+        check_pace(self.pace, vertices, 3 * QUICK_TRIANGLES)?;
         let (linear, shift) =
             (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
@@ -228,20 +231,20 @@ impl Walk<'_> {
         }
         let is_list = matches!(primitive.mode, Checked::Valid(Mode::Triangles));
         let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
-        at_most("triangles", wanted, self.most_triangles)?;
-        a_moment(self.pace, wanted, MOMENT)?;
+        at_most("triangles", wanted, self.max_triangles)?;
+        check_pace(self.pace, wanted, QUICK_TRIANGLES)?;
         expand(primitive, &sequence, |[a, b, c]| {
             let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
             self.part.triangles.push(corners.map(|index| first + index));
         });
         if is_list && sequence.len() % 3 != 0 {
-            self.leave_aside("triangle without a third corner", 1);
+            self.skip("triangle without a third corner", 1);
         }
         self.note_material(primitive);
         Ok(())
     }
 
-    /// Adds a primitive's normals, or as many zeros where it has none.
+    /// Adds a primitive's normals, or as many zero vectors if it has none.
     fn normals(
         &mut self,
         accessor: Option<Index<Accessor>>,
@@ -255,7 +258,7 @@ impl Walk<'_> {
             if self.part.clues.is_open_cascade() {
                 normals.iter().for_each(|&normal| self.part.clues.zeros.count(normal));
             }
-            // Normals of a flattened object have no direction; they are then estimated.
+            // A transform that flattens the object leaves no normals; they are estimated later.
             let turn = linear.try_inverse().map(|inverse| inverse.transpose());
             let turned = normals.iter().take(vertices).map(|normal| {
                 turn.map_or(Vector3::zeros(), |turn| turn * Vector3::from(normal.map(f64::from)))
@@ -277,14 +280,14 @@ impl Walk<'_> {
         }
     }
 
-    fn leave_aside(&mut self, what: &'static str, count: usize) {
+    fn skip(&mut self, what: &'static str, count: usize) {
         if count > 0 {
             *self.skipped.entry(what).or_default() += count;
         }
     }
 
-    fn name_the_rest(&mut self) {
-        self.leave_aside("animation", self.root.animations.len());
+    fn finish_skipped(&mut self) {
+        self.skip("animation", self.root.animations.len());
         self.part.skipped = self.skipped.iter().map(|(what, count)| format!("{count} x {what}")).collect();
     }
 
@@ -320,7 +323,7 @@ impl Walk<'_> {
     }
 }
 
-/// What the primitive is, if it is no surface.
+/// What the primitive is, unless it is a surface.
 fn no_surface(primitive: &Primitive) -> Option<&'static str> {
     match primitive.mode {
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => None,
@@ -330,11 +333,11 @@ fn no_surface(primitive: &Primitive) -> Option<&'static str> {
     }
 }
 
-/// The triangles of a list, strip or fan, all turning alike.
+/// The triangles of a list, strip or fan, all with the same orientation.
 fn expand(primitive: &Primitive, sequence: &[u32], mut push: impl FnMut([u32; 3])) {
     match primitive.mode {
         Checked::Valid(Mode::TriangleStrip) => {
-            // Every other triangle of a strip turns the other way.
+            // Every other triangle of a strip has the opposite orientation.
             let turned = |(at, run): (usize, &[u32])| {
                 if at % 2 == 0 { [run[0], run[1], run[2]] } else { [run[1], run[0], run[2]] }
             };
@@ -360,7 +363,7 @@ fn name_of_mesh(mesh: &Mesh, index: Index<Mesh>) -> String {
     mesh.name.clone().unwrap_or_else(|| format!("mesh {}", index.value()))
 }
 
-/// A transform as a matrix. It is composed in f64, since f32 products lose 1e-4 mm at the end of a long tree.
+/// A transform as a matrix. It is composed in f64, because f32 products lose 1e-4 mm at the end of a long tree.
 fn matrix_of(transform: &Transform) -> Matrix4<f64> {
     match transform {
         Transform::Matrix { matrix } => Matrix4::from(matrix.map(|column| column.map(f64::from))),
@@ -373,13 +376,13 @@ fn matrix_of(transform: &Transform) -> Matrix4<f64> {
     }
 }
 
-/// A quaternion with its seven digits brought back to unit length; none for one of length zero.
+/// The quaternion, rounded to seven digits in the file, with exact unit length again; `None` for length zero.
 fn unit(quaternion: [f32; 4]) -> Option<UnitQuaternion<f64>> {
     let [x, y, z, w] = quaternion.map(f64::from);
     UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)
 }
 
-/// A quarter turn about X to within 1e-5 rad, without scale.
+/// The quarter turn about X, to within 1e-5 rad, of a transform without scale.
 fn quarter_turn(transform: &Transform) -> RootTurn {
     let Transform::Decomposed { rotation, scale, .. } = transform else { return RootTurn::Other };
     if scale.iter().any(|factor| (factor - 1.0).abs() > 1e-5) {

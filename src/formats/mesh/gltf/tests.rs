@@ -7,7 +7,7 @@ use super::*;
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
 use crate::formats::mesh::{self, MeshOptions, PartReading};
 
-/// A GLB of one mesh: a right triangle with legs of 1 m along x and y, its normals, and whatever `change` does to it.
+/// A GLB of one mesh, a right triangle with legs of 1 m along x and y and its normals, after `change` edited its JSON.
 fn glb_with(change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let floats =
         [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
@@ -81,7 +81,7 @@ fn metres_with_y_up_become_millimetres_with_z_up() {
 }
 
 #[test]
-fn a_tree_of_nodes_is_composed_and_mirrors_turn_the_triangles() {
+fn transforms_of_nodes_are_composed_and_mirrors_reverse_triangles() {
     let part = read_with(|document| {
         document["nodes"] = json!([
             {"children": [1], "translation": [1, 2, 3], "rotation": [0, 0, 1, 1]},
@@ -89,7 +89,7 @@ fn a_tree_of_nodes_is_composed_and_mirrors_turn_the_triangles() {
         ]);
     })
     .unwrap();
-    // Mirrored in x and turned to y the triangle still faces +z of the file, which is -y here.
+    // Mirrored in x and rotated to y, the triangle still faces +z of the file, which is -y here.
     assert!(is_near(area(&part), [0.0, -1.0, 0.0]), "{}", area(&part));
     assert!((part.shape.mesh().unwrap().normals()[0] + Vector3::y()).norm() < 1e-9);
     let (min, max) = part.shape.mesh().unwrap().bounds();
@@ -98,7 +98,7 @@ fn a_tree_of_nodes_is_composed_and_mirrors_turn_the_triangles() {
 }
 
 #[test]
-fn normals_stay_upright_under_uneven_scale() {
+fn normals_stay_perpendicular_under_shear() {
     let part = read_with(|document| {
         document["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 2, 0, 1, 0, 0, 0, 0, 1]);
     })
@@ -109,7 +109,7 @@ fn normals_stay_upright_under_uneven_scale() {
 }
 
 #[test]
-fn strips_and_fans_become_triangles_that_turn_alike() {
+fn strips_and_fans_become_triangles_of_one_orientation() {
     let square = |mode: u32| {
         let corners = [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
         let order = if mode == 5 { [0, 1, 2, 3] } else { [0, 1, 3, 2] };
@@ -134,7 +134,7 @@ fn strips_and_fans_become_triangles_that_turn_alike() {
 }
 
 #[test]
-fn what_is_no_surface_is_named() {
+fn primitives_that_are_not_surfaces_are_reported() {
     let part = read_with(|document| {
         let line = json!({"attributes": {"POSITION": 0}, "mode": 3});
         let points = json!({"attributes": {"POSITION": 0}, "mode": 0});
@@ -144,8 +144,12 @@ fn what_is_no_surface_is_named() {
         document["nodes"][0]["skin"] = json!(0);
     })
     .unwrap();
-    let named =
-        ["1 x camera", "2 x set of lines", "1 x set of points", "1 x skin (the part is read unposed)"];
+    let named = [
+        "1 x camera",
+        "2 x set of lines",
+        "1 x set of points",
+        "1 x skin (the part is read without its pose)",
+    ];
     assert_eq!(part.facts.skipped, named);
     let only_lines = read_with(|document| document["meshes"][0]["primitives"][0]["mode"] = json!(1));
     let cause = EmptyCause::OnlyOthers(vec!["1 x set of lines".into()]);
@@ -153,7 +157,7 @@ fn what_is_no_surface_is_named() {
 }
 
 #[test]
-fn sparse_values_replace_their_places() {
+fn sparse_values_replace_elements() {
     let part = read_with(|document| {
         // The second vertex takes the place of the third normal, (0, 0, 1).
         document["accessors"][0]["sparse"] = json!({
@@ -177,10 +181,10 @@ fn sparse_values_replace_their_places() {
 }
 
 #[test]
-fn sparse_values_in_disorder_are_refused_and_none_change_nothing() {
+fn unsorted_sparse_values_are_refused_and_empty_ones_have_no_effect() {
     let with = |count: u32, offset: u32| {
         read_with(|document| {
-            // The indices, from the one at `offset` bytes on, serve as places: 0, 1, 2, 0.
+            // The vertex indices 0, 1, 2, 0 from `offset` bytes on serve as sparse indices.
             document["accessors"][0]["sparse"] = json!({
                 "count": count,
                 "indices": {"bufferView": 1, "byteOffset": offset, "componentType": 5123},
@@ -190,8 +194,8 @@ fn sparse_values_in_disorder_are_refused_and_none_change_nothing() {
     };
     assert_eq!(with(3, 0).map(|part| part.facts.size), Ok([1000.0, 0.0, 1000.0]));
     assert_eq!(with(0, 0).map(|part| part.facts.size), Ok([1000.0, 0.0, 1000.0]));
-    let disorder = with(2, 4);
-    assert!(matches!(disorder, Err(MeshReadError::WrongData { .. })), "{disorder:?}");
+    let unsorted = with(2, 4);
+    assert!(matches!(unsorted, Err(MeshReadError::WrongData { .. })), "{unsorted:?}");
     let beyond = read_with(|document| {
         document["accessors"][0]["count"] = json!(2);
         document["accessors"][0]["sparse"] = json!({
@@ -205,7 +209,7 @@ fn sparse_values_in_disorder_are_refused_and_none_change_nothing() {
 }
 
 #[test]
-fn strides_and_counts_that_make_no_sense_are_refused() {
+fn invalid_strides_and_counts_are_refused() {
     let strided =
         |stride: u32| read_with(|document| document["bufferViews"][0]["byteStride"] = json!(stride));
     assert_eq!(strided(0), strided(12));
@@ -220,7 +224,7 @@ fn strides_and_counts_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn data_that_are_missing_or_of_another_kind_are_refused() {
+fn data_that_are_missing_or_of_another_type_are_refused() {
     let quantised = read_with(|document| document["accessors"][0]["componentType"] = json!(5122));
     let item = "mesh \"Shape\", primitive 0, POSITION".to_string();
     let (expected, found) = ("three 32-bit floats", "vec3 of i16".to_string());
@@ -283,7 +287,7 @@ fn bad_numbers_are_refused_with_their_place() {
 }
 
 #[test]
-fn trees_that_are_no_trees_come_to_an_end() {
+fn cycles_and_shared_children_are_refused_and_deep_trees_are_read() {
     let cycle =
         read_with(|document| document["nodes"] = json!([{"children": [1]}, {"children": [0], "name": "B"}]));
     assert_eq!(cycle, Err(MeshReadError::NodeTwice { node: "node 0".into() }));
@@ -299,7 +303,7 @@ fn trees_that_are_no_trees_come_to_an_end() {
 }
 
 #[test]
-fn containers_that_are_cut_or_foreign_are_refused() {
+fn containers_that_are_cut_off_or_foreign_are_refused() {
     let whole = glb_with(|_| {});
     let declared = whole.len() as u64;
     let actual = declared - 5;
@@ -312,7 +316,7 @@ fn containers_that_are_cut_or_foreign_are_refused() {
     first_version[4] = 1;
     assert_eq!(read_glb(&first_version), Err(MeshReadError::Version { version: "1".into() }));
     for (bytes, found) in
-        [(&b""[..], "nothing: it is empty"), (&b"ISO-10303-21;\n"[..], "\"ISO-10303-21;\\n\"")]
+        [(&b""[..], "nothing (it is empty)"), (&b"ISO-10303-21;\n"[..], "\"ISO-10303-21;\\n\"")]
     {
         let refused = MeshReadError::NotThisFormat { format: MeshFormat::Glb, found: found.into() };
         assert_eq!(read_glb(bytes), Err(refused));
@@ -347,11 +351,11 @@ fn an_unmeshed_export_names_its_likely_cause() {
     });
     let refused = read_glb(empty.to_string().as_bytes()).unwrap_err();
     assert_eq!(refused, MeshReadError::NoTriangles { cause: EmptyCause::NeverMeshed });
-    assert!(refused.reason().remedy.contains("mesh the shape first"));
+    assert!(refused.reason().remedy.contains("Mesh the shape first"));
 }
 
 #[test]
-fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
+fn buffers_are_read_from_data_uris_and_the_part_folder_only() {
     let whole = glb_with(|_| {});
     let binary = whole[whole.len() - 80..].to_vec();
     let text_with = |uri: &str| {
@@ -362,7 +366,7 @@ fn buffers_come_from_data_uris_and_from_beside_the_part_only() {
         let siblings = BTreeMap::from([(name.to_string(), data.to_vec())]);
         mesh::read(&text_with(uri), MeshFormat::Gltf, &MeshOptions::default(), &siblings)
     };
-    // Whatever else lies there, only the file that is named is taken.
+    // Only the named file is read, not other files beside it.
     let read_text = |uri: &str, data: Option<&[u8]>| match data {
         Some(data) => read_beside(uri, "part.bin", data),
         None => read_beside(uri, "other.bin", &binary),
@@ -405,18 +409,18 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn textures_beside_the_part_are_named() {
+fn textures_beside_the_part_are_listed() {
     let images =
         r#"[{"uri": "wood%20grain.png"}, {"uri": "data:image/png;base64,AA=="}, {"uri": "../x.png"}]"#;
     let bytes = format!(r#"{{"asset": {{"version": "2.0"}}, "images": {images}}}"#);
     let named = named_files(bytes.as_bytes(), MeshFormat::Gltf).unwrap();
     assert_eq!((named.buffers.len(), named.textures), (0, vec!["wood grain.png".to_string()]));
-    assert!(named_files(b"no glTF", MeshFormat::Gltf).is_err());
+    assert!(named_files(b"not glTF", MeshFormat::Gltf).is_err());
 }
 
-/// Nodes share a mesh, meshes share numbers: a few bytes may ask for any number of triangles.
+/// Nodes can share a mesh and primitives an accessor, so a few bytes can produce any number of triangles.
 #[test]
-fn copies_of_few_bytes_are_bounded_and_known_to_take_long() {
+fn copies_of_few_bytes_are_limited_and_refused_at_a_quick_pace() {
     let copies = |count: usize, shared_by_nodes: bool| {
         let floats = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         let mut binary: Vec<u8> = floats.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -446,11 +450,11 @@ fn copies_of_few_bytes_are_bounded_and_known_to_take_long() {
         assert_eq!(read_quickly(&many), Err(MeshReadError::TakesLong));
         assert!(read_glb(&many).is_ok());
         let refused = read_glb(&copies(201, by_nodes));
-        let is_bounded =
+        let is_limited =
             matches!(refused, Err(MeshReadError::TooLarge { what: "triangles", limit: 2_000_000, .. }));
-        assert!(is_bounded, "{:?}", refused.map(|part| part.facts.triangles));
+        assert!(is_limited, "{:?}", refused.map(|part| part.facts.triangles));
     }
-    // Points without triangles take memory, too.
+    // Vertices without triangles take memory, too.
     let vertices = {
         let binary = vec![0; 12 * 10_000];
         let document = json!({

@@ -1,28 +1,28 @@
-//! The pass before the parser: every line is checked with its number and written anew so plainly that nothing is left
-//! to interpretation. Names, comments and what is not taken are collected on the way.
+//! The pass before the parser: every line is checked, so that errors have a line number, and written again in the
+//! simplest form. Names, comments and skipped statements are collected on the way.
 
 use std::collections::BTreeSet;
 
 use crate::formats::mesh::clues::stated_unit;
 use crate::formats::mesh::error::VertexPlace;
-use crate::formats::mesh::{LengthUnit, MOST_TRIANGLES, MeshReadError, at_most};
+use crate::formats::mesh::{LengthUnit, MAX_TRIANGLES, MeshReadError, at_most};
 
 use super::lines::Lines;
 
-/// No face of a product has more corners than this; cutting one into triangles takes up to the square of it.
-pub(super) const MOST_CORNERS: usize = 10_000;
+/// Largest number of corners of a face, more than any product has; triangulation takes up to the square of it.
+pub(super) const MAX_CORNERS: usize = 10_000;
 
-/// A checked file: its geometry as plain text, and what else was found.
+/// A checked file: its geometry as plain text, and its other content.
 #[derive(Default)]
 pub(super) struct Checked {
-    /// Lines `v x y z`, `vn x y z` and `f v v v` or `f v//vn v//vn v//vn` only, with indices counted from the file's
-    /// beginning. There are no names, so the parser makes one model of it.
+    /// Only lines `v x y z`, `vn x y z` and `f v v v` or `f v//vn v//vn v//vn`, with absolute indices. There are no
+    /// names, so the parser makes one model of it.
     pub(super) text: Vec<u8>,
     pub(super) vertices: usize,
     pub(super) normals: usize,
     /// Number of corners of all faces.
     pub(super) corners: usize,
-    /// Number of corners that name no normal.
+    /// Number of corners without a normal.
     pub(super) bare_corners: usize,
     /// Whether the last line has no line break.
     pub(super) ends_open: bool,
@@ -31,11 +31,11 @@ pub(super) struct Checked {
     pub(super) objects: Names,
     pub(super) groups: Names,
     pub(super) materials: Names,
-    /// The first statement that is no OBJ.
+    /// The first statement that is not known in OBJ.
     pub(super) unknown: Option<String>,
-    /// Number of the normal written to bare corners, from 1.
+    /// Index of the normal that bare corners are given, from 1.
     stand_in: Option<usize>,
-    /// The highest vertex and normal that faces name, from 1, with the line.
+    /// The highest vertex and normal index in faces, from 1, with the line.
     highest: [(i64, u64); 2],
     lines: usize,
     points: usize,
@@ -66,11 +66,11 @@ impl Names {
 impl Checked {
     /// Checks a file's lines.
     ///
-    /// Where only some corners name a normal, the others are given one of length zero, which counts as none: the
-    /// parser leaves out what is missing, and its normals would no longer stand beside their positions.
+    /// If only some corners have a normal, the others are given one of length zero, which is treated as none. Otherwise
+    /// the parser would skip the missing normals, and its lists of normals and positions would no longer correspond.
     ///
     /// # Errors
-    /// The first line that cannot be understood, or that names what the file does not have.
+    /// The first line that is not valid, or that refers to a vertex or normal that does not exist.
     pub(super) fn of(bytes: &[u8]) -> Result<Self, MeshReadError> {
         let found = Self::with_stand_in(bytes, None)?;
         if found.bare_corners == 0 || found.bare_corners == found.corners {
@@ -138,7 +138,7 @@ impl Checked {
         Ok(())
     }
 
-    /// The first comment names the producer; any comment before the first vertex may name the unit.
+    /// The first comment names the producer; any comment before the first vertex may state the unit.
     fn comment(&mut self, text: &[u8]) {
         if self.vertices > 0 {
             return;
@@ -151,7 +151,7 @@ impl Checked {
         self.stated_unit = self.stated_unit.or_else(|| stated_unit(text));
     }
 
-    /// Takes the first three numbers; a fourth is a weight and six are a colour, and neither moves a polygon's corner.
+    /// Reads three numbers; a fourth is a weight and the fourth to sixth are a colour, which do not move a corner.
     fn triple(&mut self, keyword: &[u8], values: &[u8]) -> Result<[f64; 3], &'static str> {
         let mut numbers = words(values);
         let mut triple = [0.0; 3];
@@ -179,11 +179,11 @@ impl Checked {
             let mut numbers = corner.split(|&byte| byte == b'/');
             self.text.push(b' ');
             let vertex = numbers.next().unwrap_or_default();
-            self.name(0, vertex, line)?.ok_or_else(|| bad("a corner is no number"))?;
+            self.index(0, vertex, line)?.ok_or_else(|| bad("a vertex index is not a number"))?;
             match numbers.nth(1) {
                 Some(normal) if !normal.is_empty() => {
                     self.text.extend_from_slice(b"//");
-                    self.name(1, normal, line)?.ok_or_else(|| bad("a normal is no number"))?;
+                    self.index(1, normal, line)?.ok_or_else(|| bad("a normal index is not a number"))?;
                 }
                 _ => {
                     self.bare_corners += 1;
@@ -196,27 +196,27 @@ impl Checked {
         }
         self.text.push(b'\n');
         if arity < 3 {
-            return Err(bad("a face needs three corners"));
+            return Err(bad("a face needs at least three corners"));
         }
-        at_most("corners in one face", arity, MOST_CORNERS)?;
+        at_most("corners in one face", arity, MAX_CORNERS)?;
         self.corners += arity;
-        at_most("corners of faces", self.corners, 3 * MOST_TRIANGLES)?;
+        at_most("face corners", self.corners, 3 * MAX_TRIANGLES)?;
         self.objects.use_now();
         self.groups.use_now();
         self.materials.use_now();
         Ok(())
     }
 
-    /// Writes down a vertex (`kind` 0) or normal (`kind` 1) that is named from 1, or from the end with a minus; none if
-    /// the word is no number.
-    fn name(&mut self, kind: usize, word: &[u8], line: u64) -> Result<Option<()>, MeshReadError> {
+    /// Writes the absolute index of a vertex (`kind` 0) or normal (`kind` 1), which counts from 1, or backwards if
+    /// negative; `None` if the word is not a number.
+    fn index(&mut self, kind: usize, word: &[u8], line: u64) -> Result<Option<()>, MeshReadError> {
         let Some(named) = whole_number(word) else { return Ok(None) };
         let count = [self.vertices, self.normals][kind];
         let absolute = if named < 0 { count as i64 + 1 + named } else { named };
         if absolute < 1 || absolute >= i64::from(u32::MAX) {
             return Err(out_of_range(kind, named, line, count));
         }
-        // A face may stand before its vertices; whether they came is seen at the end.
+        // A face may precede its vertices, so whether they exist is checked at the end.
         if absolute > self.highest[kind].0 {
             self.highest[kind] = (absolute, line);
         }
@@ -228,7 +228,7 @@ impl Checked {
         Ok(Some(()))
     }
 
-    /// What the file holds beside faces, with its number.
+    /// What the file contains besides faces, with counts.
     pub(super) fn skipped(&self) -> Vec<String> {
         let counted = [
             (self.lines, "line (l)"),

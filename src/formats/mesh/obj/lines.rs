@@ -1,8 +1,8 @@
-//! Lines of an OBJ file, numbered and joined.
+//! Statements of an OBJ file: numbered lines, with continued lines joined.
 
 use std::borrow::Cow;
 
-/// Statements with the number of their first line; a backslash at a line's end joins the next one.
+/// Statements with the number of their first line; a backslash at the end of a line continues it on the next one.
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
     line_break: u8,
@@ -16,7 +16,7 @@ impl<'a> Lines<'a> {
         Self { rest: bytes, line_break, line: 0, ends_open: false }
     }
 
-    /// Whether the statement given last was the end of the file, without a line break.
+    /// Whether the last returned statement ended the file without a line break.
     pub(super) fn is_cut(&self) -> bool {
         self.ends_open
     }

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use super::check::MOST_CORNERS;
+use super::check::MAX_CORNERS;
 use super::*;
 use crate::formats::mesh::{self, MeshOptions, PartReading, VertexPlace};
 
@@ -8,7 +8,7 @@ fn read_obj(text: impl AsRef<[u8]>) -> Result<PartReading, MeshReadError> {
     mesh::read(text.as_ref(), MeshFormat::Obj, &MeshOptions::default(), &BTreeMap::new())
 }
 
-/// A plate of 10 x 10 mm, its four vertices.
+/// The four vertices of a plate of 10 x 10 mm.
 const PLATE: &str = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\n";
 
 fn plate(rest: &str) -> Result<PartReading, MeshReadError> {
@@ -24,7 +24,7 @@ fn area(part: &PartReading) -> f64 {
 }
 
 #[test]
-fn every_way_to_write_a_face_is_understood() {
+fn all_forms_of_faces_are_read() {
     let before = "vn 0 0 1\nvt 0 0\n";
     let without_normals = ["f 1 2 3 4", "f 1/1 2/1 3/1 4/1", "f -4 -3 -2 -1"];
     let with_normals =
@@ -39,7 +39,7 @@ fn every_way_to_write_a_face_is_understood() {
 }
 
 #[test]
-fn concave_faces_are_cut_along_their_inside() {
+fn concave_faces_are_triangulated_inside_their_outline() {
     let part = read_obj("v 0 0 0\nv 4 -2 0\nv 1 0 0\nv 4 2 0\nf 2 3 4 1\n").unwrap();
     assert_eq!((part.facts.triangles, area(&part)), (2, 2.0));
     for [a, b, c] in part
@@ -55,7 +55,7 @@ fn concave_faces_are_cut_along_their_inside() {
 }
 
 #[test]
-fn text_is_read_whatever_it_went_through() {
+fn line_breaks_marks_and_encodings_of_any_system_are_read() {
     let windows = PLATE.replace('\n', "\r\n") + "f 1 2 3 4\r\n";
     assert_eq!(area(&read_obj(windows).unwrap()), 100.0);
     let old = PLATE.replace('\n', "\r") + "f 1 2 3 4\r";
@@ -70,7 +70,7 @@ fn text_is_read_whatever_it_went_through() {
 }
 
 #[test]
-fn lines_points_and_the_unknown_are_named() {
+fn lines_points_and_unknown_statements_are_reported() {
     let part = plate("l 1 2\nl 2 3\np 4\nquark 7\nf 1 2 3 4\n").unwrap();
     let named = ["2 x line (l)", "1 x set of points (p)", "unknown statements such as \"quark 7\""];
     assert_eq!(part.facts.skipped, named);
@@ -78,7 +78,7 @@ fn lines_points_and_the_unknown_are_named() {
 }
 
 #[test]
-fn names_are_those_that_faces_use() {
+fn only_names_that_faces_use_are_reported() {
     let part =
         plate("g none\ng base\nusemtl steel\nf 1 2 3\ng badge\nusemtl red\nf 1 3 4\nusemtl steel\nf 1 2 3\n")
             .unwrap();
@@ -98,7 +98,7 @@ fn corners_that_share_position_and_normal_share_a_vertex() {
 }
 
 #[test]
-fn corners_without_a_normal_are_given_none() {
+fn corners_without_a_normal_stay_without_one() {
     let part = plate("vn 0 0.1 1\nf 1 2//1 -2\nf 1//1 3//1 4\n").unwrap();
     assert_eq!((part.facts.triangles, part.facts.vertices, area(&part)), (2, 6, 100.0));
     let is_missing: Vec<bool> =
@@ -132,7 +132,7 @@ fn bad_lines_are_refused_with_their_number() {
 }
 
 #[test]
-fn a_file_cut_in_its_last_line_is_refused_or_named() {
+fn a_file_cut_off_in_its_last_line_is_refused_or_reported() {
     let line = 5;
     assert_eq!(plate("f 1 2"), Err(MeshReadError::CutLine { line, text: "f 1 2".into() }));
     assert_eq!(read_obj("v 0 0 0\nv 1 0"), Err(MeshReadError::CutLine { line: 2, text: "v 1 0".into() }));
@@ -161,13 +161,13 @@ fn files_without_faces_name_the_likely_cause() {
 
 #[test]
 fn a_face_with_absurdly_many_corners_is_refused() {
-    let corners = " 1".repeat(MOST_CORNERS + 1);
+    let corners = " 1".repeat(MAX_CORNERS + 1);
     let refused = plate(&format!("f{corners}\n"));
     assert!(matches!(refused, Err(MeshReadError::TooLarge { limit: 10_000, .. })), "{refused:?}");
 }
 
 #[test]
-fn a_unit_in_the_head_counts() {
+fn a_unit_in_the_header_is_used() {
     let sized = |head: &str| read_obj(format!("{head}\n{PLATE}f 1 2 3 4\n")).unwrap().facts.size[0];
     assert_eq!(sized("# File units = inches"), 254.0);
     assert_eq!(sized("# Units: mm"), 10.0);

@@ -12,11 +12,11 @@ const TEXT: &str = "ply\nformat ascii 1.0\ncomment by hand, units: cm\nelement v
 fn problem(bytes: impl AsRef<[u8]>) -> MeshReadError {
     match read(bytes.as_ref()) {
         Err(error) => error,
-        Ok(part) => panic!("{} points were read", part.positions.len()),
+        Ok(part) => panic!("read {} points", part.positions.len()),
     }
 }
 
-/// A file of float vertices in either byte order.
+/// A file of float vertices in either byte order, whose header declares `claimed` vertices.
 fn binary(order: &str, points: &[[f32; 3]], claimed: u64) -> Vec<u8> {
     let mut bytes = format!(
         "ply\r\nformat binary_{order}_endian 1.0\r\nelement vertex {claimed}\r\nproperty float x\r\nproperty float y\r\n\
@@ -30,7 +30,7 @@ fn binary(order: &str, points: &[[f32; 3]], claimed: u64) -> Vec<u8> {
 }
 
 #[test]
-fn a_face_makes_it_a_mesh_and_its_corners_become_triangles() {
+fn a_file_with_faces_becomes_a_mesh_of_triangles() {
     let part = read(TEXT.as_bytes()).unwrap();
     assert!(!part.is_scan && part.triangles.len() == 2);
     assert_eq!(part.positions[2], Point3::new(1.0, 1.0, 0.0));
@@ -49,7 +49,7 @@ fn both_byte_orders_give_the_same_points() {
 }
 
 #[test]
-fn a_header_that_lies_is_refused_before_anything_is_kept() {
+fn a_header_with_false_counts_is_refused_before_memory_is_reserved() {
     let error = problem(binary("little", &[[0.0; 3]], 4_000_000_000));
     assert!(matches!(error, MeshReadError::Truncated { declared: 48_000_000_109.., .. }), "{error}");
     let error = problem(TEXT.replace("vertex 4", "vertex 4000000000"));
@@ -66,16 +66,16 @@ fn a_header_that_lies_is_refused_before_anything_is_kept() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_line() {
+fn errors_are_reported_with_their_line() {
     for (from, to, line, words) in [
-        ("format ascii", "format binary_middle_endian", 2, "binary_middle_endian is not known"),
+        ("format ascii", "format binary_middle_endian", 2, "binary_middle_endian is unknown"),
         ("property double z", "property double w", 12, "no property z"),
-        ("property float x", "property text x", 7, "the type text is not known"),
-        ("vertex 4", "vertex four", 4, "no whole number"),
-        ("list uchar int vertex_index", "list float int vertex_index", 11, "counted by no whole number"),
-        ("element vertex", "colour vertex", 4, "no line of a PLY header"),
+        ("property float x", "property text x", 7, "the type text is unknown"),
+        ("vertex 4", "vertex four", 4, "not a whole number"),
+        ("list uchar int vertex_index", "list float int vertex_index", 11, "not have an integer type"),
+        ("element vertex", "colour vertex", 4, "unknown in a PLY header"),
         ("element vertex 4\n", "", 4, "before the first element"),
-        ("vertex_index", "corners", 12, "no list vertex_indices"),
+        ("vertex_index", "corners", 12, "no list property vertex_indices"),
     ] {
         let error = problem(TEXT.replace(from, to));
         let MeshReadError::BadHeader { line: at, problem, .. } = &error else { panic!("{to}: {error}") };
@@ -96,7 +96,7 @@ fn what_is_wrong_is_said_with_its_line() {
 }
 
 #[test]
-fn no_cut_and_no_flipped_byte_panics() {
+fn reading_cut_off_or_damaged_files_does_not_panic() {
     for bytes in [TEXT.as_bytes().to_vec(), binary("little", &[[1.0; 3]; 4], 4)] {
         for cut in 0..bytes.len() {
             let _ = read(&bytes[..cut]);

@@ -8,12 +8,12 @@ fn points(text: &str) -> Vec<[f64; 3]> {
 fn problem(text: impl AsRef<[u8]>) -> MeshReadError {
     match read(text.as_ref()) {
         Err(error) => error,
-        Ok(part) => panic!("{:?} were read", part.positions),
+        Ok(part) => panic!("read {:?}", part.positions),
     }
 }
 
 #[test]
-fn every_usual_way_to_write_points_is_understood() {
+fn all_usual_forms_of_point_lists_are_read() {
     let expected = [[1.5, -2.0, 3.25], [4.0, 5.5, -6.0]];
     for text in [
         "1.5 -2 3.25\n4 5.5 -6\n",
@@ -39,7 +39,7 @@ fn every_usual_way_to_write_points_is_understood() {
 }
 
 #[test]
-fn units_above_the_columns_and_in_comments_are_heard() {
+fn units_above_the_columns_and_in_comments_are_used() {
     let unit = |text: &str| read(text.as_bytes()).unwrap().clues.stated_unit;
     assert_eq!(unit("X [m];Y [m];Z [m]\n1;2;3\n"), Some(LengthUnit::Metre));
     assert_eq!(unit("# units: inches\n1 2 3\n"), Some(LengthUnit::Inch));
@@ -55,7 +55,7 @@ fn three_columns_of_unit_length_are_normals_and_colours_are_not() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_line() {
+fn errors_are_reported_with_their_line() {
     for (text, line) in [
         ("1 2 3\n4 5\n6 7 8\n", 2),
         ("# x\n1,2,3\n4,five,6\n", 3),

@@ -8,23 +8,23 @@ use super::budget::{Budget, Exceeded};
 use super::curves::{BulgeVertex, Curve, SpaceSegment, bridge, bulge_segment, flattened, through};
 use crate::geometry::space::FlatPoint;
 
-/// Corners of bands are mitred up to this many half widths from the middle line, sharper ones are cut.
+/// Largest distance of a mitred corner from the centreline, in half widths; sharper corners are bevelled.
 const MITRE_LIMIT: f64 = 4.0;
-/// Edges of bands that grow wider along an arc are drawn with so many chords for a full turn.
+/// Number of chords per full turn for the edges of bands whose width changes along an arc.
 const TAPERED_CHORDS: f64 = 256.0;
 
-/// A vertex with the widths of the segment that leaves it, at its start and at its end.
+/// A vertex with the widths of the segment that starts there, at the segment's start and end.
 #[derive(Clone, Copy)]
 pub(super) struct WideVertex {
     pub(super) vertex: BulgeVertex,
     pub(super) widths: [f64; 2],
 }
 
-/// A piece of the middle line with the widths at its ends.
+/// A piece of the centreline with the widths at its ends.
 type Piece = (SpaceSegment, [f64; 2]);
 
-/// The contours of a filled band: one round an open polyline, two for a closed one, more where the band covers itself.
-/// There they stay within `tolerance` of it; elsewhere they are exact.
+/// The contours of a filled band: one for an open polyline, two for a closed one, any number if the band overlaps
+/// itself. In that case they are approximated within `tolerance`, otherwise they are exact.
 pub(super) fn band(
     vertices: &[WideVertex],
     closed: bool,
@@ -42,7 +42,7 @@ pub(super) fn band(
     let outline = outline(&pieces, closed, budget)?;
     let flat = flattened(&outline, tolerance, budget)?;
     let covered = covered(&pieces, closed, tolerance, budget)?;
-    // Where the outline runs through the band, what it bounds is not what the band covers: crossings would be holes.
+    // If the band overlaps itself, the outline bounds another area than the band covers: overlaps would become holes.
     let areas: Vec<f64> = flat.iter().map(|contour| area(contour).abs()).collect();
     let bounded = match areas.as_slice() {
         [outer, inner] => (outer - inner).abs(),
@@ -57,13 +57,13 @@ pub(super) fn band(
     Ok(covered.iter().map(|contour| through(&contour.iter().map(lifted).collect::<Vec<_>>(), true)).collect())
 }
 
-/// The two edges of the band, joined at the ends of an open one.
+/// The two edges of the band, joined at the ends if it is open.
 fn outline(pieces: &[Piece], closed: bool, budget: &mut Budget) -> Result<Vec<Curve>, Exceeded> {
     let left = edge(pieces, 0.5, closed, budget)?;
     let right = edge(pieces, -0.5, closed, budget)?;
     let contour = |segments: Vec<SpaceSegment>| Curve { segments, closed: true };
     if closed {
-        // A disc is a ring without a hole: its inner edge has shrunk to the centre.
+        // In a disc, the inner edge has shrunk to the centre.
         let is_hole = |edge: &Vec<SpaceSegment>| edge.iter().any(|segment| segment.start() != segment.end());
         return Ok([left, right].into_iter().filter(is_hole).map(contour).collect());
     }
@@ -87,7 +87,7 @@ fn ring(
     Ok(there)
 }
 
-/// All that the pieces and the corners between them cover, as contours; holes turn the other way.
+/// The contours of the area that the pieces and the corners between them cover; holes have the opposite orientation.
 fn covered(
     pieces: &[Piece],
     closed: bool,
@@ -124,7 +124,7 @@ fn covered(
     Ok(shapes.into_iter().flatten().map(|contour| contour.into_iter().map(point).collect()).collect())
 }
 
-/// What fills the outer side of a corner between two pieces: up to where their edges cross, or cut off.
+/// The outer side of a corner between two pieces, mitred or bevelled.
 fn outer_corner(
     before: &[Vec<SpaceSegment>; 2],
     after: &[Vec<SpaceSegment>; 2],
@@ -144,7 +144,7 @@ fn outer_corner(
     Some(through(&[corner, ends[side], last.end(), first.start(), starts[side]], true))
 }
 
-/// The area inside, less than 0 if the contour turns right.
+/// The enclosed area, negative if the contour is clockwise.
 fn area(contour: &[FlatPoint]) -> f64 {
     let ends = contour.iter().zip(contour.iter().cycle().skip(1));
     ends.map(|(a, b)| a.coords().perp(&b.coords())).sum::<f64>() / 2.0
@@ -154,7 +154,7 @@ fn length(contour: &[FlatPoint]) -> f64 {
     contour.iter().zip(contour.iter().cycle().skip(1)).map(|(a, b)| a.distance(*b)).sum()
 }
 
-/// One edge of a band, `side` widths to the left of its middle line, with its corners mitred.
+/// One edge of a band, `side` widths to the left of its centreline, with mitred corners.
 fn edge(
     pieces: &[Piece],
     side: f64,
@@ -181,7 +181,7 @@ fn edge(
     Ok(around)
 }
 
-/// Lets two lines that meet at a corner of the middle line end where they cross, unless that is too far away.
+/// Extends or shortens two lines at a corner of the centreline to their intersection, unless that is too far away.
 fn mitre(before: &mut SpaceSegment, after: &mut SpaceSegment, corner: Vector3<f64>, half: f64) {
     let (SpaceSegment::Line { from: a, to: b }, SpaceSegment::Line { from: c, to: d }) = (before, after)
     else {
@@ -199,7 +199,7 @@ fn mitre(before: &mut SpaceSegment, after: &mut SpaceSegment, corner: Vector3<f6
     }
 }
 
-/// The segment moved to its left by the first distance at its start and the second at its end.
+/// The segment, moved to its left by the first distance at its start and by the second at its end.
 fn moved_aside(
     segment: &SpaceSegment,
     distances: [f64; 2],
@@ -209,7 +209,7 @@ fn moved_aside(
     budget.hold(1)?;
     Ok(match segment {
         SpaceSegment::Arc { center, u, start, sweep, .. } => {
-            // The left of an arc that turns left is towards its centre.
+            // The left side of a counter-clockwise arc is towards its centre.
             let radius = |share: f64| {
                 u.norm() - sweep.signum() * (distances[0] * (1.0 - share) + distances[1] * share)
             };
@@ -248,7 +248,7 @@ mod tests {
         super::band(vertices, closed, height, 1e-5, &mut Budget::default()).unwrap()
     }
 
-    /// Inked area of a band by the even-odd rule; its contours do not cross here.
+    /// The filled area of a band by the even-odd rule; its contours do not intersect in these tests.
     fn area(contours: &[Curve]) -> f64 {
         let areas = contours.iter().map(|contour| {
             let flat = contour.segments.iter().map(SpaceSegment::seen_from_above).collect();
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn corners_are_mitred() {
-        // An L of two legs of 10 mm, 2 mm wide: 2·10·2 mm², as the mitre outside adds what the inside loses.
+        // An L of two legs of 10 mm, 2 mm wide: 2·10·2 mm², because the mitre adds as much outside as the inside loses.
         let l = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)].map(|(x, y)| wide(x, y, 0.0, [2.0; 2]));
         assert!((area(&band(&l, false, 0.0)) - 40.0).abs() < 1e-9);
         let square =
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_donut_is_a_ring_and_without_a_hole_a_disc() {
+    fn a_donut_is_a_ring_or_without_a_hole_a_disc() {
         let donut = |width: f64| [wide(-4.0, 0.0, 1.0, [width; 2]), wide(4.0, 0.0, 1.0, [width; 2])];
         let ring = band(&donut(2.0), true, 0.0);
         assert!(ring.len() == 2 && (area(&ring) - PI * (25.0 - 9.0)).abs() < 1e-3);
@@ -290,15 +290,15 @@ mod tests {
     }
 
     #[test]
-    fn a_band_may_grow_wider_along_an_arc() {
-        // Half a ring whose width grows from 0 to 2 about the radius 5: ∫ w(φ)·5 dφ over π = 5π.
+    fn the_width_of_a_band_can_change_along_an_arc() {
+        // Half a ring of radius 5 whose width grows from 0 to 2: ∫ w(φ)·5 dφ over π = 5π.
         let horn = [wide(5.0, 0.0, 1.0, [0.0, 2.0]), wide(-5.0, 0.0, 0.0, [0.0; 2])];
         assert!((area(&band(&horn, false, 0.0)) - 5.0 * PI).abs() < 0.01);
     }
 
     #[test]
-    fn where_a_band_crosses_itself_it_is_whole() {
-        // A loop of four legs, 2 mm wide; the last crosses the first in a square of 2 x 2 mm, that is inked once.
+    fn a_band_that_crosses_itself_has_no_hole_there() {
+        // A loop of four legs, 2 mm wide; the last crosses the first in a square of 2 x 2 mm, which is filled once.
         let corners = [(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (10.0, 10.0), (10.0, -10.0)];
         let crossing = band(&corners.map(|(x, y)| wide(x, y, 0.0, [2.0; 2])), false, 0.0);
         assert!(
@@ -310,17 +310,17 @@ mod tests {
 
     #[test]
     fn a_leg_shorter_than_the_width_keeps_its_corner() {
-        // A leg of 10 mm, 2 mm wide, then one of 0.5 mm across: it sticks out by nothing that the first does not cover
-        // but its own mitre, 2 x 1 mm, which reaches 0.5 mm up.
+        // A leg of 10 mm, 2 mm wide, then one of 0.5 mm across: it adds only its mitre, 2 x 1 mm, which reaches 0.5 mm
+        // up.
         let corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 0.5)];
         let hook = band(&corners.map(|(x, y)| wide(x, y, 0.0, [2.0; 2])), false, 0.0);
-        // The first leg 20 mm², the corner outside 1 mm², what the short leg adds outside 0.5 mm².
+        // The first leg has 20 mm², the outer corner 1 mm²; the short leg adds 0.5 mm² outside.
         assert!((area(&hook) - 21.5).abs() < 1e-3, "{}", area(&hook));
     }
 
     #[test]
-    fn what_grows_wider_along_arcs_is_counted_before_it_is_drawn() {
-        // Each arc of nearly a full turn needs 254 chords on each side: 12,000 of them more than is held.
+    fn chords_of_tapered_arcs_are_counted_before_they_are_created() {
+        // Each arc of nearly a full turn needs 254 chords on each side, so 12,000 arcs exceed the limit.
         let bows: Vec<WideVertex> =
             (0..12_000).map(|index| wide(f64::from(index % 2), 0.0, 99.0, [1.0, 2.0])).collect();
         let mut budget = Budget::default();

@@ -1,4 +1,4 @@
-//! Inserts unfolded: every entity where it is drawn, on the layer and in the colour it is drawn in.
+//! Unfolds inserts: every entity at its final place, with its final layer and colour.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,10 +15,10 @@ use crate::formats::pattern::Skipped;
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::FlatPoint;
 
-/// Blocks may hold blocks this deep.
+/// Largest depth of nested blocks.
 const MAX_DEPTH: usize = 32;
-const IN_PAPER_SPACE: &str = "it lies in paper space, beside the model";
-/// Coordinates beyond this, mm, are refused: ten kilometres.
+const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
+/// Largest coordinate, mm: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
 
 /// The drawing after unfolding, in file order.
@@ -27,19 +27,19 @@ pub(super) struct Unfolded {
     /// Paths with layers numbered by `layer_names`.
     pub(super) paths: Vec<Path>,
     pub(super) layer_names: Vec<String>,
-    /// Lowest and highest z of what is drawn, mm.
+    /// Lowest and highest z of the drawing, mm.
     pub(super) heights: Option<(f64, f64)>,
     pub(super) skipped: Vec<Skipped>,
-    /// Number of lines drawn whole that the drawing shows as dashes or dots, with the first.
+    /// Number of lines with dashes or dots in the drawing, which are read without gaps, and the first of them.
     pub(super) dashed: Option<(usize, EntityName)>,
-    /// Which entities of the inventory made several strokes or a fill; texts and wide lines are among them.
+    /// Entities of the inventory that produced several strokes or a fill, such as texts and wide lines.
     pub(super) drawn: BTreeSet<usize>,
 }
 
-/// Unfolds all entities that are drawn; `unit` mm is the length of one unit of the drawing.
+/// Unfolds all entities that are drawn; `unit` is the length of one unit of the drawing, mm.
 ///
 /// # Errors
-/// A number cannot be read, a block holds itself, or the drawing unfolds to too much or reaches too far.
+/// When a number cannot be read, a block contains itself, the budget is exceeded, or a coordinate is too large.
 pub(super) fn unfold(
     reader: &Reader<'_>,
     remarks: &mut Remarks,
@@ -54,13 +54,13 @@ pub(super) fn unfold(
         items: &items,
         result: Unfolded::default(),
         layer_numbers: BTreeMap::new(),
-        named: BTreeSet::new(),
+        listed: BTreeSet::new(),
         budget,
         regions: 0,
         open_blocks: Vec::new(),
     };
     let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
-    // Most drawings are one long list of entities that are needed once: they are read one by one.
+    // Entities outside blocks are needed only once, so they are read one by one to save memory.
     for index in reader.structure.drawn.iter().cloned().flatten() {
         let item = reader.item(index, remarks, unfolding.budget)?;
         unfolding.entity(index, &item, &ground)?;
@@ -72,7 +72,7 @@ pub(super) fn unfold(
                 "VIEWPORT" => Missing::Nothing,
                 _ => Missing::Hidden,
             };
-            unfolding.name(index, record, reader.structure.layer(record), IN_PAPER_SPACE.into(), missing);
+            unfolding.skip(index, record, reader.structure.layer(record), IN_PAPER_SPACE.into(), missing);
         }
     }
     Ok(unfolding.result)
@@ -81,27 +81,27 @@ pub(super) fn unfold(
 /// Where and how the content of a block is drawn.
 struct Context {
     placement: Placement,
-    /// The layer that stands for layer 0, inside a block.
+    /// The layer that replaces layer 0 inside a block.
     layer: Option<String>,
-    /// The colour that stands for "by block".
+    /// The colour that replaces BYBLOCK.
     color: Color,
 }
 
-/// What a drawing lacks with an entity that is not taken over.
+/// What is missing in the pattern because an entity was skipped.
 #[derive(Clone, Copy, PartialEq)]
 enum Missing {
-    /// Nothing: it draws nothing.
+    /// Nothing, because it draws nothing.
     Nothing,
-    /// What the drawing does not show or plot, or what is an aid and no ink.
+    /// Lines that the drawing does not show or plot, or construction lines.
     Hidden,
     /// Ink.
     Ink,
 }
 
-/// The layer for the points of dimensions, which no program plots.
+/// The layer for definition points of dimensions, which no program plots.
 const NEVER_PLOTTED: &str = "DEFPOINTS";
 
-/// What the paths of an entity look like.
+/// Layer and colour of the paths of an entity.
 #[derive(Clone, Copy)]
 struct Look<'l> {
     layer: &'l str,
@@ -116,8 +116,9 @@ struct Unfolding<'u> {
     items: &'u [Item],
     result: Unfolded,
     layer_numbers: BTreeMap<String, usize>,
-    /// What was named already inside blocks, which may be drawn many times, and the layer it was drawn on.
-    named: BTreeSet<(usize, String, Cow<'static, str>)>,
+    /// Entities in blocks that are already listed as skipped, with layer and reason, as a block may be drawn many
+    /// times.
+    listed: BTreeSet<(usize, String, Cow<'static, str>)>,
     budget: &'u mut Budget,
     regions: u32,
     open_blocks: Vec<String>,
@@ -134,7 +135,7 @@ impl<'u> Unfolding<'u> {
             let (layer, entry) = layer_of(structure, insert, context);
             if why_hidden(insert, entry, true).is_some() {
                 let why = "the block that it belongs to is hidden";
-                self.name(index, record, layer, why.into(), Missing::Hidden);
+                self.skip(index, record, layer, why.into(), Missing::Hidden);
                 return Ok(());
             }
             of_insert = self.inside(insert, context, context.placement, layer);
@@ -143,10 +144,10 @@ impl<'u> Unfolding<'u> {
         let (layer, entry) = layer_of(structure, record, context);
         let is_insert = matches!(item, Item::Insert(_));
         if let Some(why) = why_hidden(record, entry, is_insert) {
-            // Points of dimensions lie on a layer that is never plotted.
+            // The definition points of dimensions are not ink.
             let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
             let missing = if is_aid { Missing::Nothing } else { Missing::Hidden };
-            self.name(index, record, layer, why.into(), missing);
+            self.skip(index, record, layer, why.into(), missing);
             return Ok(());
         }
         let color = own_color(record, context);
@@ -158,7 +159,7 @@ impl<'u> Unfolding<'u> {
             self.result.drawn.insert(index);
         }
         if let Item::Insert(insert) = item {
-            // Without its block nobody knows which layers its content lies on; on this one it would be hidden.
+            // If the block is missing, the layers of its content are unknown; this layer is assumed.
             let missing = match why_hidden(record, entry, false) {
                 Some(_) => Missing::Hidden,
                 None => Missing::Ink,
@@ -182,17 +183,17 @@ impl<'u> Unfolding<'u> {
         match item {
             Item::Insert(_) => {}
             Item::DrawsNothing(why) => {
-                self.name(index, record, look.layer, (*why).into(), Missing::Nothing);
+                self.skip(index, record, look.layer, (*why).into(), Missing::Nothing);
             }
             Item::Construction(why) => {
-                self.name(index, record, look.layer, (*why).into(), Missing::Hidden);
+                self.skip(index, record, look.layer, (*why).into(), Missing::Hidden);
             }
-            Item::Skipped(why) => self.name(index, record, look.layer, why.clone(), Missing::Ink),
-            // Inside a block it stands for the attributes of the inserts, which are texts of their own.
+            Item::Skipped(why) => self.skip(index, record, look.layer, why.clone(), Missing::Ink),
+            // In a block it is only the template for the attributes of the inserts, which are separate texts.
             Item::Template if !self.open_blocks.is_empty() => {}
             Item::Template => {
-                let why = "it is the template of an attribute: write a text instead";
-                self.name(index, record, look.layer, why.into(), Missing::Hidden);
+                let why = "it is the template of an attribute: replace it with a text";
+                self.skip(index, record, look.layer, why.into(), Missing::Hidden);
             }
             Item::Several(items) => {
                 for (own, item) in items {
@@ -207,8 +208,8 @@ impl<'u> Unfolding<'u> {
             Item::Dot(point) => {
                 self.spend(Cost::Drawn, 1, record)?;
                 let point = context.placement.point(*point);
-                self.check(point.amax(), record)?;
-                self.see_height(point.z);
+                self.check_reach(point.amax(), record)?;
+                self.include_height(point.z);
                 let shape = Shape::Dot(FlatPoint::new(point.x, point.y));
                 self.push(shape, None, look, record);
             }
@@ -218,11 +219,11 @@ impl<'u> Unfolding<'u> {
                     && let Some((radius, turn)) = vanishing(&segments, SAME_POINT)
                 {
                     let why = format!(
-                        "with a radius of {radius:.7} mm and a turn of {:.7} deg it draws nothing: draw it again, \
-                         as a circle if a full turn is meant, or delete it",
+                        "it draws nothing, with a radius of {radius:.7} mm and an angle of {:.7} deg: delete it, or \
+                         draw it again, as a circle if it must be a full turn",
                         turn.to_degrees()
                     );
-                    self.name(index, record, look.layer, why.into(), Missing::Ink);
+                    self.skip(index, record, look.layer, why.into(), Missing::Ink);
                     return Ok(());
                 }
                 let shape = self.shape(&segments, curve.closed, record)?;
@@ -250,13 +251,13 @@ impl<'u> Unfolding<'u> {
         let structure = self.structure;
         let key = insert.block.to_uppercase();
         let Some(block) = structure.blocks.get(&key) else {
-            let why = format!("the file does not define its block {}", insert.block);
-            self.name(index, record, layer, why.into(), missing);
+            let why = format!("its block {} is not defined in the file", insert.block);
+            self.skip(index, record, layer, why.into(), missing);
             return Ok(());
         };
         if block.external {
-            let why = "it stands for another file: bind the reference before exporting";
-            self.name(index, record, layer, why.into(), missing);
+            let why = "it is a reference to another file: bind the reference before exporting";
+            self.skip(index, record, layer, why.into(), missing);
             return Ok(());
         }
         if self.open_blocks.contains(&key) {
@@ -264,10 +265,10 @@ impl<'u> Unfolding<'u> {
             return Err(PatternReadError::RecursiveBlock { block: block.name.clone(), entity });
         }
         if self.open_blocks.len() == MAX_DEPTH {
-            return Err(self.too_many("blocks inside each other", MAX_DEPTH, record));
+            return Err(self.too_many("levels of nested blocks", MAX_DEPTH, record));
         }
         let copies = insert.columns.saturating_mul(insert.rows);
-        self.foresee(Cost::Copies, copies, record)?;
+        self.check_cost(Cost::Copies, copies, record)?;
         self.open_blocks.push(key);
         let base = Placement {
             linear: nalgebra::Matrix3::identity(),
@@ -280,7 +281,7 @@ impl<'u> Unfolding<'u> {
             placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
             let placement = context.placement.after(&placement.after(&base));
             let inner = self.inside(record, context, placement, layer);
-            // An empty block counts too, or a large array of nothing would take for ever.
+            // Empty blocks are counted, too, because a large array of them would take very long.
             self.spend(Cost::Copies, 1, record)?;
             let items = self.items;
             for inside in block.entities.clone() {
@@ -288,17 +289,17 @@ impl<'u> Unfolding<'u> {
                     self.entity(inside, item, &inner)?;
                 }
             }
-            // All copies take what the first one took: too many are refused before they are there.
+            // All copies spend as much as the first one, so too many are refused before they are created.
             for (cost, before) in before.into_iter().filter(|_| copy == 0) {
                 let of_one = self.budget.spent(cost) - before;
-                self.foresee(cost, of_one.saturating_mul(copies - 1), record)?;
+                self.check_cost(cost, of_one.saturating_mul(copies - 1), record)?;
             }
         }
         self.open_blocks.pop();
         Ok(())
     }
 
-    /// What the content of an insert, and its attributes, take over from it.
+    /// The context that an insert gives to its content and its attributes.
     fn inside(&self, insert: &Record, context: &Context, placement: Placement, layer: &str) -> Context {
         let color = match own_color(insert, context) {
             Color::ByLayer => self.structure.entry(layer).map_or(Color::Aci(7), |entry| entry.color),
@@ -315,10 +316,10 @@ impl<'u> Unfolding<'u> {
     ) -> Result<Shape, PatternReadError> {
         self.spend(Cost::Drawn, segments.len().max(1), record)?;
         for segment in segments {
-            self.check(segment.reach(), record)?;
-            self.see_height(segment.start().z);
-            self.see_height(segment.end().z);
-            self.see_height(segment.middle().z);
+            self.check_reach(segment.reach(), record)?;
+            self.include_height(segment.start().z);
+            self.include_height(segment.end().z);
+            self.include_height(segment.middle().z);
         }
         let flat = segments.iter().map(super::curves::SpaceSegment::seen_from_above).collect();
         Ok(if closed { Shape::Closed(flat) } else { Shape::Open(flat) })
@@ -329,12 +330,12 @@ impl<'u> Unfolding<'u> {
         spent.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
     }
 
-    fn foresee(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
-        let foreseen = self.budget.foresee(cost, count);
-        foreseen.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
+    fn check_cost(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
+        let checked = self.budget.check(cost, count);
+        checked.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
     }
 
-    fn check(&self, reach: f64, record: &Record) -> Result<(), PatternReadError> {
+    fn check_reach(&self, reach: f64, record: &Record) -> Result<(), PatternReadError> {
         if reach <= MAX_COORDINATE {
             return Ok(());
         }
@@ -342,7 +343,7 @@ impl<'u> Unfolding<'u> {
         Err(PatternReadError::OutOfRange { entity, reach, limit: MAX_COORDINATE })
     }
 
-    fn see_height(&mut self, z: f64) {
+    fn include_height(&mut self, z: f64) {
         let (low, high) = self.result.heights.unwrap_or((z, z));
         self.result.heights = Some((low.min(z), high.max(z)));
     }
@@ -368,8 +369,8 @@ impl<'u> Unfolding<'u> {
         self.result.paths.push(Path { layer, color, shape, region, source });
     }
 
-    fn name(&mut self, index: usize, record: &Record, layer: &str, why: Cow<'static, str>, missing: Missing) {
-        if self.open_blocks.is_empty() || self.named.insert((index, layer.to_owned(), why.clone())) {
+    fn skip(&mut self, index: usize, record: &Record, layer: &str, why: Cow<'static, str>, missing: Missing) {
+        if self.open_blocks.is_empty() || self.listed.insert((index, layer.to_owned(), why.clone())) {
             let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
             self.result.skipped.push(Skipped {
                 entity: self.structure.kind(record).into(),
@@ -387,7 +388,7 @@ impl<'u> Unfolding<'u> {
     }
 }
 
-/// The layer that an entity ends up on, and its entry in the table.
+/// The final layer of an entity, and its entry in the layer table.
 fn layer_of<'l>(
     structure: &'l Structure,
     record: &Record,
@@ -401,7 +402,7 @@ fn layer_of<'l>(
     (entry.map_or(layer, |entry| &entry.name), entry)
 }
 
-/// The colour that an entity asks for. "By layer" means the layer that the entity ends up on.
+/// The colour of an entity. BYLAYER refers to the final layer of the entity.
 fn own_color(record: &Record, context: &Context) -> Color {
     match record.color {
         RecordColor::ByBlock => context.color,
@@ -409,8 +410,8 @@ fn own_color(record: &Record, context: &Context) -> Color {
     }
 }
 
-/// Why an entity is not to be marked although it could be. Only freezing its layer hides all of an insert; what it holds
-/// may lie on other layers.
+/// Why a valid entity is not marked. Of the states of its layer only "frozen" hides an insert, because its content may
+/// be on other layers.
 fn why_hidden(record: &Record, layer: Option<&LayerRecord>, is_insert: bool) -> Option<&'static str> {
     let of_layer = |state: fn(&LayerRecord) -> bool| layer.is_some_and(state);
     if record.in_paper_space {

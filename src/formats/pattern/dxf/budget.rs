@@ -1,7 +1,7 @@
-//! How much a drawing may come to: one budget, from which all that makes something takes before it is made.
+//! The budget of a drawing: every step that creates something spends from it first.
 //!
-//! A few bytes can ask for anything: rows of blocks, a pattern of hairlines, splines of high degree. What is counted here
-//! bounds the memory and the time of a drawing, wherever in the file it is asked for.
+//! A few bytes in a file can create any amount of data: rows of blocks, a pattern of hairlines, splines of high degree.
+//! The budget limits the memory and the time for the whole drawing.
 
 use std::borrow::Cow;
 
@@ -11,13 +11,13 @@ use crate::formats::Pace;
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cost {
-    /// Entities of the file, those of its blocks too.
+    /// Entities of the file, including those of its blocks.
     Listed,
-    /// Entities after unfolding.
+    /// Entities after unfolding the blocks.
     Unfolded,
-    /// Copies of blocks, empty ones too.
+    /// Copies of blocks, including empty ones.
     Copies,
-    /// Segments and dots of what blocks hold and of the entity that is being read.
+    /// Segments and dots in blocks and in the current entity.
     Held,
     /// Segments and dots of paths.
     Drawn,
@@ -26,27 +26,27 @@ pub(super) enum Cost {
 }
 
 impl Cost {
-    /// The largest number of it in one drawing.
+    /// The largest number in one drawing.
     pub(super) const fn limit(self) -> usize {
         match self {
             Self::Listed => 2_000_000,
-            // The whole job takes about a kilobyte for each of them.
+            // The whole job needs about a kilobyte for each of them.
             Self::Unfolded | Self::Copies | Self::Held | Self::Drawn => 1_000_000,
             Self::Steps => 200_000_000,
         }
     }
 
-    /// As many of it are a moment's work, together with all that follows for the whole drawing.
-    const fn moment(self) -> usize {
+    /// The largest number at a quick pace, which includes the time for the rest of the job.
+    const fn quick_limit(self) -> usize {
         match self {
-            // No more than the file has bytes for.
+            // Limited by the size of the file.
             Self::Listed => usize::MAX,
             Self::Unfolded | Self::Copies | Self::Held | Self::Drawn => 20_000,
             Self::Steps => 10_000_000,
         }
     }
 
-    /// The refusal of a drawing that has more of it, and the entity where that showed.
+    /// The error for a drawing that exceeds the limit, with the entity where this was found.
     pub(super) fn too_many(self, entity: EntityName) -> PatternReadError {
         let what = match self {
             Self::Listed | Self::Unfolded => "entities",
@@ -58,9 +58,9 @@ impl Cost {
     }
 }
 
-/// Largest number of steps for one entity: a hatch of a million lines takes most of it.
+/// Largest number of steps for one entity: a hatch of a million lines needs most of it.
 const STEPS_OF_ENTITY: usize = Cost::Steps.limit() / 4;
-/// Making a segment takes so many steps.
+/// Number of steps for creating a segment.
 const STEPS_OF_SEGMENT: usize = 8;
 
 /// What a drawing has spent so far.
@@ -69,19 +69,19 @@ pub(super) struct Budget {
     spent: [usize; 6],
     pace: Pace,
     takes_long: bool,
-    /// Steps that were spent before the entity that is being read.
+    /// Steps that were spent before the current entity.
     steps_before: usize,
     exceeded: Option<Cost>,
 }
 
-/// There is too much of something. Where it is the drawing that has too much, [`Budget::exceeded`] knows, so nobody on the
-/// way needs to tell that apart from an entity that cannot be read.
+/// A limit of the entity or of the drawing is exceeded. [`Budget::exceeded`] shows which, so that callers can treat
+/// both like an entity that cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Exceeded;
 
 impl From<Exceeded> for String {
     fn from(Exceeded: Exceeded) -> Self {
-        format!("it takes more than {STEPS_OF_ENTITY} steps to draw: simplify it in the drawing program")
+        format!("drawing it takes more than {STEPS_OF_ENTITY} steps: simplify it in the drawing program")
     }
 }
 
@@ -92,23 +92,23 @@ impl From<Exceeded> for Cow<'static, str> {
 }
 
 impl Budget {
-    /// A budget for a drawing that is read at this pace.
+    /// The budget of a drawing at this pace.
     pub(super) fn new(pace: Pace) -> Self {
         Self { pace, ..Self::default() }
     }
 
-    /// Spends so many, or nothing if there are not as many left.
+    /// Spends `count`, or nothing if that exceeds the limit.
     pub(super) fn spend(&mut self, cost: Cost, count: usize) -> Result<(), Exceeded> {
-        self.foresee(cost, count)?;
+        self.check(cost, count)?;
         self.spent[cost as usize] += count;
         Ok(())
     }
 
-    /// Refuses so many before they are there.
-    pub(super) fn foresee(&mut self, cost: Cost, count: usize) -> Result<(), Exceeded> {
+    /// Checks whether `count` could be spent, without spending it.
+    pub(super) fn check(&mut self, cost: Cost, count: usize) -> Result<(), Exceeded> {
         let spent = self.spent[cost as usize].saturating_add(count);
         let is_too_many = spent > cost.limit();
-        if is_too_many || !self.pace.allows(spent, cost.moment()) {
+        if is_too_many || !self.pace.allows(spent, cost.quick_limit()) {
             self.takes_long |= !is_too_many;
             self.exceeded.get_or_insert(cost);
             return Err(Exceeded);
@@ -116,12 +116,12 @@ impl Budget {
         Ok(())
     }
 
-    /// Whether the drawing was refused only because it is more than a moment's work.
+    /// Whether the drawing was refused only because of the quick pace.
     pub(super) fn takes_long(&self) -> bool {
         self.takes_long
     }
 
-    /// Steps of work on the entity that is being read.
+    /// Spends steps of work on the current entity.
     pub(super) fn work(&mut self, steps: usize) -> Result<(), Exceeded> {
         let of_entity = (self.spent(Cost::Steps) - self.steps_before).saturating_add(steps);
         if of_entity > STEPS_OF_ENTITY {
@@ -130,13 +130,13 @@ impl Budget {
         self.spend(Cost::Steps, steps)
     }
 
-    /// Segments or dots of the entity that is being read.
+    /// Spends segments or dots of the current entity.
     pub(super) fn hold(&mut self, pieces: usize) -> Result<(), Exceeded> {
         self.spend(Cost::Held, pieces)?;
         self.work(pieces * STEPS_OF_SEGMENT)
     }
 
-    /// From here on work is that on another entity.
+    /// Begins the next entity: later work is counted for it.
     pub(super) fn begin_entity(&mut self) {
         self.steps_before = self.spent(Cost::Steps);
     }
@@ -145,12 +145,12 @@ impl Budget {
         self.spent[cost as usize]
     }
 
-    /// Gives back what is held beyond so many segments and dots.
+    /// Gives back the held segments and dots above the number `held`.
     pub(super) fn release(&mut self, held: usize) {
         self.spent[Cost::Held as usize] = held;
     }
 
-    /// What the drawing has too much of.
+    /// The limit of the drawing that was exceeded first.
     pub(super) fn exceeded(&self) -> Option<Cost> {
         self.exceeded
     }
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_much_is_not_spent_and_remembered() {
+    fn an_exceeded_limit_is_recorded_and_nothing_is_spent() {
         let mut budget = Budget::default();
         budget.hold(Cost::Held.limit()).unwrap();
         assert_eq!(
@@ -174,16 +174,16 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_long_is_told_from_what_is_too_much() {
-        for (count, takes_long) in [(Cost::Drawn.moment() + 1, true), (usize::MAX, false)] {
+    fn a_quick_limit_is_distinguished_from_a_limit() {
+        for (count, takes_long) in [(Cost::Drawn.quick_limit() + 1, true), (usize::MAX, false)] {
             let mut budget = Budget::new(Pace::Quick);
-            assert_eq!(budget.foresee(Cost::Drawn, count), Err(Exceeded));
+            assert_eq!(budget.check(Cost::Drawn, count), Err(Exceeded));
             assert_eq!((budget.takes_long(), budget.spent(Cost::Drawn)), (takes_long, 0));
         }
     }
 
     #[test]
-    fn one_entity_gets_a_share_of_the_work() {
+    fn one_entity_gets_only_a_share_of_the_work() {
         let mut budget = Budget::default();
         for _ in 0..4 {
             budget.begin_entity();

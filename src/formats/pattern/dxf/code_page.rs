@@ -1,4 +1,4 @@
-//! Code pages: what the bytes of texts and names mean in drawings older than R2007.
+//! Code pages: decoding of texts and names in drawings before R2007.
 
 use std::borrow::Cow;
 
@@ -6,12 +6,12 @@ use encoding_rs::Encoding;
 use oem_cp::code_table::DECODING_TABLE_CP_MAP;
 use oem_cp::code_table_type::TableType;
 
-/// How bytes become letters.
+/// A mapping from bytes to letters.
 #[derive(Clone, Copy)]
 pub(super) enum CodePage {
     /// UTF-8, and the pages of Windows and of East Asia.
     Standard(&'static Encoding),
-    /// A page of DOS, as AutoCAD for DOS used and its drawings still name.
+    /// A page of DOS, as in drawings from AutoCAD for DOS.
     Dos(&'static TableType),
 }
 
@@ -19,7 +19,7 @@ impl CodePage {
     pub(super) const UTF_8: Self = Self::Standard(encoding_rs::UTF_8);
     pub(super) const WINDOWS_1252: Self = Self::Standard(encoding_rs::WINDOWS_1252);
 
-    /// The page that `$DWGCODEPAGE` names, such as `ANSI_1251` or `dos850`; none if it is unknown.
+    /// The page that `$DWGCODEPAGE` names, such as `ANSI_1251` or `dos850`; `None` if it is unknown.
     pub(super) fn named(name: &str) -> Option<Self> {
         let name = name.to_ascii_lowercase();
         let number = name.trim_start_matches("ansi_").trim_start_matches("dos");
@@ -34,7 +34,7 @@ impl CodePage {
         standard.map(Self::Standard).or_else(dos)
     }
 
-    /// The page of the number that begins `\M+nXXXX` (DXF Reference, "Multibyte characters").
+    /// The page for the number `n` in `\M+nXXXX` (DXF Reference, "Multibyte characters").
     fn of_multibyte(number: u8) -> Option<Self> {
         let name = [None, Some("932"), Some("950"), Some("949"), None, Some("936")];
         name.get(usize::from(number)).copied().flatten().and_then(Self::named)
@@ -47,7 +47,7 @@ impl CodePage {
         }
     }
 
-    /// The page for letters that are given by a single byte: no such byte has a meaning of its own in UTF-8.
+    /// The page for letters that are given by a single byte, which is never UTF-8.
     pub(super) fn of_single_bytes(self) -> Self {
         match self {
             Self::Standard(encoding) if encoding == encoding_rs::UTF_8 => Self::WINDOWS_1252,
@@ -56,7 +56,7 @@ impl CodePage {
     }
 }
 
-/// Text with `\U+XXXX` and `\M+nXXXX` decoded, where they are whole.
+/// Text with complete `\U+XXXX` and `\M+nXXXX` decoded.
 pub(super) fn unescaped(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_of_windows_and_of_dos_are_known_by_their_names() {
+    fn pages_of_windows_and_dos_are_found_by_name() {
         let decoded =
             |page: &str, bytes: &[u8]| CodePage::named(page).map(|page| page.decode(bytes).into_owned());
         assert_eq!(decoded("ANSI_1252", b"Gr\xf6\xdfe").as_deref(), Some("Größe"));
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn escapes_are_decoded_where_they_are_whole() {
+    fn complete_escapes_are_decoded() {
         assert_eq!(unescaped("a\\U+00F6b\\U+12"), "aöb\\U+12");
         assert_eq!(unescaped("\\M+189ef\\P\\M+9123\\M+4"), "会\\P\\M+9123\\M+4");
         assert_eq!(unescaped("\\M+1ö123"), "\\M+1ö123");

@@ -1,4 +1,4 @@
-//! The AutoCAD colour table, only as far as needed to name the entry nearest to a true colour.
+//! The AutoCAD colour table, to find the entry nearest to a true colour.
 
 /// The entry of the colour table nearest to a true colour; 1 to 255.
 pub(super) fn nearest_index(rgb: [u8; 3]) -> u8 {
@@ -9,7 +9,7 @@ pub(super) fn nearest_index(rgb: [u8; 3]) -> u8 {
     (1..=255).min_by_key(distance).unwrap_or(7)
 }
 
-/// Red, green and blue of a table entry as AutoCAD shows it on a dark ground.
+/// Red, green and blue of a table entry as AutoCAD shows it on a dark background.
 fn table_entry(index: u8) -> [u8; 3] {
     const BASIC: [[u8; 3]; 10] = [
         [0, 0, 0],
@@ -24,7 +24,7 @@ fn table_entry(index: u8) -> [u8; 3] {
         [192, 192, 192],
     ];
     const GREYS: [u8; 6] = [0, 101, 102, 153, 204, 255];
-    // From 10 on: 24 hues 15° apart, each in five shades, each full and pale.
+    // From 10 on: 24 hues 15° apart, each in five shades, each saturated and pale.
     const SHADES: [f64; 5] = [255.0, 165.0, 127.0, 76.0, 38.0];
     match index {
         0..=9 => BASIC[usize::from(index)],
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn entries_are_those_of_the_published_table() {
-        // Read from ezdxf's table, which follows AutoCAD's.
+        // From ezdxf's table, which follows AutoCAD's.
         for (index, rgb) in [
             (10, [255, 0, 0]),
             (11, [255, 127, 127]),
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_entry_of_an_entry_is_its_own_colour() {
+    fn the_nearest_entry_of_an_entry_has_the_same_colour() {
         for index in 1..=255 {
             let rgb = table_entry(index);
             assert_eq!(table_entry(nearest_index(rgb)), rgb);

@@ -1,7 +1,7 @@
-//! Curves in space as entities give them, before blocks and units: lines, arcs, bulges, ellipses.
+//! The curves of entities in space, before blocks and units: lines, arcs, bulges, ellipses.
 //!
-//! An entity's own plane is given by its extrusion direction; everything ends up as segments in the space of the block
-//! that holds it, and is seen from above only when it is placed.
+//! The extrusion direction gives the plane of an entity's OCS. Every curve becomes segments in the space of the block
+//! that contains it, and is projected from above only when it is placed.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,10 +9,10 @@ use super::budget::{Budget, Exceeded};
 use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::FlatPoint;
 
-/// Finding a point of a contour takes so many steps of the budget.
+/// Number of steps of the budget for each point of a flattened contour.
 pub(super) const STEPS_OF_POINT: usize = 8;
 
-/// A smooth piece of a curve in space; the meaning is that of [`Segment`].
+/// A smooth piece of a curve in space, like [`Segment`] in the plane.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum SpaceSegment {
     Line { from: Vector3<f64>, to: Vector3<f64> },
@@ -28,14 +28,14 @@ pub(super) struct Curve {
 }
 
 impl Curve {
-    /// The curve where the placement puts it.
+    /// The curve, transformed by the placement.
     pub(super) fn placed(mut self, placement: &Placement) -> Self {
         self.segments.iter_mut().for_each(|segment| *segment = segment.placed(placement));
         self
     }
 }
 
-/// An affine map of space: where a block's content, or an entity's own plane, is put.
+/// An affine map of space that places a block's content or the plane of an entity's OCS.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Placement {
     pub(super) linear: Matrix3<f64>,
@@ -47,8 +47,8 @@ impl Placement {
         Self { linear: Matrix3::identity() * factor, offset: Vector3::zeros() }
     }
 
-    /// The axes of an entity with the given extrusion direction (arbitrary axis algorithm, DXF Reference, "Object
-    /// Coordinate Systems"). A direction without length counts as +Z.
+    /// The axes of the OCS for an extrusion direction (arbitrary axis algorithm, DXF Reference, "Object Coordinate
+    /// Systems"). A direction of length zero is treated as +Z.
     pub(super) fn of_extrusion(extrusion: Vector3<f64>) -> Self {
         let length = extrusion.norm();
         let z = if length > 1e-12 && length.is_finite() { extrusion / length } else { Vector3::z() };
@@ -67,14 +67,14 @@ impl Placement {
         self.linear * vector
     }
 
-    /// First `inner`, then this one.
+    /// The map that applies `inner` first, then this one.
     pub(super) fn after(&self, inner: &Self) -> Self {
         Self { linear: self.linear * inner.linear, offset: self.point(inner.offset) }
     }
 }
 
 impl SpaceSegment {
-    /// The segment where the placement puts it.
+    /// The segment, transformed by the placement.
     pub(super) fn placed(&self, placement: &Placement) -> Self {
         match self {
             Self::Line { from, to } => Self::Line { from: placement.point(*from), to: placement.point(*to) },
@@ -116,7 +116,7 @@ impl SpaceSegment {
         };
         match self {
             Self::Line { from, to } => largest(&[*from, *to]),
-            // The centre of a flat arc may be far away; what counts is where it runs.
+            // Points on the arc, because the centre of a nearly straight arc may be far away.
             Self::Arc { .. } => largest(&[self.start(), self.middle(), self.end()]),
             Self::Bezier { points, weights } => {
                 let sound = weights.iter().all(|weight| weight.is_finite() && *weight > 0.0);
@@ -171,7 +171,7 @@ impl SpaceSegment {
     }
 }
 
-/// A vertex of a polyline in its own plane, with the bulge of the segment that leaves it.
+/// A vertex of a polyline in its OCS, with the bulge of the segment that starts there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BulgeVertex {
     pub(super) x: f64,
@@ -179,12 +179,12 @@ pub(super) struct BulgeVertex {
     pub(super) bulge: f64,
 }
 
-/// A polyline with bulges at a height above its own plane.
+/// A polyline with bulges, at a height above the plane.
 pub(super) fn bulged(vertices: &[BulgeVertex], closed: bool, plane: &Placement, height: f64) -> Curve {
     let following = vertices.iter().skip(1).chain(vertices.first().filter(|_| closed));
     let mut segments = Vec::with_capacity(vertices.len());
     for (index, (from, to)) in vertices.iter().zip(following).enumerate() {
-        // A closed polyline that repeats its first vertex needs no line back.
+        // A closed polyline that repeats its first vertex needs no closing line.
         let is_back = index + 1 == vertices.len();
         if is_back && index > 0 && (from.x, from.y) == (to.x, to.y) {
             continue;
@@ -194,12 +194,14 @@ pub(super) fn bulged(vertices: &[BulgeVertex], closed: bool, plane: &Placement, 
     Curve { segments, closed }
 }
 
-/// The segment between two vertices: a line, or the arc whose included angle is four times the arc tangent of the bulge.
+/// The segment between two vertices: a line, or the arc whose included angle is four times the arc tangent of the
+/// bulge.
 pub(super) fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -> SpaceSegment {
     let (start, end) = (Vector3::new(from.x, from.y, height), Vector3::new(to.x, to.y, height));
     let chord = end - start;
     let bulge = from.bulge;
-    // Below this the arc leaves its chord by less than 5e-9 of its length, and rounding at its far centre costs more.
+    // With a smaller bulge the arc is within 5e-9 of its length from the chord; rounding at its far centre would be
+    // worse.
     if bulge.abs() < 1e-8 || chord.norm() == 0.0 || !bulge.is_finite() {
         return SpaceSegment::Line { from: start, to: end };
     }
@@ -216,15 +218,15 @@ pub(super) fn bulge_segment(from: &BulgeVertex, to: &BulgeVertex, height: f64) -
     }
 }
 
-/// A turn is a full one within this angle, rad: exporters round angles to five or six digits, and what is left open then
-/// is 0.001 mm on a radius of 100 mm.
+/// A sweep within this angle of a full turn is a full turn, rad. Exporters round angles to five or six digits, which
+/// leaves a gap of 0.001 mm on a radius of 100 mm.
 const FULL_TURN: f64 = 1e-5;
-/// Angles no farther apart are equal but for rounding in f64, rad.
+/// Angles this close are equal except for rounding in f64, rad.
 const EQUAL: f64 = 1e-9;
 
-/// An angle from start to end counter-clockwise, rad, more than 0 and at most a full turn: a turn, or several, within
-/// [`FULL_TURN`] is exactly a full one, and so are equal angles. An end just after the start, as it is written or over the
-/// end of a turn (359.9999 to 0), is the short arc that it is: on a large radius it is drawn.
+/// The angle from start to end counter-clockwise, rad, more than 0 and at most a full turn. One or several turns within
+/// [`FULL_TURN`] are exactly a full turn, and so are equal angles. An end just after the start, directly or across the
+/// end of a turn (359.9999 to 0), gives a short arc, which is drawn if its radius is large.
 pub(super) fn sweep_between(start: f64, end: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     let difference = end - start;
@@ -233,7 +235,7 @@ pub(super) fn sweep_between(start: f64, end: f64) -> f64 {
     if is_just_beyond_a_turn || sweep < EQUAL || turn - sweep < FULL_TURN { turn } else { sweep }
 }
 
-/// A circular arc in its own plane, angles in rad; the full circle is a contour.
+/// A circular arc in an OCS, with angles in rad; the full circle is a contour.
 pub(super) fn arc(center: Vector3<f64>, radius: f64, start: f64, sweep: f64, plane: &Placement) -> Curve {
     let segment = SpaceSegment::Arc {
         center,
@@ -245,20 +247,20 @@ pub(super) fn arc(center: Vector3<f64>, radius: f64, start: f64, sweep: f64, pla
     Curve { segments: vec![segment.placed(plane)], closed: is_full_turn(sweep) }
 }
 
-/// The same for a curve that has to come back to its start: what is within [`FULL_TURN`] of nothing is a full turn, too.
+/// Like [`sweep_between`], for a curve that must return to its start: a sweep below [`FULL_TURN`] is also a full turn.
 pub(super) fn closing_sweep_between(start: f64, end: f64) -> f64 {
     let sweep = sweep_between(start, end);
     if sweep < FULL_TURN { std::f64::consts::TAU } else { sweep }
 }
 
-/// Whether a sweep of [`sweep_between`], or its negative, is a full turn.
+/// Whether a sweep from [`sweep_between`], or its negative, is a full turn.
 pub(super) fn is_full_turn(sweep: f64) -> bool {
     sweep.abs() >= std::f64::consts::TAU
 }
 
-/// The radius and the turn of an arc, circle or ellipse that has a radius and yet draws nothing: it is no longer than
-/// `rounding`, or its angles are as near to each other as those of a rounded full turn and it is no longer than a hundred
-/// times that. A sliver that long stands between longer pieces, or on a large radius.
+/// The radius and the sweep of an arc, circle or ellipse that has a radius but draws nothing: it is at most as long as
+/// `rounding`, or its sweep is below [`FULL_TURN`] and it is at most a hundred times as long. A longer sliver is kept,
+/// because it is part of a contour or has a large radius.
 pub(super) fn vanishing(segments: &[SpaceSegment], rounding: f64) -> Option<(f64, f64)> {
     let [SpaceSegment::Arc { u, v, sweep, .. }] = segments else { return None };
     let (radius, turn) = (u.norm().max(v.norm()), sweep.abs());
@@ -266,7 +268,7 @@ pub(super) fn vanishing(segments: &[SpaceSegment], rounding: f64) -> Option<(f64
     (radius > 0.0 && radius * turn <= longest).then_some((radius, turn))
 }
 
-/// A contour or a line through points.
+/// A contour or an open polyline through points.
 pub(super) fn through(points: &[Vector3<f64>], closed: bool) -> Curve {
     let following = points.iter().skip(1).chain(points.first().filter(|_| closed));
     let pairs = points.iter().zip(following).enumerate();
@@ -277,7 +279,7 @@ pub(super) fn through(points: &[Vector3<f64>], closed: bool) -> Curve {
     Curve { segments: segments.collect(), closed }
 }
 
-/// Points along closed contours as seen from above, with chords within `tolerance` of them.
+/// Points along closed contours, projected from above, with chords within `tolerance` of them.
 pub(super) fn flattened(
     contours: &[Curve],
     tolerance: f64,
@@ -292,7 +294,7 @@ pub(super) fn flattened(
     contours.iter().map(flat).collect()
 }
 
-/// Adds a line to `target` if the last segment does not end there, up to rounding.
+/// Adds a line to `target` unless the last segment ends there, up to rounding.
 pub(super) fn bridge(
     segments: &mut Vec<SpaceSegment>,
     target: Vector3<f64>,
@@ -313,7 +315,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_bulge_passes_through_its_ends_at_its_height(
+        fn the_arc_of_a_bulge_has_the_given_ends_and_sagitta(
             (x, y, bulge) in (-1e3..1e3f64, -1e3..1e3f64, prop_oneof![-50.0..50.0f64, -1e-3..1e-3f64])
         ) {
             let from = BulgeVertex { x: 3.0, y: -2.0, bulge };
@@ -321,7 +323,7 @@ mod tests {
             let chord = Vector3::new(x - 3.0, y + 2.0, 0.0);
             prop_assume!(chord.norm() > 1e-3);
             let segment = bulge_segment(&from, &to, 0.0);
-            // What a centre far away costs at the smallest bulge that is an arc.
+            // The rounding error due to the far centre at the smallest bulge that is an arc.
             let rounding = 5e-8 * chord.norm() + 1e-9;
             prop_assert!((segment.start() - Vector3::new(3.0, -2.0, 0.0)).norm() < rounding);
             prop_assert!((segment.end() - Vector3::new(x, y, 0.0)).norm() < rounding);
@@ -347,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_turn_counter_clockwise_and_equal_angles_are_a_full_turn() {
+    fn sweeps_are_counter_clockwise_and_equal_angles_are_a_full_turn() {
         use std::f64::consts::{FRAC_PI_2, PI, TAU};
         assert!((sweep_between(-FRAC_PI_2, FRAC_PI_2) - PI).abs() < 1e-12);
         assert!((sweep_between(FRAC_PI_2, 0.0) - 1.5 * PI).abs() < 1e-12);
@@ -356,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_rounded_up_or_down_is_a_full_one_and_a_short_arc_is_not() {
+    fn a_rounded_turn_is_a_full_turn_and_a_short_arc_is_not() {
         use std::f64::consts::{FRAC_PI_2, PI, TAU};
         for start in [0.0, FRAC_PI_2, PI, -PI, 100.0] {
             for rounding in [-9e-6, -1e-12, 0.0, 1e-12, 2.9e-9, 9e-6] {

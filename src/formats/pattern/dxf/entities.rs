@@ -1,4 +1,4 @@
-//! Entities as curves in the space of the block that holds them.
+//! Reads entities as curves in the space of the block that contains them.
 
 use nalgebra::Vector3;
 
@@ -13,17 +13,17 @@ use super::structure::Record;
 use super::{hatch, polylines, text};
 
 impl Reader<'_> {
-    /// What the entities of blocks draw, in the order of the inventory; nothing for those that are drawn by themselves.
+    /// What the entities of blocks draw, in the order of the inventory; nothing for entities outside blocks.
     ///
     /// # Errors
-    /// A number of an entity cannot be read or is not finite, or there is more than the budget allows.
+    /// When a number of an entity cannot be read or is not finite, or the budget is exceeded.
     pub(super) fn block_items(
         &self,
         remarks: &mut Remarks,
         budget: &mut Budget,
     ) -> Result<Vec<Item>, PatternReadError> {
         let mut drawn = self.structure.drawn.iter().cloned().flatten().peekable();
-        // What follows the last block is drawn by itself, in most drawings nearly everything.
+        // The entities after the last block, in most drawings nearly all, are outside blocks.
         let last = self.structure.blocks.values().map(|block| block.entities.end).max().unwrap_or(0);
         let item = |index| match drawn.next_if_eq(&index) {
             Some(_) => Ok(Item::Template),
@@ -32,10 +32,10 @@ impl Reader<'_> {
         (0..last).map(item).collect()
     }
 
-    /// What an entity of the inventory draws; nothing where there is none.
+    /// What an entity of the inventory draws; nothing if it does not exist.
     ///
     /// # Errors
-    /// A number of it cannot be read or is not finite, or it is more than the budget allows.
+    /// When one of its numbers cannot be read or is not finite, or the budget is exceeded.
     pub(super) fn item(
         &self,
         index: usize,
@@ -44,7 +44,7 @@ impl Reader<'_> {
     ) -> Result<Item, PatternReadError> {
         let Some(record) = self.structure.entities.get(index) else { return Ok(Item::Template) };
         budget.begin_entity();
-        // Every entity takes one; those of many pieces take as many more.
+        // Every entity spends one; entities with many pieces spend as many more.
         let item = match budget.hold(1) {
             Ok(()) => self.read(index, record, remarks, budget)?,
             Err(exceeded) => Item::Skipped(exceeded.into()),
@@ -95,7 +95,7 @@ impl Reader<'_> {
                 }
                 line
             }
-            // A helix is given as a spline; the data of its axis come after it.
+            // A helix is stored as a spline, followed by the data of its axis.
             kind @ ("SPLINE" | "HELIX") => {
                 let (scan, structure) = (self.scan, self.structure);
                 let pairs = record.pairs(scan);
@@ -133,10 +133,10 @@ impl Reader<'_> {
                 let uses = remarks.texts.entry(index).or_default();
                 text::paragraphs::drawn(self, record, uses, budget)?
             }
-            "VIEWPORT" => Item::DrawsNothing("it is a window of a layout"),
+            "VIEWPORT" => Item::DrawsNothing("it is a viewport of a layout"),
             "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),
-            "SEQEND" => Item::DrawsNothing("it belongs to no polyline or block"),
-            "RAY" | "XLINE" => Item::Construction("it has no end: trim it to a line"),
+            "SEQEND" => Item::DrawsNothing("it does not belong to a polyline or a block"),
+            "RAY" | "XLINE" => Item::Construction("it is infinite: trim it to a line"),
             kind => Item::Skipped(why_not(kind).into()),
         })
     }
@@ -165,11 +165,11 @@ impl Reader<'_> {
         }
     }
 
-    /// A dimension is drawn by a block that the drawing program made for it. Group 12 moves copies of it.
+    /// A dimension is drawn through a block that the drawing program made for it. Group 12 is the offset of a copy.
     fn dimension(&self, dimension: &Groups, record: &Record) -> Item {
         let block = self.block_name(record);
         if block.is_empty() {
-            return Item::Skipped("it has no block that draws it: explode it in the drawing program".into());
+            return Item::Skipped("it has no block with its lines: explode it in the drawing program".into());
         }
         let plane = dimension.plane();
         Item::Insert(Box::new(Insert {
@@ -221,7 +221,8 @@ fn spline(spline: &Groups, tolerance: f64, budget: &mut Budget) -> Item {
 }
 
 fn quadrangle(solid: &Groups) -> Item {
-    // The corners of a SOLID are given row by row, not round it; a triangle has the third twice or no fourth.
+    // The corners of a SOLID are stored row by row, not in circular order; a triangle repeats the third or has no
+    // fourth.
     let fourth = if solid.get(13).is_some() { 13 } else { 12 };
     let plane = solid.plane();
     let mut corners: Vec<Vector3<f64>> =
@@ -233,24 +234,26 @@ fn quadrangle(solid: &Groups) -> Item {
     Item::Fill(vec![through(&corners, true)])
 }
 
-/// Why an entity of a kind that is not read is left out, and what to do.
+/// Why an entity of an unsupported type is skipped, and what to do.
 fn why_not(kind: &str) -> &'static str {
     match kind {
         "RTEXT" | "ARCALIGNEDTEXT" | "SHAPE" | "TOLERANCE" => {
-            "text of this kind is not read: convert text to outlines in the drawing program"
+            "this type of text is not supported: convert it to outlines in the drawing program"
         }
         "3DFACE" | "3DSOLID" | "BODY" | "REGION" | "SURFACE" | "MESH" | "PLANESURFACE"
         | "EXTRUDEDSURFACE" | "LOFTEDSURFACE" | "REVOLVEDSURFACE" | "SWEPTSURFACE" => {
             "it is a surface or a solid, not a curve: draw its outline"
         }
         "LEADER" | "MULTILEADER" | "MLEADER" | "MLINE" | "ACAD_TABLE" => {
-            "its look depends on styles that are not read: explode it in the drawing program"
+            "its look depends on styles that are not supported: explode it in the drawing program"
         }
         "IMAGE" | "OLEFRAME" | "OLE2FRAME" | "PDFUNDERLAY" | "DWFUNDERLAY" | "DGNUNDERLAY" => {
-            "pictures are not marked: trace them to curves"
+            "pictures in a DXF file are not marked: trace them to curves"
         }
-        "WIPEOUT" => "it covers what lies behind it, which would be marked: trim that, and delete the cover",
-        "VERTEX" => "it belongs to no polyline: draw the polyline again",
-        _ => "this kind of entity is not read: explode it in the drawing program",
+        "WIPEOUT" => {
+            "it hides lines behind it, which would be marked: trim these lines, and delete the wipeout"
+        }
+        "VERTEX" => "it does not belong to a polyline: draw the polyline again",
+        _ => "this type of entity is not supported: explode it in the drawing program",
     }
 }

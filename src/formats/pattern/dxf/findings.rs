@@ -1,4 +1,4 @@
-//! What a person is told about a drawing: where it comes from, what was repaired, what looks wrong.
+//! Facts and notices about a drawing: its producer, what was repaired, and what looks wrong.
 
 use std::collections::BTreeMap;
 
@@ -18,13 +18,13 @@ use crate::reason::Notice;
 
 /// Differences in height below this, mm, are rounding.
 const FLAT: f64 = 0.01;
-/// Reasons why entities are not taken that a summary names.
-const MOST_REASONS: usize = 3;
+/// Largest number of reasons for skipped entities in a summary.
+const MAX_REASONS: usize = 3;
 
-/// Repairs are told by so many places at most; there may be millions, and nobody reads them.
+/// Largest number of places in the list of a repair; there may be millions.
 const MAX_PLACES: usize = 1000;
 
-/// The dialect by name and version tag.
+/// The version of the format by name and tag.
 pub(super) fn version(tag: &str) -> String {
     let name = match tag {
         "AC1006" => "R10",
@@ -43,7 +43,7 @@ pub(super) fn version(tag: &str) -> String {
     format!("{name} ({tag})")
 }
 
-/// The program that wrote the file, by its comment or by the habits of its exporter.
+/// The program that wrote the file, by its comment or by typical details of its exporter.
 pub(super) fn producer(structure: &Structure) -> Option<String> {
     let header = &structure.header;
     if let Some(comment) = structure.comments.iter().find(|comment| !comment.trim().is_empty()) {
@@ -55,10 +55,10 @@ pub(super) fn producer(structure: &Structure) -> Option<String> {
     if let Some(saved_by) = &header.saved_by {
         return Some(saved_by.clone());
     }
-    // Four variables and this seed: the frame of Inkscape's R14 export, always the same.
+    // Four variables and this seed: the template of Inkscape's R14 export, which is always the same.
     let is_inkscape =
         header.version == "AC1014" && header.variables == 4 && header.handle_seed.as_deref() == Some("FFFF");
-    is_inkscape.then(|| "Inkscape (told by its header)".into())
+    is_inkscape.then(|| "Inkscape (recognised by its header)".into())
 }
 
 pub(super) fn histogram(structure: &Structure) -> BTreeMap<String, BTreeMap<String, usize>> {
@@ -66,7 +66,7 @@ pub(super) fn histogram(structure: &Structure) -> BTreeMap<String, BTreeMap<Stri
     for record in structure.drawn.iter().cloned().flatten().filter_map(|index| structure.entities.get(index))
     {
         let (kind, layer) = (structure.kind(record), structure.layer(record));
-        // Looked up first: most entities are of a known kind on a known layer, and need no copy of the names.
+        // Looked up first, because most entities have a known type on a known layer and need no copy of the names.
         match counts.get_mut(kind).and_then(|layers| layers.get_mut(layer)) {
             Some(count) => *count += 1,
             None => {
@@ -125,7 +125,7 @@ pub(super) fn extents(paths: &[Path]) -> Extents {
     all
 }
 
-/// The first polylines with the point that the old FreeCAD exporter puts in front.
+/// The first polylines with the extra first point of the old FreeCAD exporter.
 pub(super) fn extra_points(structure: &Structure, scan: &Scan<'_>, remarks: &Remarks) -> Vec<RepairPlace> {
     let records = remarks.extra_vertices.iter().filter_map(|index| structure.entities.get(*index));
     let place = |record| {
@@ -135,7 +135,7 @@ pub(super) fn extra_points(structure: &Structure, scan: &Scan<'_>, remarks: &Rem
     records.take(MAX_PLACES).map(place).collect()
 }
 
-/// What was repaired, kind by kind, with its places.
+/// The repairs by kind, with their places.
 pub(super) fn repairs(
     repaired: &Repaired,
     layers: &[Layer],
@@ -171,7 +171,7 @@ pub(super) fn repairs(
         repaired.closed.iter().filter(|found| found.gap > SAME_POINT).cloned().collect();
     if let Some(widest) = widest(&closed) {
         let message = format!(
-            "{} closed, the widest gap {:.6} mm ({})",
+            "{} closed; the widest gap was {:.6} mm ({})",
             counted(closed.len(), "nearly closed path was", "nearly closed paths were"),
             widest.gap,
             name(widest)
@@ -180,7 +180,7 @@ pub(super) fn repairs(
     }
     if let [first, ..] = repaired.duplicates.as_slice() {
         let message = format!(
-            "{} drawn twice in the same place and taken out once (first {})",
+            "{} drawn twice in the same place, and the copies were removed (first: {})",
             counted(repaired.duplicates.len(), "path was", "paths were"),
             name(first)
         );
@@ -188,16 +188,16 @@ pub(super) fn repairs(
     }
     if let [first, ..] = repaired.without_length.as_slice() {
         let message = format!(
-            "{} without length taken out (first in {})",
-            counted(pieces(&repaired.without_length), "piece", "pieces"),
+            "{} without length removed (first in {})",
+            counted(pieces(&repaired.without_length), "piece was", "pieces were"),
             name(first)
         );
         add("empty-pieces-removed", message, &[&repaired.without_length]);
     }
     if !remarks.extra_vertices.is_empty() {
         let message = format!(
-            "{} LWPOLYLINE lost a first point at (0, 0) that their point count does not include",
-            remarks.extra_vertices.len()
+            "a first point at (0, 0) that the point count does not include was removed from {}",
+            counted(remarks.extra_vertices.len(), "LWPOLYLINE", "LWPOLYLINEs")
         );
         let notice = Notice::warning("extra-point-removed", message);
         repairs.push(Repair { notice, count: remarks.extra_vertices.len(), places: extra_points });
@@ -205,12 +205,12 @@ pub(super) fn repairs(
     repairs
 }
 
-/// Warnings of what was left as it is because the drawing is read strictly.
+/// Warnings about problems that were not repaired because `strict` is set.
 pub(super) fn unrepaired_notices(repaired: &Repaired, remarks: &Remarks, facts: &mut PatternFacts) {
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if let [first, ..] = repaired.duplicates.as_slice() {
         let message = format!(
-            "{} drawn twice in the same place and will be marked twice (first {})",
+            "{} drawn twice in the same place and will be marked twice (first: {})",
             counted(repaired.duplicates.len(), "path is", "paths are"),
             name(first)
         );
@@ -224,14 +224,14 @@ pub(super) fn unrepaired_notices(repaired: &Repaired, remarks: &Remarks, facts: 
     }
     if !remarks.extra_vertices.is_empty() {
         let message = format!(
-            "{} LWPOLYLINE begin with a point at (0, 0) that their point count does not include",
-            remarks.extra_vertices.len()
+            "{} with a point at (0, 0) that the point count does not include",
+            counted(remarks.extra_vertices.len(), "LWPOLYLINE begins", "LWPOLYLINEs begin")
         );
         warn("extra-point", message);
     }
 }
 
-/// Notices about the size, which tells wrong units.
+/// Notices about the size, which can indicate a wrong unit.
 pub(super) fn size_notices(structure: &Structure, facts: &mut PatternFacts, options: &PatternOptions) {
     let [width, height] = facts.size;
     let size = format!("{width:.3} x {height:.3} mm");
@@ -241,9 +241,9 @@ pub(super) fn size_notices(structure: &Structure, facts: &mut PatternFacts, opti
     if is_assumed && by_inkscape {
         let factor = DrawingUnit::Pixel96.in_mm() / facts.unit.in_mm();
         let message = format!(
-            "Inkscape wrote no unit, so its numbers are most likely pixels: then the drawing is {:.3} x {:.3} mm, \
-             not {size} (factor 25.4/96); set the unit for drawings without one to px, or give the document the \
-             unit mm in Inkscape",
+            "Inkscape wrote no unit, so the numbers are most likely pixels; then the drawing is {:.3} x {:.3} mm, not \
+             {size} (factor 25.4/96). Set the unit for drawings without a unit to px, or set the document's unit to mm \
+             in Inkscape",
             width * factor,
             height * factor
         );
@@ -259,26 +259,27 @@ fn counted(count: usize, one: &str, more: &str) -> String {
 /// Notices about what is drawn.
 pub(super) fn drawing_notices(repaired: &Repaired, heights: Option<(f64, f64)>, facts: &mut PatternFacts) {
     if !facts.skipped.is_empty() {
-        // What draws nothing anyway is worth a word only where nothing else is missing.
-        let is_loss = facts.skipped.iter().any(|left| left.is_loss);
-        let told: Vec<&Skipped> = facts.skipped.iter().filter(|left| left.is_loss == is_loss).collect();
+        // Entities that draw nothing are mentioned only if nothing else is missing.
+        let is_loss = facts.skipped.iter().any(|skipped| skipped.is_loss);
+        let reported: Vec<&Skipped> =
+            facts.skipped.iter().filter(|skipped| skipped.is_loss == is_loss).collect();
         let mut reasons: Vec<(&str, &str, &str)> = Vec::new();
-        for left in &told {
-            let reason = (left.entity.as_str(), left.layer.as_str(), left.why.as_ref());
-            if reasons.len() <= MOST_REASONS && !reasons.contains(&reason) {
+        for skipped in &reported {
+            let reason = (skipped.entity.as_str(), skipped.layer.as_str(), skipped.why.as_ref());
+            if reasons.len() <= MAX_REASONS && !reasons.contains(&reason) {
                 reasons.push(reason);
             }
         }
         let mut first: Vec<String> = reasons
             .iter()
-            .take(MOST_REASONS)
+            .take(MAX_REASONS)
             .map(|(entity, layer, why)| format!("{entity} on layer {layer}: {why}"))
             .collect();
-        if reasons.len() > MOST_REASONS {
+        if reasons.len() > MAX_REASONS {
             first.push("and others".into());
         }
-        let message =
-            format!("{} not marked ({})", counted(told.len(), "entity is", "entities are"), first.join("; "));
+        let count = counted(reported.len(), "entity is", "entities are");
+        let message = format!("{count} not marked ({})", first.join("; "));
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
     }
@@ -286,22 +287,22 @@ pub(super) fn drawing_notices(repaired: &Repaired, heights: Option<(f64, f64)>, 
     let regions = regions.collect::<std::collections::BTreeSet<_>>().len();
     if regions > 0 {
         let message = format!(
-            "{} written as outlines: the marking software fills them, if it is told to",
+            "{} written as outlines; to fill them, switch on filling in the marking software",
             counted(regions, "filled area is", "filled areas are")
         );
         facts.notices.push(Notice::note("fills-outlined", message));
     }
     if repaired.ambiguous_ends > 0 {
         let message = format!(
-            "{} not joined, because more than two meet in a place",
-            counted(repaired.ambiguous_ends, "end is", "ends are")
+            "{} not joined, because more than two ends meet at one place",
+            counted(repaired.ambiguous_ends, "line end is", "line ends are")
         );
         facts.notices.push(Notice::note("ends-not-joined", message));
     }
     let mut warn = |code: &str, message: String| facts.notices.push(Notice::warning(code, message));
     if let Some(widest) = widest(&repaired.nearly_closed) {
         let message = format!(
-            "{} open by a small gap, the widest {:.4} mm ({}); close them if they are meant as contours",
+            "{} open by a small gap, at most {:.4} mm ({}); close them if they must be contours",
             counted(repaired.nearly_closed.len(), "outline is", "outlines are"),
             widest.gap,
             name(widest)
@@ -310,20 +311,20 @@ pub(super) fn drawing_notices(repaired: &Repaired, heights: Option<(f64, f64)>, 
     }
     if let Some((low, high)) = heights.filter(|(low, high)| high - low > FLAT) {
         let message = format!(
-            "the drawing is not flat, it reaches from z = {low:.3} to z = {high:.3} mm; it is taken as seen from \
-             above, so sloping lines come out shorter"
+            "the drawing is not flat, it extends from z = {low:.3} to z = {high:.3} mm; it is projected from above, \
+             so sloping lines become shorter"
         );
         warn("not-flat", message);
     }
 }
 
-/// Notices about texts: how many there are, and which fonts stand in for others.
+/// Notices about texts: how many there are, and which fonts were replaced.
 pub(super) fn text_notices(remarks: &Remarks, facts: &mut PatternFacts) {
     if remarks.texts.is_empty() {
         return;
     }
     let message = format!(
-        "{} turned into the outlines or strokes of their letters",
+        "{} converted to the outlines or strokes of the letters",
         counted(remarks.texts.len(), "text was", "texts were")
     );
     facts.notices.push(Notice::note("texts-drawn", message));
@@ -331,8 +332,8 @@ pub(super) fn text_notices(remarks: &Remarks, facts: &mut PatternFacts) {
     remarks.texts.values().flatten().for_each(|used| *uses.entry(used).or_default() += 1);
     for ((asked, used), count) in uses {
         let message = format!(
-            "the font {asked} is not at hand: {} in {} instead, whose letters have other shapes and widths; convert \
-             text to outlines in the drawing program if that matters",
+            "the font {asked} is not available: {} in {} instead, whose letters have other shapes and widths; if that \
+             matters, convert the text to outlines in the drawing program",
             counted(count, "text is drawn", "texts are drawn"),
             used.name()
         );
@@ -340,7 +341,7 @@ pub(super) fn text_notices(remarks: &Remarks, facts: &mut PatternFacts) {
     }
 }
 
-/// Notices about lines that look different in the drawing program: wide, dashed, cut off by a boundary.
+/// Notices about lines that look different in the drawing program: wide, dashed or clipped.
 pub(super) fn look_notices(
     structure: &Structure,
     remarks: &Remarks,
@@ -349,22 +350,23 @@ pub(super) fn look_notices(
 ) {
     if !remarks.wide.is_empty() {
         let message = format!(
-            "{} with a width drawn as filled outlines; give them the width 0 if a single line is meant",
+            "{} with a width drawn as filled outlines; to mark a single line, set the width to 0",
             counted(remarks.wide.len(), "polyline is", "polylines are")
         );
         facts.notices.push(Notice::note("wide-lines", message));
     }
     if let Some((count, first)) = dashed {
         let message = format!(
-            "{} dashes or dots in the drawing and marked whole (first {first}); explode the line type in the drawing \
-             program if its gaps are meant",
+            "{} dashes or dots in the drawing but marked without gaps (first: {first}); to mark the gaps, explode the \
+             line type in the drawing program",
             counted(*count, "line is shown as", "lines are shown as")
         );
         facts.notices.push(Notice::warning("dashed-whole", message));
     }
     if structure.clips > 0 {
         let message = format!(
-            "{} cut to a boundary in the drawing (XCLIP) and marked whole; explode and trim what shall not be marked",
+            "{} clipped in the drawing (XCLIP) but marked completely; explode and trim the parts that must not be \
+             marked",
             counted(structure.clips, "block reference is", "block references are")
         );
         facts.notices.push(Notice::warning("clipped-whole", message));
@@ -374,48 +376,48 @@ pub(super) fn look_notices(
         header.version.as_str() < "AC1021" && CodePage::named(page).is_none() && page.as_str() != "ascii"
     }) {
         let message = format!(
-            "the code page {page} is not known: letters beyond ASCII are read as those of UTF-8 or Windows-1252"
+            "the code page {page} is unknown: letters outside ASCII are read as UTF-8 or Windows-1252"
         );
         facts.notices.push(Notice::warning("code-page-unknown", message));
     }
 }
 
-/// The refusal of a drawing without paths, with the most likely cause.
+/// The error for a drawing without paths, with the most likely cause.
 pub(super) fn nothing_to_mark(structure: &Structure, skipped: &[Skipped]) -> PatternReadError {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for left in skipped {
-        *counts.entry(&left.entity).or_default() += 1;
+    for skipped in skipped {
+        *counts.entry(&skipped.entity).or_default() += 1;
     }
     let by_inkscape = producer(structure).is_some_and(|producer| producer.starts_with("Inkscape"));
     let remedy = if counts.is_empty() && by_inkscape {
-        "Inkscape leaves out live text without a word: convert it with Path > Object to Path, then export again.".into()
+        "Convert live text with Path > Object to Path and export again: Inkscape skips it without a warning."
+            .into()
     } else if counts.is_empty() {
-        "Export the drawing with its curves; live text, Bezier curves and solids are left out by many exporters unless \
-         they are converted to paths."
+        "Convert live text, Bezier curves and solids to paths and export again: many exporters skip them."
             .into()
     } else {
         let reasons: std::collections::BTreeSet<&str> =
-            skipped.iter().map(|left| left.why.as_ref()).collect();
+            skipped.iter().map(|skipped| skipped.why.as_ref()).collect();
         let first: Vec<&str> = reasons.into_iter().take(3).collect();
         format!(
-            "Make curves of it on a visible layer of the model; it was left out because {}.",
+            "Draw it as curves on a visible layer in model space; it was skipped because {}.",
             first.join("; ")
         )
     };
     let found = if counts.is_empty() {
-        "it holds no entity".into()
+        "it contains no entities".into()
     } else {
         let parts: Vec<String> = counts.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
-        format!("it holds only {}", parts.join(", "))
+        format!("it contains only {}", parts.join(", "))
     };
     PatternReadError::NothingToMark { found, remedy }
 }
 
-/// The refusal of a drawing in which nothing has a length.
+/// The error for a drawing in which nothing has a length.
 pub(super) fn only_without_length(paths: usize) -> PatternReadError {
     PatternReadError::NothingToMark {
-        found: format!("it holds only {} without length", counted(paths, "curve", "curves")),
-        remedy: "Check the drawing's unit and size; draw spots to be marked as points.".into(),
+        found: format!("it contains only {} without length", counted(paths, "curve", "curves")),
+        remedy: "Check the drawing's unit and size; draw dots to be marked as POINT entities.".into(),
     }
 }
 

@@ -1,4 +1,4 @@
-//! An entity's own numbers: only the groups that matter for its kind, every one finite.
+//! The numbers of an entity: only the groups needed for its type, all finite.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::curves::Placement;
 use super::scan::{Pair, Scan};
 use super::structure::{Record, Structure};
 
-/// The numbers that matter for one entity, in file order with their group codes.
+/// The needed numbers of one entity, in file order with their group codes.
 pub(super) struct Groups(pub(super) Vec<(i32, f64)>);
 
 impl Groups {
@@ -15,7 +15,7 @@ impl Groups {
     /// everything after the first application name (1001).
     ///
     /// # Errors
-    /// A wanted number cannot be read or is not finite.
+    /// When a wanted number cannot be read or is not finite.
     pub(super) fn read(
         scan: &Scan<'_>,
         structure: &Structure,
@@ -55,12 +55,12 @@ impl Groups {
         (self.or(code, 0.0) as usize).max(least)
     }
 
-    /// The point with the codes `code`, `code + 10` and `code + 20`; what is missing is 0.
+    /// The point with the codes `code`, `code + 10` and `code + 20`; missing coordinates are 0.
     pub(super) fn point(&self, code: i32) -> Vector3<f64> {
         Vector3::new(self.or(code, 0.0), self.or(code + 10, 0.0), self.or(code + 20, 0.0))
     }
 
-    /// All points with these codes, each begun by its `code`.
+    /// All points with these codes; each starts with `code`.
     pub(super) fn points(&self, code: i32) -> Vec<Vector3<f64>> {
         let mut points: Vec<Vector3<f64>> = Vec::new();
         for (found, number) in &self.0 {
@@ -79,7 +79,7 @@ impl Groups {
         self.0.iter().filter(|group| group.0 == code).map(|group| group.1).collect()
     }
 
-    /// The entity's own plane, by its extrusion direction (210).
+    /// The plane of the entity's OCS, from its extrusion direction (210).
     pub(super) fn plane(&self) -> Placement {
         match self.get(210).or(self.get(220)).or(self.get(230)) {
             Some(_) => Placement::of_extrusion(self.point(210)),
@@ -88,10 +88,10 @@ impl Groups {
     }
 }
 
-/// The pairs that are the entity's own, without the one that names its kind and without other programs' groups.
+/// The pairs of the entity, without the one with its type and without the groups of other programs.
 pub(super) fn own<'p>(scan: &'p Scan<'_>, pairs: &'p [Pair]) -> impl Iterator<Item = &'p Pair> {
     let mut in_braces = false;
-    // 101 begins an object inside the entity, such as the columns of an MTEXT, whose codes mean other things.
+    // 101 begins an embedded object, such as the columns of an MTEXT, in which the codes have other meanings.
     pairs.iter().skip(1).take_while(|pair| pair.code < 1000 && pair.code != 101).filter(move |pair| {
         let braces = pair.code == 102;
         if braces {

@@ -1,4 +1,4 @@
-//! HATCH and MPOLYGON: their boundary paths as closed contours of one filled region, or the lines of their pattern.
+//! HATCH and MPOLYGON: the boundary paths as closed contours of one filled region, or the lines of the hatch pattern.
 
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ use super::items::Item;
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
 
 /// What a hatch draws, from its numbers with their group codes: a filled region, or the lines of its pattern inside it.
-/// Pieces of splines of high degree stay within `tolerance`, and so do the ends of pattern lines.
+/// Splines of high degree and the ends of pattern lines are approximated within `tolerance`.
 pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget) -> Item {
     let first_path = numbers.iter().position(|(code, _)| *code == 92).unwrap_or(numbers.len());
     let (head, paths) = numbers.split_at(first_path);
@@ -66,17 +66,19 @@ pub(super) fn hatch(numbers: &[(i32, f64)], tolerance: f64, budget: &mut Budget)
     let families = families(&mut cursor);
     if families.is_empty() {
         return Item::Skipped(
-            "the file does not hold the lines of its pattern: explode it in the drawing program".into(),
+            "the lines of its pattern are not in the file: explode it in the drawing program".into(),
         );
     }
     match lines(&contours, &families, height, tolerance, budget) {
-        Ok(drawn) if drawn.is_empty() => Item::DrawsNothing("none of its pattern lines meets its boundary"),
+        Ok(drawn) if drawn.is_empty() => {
+            Item::DrawsNothing("none of its pattern lines is inside its boundary")
+        }
         Ok(drawn) => Item::Several(drawn.into_iter().map(|item| (None, item.placed(&plane))).collect()),
         Err(why) => Item::Skipped(why.into()),
     }
 }
 
-/// The lines that the pattern is made of.
+/// The families of lines of the hatch pattern.
 fn families(cursor: &mut Cursor<'_>) -> Vec<Family> {
     let mut families = Vec::new();
     while let Some(angle) = cursor.skip_to(53) {
@@ -96,7 +98,7 @@ fn families(cursor: &mut Cursor<'_>) -> Vec<Family> {
     families
 }
 
-/// The groups still to be read.
+/// The groups that are not read yet.
 struct Cursor<'g> {
     rest: &'g [(i32, f64)],
 }
@@ -113,7 +115,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// The next group with this code, wherever it is.
+    /// The next group with this code; groups before it are skipped.
     fn skip_to(&mut self, code: i32) -> Option<f64> {
         let at = self.rest.iter().position(|group| group.0 == code)?;
         let value = self.rest[at].1;
@@ -129,7 +131,8 @@ impl Cursor<'_> {
 }
 
 fn polyline_path(cursor: &mut Cursor<'_>, height: f64, budget: &mut Budget) -> Result<Curve, String> {
-    // Has bulges, is closed, number of vertices: HATCH and MPOLYGON give them in different order, and none is needed.
+    // "Has bulges", "is closed" and the number of vertices: their order differs between HATCH and MPOLYGON, and none is
+    // needed.
     while [72, 73, 93].iter().any(|code| cursor.take(*code).is_some()) {}
     let mut vertices = Vec::new();
     while let Some([x, y]) = cursor.point(10) {
@@ -143,7 +146,7 @@ fn polyline_path(cursor: &mut Cursor<'_>, height: f64, budget: &mut Budget) -> R
     Ok(bulged(&vertices, true, &Placement::scaling(1.0), height))
 }
 
-/// A path of edges, each carried on from the end of the last; gaps become lines.
+/// A path of edges, each continued from the end of the last one; gaps become lines.
 fn edge_path(
     cursor: &mut Cursor<'_>,
     height: f64,
@@ -156,11 +159,11 @@ fn edge_path(
     while done < count {
         let Some(kind) = cursor.take(72) else { return Err(format!("it has {done} edges of {count}")) };
         budget.hold(1)?;
-        // An edge alone has to come back to its start.
+        // A single edge must return to its start.
         let turn_between = if count == 1.0 { closing_sweep_between } else { sweep_between };
         let mut edge = edge(cursor, kind as i64, turn_between, height, tolerance, budget)?;
         done += 1.0;
-        // Some programs write an edge against the direction of the path; what follows tells of the first one.
+        // Some programs write an edge against the direction of the path; for the first edge, the second one shows this.
         let gap = |segments: &[SpaceSegment], edge: &[SpaceSegment]| match (segments.last(), edge.first()) {
             (Some(last), Some(first)) => (first.start() - last.end()).norm(),
             _ => f64::INFINITY,
@@ -169,7 +172,7 @@ fn edge_path(
         if done == 2.0 {
             let begun = reversed(&segments);
             let nearest = |segments: &[SpaceSegment]| gap(segments, &edge).min(gap(segments, &turned));
-            // More than rounding: a path of two edges closes either way round.
+            // The difference must exceed rounding, because a path of two edges closes in both directions.
             let rounding = 1e-9 * edge.first().map_or(0.0, |edge| edge.reach());
             if nearest(&begun) + rounding < nearest(&segments) {
                 segments = begun;
@@ -221,14 +224,15 @@ fn edge(
                 (_, Some([x, y])) => (Vector3::new(x, y, 0.0), Vector3::new(-y, x, 0.0) * size),
                 _ => (Vector3::x() * size, Vector3::y() * size),
             };
-            // Angles of clockwise edges are measured clockwise; those of ellipses are angles, not parameters.
+            // The angles of clockwise edges are measured clockwise; for ellipses they are angles, not parameters.
             let sign = if counter_clockwise { 1.0 } else { -1.0 };
             let turn = turn_between(start, end);
             let is_full = is_full_turn(turn);
             let parameter = |angle: f64| match kind {
                 3 if !is_full => {
                     let parameter = (angle.sin() / size).atan2(angle.cos());
-                    // In the turn of the angle, or a short arc over the end of a turn would look like a whole one.
+                    // In the same turn as the angle; otherwise a short arc across the end of a turn would become a full
+                    // one.
                     let turn = std::f64::consts::TAU;
                     parameter + turn * ((angle - parameter) / turn).round()
                 }
@@ -240,7 +244,7 @@ fn edge(
             Ok(vec![SpaceSegment::Arc { center: lift(center), u, v, start, sweep }])
         }
         4 => spline_edge(cursor, height, tolerance, budget),
-        other => Err(format!("an edge of kind {other}")),
+        other => Err(format!("edge type {other} is unknown")),
     }
 }
 
@@ -286,7 +290,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn edges_against_the_direction_and_clockwise_arcs_make_one_contour() {
+    fn reversed_edges_and_clockwise_arcs_make_one_contour() {
         // A half disc: the line is written backwards, the arc clockwise from (5, 0) over (0, -5) to (-5, 0).
         let numbers = [
             (92, 1.0),
@@ -314,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hatch_without_boundary_draws_nothing_and_one_cut_off_is_a_loss() {
+    fn a_hatch_without_boundary_draws_nothing_and_an_incomplete_one_is_a_loss() {
         let read = |numbers: &[(i32, f64)]| hatch(numbers, 1e-4, &mut Budget::default());
         assert!(matches!(read(&[(70, 1.0), (91, 0.0)]), Item::DrawsNothing(_)));
         let one_of_two = [
@@ -329,7 +333,7 @@ mod tests {
             (75, 0.0),
         ];
         assert!(matches!(read(&one_of_two), Item::Skipped(_)));
-        // A pattern whose lines the program keeps in a file of its own.
+        // A pattern whose lines are not in the file.
         let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         let square = square.iter().flat_map(|(x, y)| [(10, *x), (20, *y)]);
         let numbers: Vec<(i32, f64)> = [(70, 0.0), (91, 1.0), (92, 2.0), (72, 0.0), (73, 1.0), (93, 4.0)]
@@ -341,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn arcs_of_edges_that_turn_a_little_more_than_once_are_whole_either_way_round() {
+    fn edges_a_little_more_than_a_turn_are_full_turns_in_both_directions() {
         let turn = |kind: f64, start: f64, end: f64, counter_clockwise: f64| {
             let shape: &[(i32, f64)] =
                 if kind == 3.0 { &[(11, 4.0), (21, 0.0), (40, 0.5)] } else { &[(40, 4.0)] };
@@ -361,7 +365,7 @@ mod tests {
                 assert_eq!(turn(kind, start, end, 0.0), -TAU, "{kind} {start} {end}");
             }
         }
-        // Of an ellipse five times as high as wide, 0.001 deg over the end of a turn are a short arc.
+        // On an ellipse five times as high as wide, 0.001 deg across the end of a turn is a short arc.
         let numbers = [
             (92, 1.0),
             (93, 2.0),

@@ -1,4 +1,4 @@
-//! The lines of a hatch's pattern, cut to its boundary.
+//! The lines of a hatch pattern, clipped to the boundary.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -7,32 +7,32 @@ use super::curves::{Curve, STEPS_OF_POINT, flattened, through};
 use super::items::Item;
 use crate::geometry::space::{Extents, FlatPoint};
 
-/// Patterns denser than so many pieces are not drawn: what a laser would melt.
+/// Largest number of pieces of a pattern; a laser would melt a denser one.
 const MAX_PIECES: usize = 1_000_000;
-/// Putting a place where a line is crossed in order among the others takes so many steps of the budget.
+/// Number of steps of the budget for sorting in an intersection of a line with the boundary.
 const STEPS_OF_CROSSING: usize = 16;
 
-/// Which of its nested contours a hatch fills between.
+/// Which of its nested contours a hatch uses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Style {
-    /// Every other one, from outside to inside.
+    /// All of them, by the even-odd rule.
     EvenOdd,
     /// The outermost and those directly inside.
     Outermost,
-    /// The outermost alone.
+    /// Only the outermost.
     IgnoreIslands,
 }
 
-/// Parallel lines at equal distances, in the hatch's plane.
+/// A family of parallel lines with equal distances, in the plane of the hatch.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Family {
     /// Direction of the lines, rad.
     pub(super) angle: f64,
     /// A point of the first line, where its dashes begin.
     pub(super) base: Vector2<f64>,
-    /// From a line's beginning to that of the next.
+    /// From the beginning of a line to that of the next one.
     pub(super) offset: Vector2<f64>,
-    /// Lengths of dashes (more than 0), gaps (less than 0) and dots (0), over and over; none for whole lines.
+    /// Lengths of dashes (positive), gaps (negative) and dots (0), which repeat; empty for continuous lines.
     pub(super) dashes: Vec<f64>,
 }
 
@@ -40,10 +40,10 @@ fn edges(points: &[FlatPoint]) -> impl Iterator<Item = (FlatPoint, FlatPoint)> {
     points.iter().copied().zip(points.iter().copied().cycle().skip(1))
 }
 
-/// The contours between which the style fills by the even-odd rule.
+/// The contours that the style uses for filling by the even-odd rule.
 ///
 /// # Errors
-/// Telling the islands apart is more work than the budget allows, as a sentence.
+/// A sentence if the islands need more work than the budget allows.
 pub(super) fn filled_part(
     contours: Vec<Curve>,
     style: Style,
@@ -57,12 +57,12 @@ pub(super) fn filled_part(
     };
     let depths = flattened(&contours, tolerance.max(1e-9) * 100.0, budget)
         .and_then(|flat| depths(&flat, budget))
-        .map_err(|Exceeded| "its islands are too many to be told apart: split it into several hatches")?;
+        .map_err(|Exceeded| "it has too many islands: split it into several hatches")?;
     let kept = contours.into_iter().zip(depths).filter(|(_, depth)| *depth <= deepest);
     Ok(kept.map(|(contour, _)| contour).collect())
 }
 
-/// In how many of the others each contour lies. Goes from left to right, so that a point is compared only with the
+/// The number of contours around each contour. Sweeps from left to right, so that a point is compared only with the
 /// contours above and below it.
 fn depths(flat: &[Vec<FlatPoint>], budget: &mut Budget) -> Result<Vec<usize>, Exceeded> {
     let bounds: Vec<Extents> =
@@ -99,10 +99,10 @@ fn is_inside(point: FlatPoint, contour: &[FlatPoint]) -> bool {
     crossings.count() % 2 == 1
 }
 
-/// The pattern's lines inside the contours (even-odd rule), as lines and dots at a height.
+/// The pattern lines inside the contours (even-odd rule), as lines and dots at a height.
 ///
 /// # Errors
-/// There would be more than [`MAX_PIECES`], or finding them is more work than the budget allows, as a sentence.
+/// A sentence if there are more than [`MAX_PIECES`], or if they need more work than the budget allows.
 pub(super) fn lines(
     contours: &[Curve],
     families: &[Family],
@@ -111,7 +111,7 @@ pub(super) fn lines(
     budget: &mut Budget,
 ) -> Result<Vec<Item>, String> {
     let polygons = flattened(contours, tolerance, budget)
-        .map_err(|Exceeded| "its boundary is too large for its arcs to be followed: check its scale")?;
+        .map_err(|Exceeded| "its boundary is too large to divide its arcs into chords: check its scale")?;
     let mut drawn = Vec::new();
     for family in families {
         family.draw(&polygons, height, &mut drawn, budget).map_err(|Exceeded| {
@@ -121,7 +121,7 @@ pub(super) fn lines(
     Ok(drawn)
 }
 
-/// A number of steps; too many if it is not finite.
+/// A number of steps; the largest possible one if it is NaN.
 fn steps(count: f64) -> usize {
     if count.is_nan() { usize::MAX } else { count as usize }
 }
@@ -137,17 +137,17 @@ impl Family {
         let (sin, cos) = self.angle.sin_cos();
         let (along, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
         let spacing = self.offset.dot(&across);
-        // Lines without a distance between them fill nothing.
+        // Without a distance between lines there is nothing to draw.
         if spacing.abs() < 1e-12 {
             return Ok(());
         }
-        // Number of the line and position along it, wherever the boundary crosses a line.
+        // Number of the line and position along it, for every intersection with the boundary.
         let mut crossings: Vec<(i64, f64)> = Vec::new();
         for (from, to) in polygons.iter().flat_map(|polygon| edges(polygon)) {
             let row = |point: FlatPoint| (point.coords() - self.base).dot(&across) / spacing;
             let position = |point: FlatPoint| (point.coords() - self.base).dot(&along);
             let ends = (row(from), row(to));
-            // Half open, so that a corner on a line counts once where the boundary passes through.
+            // Half open, so that a corner on a line is counted once if the boundary crosses the line there.
             let (first, last) = (ends.0.min(ends.1).ceil(), ends.0.max(ends.1).ceil());
             budget
                 .work(steps(last - first).saturating_mul(STEPS_OF_CROSSING).saturating_add(STEPS_OF_POINT))?;
@@ -195,7 +195,7 @@ impl Family {
             return if to > from { draw(from, to, budget) } else { Ok(()) };
         }
         let (first, last) = (((from - origin) / period).floor(), ((to - origin) / period).ceil());
-        // Gaps take time too.
+        // Gaps take time, too.
         budget.work(steps((last - first + 1.0) * self.dashes.len() as f64))?;
         for round in 0..steps(last - first) {
             let mut position = origin + (first + round as f64) * period;
@@ -243,10 +243,10 @@ mod tests {
     }
 
     #[test]
-    fn lines_end_at_the_boundary_and_leave_islands_out() {
+    fn lines_end_at_the_boundary_and_skip_islands() {
         let contours = [square(0.0, 10.0), square(2.0, 8.0), square(4.0, 6.0)];
         let drawn = lines(&contours, &[family(0.0, 1.0, &[])], 0.0, 1e-6, &mut Budget::default()).unwrap();
-        // At y = 0.5, 1.5, … 9.5: area by area, the length is the area divided by the distance of 1.
+        // Lines at y = 0.5, 1.5, … 9.5: the total length is the area divided by the distance of 1.
         assert!((length(&drawn) - (100.0 - 36.0 + 4.0)).abs() < 1e-9);
         let dashed = lines(
             &contours[..1],
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn dense_patterns_are_refused_and_degenerate_ones_end() {
+    fn dense_patterns_are_refused_and_degenerate_ones_draw_nothing() {
         let dense = lines(&[square(0.0, 10.0)], &[family(0.0, 1e-7, &[])], 0.0, 1e-6, &mut Budget::default());
         assert!(dense.unwrap_err().contains("too dense"));
         let dashes = lines(
@@ -293,15 +293,15 @@ mod tests {
     }
 
     #[test]
-    fn gaps_and_families_that_draw_nothing_take_work_too() {
-        // 5e5 lines with 5e5 gaps each on a square of 100: 2.5e11 steps, and not one piece.
+    fn gaps_and_families_that_draw_nothing_spend_steps_too() {
+        // 5e5 lines with 5e5 gaps each on a square of 100: 2.5e11 steps without a single piece.
         let gaps =
             lines(&[square(0.0, 100.0)], &[family(0.0, 2e-4, &[-2e-4])], 0.0, 1e-6, &mut Budget::default());
         assert!(gaps.unwrap_err().contains("too dense"));
         let mut budget = Budget::default();
         let families = vec![family(0.0, 1.0, &[-1000.0, -1000.0]); 200_000];
         assert!(lines(&[square(0.0, 100.0)], &families, 0.0, 1e-6, &mut budget).is_err());
-        // The drawing has work left for its other hatches, but not for as many of these as it likes.
+        // The drawing has steps left for its other hatches, but not for any number of such hatches.
         assert_eq!(budget.exceeded(), None);
         while budget.exceeded().is_none() {
             budget.begin_entity();
@@ -320,8 +320,8 @@ mod tests {
     }
 
     #[test]
-    fn islands_are_told_apart_or_the_hatch_is_refused() {
-        // A frame round 10,000 squares side by side: 1e8 comparisons of each with each, few from left to right.
+    fn many_islands_are_nested_correctly_or_the_hatch_is_refused() {
+        // A frame around 10,000 squares: 1e8 comparisons of all pairs, but few with the sweep from left to right.
         let grid = |index: u32| {
             let corner = Vector3::new(f64::from(index % 100), f64::from(index / 100), 0.0) * 10.0;
             square(1.0, 9.0).placed(&Placement { offset: corner, ..Placement::scaling(1.0) })
@@ -336,6 +336,6 @@ mod tests {
         }
         let nested = (0..20_000).map(|index| square(-f64::from(index) - 1.0, f64::from(index) + 1.0));
         let refused = filled_part(nested.collect(), Style::Outermost, 1e-6, &mut Budget::default());
-        assert!(refused.unwrap_err().contains("islands are too many"));
+        assert!(refused.unwrap_err().contains("too many islands"));
     }
 }

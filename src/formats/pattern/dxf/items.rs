@@ -1,4 +1,4 @@
-//! What entities draw, and what is at hand while they are read.
+//! What entities draw, and the data for reading them.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,22 +19,22 @@ pub(super) enum Item {
     Curve(Curve),
     /// Contours that bound one filled region.
     Fill(Vec<Curve>),
-    /// Dots, curves and fills, some in colours of their own.
+    /// Dots, curves and fills; some have another colour than the entity.
     Several(Vec<(Option<RecordColor>, Item)>),
     /// A block.
     Insert(Box<Insert>),
-    /// What attributes of a block are to look like; draws nothing itself.
+    /// The template of a block's attributes; it draws nothing.
     Template,
-    /// Nothing, as it would anywhere, with the reason.
+    /// An entity that draws nothing in any program, with the reason.
     DrawsNothing(&'static str),
-    /// Nothing here, although it draws lines that are an aid and no ink, with the reason.
+    /// Skipped construction lines, which are not ink, with the reason.
     Construction(&'static str),
-    /// Nothing here, although it draws ink, with the reason.
+    /// Skipped ink, with the reason.
     Skipped(Cow<'static, str>),
 }
 
 impl Item {
-    /// The item where the placement puts it.
+    /// The item, transformed by the placement.
     pub(super) fn placed(self, placement: &Placement) -> Self {
         let placed = |contour: Curve| contour.placed(placement);
         match self {
@@ -53,11 +53,11 @@ impl Item {
     }
 }
 
-/// A block put somewhere, once or in rows and columns.
+/// A reference to a block, once or in rows and columns.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Insert {
     pub(super) block: String,
-    /// From the block's space, base point at the origin, to the space that holds the insert.
+    /// From the block's space, with the base point at the origin, to the space that contains the insert.
     pub(super) placement: Placement,
     pub(super) columns: usize,
     pub(super) rows: usize,
@@ -65,21 +65,21 @@ pub(super) struct Insert {
     pub(super) row_step: Vector3<f64>,
 }
 
-/// What is read beside the curves themselves.
+/// What was noticed while reading entities, for notices.
 #[derive(Default)]
 pub(super) struct Remarks {
-    /// Texts by their position in the inventory, with the fonts that stand in for those they ask for.
+    /// Texts by their position in the inventory, with the fonts that replace missing ones.
     pub(super) texts: BTreeMap<usize, FontUses>,
-    /// Whether entities are left as they are.
+    /// Whether entities are read without repairs.
     pub(super) strict: bool,
     /// Polylines with a width, by their position in the inventory.
     pub(super) wide: BTreeSet<usize>,
-    /// Polylines with the point that the old FreeCAD exporter puts in front, by their position in the inventory; it is
-    /// taken out unless the drawing is read strictly.
+    /// Polylines with the extra first point of the old FreeCAD exporter, by their position in the inventory. The point
+    /// is removed unless `strict` is set.
     pub(super) extra_vertices: Vec<usize>,
 }
 
-/// Reads entities. Pieces of splines of high degree stay within `tolerance`, in units of the drawing.
+/// Reads entities. Splines of high degree are approximated within `tolerance`, in units of the drawing.
 pub(super) struct Reader<'r> {
     pub(super) scan: &'r Scan<'r>,
     pub(super) structure: &'r Structure,

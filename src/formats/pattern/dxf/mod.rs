@@ -4,8 +4,8 @@
 //! bytes ─scan─▶ group codes ─structure─▶ inventory ─entities─▶ items ─blocks─▶ paths ─repair─▶ pattern + facts
 //! ```
 //!
-//! The scan knows what is in the file and where. Whatever the inventory lists comes out as a path or is named as not
-//! taken.
+//! The scan finds all group codes and their positions. Every entity in the inventory becomes a path or is listed as
+//! skipped.
 
 pub(super) mod scan;
 mod budget;
@@ -35,7 +35,7 @@ use crate::geometry::contour;
 use crate::geometry::pattern::{Color, Layer, Path, Pattern};
 use budget::Budget;
 
-/// Splines of a degree above 3 are approximated within this, mm: far below what a laser can place.
+/// Largest error of the approximation of splines of a degree above 3, mm: far below the accuracy of a laser.
 const SPLINE_TOLERANCE: f64 = 1e-4;
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
@@ -65,7 +65,7 @@ fn read_within(
     let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
     let drawn = paths.len();
     let extra_points = findings::extra_points(&structure, &scan, &remarks);
-    // Repaired takes the most memory, and nobody asks for a group code any more.
+    // The group codes are not needed any more, and the repair takes the most memory.
     drop(scan);
     let repaired = match options.strict {
         true => contour::examine(paths),
@@ -105,7 +105,7 @@ fn read_within(
     Ok(PatternReading { pattern: Pattern { layers, paths: repaired.paths }, facts })
 }
 
-/// The layers that paths lie on, in the order of the file's table, those that it does not define last.
+/// The layers with paths in the order of the file's layer table; layers that it does not define are last.
 fn in_table_order(
     structure: &structure::Structure,
     names: Vec<String>,

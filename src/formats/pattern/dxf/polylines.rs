@@ -1,4 +1,4 @@
-//! LWPOLYLINE and POLYLINE: plain curves, and filled bands where they have a width.
+//! LWPOLYLINE and POLYLINE: plain curves, or filled bands if they have a width.
 
 use super::super::error::PatternReadError;
 use super::bands::{WideVertex, band};
@@ -9,7 +9,7 @@ use super::items::{Item, Reader, Remarks};
 use super::scan::Pair;
 use super::structure::{Record, Structure};
 
-/// Said of polylines that exporters leave behind; nothing is lost with them.
+/// The reason for skipping a polyline of one vertex, as some exporters write; no ink is lost.
 pub(super) const SINGLE_VERTEX: &str = "it has a single vertex";
 
 /// What an LWPOLYLINE draws.
@@ -47,11 +47,12 @@ pub(super) fn light(
         }
         remarks.extra_vertices.push(index);
     }
-    let lie = Lie { closed: groups.flags(70) & 1 == 1, plane: groups.plane(), height: groups.or(38, 0.0) };
-    Ok(drawn(&vertices, &lie, tolerance, budget))
+    let geometry =
+        Geometry { closed: groups.flags(70) & 1 == 1, plane: groups.plane(), height: groups.or(38, 0.0) };
+    Ok(drawn(&vertices, &geometry, tolerance, budget))
 }
 
-/// The old FreeCAD exporter writes LWPOLYLINE into R12 files with a first point that is not counted in group 90.
+/// The old FreeCAD exporter writes LWPOLYLINE into R12 files with an extra first point that group 90 does not count.
 fn has_extra_vertex(structure: &Structure, groups: &Groups, vertices: &[WideVertex]) -> bool {
     structure.header.version.as_str() <= "AC1009"
         && groups.get(90) == Some(vertices.len() as f64 - 1.0)
@@ -76,7 +77,7 @@ pub(super) fn heavy(
     let (mut vertices, mut points, mut has_frame) = (Vec::new(), Vec::new(), false);
     for part in parts.filter(|part| scan.raw(&part[0]) == b"VERTEX") {
         let groups = read(part)?;
-        // Flag 16 of a vertex: a control point of a spline frame, which is not drawn.
+        // Flag 16 of a vertex: a control point of the spline frame, which is not drawn.
         if groups.flags(70) & 16 != 0 {
             has_frame = true;
             continue;
@@ -91,41 +92,42 @@ pub(super) fn heavy(
             widths: [40, 41].map(|code| groups.get(code).unwrap_or(head.or(code, 0.0))),
         });
     }
-    let lie = Lie { closed: head.flags(70) & 1 == 1, plane: head.plane(), height: head.or(30, 0.0) };
+    let geometry =
+        Geometry { closed: head.flags(70) & 1 == 1, plane: head.plane(), height: head.or(30, 0.0) };
     Ok(match points.len() {
         0 if has_frame => Item::Skipped(
-            "it holds the frame of a curve without the curve: explode it in the drawing program".into(),
+            "it contains the frame of a curve without the curve: explode it in the drawing program".into(),
         ),
-        2.. if head.flags(70) & 8 != 0 => Item::Curve(through(&points, lie.closed)),
-        _ => drawn(&vertices, &lie, tolerance, budget),
+        2.. if head.flags(70) & 8 != 0 => Item::Curve(through(&points, geometry.closed)),
+        _ => drawn(&vertices, &geometry, tolerance, budget),
     })
 }
 
-/// How the vertices of a polyline in a plane lie.
-struct Lie {
+/// Whether a polyline is closed, and its plane and height.
+struct Geometry {
     closed: bool,
     plane: Placement,
     height: f64,
 }
 
-fn drawn(vertices: &[WideVertex], lie: &Lie, tolerance: f64, budget: &mut Budget) -> Item {
+fn drawn(vertices: &[WideVertex], geometry: &Geometry, tolerance: f64, budget: &mut Budget) -> Item {
     match vertices {
         [] => return Item::DrawsNothing("it has no vertex"),
         [_] => return Item::DrawsNothing(SINGLE_VERTEX),
         _ => {}
     }
-    // The widths at the last vertex of an open polyline belong to no segment.
-    let with_segments = if lie.closed { vertices } else { &vertices[..vertices.len() - 1] };
+    // The widths at the last vertex of an open polyline are not used.
+    let with_segments = if geometry.closed { vertices } else { &vertices[..vertices.len() - 1] };
     if with_segments.iter().all(|wide| wide.widths == [0.0; 2]) {
-        let middle: Vec<BulgeVertex> = vertices.iter().map(|wide| wide.vertex).collect();
-        return Item::Curve(bulged(&middle, lie.closed, &lie.plane, lie.height));
+        let centreline: Vec<BulgeVertex> = vertices.iter().map(|wide| wide.vertex).collect();
+        return Item::Curve(bulged(&centreline, geometry.closed, &geometry.plane, geometry.height));
     }
-    let contours = match band(vertices, lie.closed, lie.height, tolerance, budget) {
+    let contours = match band(vertices, geometry.closed, geometry.height, tolerance, budget) {
         Ok(contours) => contours,
         Err(exceeded) => return Item::Skipped(exceeded.into()),
     };
     match contours.is_empty() {
         true => Item::DrawsNothing("it has a width but no length"),
-        false => Item::Fill(contours.into_iter().map(|contour| contour.placed(&lie.plane)).collect()),
+        false => Item::Fill(contours.into_iter().map(|contour| contour.placed(&geometry.plane)).collect()),
     }
 }

@@ -1,8 +1,8 @@
-//! The second reader: what a written file holds, read by the `dxf` crate, against the drawing that was meant.
+//! The second reader: compares a written file, as the `dxf` crate reads it, with the intended drawing.
 //!
-//! The crate shares no code with the writer, so both would have to be wrong in the same way. It is a reader of sound files:
-//! on others it may stop early without a word. So it is given only bytes that have the writer's groups in the writer's
-//! order, in which nothing but coordinates, layers, colours, flags and the unit may differ.
+//! The crate shares no code with the writer, so an error is missed only if both are wrong in the same way. It reads
+//! valid files; in others it may stop early without an error. So it is given only bytes with the writer's groups in the
+//! writer's order, in which only coordinates, layers, colours, flags and the unit may differ.
 
 use std::borrow::Cow;
 
@@ -15,38 +15,37 @@ use crate::geometry::pattern::Color;
 use crate::geometry::space::FieldPoint;
 use crate::reason::{Place, Reason};
 
-/// Largest distance of a coordinate from the one that was meant, mm: half of the last decimal that is written, and a little
-/// for the arithmetic.
+/// Largest error of a coordinate, mm: half of the last written decimal, and a little for rounding in f64.
 const ROUNDING: f64 = 0.5e-6 + 1e-10;
 
-/// Most letters of a number; those of the largest one with six decimals are 317.
+/// Largest length of a number; the largest f64 with six decimals has 317 characters.
 const LONGEST_NUMBER: usize = 320;
-/// Most letters of a layer's name: 255, each as `\U+XXXX`.
+/// Largest length of a layer's name: 255 letters, each as `\U+XXXX`.
 const LONGEST_NAME: usize = 255 * 7;
-/// Letters of a group's value that a message repeats.
+/// Number of letters of a group's value in messages.
 const SHOWN: usize = 40;
 
-/// How a written file differs from the drawing that was meant.
+/// A difference between a written file and the intended drawing.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadbackError {
-    /// A line is not the one that is written for the drawing, or not there: the file is cut off, or something was put in,
-    /// taken out or changed.
+    /// A line differs from the one that is written for the drawing, or is missing: the file is cut off, or something
+    /// was inserted, removed or changed.
     #[error("line {line} of the file is {found} instead of {meant}")]
     Line {
         /// The line, from 1.
         line: u64,
-        /// The path that the line belongs to; for one behind the last path that last path.
+        /// The path that the line belongs to; for a line after the last path, the last path.
         path: Option<PathPlace>,
-        /// The text that was meant.
+        /// The intended text.
         meant: String,
         /// The text that was found.
         found: String,
     },
-    /// The second reader does not take the file.
-    #[error("the second reader does not read the file: {message}")]
+    /// The second reader refuses the file.
+    #[error("the second reader cannot read the file: {message}")]
     Unreadable {
-        /// What it answers.
+        /// Its error message.
         message: String,
     },
     /// The file's unit is not mm.
@@ -86,14 +85,14 @@ pub struct PathPlace {
     pub vertex: Option<usize>,
 }
 
-/// What differs between a path that was meant and the one that was found.
+/// A difference between an intended path and the path that was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathDifference {
     /// It is another kind of entity.
     #[error("is {found} instead of {meant}")]
     Kind {
-        /// The kind that was meant, such as `LWPOLYLINE`.
+        /// The intended kind, such as `LWPOLYLINE`.
         meant: &'static str,
         /// The kind that was found.
         found: &'static str,
@@ -101,7 +100,7 @@ pub enum PathDifference {
     /// It is on another layer.
     #[error("is on layer \"{found}\" instead of \"{meant}\"")]
     Layer {
-        /// The layer that was meant.
+        /// The intended layer.
         meant: String,
         /// The layer that was found.
         found: String,
@@ -109,29 +108,29 @@ pub enum PathDifference {
     /// It has another colour.
     #[error("has the colour {found} instead of {meant}")]
     Color {
-        /// The colour that was meant.
+        /// The intended colour.
         meant: String,
         /// The colour that was found.
         found: String,
     },
-    /// It is closed and should be open, or the other way round.
+    /// It is closed but must be open, or the other way round.
     #[error("is {} instead of {}", closure(!meant), closure(*meant))]
     Closed {
-        /// Whether it was to be closed.
+        /// Whether it must be closed.
         meant: bool,
     },
     /// It has more or fewer vertices.
     #[error("has {found} vertices instead of {meant}")]
     Vertices {
-        /// Number of vertices that was meant.
+        /// The intended number of vertices.
         meant: usize,
-        /// Number of vertices that was found.
+        /// The number of vertices that was found.
         found: usize,
     },
-    /// A vertex is elsewhere.
+    /// A vertex is at another place.
     #[error("is at {} instead of {}", coordinates(*found), coordinates(*meant))]
     Vertex {
-        /// Where it was meant to be, mm.
+        /// Where it must be, mm.
         meant: [f64; 2],
         /// Where it was found, mm.
         found: [f64; 2],
@@ -139,8 +138,8 @@ pub enum PathDifference {
     /// It is missing.
     #[error("is missing")]
     Missing,
-    /// There is no such path in the drawing.
-    #[error("is one too many")]
+    /// It is not in the drawing.
+    #[error("is not in the drawing")]
     Extra,
 }
 
@@ -148,7 +147,7 @@ fn differing(found: Option<&str>, meant: &str) -> String {
     found.map_or_else(|| format!("is missing: {meant}"), |found| format!("is {found} instead of {meant}"))
 }
 
-/// A place in mm, with at most one digit more than is written.
+/// A place in mm, with at most one digit more than in the file.
 fn coordinates(place: [f64; 2]) -> String {
     let [x, y] = place.map(|value| (value * 1e7).round() / 1e7);
     format!("({x}, {y}) mm")
@@ -168,11 +167,11 @@ impl std::fmt::Display for PathPlace {
 }
 
 impl ReadbackError {
-    /// The reason that people are shown.
+    /// The difference as a reason: code, sentence, place, number and remedy.
     pub fn reason(&self) -> Reason {
-        let what = format!("The written drawing does not hold what was meant: {self}.");
-        let remedy = "Check the disk, the network and the memory of this computer, then try again. If the same drawing is \
-                      refused again, it is a fault of isomark: keep the drawing and report it.";
+        let what = format!("The written file does not match the corrected drawing: {self}.");
+        let remedy = "Check the disk, the network and the memory of this computer, then try again. If the same drawing \
+                      is refused again, it is a fault of isomark: keep the drawing and report it.";
         let mut reason = Reason::new("readback-differs", what, remedy);
         let (path, line) = match self {
             Self::Line { path, line, .. } => (path.as_ref(), Some(*line)),
@@ -195,11 +194,11 @@ impl ReadbackError {
     }
 }
 
-/// Reads `file`, which [`write()`] wrote for `drawing`, with a second reader, and holds it against the drawing: every path's
-/// kind, layer, colour and closure, every vertex (within half of its sixth decimal), their order, the layers and the unit.
-/// What no reader looks at must be as it was written, too.
+/// Reads `file`, which [`write()`] wrote for `drawing`, with a second reader, and compares it with the drawing: kind,
+/// layer, colour and closure of every path, every vertex (within half of its sixth decimal), their order, the layers
+/// and the unit. Bytes that no reader uses must be unchanged, too.
 ///
-/// Time and memory follow the drawing's size, whatever the bytes are.
+/// Time and memory depend on the size of the drawing, not on the bytes.
 ///
 /// # Errors
 /// The first difference, with its place.
@@ -216,12 +215,13 @@ pub fn read_back(file: &[u8], drawing: &MarkingDrawing, profile: DxfProfile) -> 
         same_lines(true)?;
     }
     same_content(&second_reading(file)?, drawing, profile, &names)?;
-    // Such as a last digit that rounds to the same, or zeros behind it.
+    // Finds changes without effect, such as additional zeros after a number.
     if is_altered { same_lines(false) } else { Ok(()) }
 }
 
-/// What [`read_back`] takes for a drawing, in vertices of a long R2000 polyline, each some 0.5 µs (`benches/stages.rs`). It
-/// follows the groups of the file: such a vertex has two, one of R12 five, an entity or a single line eight.
+/// The work of [`read_back`] for a drawing, in vertices of a long R2000 polyline, each about 0.5 µs
+/// (`benches/stages.rs`). It is proportional to the groups in the file: such a vertex has two, a vertex in R12 five, an
+/// entity or a single line eight.
 pub fn readback_work(drawing: &MarkingDrawing, profile: DxfProfile) -> usize {
     let groups = drawing.paths.iter().map(|path| match (path.shape.points().len(), profile) {
         (vertices, DxfProfile::R2000) => 8 + 2 * vertices,
@@ -236,8 +236,8 @@ fn second_reading(file: &[u8]) -> Result<::dxf::Drawing, ReadbackError> {
         .map_err(|error| ReadbackError::Unreadable { message: error.to_string() })
 }
 
-/// Holds the lines of the file against those that were written. With `may_differ`, values that the second reader judges may
-/// be others that it can take.
+/// Compares the lines of the file with the written ones. With `may_differ`, values that are compared later may differ,
+/// if the second reader can read them.
 fn same_lines(
     file: &[u8],
     written: &[u8],
@@ -261,7 +261,7 @@ fn same_lines(
         let is_same = match (found, meant) {
             (None, None) => return Ok(()),
             (Some(found), Some(meant)) => {
-                found == meant || may_differ && is_value && at.is_judged(code) && is_sound(code, found)
+                found == meant || may_differ && is_value && at.is_compared(code) && is_readable(code, found)
             }
             _ => false,
         };
@@ -279,7 +279,7 @@ fn same_lines(
     }
 }
 
-/// Where in the meant file a line is.
+/// The position of a line in the intended file.
 #[derive(Default)]
 struct Position<'m> {
     section: &'m str,
@@ -305,7 +305,7 @@ impl<'m> Position<'m> {
                 self.head = value;
             }
             ("2", _) if self.head == "SECTION" => *self = Self { section: value, ..Self::default() },
-            // What a POLYLINE begins with is no vertex, and a VERTEX is one already.
+            // The first point of a POLYLINE is not a vertex, and a VERTEX is already counted.
             ("10" | "11", _) if self.entity.is_some() && !matches!(self.head, "POLYLINE" | "VERTEX") => {
                 self.vertex = Some(self.vertex.map_or(1, |last| last + 1));
             }
@@ -313,8 +313,8 @@ impl<'m> Position<'m> {
         }
     }
 
-    /// Whether the value of this group is held against the drawing.
-    fn is_judged(&self, code: &str) -> bool {
+    /// Whether the value of this group is compared with the drawing.
+    fn is_compared(&self, code: &str) -> bool {
         match (self.section, self.head, code) {
             ("HEADER", head, code) => (head, code) == ("$INSUNITS", "70"),
             ("ENTITIES", "POLYLINE", "10" | "20") | ("ENTITIES", "VERTEX", "8") => false,
@@ -324,8 +324,8 @@ impl<'m> Position<'m> {
     }
 }
 
-/// Whether the second reader can take the value of such a group, with its line end.
-fn is_sound(code: &str, line: &[u8]) -> bool {
+/// Whether the second reader can read the value of such a group, with its line end.
+fn is_readable(code: &str, line: &[u8]) -> bool {
     let Some(value) = line.strip_suffix(b"\r\n").and_then(|value| std::str::from_utf8(value).ok()) else {
         return false;
     };
@@ -340,7 +340,7 @@ fn is_sound(code: &str, line: &[u8]) -> bool {
     }
 }
 
-/// A line as messages show it.
+/// A line for messages.
 fn shown(line: Option<&[u8]>) -> String {
     let Some(line) = line else { return "the end of the file".into() };
     let text = String::from_utf8_lossy(&line[..line.len().min(4 * SHOWN)]);
@@ -348,7 +348,7 @@ fn shown(line: Option<&[u8]>) -> String {
     format!("\"{}\"", text.escape_debug())
 }
 
-/// An entity as it was meant.
+/// An intended entity.
 struct Meant<'d> {
     /// Number of its path, from 0.
     path: usize,
@@ -373,7 +373,7 @@ impl Meant<'_> {
     }
 }
 
-/// Every entity that the drawing is to become, in order.
+/// All entities that must be in the file, in order.
 fn meant_entities<'d>(
     drawing: &'d MarkingDrawing,
     profile: DxfProfile,
@@ -407,7 +407,7 @@ fn meant_entities<'d>(
     drawing.paths.iter().enumerate().flat_map(pieces)
 }
 
-/// Holds what the second reader found against what was meant.
+/// Compares the content that the second reader found with the drawing.
 fn same_content(
     read: &::dxf::Drawing,
     drawing: &MarkingDrawing,
@@ -442,7 +442,7 @@ fn same_layers(
     drawing: &MarkingDrawing,
     names: &[String],
 ) -> Result<(), ReadbackError> {
-    // Layer 0 is in every file, also where the drawing has none.
+    // Layer 0 is in every file, even if the drawing has none.
     let own = |layer: &&::dxf::tables::Layer| layer.name != "0" || names.iter().any(|name| name == "0");
     let mut found = read.layers().filter(own);
     for (index, (layer, name)) in drawing.layers.iter().zip(names).enumerate() {
@@ -457,11 +457,11 @@ fn same_layers(
     Ok(())
 }
 
-/// The index of a colour in the file; nothing for that of the layer.
+/// The index of a colour in the file; `None` for BYLAYER.
 fn index_of(color: Color) -> Option<u8> {
     match color {
         Color::ByLayer => None,
-        // 0 is the colour of a block, and there are no blocks: it is drawn like the default, 7.
+        // 0 is BYBLOCK, but there are no blocks: it is written as the default, 7.
         Color::Aci(0) | Color::Rgb { aci: 0, .. } => Some(7),
         Color::Aci(aci) | Color::Rgb { aci, .. } => Some(aci),
     }
@@ -533,7 +533,7 @@ impl Found {
     }
 }
 
-/// A colour as messages show it; a true colour of 0 is black or none, which the second reader does not tell apart.
+/// A colour for messages; the second reader does not distinguish between true colour 0 (black) and no true colour.
 fn color_name(index: Option<u8>, rgb: i64) -> String {
     let index = index.map_or_else(|| "of the layer".to_owned(), |index| index.to_string());
     if rgb == 0 { index } else { format!("{index} #{rgb:06x}") }

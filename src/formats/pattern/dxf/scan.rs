@@ -1,18 +1,18 @@
-//! The file as group codes and values, text or binary, before any meaning.
+//! The file as group codes and values, text or binary, before interpretation.
 //!
-//! The scan copies nothing: a value is a range of the file's bytes, read as text or number when asked for.
+//! The scan copies nothing: a value is a range of the file's bytes and is parsed as text or number on demand.
 
 use super::super::error::{PatternReadError, Spot};
 use super::code_page::{CodePage, unescaped};
 
-/// Largest file that is read, bytes.
+/// Largest size of a file, bytes.
 pub(crate) const MAX_BYTES: usize = 200 << 20;
-/// Largest number of group codes that is read; a dense file of [`MAX_BYTES`] has about 20 million.
+/// Largest number of group codes; a dense file of [`MAX_BYTES`] has about 20 million.
 const MAX_PAIRS: usize = 24_000_000;
 
 const BINARY_MARK: &[u8] = b"AutoCAD Binary DXF\r\n\x1a\0";
 
-/// A group code and where its value stands.
+/// A group code and the position of its value.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
     pub(super) code: i32,
@@ -27,11 +27,11 @@ pub(super) struct Scan<'a> {
     bytes: &'a [u8],
     binary: bool,
     pub(super) pairs: Vec<Pair>,
-    /// Code page of texts and names; without one, UTF-8 is taken where it fits, else Windows-1252.
+    /// Code page of texts and names; without one, valid UTF-8 is read as such, everything else as Windows-1252.
     pub(super) code_page: Option<CodePage>,
 }
 
-/// Whether the bytes end in an `EOF` mark, that is, whether a writer has finished. Blanks, line ends, NUL and Ctrl-Z may
+/// Whether the bytes end with an `EOF` mark, so that the file is fully written. Blanks, line breaks, NUL and Ctrl-Z may
 /// follow it.
 pub(crate) fn is_complete(bytes: &[u8]) -> bool {
     if let Some(body) = bytes.strip_prefix(BINARY_MARK) {
@@ -49,7 +49,7 @@ pub(crate) fn is_complete(bytes: &[u8]) -> bool {
 /// Reads all group codes.
 ///
 /// # Errors
-/// The bytes are no DXF file, too large, cut off, or a group code cannot be read.
+/// When the file is not DXF, too large or cut off, or when a group code cannot be read.
 pub(super) fn scan(bytes: &[u8]) -> Result<Scan<'_>, PatternReadError> {
     if bytes.len() > MAX_BYTES {
         return Err(PatternReadError::FileTooLarge { bytes: bytes.len(), limit: MAX_BYTES });
@@ -67,7 +67,7 @@ pub(super) fn scan(bytes: &[u8]) -> Result<Scan<'_>, PatternReadError> {
 }
 
 impl Scan<'_> {
-    /// The bytes of the value, without blanks round them in a text file.
+    /// The bytes of the value, trimmed in a text file.
     pub(super) fn raw(&self, pair: &Pair) -> &[u8] {
         let raw = &self.bytes[pair.start as usize..pair.end as usize];
         if self.binary { raw } else { raw.trim_ascii() }
@@ -78,7 +78,7 @@ impl Scan<'_> {
         pair.code == code && self.raw(pair) == value
     }
 
-    /// Where the value stands in the file.
+    /// The position of the value in the file.
     pub(super) fn spot(&self, pair: &Pair) -> Spot {
         if self.binary { Spot::Byte(pair.spot.into()) } else { Spot::Line(pair.spot.into()) }
     }
@@ -88,7 +88,7 @@ impl Scan<'_> {
         self.decoded(self.raw(pair))
     }
 
-    /// The text that the values make up together, with the blanks round them.
+    /// The text of several values joined, not trimmed.
     pub(super) fn whole_text<'p>(&self, pairs: impl IntoIterator<Item = &'p Pair>) -> String {
         let mut raw = Vec::new();
         for pair in pairs {
@@ -98,7 +98,7 @@ impl Scan<'_> {
         self.decoded(&raw)
     }
 
-    /// The code page of letters given by their number.
+    /// The code page of characters given by number.
     pub(super) fn page_of_letters(&self) -> CodePage {
         self.code_page.unwrap_or(CodePage::WINDOWS_1252).of_single_bytes()
     }
@@ -129,7 +129,7 @@ impl Scan<'_> {
         }
     }
 
-    /// What stands there, short enough for a message.
+    /// The value for a message, cut to a short length.
     pub(super) fn shown(&self, pair: &Pair) -> String {
         if self.binary {
             return format!("{:02X?}", self.raw(pair));
@@ -147,7 +147,7 @@ impl Scan<'_> {
 
     fn read_text(&mut self) -> Result<(), PatternReadError> {
         let bytes = self.bytes;
-        // Old Macintosh programs end lines with CR alone.
+        // Old Macintosh programs end lines with CR only.
         let line_end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
         let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
         let mut line = 0;
@@ -192,7 +192,7 @@ impl Scan<'_> {
     fn read_binary(&mut self) -> Result<(), PatternReadError> {
         let bytes = self.bytes;
         let mut at = BINARY_MARK.len();
-        // From R13 on group codes take two bytes, before one; the first is always 0 with the text SECTION.
+        // Group codes take one byte up to R12 and two bytes from R13 on; the first one is always 0, before SECTION.
         let two_bytes = bytes.get(at + 1) == Some(&0);
         let cut = PatternReadError::Truncated { spot: Spot::Byte(bytes.len() as u64) };
         loop {
@@ -237,7 +237,7 @@ impl Scan<'_> {
     }
 }
 
-/// What a group code's value is (DXF Reference, "Group Code Value Types").
+/// The type of a group code's value (DXF Reference, "Group Code Value Types").
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Text,
@@ -249,7 +249,7 @@ pub(super) enum Kind {
     Chunk,
 }
 
-/// The kind of value that belongs to a group code; none if there is no such code.
+/// The type of a group code's value; `None` if there is no such code.
 pub(super) fn kind_of(code: i32) -> Option<Kind> {
     Some(match code {
         0..=9 | 100..=105 | 300..=309 | 320..=369 | 390..=399 | 410..=419 | 430..=439 | 470..=481 | 999 => {
@@ -266,7 +266,7 @@ pub(super) fn kind_of(code: i32) -> Option<Kind> {
     })
 }
 
-/// What bytes that are no DXF look like.
+/// What a file that is not DXF seems to be.
 fn appearance(bytes: &[u8]) -> String {
     let text = bytes.trim_ascii_start();
     let seems = match bytes {
@@ -279,8 +279,8 @@ fn appearance(bytes: &[u8]) -> String {
         _ if text.starts_with(b"%PDF") => "a PDF file",
         _ if text.starts_with(b"%!PS") => "a PostScript file",
         _ if bytes.starts_with(b"PK\x03\x04") => "a zip archive",
-        // A whole mark is a picture that is read.
-        _ if bytes.starts_with(b"\x89PNG") => "a PNG picture that a transfer as text has damaged",
+        // Files with the full PNG mark do not get here.
+        _ if bytes.starts_with(b"\x89PNG") => "a PNG picture damaged by a transfer in text mode",
         _ if bytes.starts_with(b"\xff\xd8\xff") => "a JPEG picture",
         _ if bytes.starts_with(b"GIF8") => "a GIF picture",
         _ if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") => "a TIFF picture",
@@ -291,8 +291,8 @@ fn appearance(bytes: &[u8]) -> String {
         _ if text.starts_with(b"<") => "an XML or HTML file",
         _ if text.starts_with(b"IN;") => "an HPGL plot file",
         _ if text.starts_with(b"ISO-10303-21") => "a STEP file",
-        _ if bytes.contains(&0) => "some binary file",
-        _ => "some other text file",
+        _ if bytes.contains(&0) => "another binary file",
+        _ => "another text file",
     };
     seems.into()
 }
@@ -306,7 +306,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn completeness_is_seen_from_the_end_alone() {
+    fn completeness_is_decided_by_the_end_of_the_file() {
         for complete in [&b"0\nSECTION\n0\nEOF"[..], b"  0\r\nEOF\r\n", b"0\rEOF\r", b"0\nEOF\n\n\x1a\0"] {
             assert!(is_complete(complete), "{complete:?}");
         }
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn strangers_are_called_by_their_name() {
+    fn errors_name_the_format_of_other_files() {
         for (bytes, name) in [
             (&b"%PDF-1.7\n"[..], "PDF"),
             (b"AC1032\0\0", "DWG file (AC1032)"),

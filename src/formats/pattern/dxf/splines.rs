@@ -1,23 +1,23 @@
-//! Splines as cubic Bézier pieces: exactly for degree 1 to 3, rational or not, within a tolerance above.
+//! Splines as cubic Bézier pieces: exact for degree 1 to 3, rational or not, and within a tolerance for higher degrees.
 //!
-//! Pieces are found by the polar form: the control points of a piece over [a, b] are the polar values at
-//! (a, …, a, b, …, b), each found by de Boor's scheme with changing parameters (L. Ramshaw, "Blossoms are polar forms",
-//! Computer Aided Geometric Design 6, 1989). The curve exists from knot p to knot n only, which matters for knots that
-//! are not clamped.
+//! The pieces follow from the polar form: the control points of a piece over [a, b] are the polar values at
+//! (a, …, a, b, …, b), each computed by de Boor's algorithm with changing parameters (L. Ramshaw, "Blossoms are polar
+//! forms", Computer Aided Geometric Design 6, 1989). The curve is defined only from knot p to knot n, which matters if
+//! the knots are not clamped.
 
 use nalgebra::{Vector3, Vector4};
 
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, SpaceSegment, through};
 
-/// Largest degree that is read; drawing programs draw with 3 and stop at 11.
+/// Largest degree; drawing programs usually have 3 and at most 11.
 const MAX_DEGREE: usize = 11;
-/// Judging an approximation takes so many steps of the budget.
+/// Number of steps of the budget for checking an approximation.
 const STEPS_OF_APPROXIMATION: usize = 64;
 
-/// Ends no farther apart than this share of the curve's reach are one point, computed twice.
+/// Ends are treated as the same point if their distance is at most this share of the curve's largest coordinate.
 const ROUNDING: f64 = 1e-12;
-/// The same for splines that the file calls closed, whose knots may be rounded.
+/// The same for splines that are marked as closed, whose knots may be rounded.
 const CLOSED: f64 = 1e-6;
 
 /// A spline by control points; `weights` is empty or as long as `points`.
@@ -26,14 +26,14 @@ pub(super) struct ControlSpline<'s> {
     pub(super) knots: &'s [f64],
     pub(super) points: &'s [Vector3<f64>],
     pub(super) weights: &'s [f64],
-    /// Whether the file calls it closed.
+    /// Whether the file marks it as closed.
     pub(super) closed: bool,
 }
 
 /// The spline as a curve; pieces of degree above 3 are approximated within `tolerance`.
 ///
 /// # Errors
-/// A sentence on what is wrong with its knots, weights or degree.
+/// A sentence about what is wrong with its knots, weights or degree.
 pub(super) fn by_control_points(
     spline: &ControlSpline<'_>,
     tolerance: f64,
@@ -51,17 +51,20 @@ pub(super) fn by_control_points(
         }
         points.push((point * weight).push(weight));
     }
-    // Some programs leave out the control points that a closed spline repeats.
+    // Some programs omit the repeated control points of a closed spline.
     if spline.closed && spline.knots.len() == points.len() + 2 * degree + 1 && points.len() >= degree {
         points.extend_from_within(..degree);
     }
     let knots = spline.knots;
     if points.len() <= degree || knots.len() != points.len() + degree + 1 {
         let (count, needed) = (knots.len(), points.len() + degree + 1);
-        return Err(format!("it has {count} knots for {} control points, {needed} are needed", points.len()));
+        let points = points.len();
+        return Err(format!(
+            "its knot vector is invalid: it has {count} knots for {points} control points, but needs {needed}"
+        ));
     }
     if knots.windows(2).any(|pair| pair[0] > pair[1]) {
-        return Err("its knots are not in ascending order".into());
+        return Err("its knot vector is invalid: the knots are not in ascending order".into());
     }
     let mut segments = Vec::new();
     for span in degree..points.len() {
@@ -71,16 +74,16 @@ pub(super) fn by_control_points(
         }
     }
     if segments.is_empty() {
-        return Err("its knots span no length".into());
+        return Err("its knot vector is invalid: it has no length".into());
     }
     Ok(curve(segments, if spline.closed { CLOSED } else { ROUNDING }))
 }
 
-/// A cubic spline through points with continuous curvature, over chord lengths; the ends have the given directions, or
-/// no curvature where no direction is given. This is how drawing programs draw splines of fit points.
+/// A cubic spline through points with continuous second derivative, parametrised by chord length. The ends have the
+/// given directions, or no curvature if no direction is given. Drawing programs draw splines of fit points in this way.
 ///
 /// # Errors
-/// Fewer than two different points.
+/// When there are fewer than two different points, or the budget is exceeded.
 pub(super) fn through_fit_points(
     points: &[Vector3<f64>],
     closed: bool,
@@ -120,8 +123,8 @@ pub(super) fn through_fit_points(
     Ok(curve(segments.collect(), ROUNDING))
 }
 
-/// Closed if it ends where it starts, but for this share of its reach; anything wider is a matter of the joining
-/// tolerance.
+/// The curve, closed if its ends are closer than the share `rounding` of its largest coordinate; wider gaps are left to
+/// the joining tolerance.
 fn curve(mut segments: Vec<SpaceSegment>, rounding: f64) -> Curve {
     let reach = segments.iter().map(SpaceSegment::reach).fold(0.0, f64::max);
     let start = segments.first().map(SpaceSegment::start);
@@ -137,8 +140,8 @@ fn curve(mut segments: Vec<SpaceSegment>, rounding: f64) -> Curve {
     Curve { segments, closed: false }
 }
 
-/// First derivatives at the points of an open cubic spline (de Boor, A Practical Guide to Splines, ch. IV), by the
-/// tridiagonal system of equal curvature on both sides of every inner point.
+/// First derivatives at the points of an open cubic spline (de Boor, A Practical Guide to Splines, ch. IV), from the
+/// tridiagonal system for equal second derivatives on both sides of every inner point.
 fn open_derivatives(
     lengths: &[f64],
     slopes: &[Vector3<f64>],
@@ -200,7 +203,7 @@ fn closed_derivatives(lengths: &[f64], slopes: &[Vector3<f64>]) -> Vec<Vector3<f
     derivatives
 }
 
-/// Solves rows of (below, diagonal, above, right side), diagonally dominant.
+/// Solves a diagonally dominant system with rows of (below, diagonal, above, right side).
 fn tridiagonal(rows: &[(f64, f64, f64, Vector3<f64>)]) -> Vec<Vector3<f64>> {
     let mut above = Vec::with_capacity(rows.len());
     let mut right: Vec<Vector3<f64>> = Vec::with_capacity(rows.len());
@@ -240,7 +243,7 @@ fn bezier_piece(points: &[Vector4<f64>], knots: &[f64], degree: usize, span: usi
         .collect()
 }
 
-/// Adds cubic pieces for a homogeneous Bézier curve of any degree.
+/// Adds the cubic pieces for a homogeneous Bézier curve of any degree.
 fn into_cubics(
     piece: &[Vector4<f64>],
     tolerance: f64,
@@ -264,13 +267,13 @@ fn on_ground(point: &Vector4<f64>) -> Vector3<f64> {
 
 fn cubic(points: [Vector4<f64>; 4]) -> SpaceSegment {
     let weights = points.map(|point| point.w);
-    // Equal weights mean a plain curve; readers and tests are spared the noise.
+    // Equal weights are a polynomial curve, which is simpler to process with weights of 1.
     let weights = if weights.iter().all(|weight| *weight == weights[0]) { [1.0; 4] } else { weights };
     SpaceSegment::Bezier { points: points.map(|point| on_ground(&point)), weights }
 }
 
-/// Cubics with the ends and end derivatives of the curve, halved until they stay within the tolerance at seven inner
-/// parameters (at most 2^10 pieces).
+/// Adds cubics with the ends and end derivatives of the curve, bisected until they are within the tolerance at seven
+/// inner parameters (at most 2^10 pieces).
 fn approximate(
     piece: &[Vector4<f64>],
     from: f64,
@@ -296,7 +299,7 @@ fn approximate(
         .map(|step| f64::from(step) / 8.0)
         .map(|t| (at(t) - point_and_derivative(piece, from + (to - from) * t).0).norm())
         .fold(0.0, f64::max);
-    // Half the tolerance, as the largest error may lie between the parameters.
+    // Half the tolerance, because the largest error may be between the parameters.
     if error <= tolerance / 2.0 || depth == 10 {
         budget.hold(1)?;
         segments.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
@@ -307,7 +310,7 @@ fn approximate(
     approximate(piece, middle, to, tolerance, depth + 1, segments, budget)
 }
 
-/// A point of a homogeneous Bézier curve and its derivative, by de Casteljau's scheme.
+/// A point of a homogeneous Bézier curve and its derivative, by de Casteljau's algorithm.
 fn point_and_derivative(piece: &[Vector4<f64>], t: f64) -> (Vector3<f64>, Vector3<f64>) {
     let mut level = piece.to_vec();
     let degree = piece.len() - 1;
@@ -357,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn uniform_knots_are_used_only_where_the_curve_exists() {
+    fn a_spline_without_clamped_knots_begins_at_its_first_span() {
         // The uniform cubic B-spline over 1, 4, 1: its ends are weighted means of three control points.
         let points = [point(0.0, 0.0), point(6.0, 6.0), point(12.0, 0.0), point(18.0, 6.0)];
         let knots = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
@@ -369,8 +372,8 @@ mod tests {
     }
 
     #[test]
-    fn a_quintic_is_met_within_the_tolerance() {
-        // y = x^5 over [0, 2] as one Bézier curve: control values are 0 but for the last.
+    fn a_quintic_is_approximated_within_the_tolerance() {
+        // y = x^5 over [0, 2] as one Bézier curve: all control values except the last are 0.
         let points: Vec<_> =
             (0..6).map(|i| point(f64::from(i) * 0.4, if i == 5 { 32.0 } else { 0.0 })).collect();
         let knots = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
@@ -382,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn fit_points_are_met_and_a_closed_spline_is_smooth_at_its_seam() {
+    fn splines_pass_through_fit_points_and_closed_ones_have_a_smooth_seam() {
         let points = [point(0.0, 0.0), point(10.0, 5.0), point(20.0, 0.0), point(8.0, -9.0)];
         let open = through_fit_points(&points, false, [Some(point(0.0, 1.0)), None], &mut Budget::default())
             .unwrap();
@@ -399,15 +402,15 @@ mod tests {
         let lengths = [(points[1] - points[0]).norm(), (points[0] - points[3]).norm()];
         let slopes = [(first[1] - first[0]) / lengths[0], (last[3] - last[2]) / lengths[1]];
         assert!((slopes[0] - slopes[1]).norm() < 1e-12);
-        let bends = [
+        let second = [
             (first[0] - first[1] * 2.0 + first[2]) / lengths[0].powi(2),
             (last[1] - last[2] * 2.0 + last[3]) / lengths[1].powi(2),
         ];
-        assert!((bends[0] - bends[1]).norm() < 1e-12);
+        assert!((second[0] - second[1]).norm() < 1e-12);
     }
 
     #[test]
-    fn faults_are_said() {
+    fn invalid_splines_are_refused_with_the_reason() {
         let points = [point(0.0, 0.0), point(1.0, 0.0), point(2.0, 1.0)];
         let faulty = |degree, knots: &[f64], weights: &[f64]| {
             by_control_points(

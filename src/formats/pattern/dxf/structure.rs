@@ -1,6 +1,6 @@
-//! What is in the file and where: header, layers, blocks and entities, each entity with its place, layer and colour.
+//! The inventory of the file: header, layers, blocks and entities, each entity with its position, layer and colour.
 //!
-//! This is the file's inventory. Whatever is listed here must come out as a path or be named as not taken.
+//! Every entity in the inventory must become a path or be listed as skipped.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -16,7 +16,7 @@ use crate::geometry::pattern::Color;
 #[derive(Default)]
 pub(super) struct Structure {
     pub(super) header: Header,
-    /// Layers by their name in upper case, as names are compared without regard to case.
+    /// Layers by their name in upper case, because names are not case-sensitive.
     pub(super) layers: BTreeMap<String, LayerRecord>,
     /// Number of entries of the layer table, to keep its order.
     pub(super) layer_count: usize,
@@ -24,21 +24,21 @@ pub(super) struct Structure {
     pub(super) blocks: BTreeMap<String, Block>,
     /// Text styles by their name in upper case.
     pub(super) styles: BTreeMap<String, TextStyle>,
-    /// All entities, those of blocks too, in file order.
+    /// All entities in file order, including those of blocks.
     pub(super) entities: Vec<Record>,
-    /// Which of `entities` are drawn themselves, not by a block.
+    /// The ranges of `entities` that are drawn directly, not through a block.
     pub(super) drawn: Vec<Range<usize>>,
-    /// Comments at the head of the file.
+    /// Comments at the beginning of the file.
     pub(super) comments: Vec<String>,
-    /// Number of block references that are cut to a boundary.
+    /// Number of block references that are clipped to a boundary.
     pub(super) clips: usize,
-    /// Whether a table entry bears ezdxf's name.
+    /// Whether a table entry has the name EZDXF.
     pub(super) has_ezdxf_entry: bool,
     kinds: Names,
     layer_names: Names,
 }
 
-/// What the header says, as far as it matters here.
+/// The needed header variables.
 #[derive(Default)]
 pub(super) struct Header {
     pub(super) version: String,
@@ -67,11 +67,11 @@ pub(super) struct LayerRecord {
 /// An entry of the text style table.
 #[derive(Debug, Clone)]
 pub(super) struct TextStyle {
-    /// The font's file.
+    /// The font's file name.
     pub(super) file: String,
-    /// The font's family with its weight and slant, where a TrueType font is meant.
+    /// The family of a TrueType font, with its weight and slant.
     pub(super) family: Option<String>,
-    /// Factor of the letters' width.
+    /// Width factor of the letters.
     pub(super) width: f64,
     /// Slant of the letters, rad.
     pub(super) oblique: f64,
@@ -82,9 +82,9 @@ pub(super) struct TextStyle {
 pub(super) struct Block {
     pub(super) name: String,
     pub(super) base: [f64; 3],
-    /// Whether it stands for another file.
+    /// Whether it is a reference to another file.
     pub(super) external: bool,
-    /// Which of [`Structure::entities`] it holds.
+    /// The range of its entities in [`Structure::entities`].
     pub(super) entities: Range<usize>,
 }
 
@@ -93,16 +93,16 @@ pub(super) struct Block {
 pub(super) struct Record {
     kind: u32,
     layer: u32,
-    /// Its pairs, with those of its vertices.
+    /// Its pairs, including those of its vertices.
     first: u32,
     last: u32,
     handle: Option<u32>,
-    /// Which of [`Structure::entities`] it is an attribute of.
+    /// The index in [`Structure::entities`] of the insert whose attribute it is.
     pub(super) insert: Option<u32>,
     pub(super) color: RecordColor,
     pub(super) in_paper_space: bool,
     pub(super) hidden: bool,
-    /// Whether its own line type is one of dashes or dots; without an own one it has that of its layer.
+    /// Whether its line type has dashes or dots; `None` for the line type of its layer.
     is_dashed: Option<bool>,
 }
 
@@ -138,14 +138,14 @@ impl Names {
 }
 
 impl Structure {
-    /// The blocks that hold the sheets of paper space, all but the one that was in use.
+    /// The blocks with the layouts in paper space, except the active one.
     pub(super) fn paper_sheets(&self) -> impl Iterator<Item = &Block> {
         let is_sheet =
             |name: &str| ["*PAPER_SPACE", "$PAPER_SPACE"].iter().any(|sheet| name.starts_with(sheet));
         self.blocks.iter().filter(move |(name, _)| is_sheet(name)).map(|(_, block)| block)
     }
 
-    /// The entry of the layer table with this name, in capitals or not.
+    /// The entry of the layer table with this name, in upper or lower case.
     pub(super) fn entry(&self, layer: &str) -> Option<&LayerRecord> {
         self.layers.get(layer).or_else(|| self.layers.get(&layer.to_uppercase()))
     }
@@ -174,27 +174,27 @@ impl Record {
         self.is_dashed.unwrap_or(layer.is_some_and(|layer| layer.is_dashed))
     }
 
-    /// The pairs of the entity, the first of which names its kind.
+    /// The pairs of the entity; the first one is its type.
     pub(super) fn pairs<'s>(&self, scan: &'s Scan<'_>) -> &'s [Pair] {
         scan.pairs.get(self.first as usize..self.last as usize).unwrap_or_default()
     }
 }
 
-/// Takes the inventory. Sets the code page of the scan on the way, before any name is read.
+/// Makes the inventory, and sets the code page of the scan before any name is read.
 ///
 /// # Errors
-/// There are more entities than can be held in memory.
+/// When there are more entities than the budget allows.
 pub(super) fn structure(scan: &mut Scan<'_>, budget: &mut Budget) -> Result<Structure, PatternReadError> {
     let mut found = Structure { header: header(scan), ..Structure::default() };
     scan.code_page = code_page(&found.header);
     let scan: &Scan<'_> = scan;
     let mut section: &[u8] = b"";
     let mut block: Option<Block> = None;
-    // The kind of entity whose parts follow as entities of their own, and the last insert.
+    // The type of the last entity, whose parts may follow as separate entities, and the last insert.
     let mut parent: Option<&[u8]> = None;
     let mut insert = None;
     let mut end = 0;
-    // Every item begins with group code 0; before the first there may be comments.
+    // Every item begins with group code 0; there may be comments before the first one.
     for pairs in scan.pairs.chunk_by(|_, next| next.code != 0) {
         let item = end..end + pairs.len();
         end = item.end;
@@ -205,7 +205,7 @@ pub(super) fn structure(scan: &mut Scan<'_>, budget: &mut Budget) -> Result<Stru
         }
         let keyword = scan.raw(&pairs[0]);
         match (section, keyword) {
-            // An entity of this kind, a plane that cuts a solid, has no name (2) there.
+            // The entity SECTION, a plane that cuts a solid, has no name (2) here.
             (_, b"SECTION") if pairs.get(1).is_some_and(|pair| pair.code == 2) => {
                 section = scan.raw(&pairs[1]);
                 finish_block(&mut found, block.take());
@@ -293,7 +293,7 @@ fn header(scan: &Scan<'_>) -> Header {
     header
 }
 
-/// The code page of texts and names: UTF-8 from R2007 on, before that what the header says.
+/// The code page of texts and names: UTF-8 from R2007 on, before that the one in the header.
 fn code_page(header: &Header) -> Option<CodePage> {
     if header.version.as_str() >= "AC1021" {
         return Some(CodePage::UTF_8);
@@ -327,7 +327,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
             _ => {}
         }
     }
-    // AutoCAD never plots this layer, whatever its entry says.
+    // AutoCAD never plots this layer, even if its entry is marked as plotted.
     layer.plotted &= !layer.name.eq_ignore_ascii_case("DEFPOINTS");
     if let Color::Aci(_) | Color::Rgb { .. } = own_color(aci, rgb) {
         layer.color = own_color(aci, rgb);
@@ -346,7 +346,7 @@ fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
             3 => style.file = scan.text(pair),
             41 if number() > 0.0 => style.width = number(),
             50 => style.oblique = number().to_radians(),
-            // In the data of the application ACAD: a TrueType family, and its weight and slant as bits.
+            // In the data of the application ACAD: the family of a TrueType font, and bits for bold and italic.
             1000 => style.family = Some(scan.text(pair)).filter(|family| !family.is_empty()),
             1071 => marks = number() as i64,
             _ => {}
@@ -362,8 +362,7 @@ fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
     found.styles.entry(name.to_uppercase()).or_insert(style);
 }
 
-/// Whether lines of this type are interrupted; `None` for those that follow their layer. Those that follow their block are
-/// taken for whole lines.
+/// Whether lines of this type have gaps; `None` for BYLAYER. BYBLOCK is treated as continuous.
 fn is_dashed(line_type: &[u8]) -> Option<bool> {
     let is = |name: &[u8]| line_type.eq_ignore_ascii_case(name);
     if is(b"BYLAYER") || is(b"") { None } else { Some(!is(b"CONTINUOUS") && !is(b"BYBLOCK")) }

@@ -1,6 +1,6 @@
 //! TEXT, MTEXT and ATTRIB as the outlines or strokes of their letters.
 //!
-//! Heights are those of capitals, as in AutoCAD; letters stand at the distances of the font that is used.
+//! Heights are those of capitals, as in AutoCAD; the advance widths are those of the font that is used.
 
 mod codes;
 pub(super) mod font;
@@ -12,7 +12,7 @@ use std::rc::Rc;
 use nalgebra::{Matrix3, Vector3};
 
 use self::codes::{Letter, Ruled, letters};
-use self::font::stand_in;
+use self::font::substitute;
 use self::font::{FontUses, Typeface};
 use super::super::error::PatternReadError;
 use super::budget::{Budget, Exceeded};
@@ -29,14 +29,14 @@ const OVER: f64 = 1.2;
 const THROUGH: f64 = 0.5;
 const THICKNESS: f64 = 0.08;
 
-/// Said of texts of blanks; nothing is lost with them.
+/// The reason for skipping texts of blanks; no ink is lost.
 const BLANK: &str = "it is blank";
 
-/// Texts of more bytes than this are no labels.
+/// Longest text, bytes.
 const LONGEST: usize = 50_000;
-/// Names of fonts are told up to so many letters.
+/// Number of letters of a font's name in messages.
 const LONGEST_NAME: usize = 100;
-/// Said of longer ones.
+/// The reason for skipping longer texts.
 const TOO_LONG: &str =
     "it has more than 50000 letters: split it, or convert it to outlines in the drawing program";
 
@@ -54,7 +54,7 @@ pub(super) fn single_line(
     if kind != "TEXT" && groups.flags(70) & 1 != 0 {
         return Ok(Item::DrawsNothing("it is invisible"));
     }
-    // What the user fills in is an ATTRIB; only a constant text is drawn by its definition.
+    // The text that a user fills in is an ATTRIB; only a constant text is drawn by its definition.
     if kind == "ATTDEF" && groups.flags(70) & 2 == 0 {
         return Ok(Item::Template);
     }
@@ -84,7 +84,7 @@ pub(super) fn single_line(
     let (mut x, mut y) = (height * groups.or(41, 1.0), height);
     let mut angle = groups.or(50, 0.0).to_radians();
     if stretched {
-        // Aligned keeps the letters' shape, fit their height.
+        // "Aligned" (3) keeps the letters' proportions, "fit" (5) keeps their height.
         let factor = span.norm() / (row.width * x);
         (x, y) = (x * factor, if horizontal == 3 { y * factor } else { y });
         angle = span.y.atan2(span.x);
@@ -116,7 +116,7 @@ pub(super) fn single_line(
     Ok(row.placed(&groups.plane().after(&own).after(&letters)))
 }
 
-/// Slanted by an angle, then moved. Slants of a right angle and more are none.
+/// A slant by an angle, then a translation. A slant of nearly a right angle or more is ignored.
 fn sheared(slant: f64, offset: Vector3<f64>) -> Placement {
     let mut linear = Matrix3::identity();
     if slant.abs() < 1.48 {
@@ -130,7 +130,7 @@ fn string(scan: &Scan<'_>, record: &Record, code: i32) -> String {
     scan.whole_text(own(scan, record.pairs(scan)).filter(|pair| pair.code == code).last())
 }
 
-/// A font as a drawing asks for it.
+/// A font as a drawing names it.
 #[derive(Debug, Clone, PartialEq)]
 struct Font {
     asked: Rc<str>,
@@ -140,12 +140,12 @@ struct Font {
 
 impl Font {
     fn named(asked: &str, is_family: bool) -> Self {
-        let (face, is_exact) = stand_in(asked, is_family);
+        let (face, is_exact) = substitute(asked, is_family);
         let asked = asked.chars().take(LONGEST_NAME).collect::<String>().into();
         Self { asked, face, is_exact }
     }
 
-    /// The font of a text style; that of `Standard` if none is named.
+    /// The font of a text style, by default of `Standard`.
     fn of(structure: &Structure, style: &str) -> Self {
         let name = if style.is_empty() { "STANDARD".into() } else { style.to_uppercase() };
         match structure.styles.get(&name) {
@@ -155,11 +155,11 @@ impl Font {
         }
     }
 
-    /// Letters in a row in this font's stand-in, or in the outlined one if that lacks a letter. `tracking` is a factor
-    /// of the distances between letters.
+    /// Letters in a row, in the substitute of this font, or in the outline font if the substitute lacks a letter.
+    /// `tracking` is a factor of the letters' advance widths.
     ///
     /// # Errors
-    /// No font has one of the letters, or there are more of them than the budget allows, as a sentence.
+    /// A sentence if no font has one of the letters, or if there are more letters than the budget allows.
     fn row(
         &self,
         letters: &[Letter],
@@ -177,7 +177,7 @@ impl Font {
         if !missing.is_empty() {
             let missing: String = missing.into_iter().take(12).collect();
             return Err(format!(
-                "no font at hand has its letters {missing}: convert text to outlines in the drawing program"
+                "its letters {missing} are in no available font: convert the text to outlines in the drawing program"
             ));
         }
         if !(self.is_exact && face == self.face) && letters.iter().any(|letter| !letter.char.is_whitespace())
@@ -188,12 +188,12 @@ impl Font {
     }
 }
 
-/// Whether a letter without a shape in a font needs none: blanks of all widths, joiners and marks of direction.
+/// Whether a letter needs no shape: blanks of all widths, joiners and direction marks.
 fn draws_nothing(letter: char) -> bool {
     letter.is_whitespace() || is_invisible(letter)
 }
 
-/// Letters along the baseline from the origin, capitals 1 high.
+/// Letters along the baseline from the origin, with capitals 1 high.
 struct Row {
     items: Vec<Item>,
     width: f64,
@@ -239,7 +239,7 @@ impl Row {
     }
 }
 
-/// A line along a row: a stroke, or a thin rectangle among outlines.
+/// A line along a row: a stroke, or a thin rectangle with an outline font.
 fn rule(face: Typeface, from: f64, to: f64, height: f64) -> Item {
     let at = |x, y| Vector3::new(x, y, 0.0);
     match face {

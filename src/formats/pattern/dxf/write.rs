@@ -1,7 +1,7 @@
-//! The writer: plain polylines with straight segments in mm, and only what readers need round them.
+//! The writer: polylines with straight segments in mm, and only the structure that readers need.
 //!
-//! R2000 carries the tables, blocks and objects that strict readers ask for, R12 just its own. Lines end in CR LF, as
-//! AutoCAD writes them; the same drawing always gives the same bytes.
+//! R2000 files contain the tables, blocks and objects that strict readers require, R12 files need few of them. Lines
+//! end with CR LF, as AutoCAD writes them; the same drawing always gives the same bytes.
 
 use std::collections::BTreeSet;
 use std::fmt::{Display, Write};
@@ -11,15 +11,15 @@ use crate::geometry::pattern::{Color, Layer};
 use crate::geometry::space::FieldPoint;
 use crate::reason::Notice;
 
-/// The dialect of DXF to write.
+/// The version of DXF to write.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DxfProfile {
-    /// AC1015: LWPOLYLINE, units in the header, true colours, layer names of any alphabet.
+    /// AC1015: LWPOLYLINE, units in the header, true colours, layer names in any alphabet.
     #[default]
     R2000,
-    /// AC1009: POLYLINE with VERTEX; the format has no unit, no true colour and short ASCII layer names.
+    /// AC1009: POLYLINE with VERTEX; without a unit and true colours, with short ASCII layer names.
     R12,
-    /// AC1009 with a LINE for every piece, for importers that know nothing else. Contours come apart into their sides.
+    /// AC1009 with a LINE for every piece, for importers that read nothing else. Contours are split into their sides.
     R12Lines,
 }
 
@@ -31,7 +31,7 @@ impl DxfProfile {
 
 /// The drawing as a DXF file in millimetres.
 ///
-/// Coordinates have at most six decimals. A path with a single point becomes a POINT, a path without points nothing.
+/// Coordinates have at most six decimals. A path with a single point becomes a POINT; a path without points is skipped.
 pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
     let mut file = Groups::new(FIRST_FREE_HANDLE, profile);
     for comment in &drawing.comments {
@@ -55,8 +55,8 @@ pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
     file.text.into_bytes()
 }
 
-/// Warnings of what the profile cannot hold: names of layers that have to change, true colours that become the nearest
-/// of the table.
+/// Warnings about data that the profile cannot represent: layer names that must change, and true colours that become
+/// the nearest colours of the table.
 pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
     let mut losses = Vec::new();
     let names = plain_layer_names(&drawing.layers, profile);
@@ -69,7 +69,7 @@ pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
         .collect();
     if !renamed.is_empty() {
         let message = format!(
-            "layers have other names in the DXF file, which cannot hold theirs: {}",
+            "the DXF file cannot contain some layer names, so these layers are renamed: {}",
             renamed.join(", ")
         );
         losses.push(Notice::warning("layers-renamed", message));
@@ -79,14 +79,15 @@ pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
     let replaced = colors.filter(|color| profile.is_r12() && matches!(color, Color::Rgb { .. })).count();
     if replaced > 0 {
         let message = format!(
-            "true colours of layers and paths are the nearest of the table in the DXF file, {replaced} of them: R12 has no others"
+            "R12 has no true colours: layers and paths use the nearest colours of its table (replaced colours: \
+             {replaced})"
         );
         losses.push(Notice::warning("colours-replaced", message));
     }
     losses
 }
 
-// Handles of the fixed parts of an R2000 file; layers and entities count on from `FIRST_FREE_HANDLE`.
+// Handles of the fixed parts of an R2000 file; those of layers and entities start at `FIRST_FREE_HANDLE`.
 const BLOCK_RECORD_TABLE: u64 = 0x1;
 const LAYER_TABLE: u64 = 0x2;
 const STYLE_TABLE: u64 = 0x3;
@@ -106,7 +107,7 @@ const MODEL_LAYOUT: u64 = 0x22;
 const PAPER_LAYOUT: u64 = 0x23;
 const FIRST_FREE_HANDLE: u64 = 0x100;
 
-/// Group codes and values, one a line.
+/// Group codes and values, one per line.
 struct Groups {
     text: String,
     next_handle: u64,
@@ -195,7 +196,7 @@ fn header(file: &mut Groups, drawing: &MarkingDrawing) {
         }
         if file.profile == DxfProfile::R2000 {
             file.put_all(&[(9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1"), (9, "$HANDSEED")]);
-            // Layers and table entries still take handles: more than enough are left for them.
+            // Layers and table entries get their handles later; 0x100 are more than enough.
             file.put(5, format_args!("{:X}", file.next_handle + drawing.layers.len() as u64 + 0x100));
         }
     });
@@ -280,7 +281,7 @@ fn color(file: &mut Groups, color: Color) {
         Color::Aci(aci) => (aci, None),
         Color::Rgb { aci, rgb } => (aci, Some(rgb)),
     };
-    // 0 would mean "as the block that holds it", and there are no blocks.
+    // 0 would mean BYBLOCK, but there are no blocks.
     file.put(62, if aci == 0 { 7 } else { aci });
     if let (Some([red, green, blue]), DxfProfile::R2000) = (rgb, file.profile) {
         file.put(420, u32::from_be_bytes([0, red, green, blue]));
@@ -306,7 +307,7 @@ fn blocks(file: &mut Groups) {
     }
 }
 
-/// One entity for the path; with [`DxfProfile::R12Lines`] one for each of its pieces.
+/// Writes one entity for the path, or with [`DxfProfile::R12Lines`] one for each of its pieces.
 fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
     let points = path.shape.points();
     let closed = matches!(path.shape, MarkingShape::Closed(_));
@@ -340,7 +341,7 @@ fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
                 file.put_point(10, *point);
                 file.put(30, "0.0");
             }
-            // Without its layer: FreeCAD reads line by line here and would take layer 0 for the next entity's group code.
+            // Without a layer: FreeCAD reads line by line here and would read layer 0 as the next entity's group code.
             file.put(0, "SEQEND");
         }
         (points, DxfProfile::R12Lines) => {
@@ -399,13 +400,13 @@ fn number(value: f64) -> String {
     if text == "-0.0" { "0.0".into() } else { text }
 }
 
-/// Text in ASCII, other letters as `\U+XXXX`; letters that need more than four digits and control characters are
-/// replaced by `_`.
+/// Text in ASCII, with other letters as `\U+XXXX`; `_` replaces control characters and letters that need more than four
+/// digits.
 fn escaped(text: &str) -> String {
     text.chars().map(|letter| escape_of(letter).unwrap_or_else(|| "_".into())).collect()
 }
 
-/// How a file holds a letter, if it can.
+/// A letter as it is written to a file; `None` if this is not possible.
 fn escape_of(letter: char) -> Option<String> {
     match letter {
         ' '..='~' => Some(letter.into()),
@@ -414,7 +415,7 @@ fn escape_of(letter: char) -> Option<String> {
     }
 }
 
-/// A comment cut into lines that every reader takes (AutoCAD's limit is 255 characters).
+/// A comment, split into lines that every reader accepts (AutoCAD's limit is 255 characters).
 fn comment_lines(comment: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for paragraph in comment.lines() {
@@ -430,18 +431,18 @@ fn comment_lines(comment: &str) -> Vec<String> {
     lines
 }
 
-/// The layers' names as they stand in the file.
+/// The layers' names as they are written in the file.
 fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
     plain_layer_names(layers, profile).iter().map(|name| escaped(name)).collect()
 }
 
-/// The layers' names as the profile can hold them, all different; what a reader of the file sees.
+/// The layers' names as the profile can represent them, all different, before escaping.
 pub(super) fn plain_layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let mut unique = |name: String, limit: usize| {
         let mut candidate = name.clone();
         let mut number = 2;
-        // Names are compared without regard to case, as AutoCAD does.
+        // Names are not case-sensitive, as in AutoCAD.
         while !taken.insert(candidate.to_uppercase()) {
             let suffix = format!("_{number}");
             let kept: String = name.chars().take(limit - suffix.len()).collect();
@@ -470,7 +471,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_never_minus_zero() {
+    fn numbers_have_no_trailing_zeros_and_no_minus_zero() {
         for (value, text) in [
             (0.0, "0.0"),
             (-0.0, "0.0"),
@@ -484,19 +485,19 @@ mod tests {
     }
 
     #[test]
-    fn what_a_profile_cannot_hold_is_told() {
+    fn data_that_a_profile_cannot_represent_is_reported() {
         let rgb = Color::Rgb { aci: 30, rgb: [255, 128, 0] };
         let layer = |name: &str, color| Layer { name: name.into(), color };
         let layers = vec![layer("Größe", Color::Aci(1)), layer("MARK", rgb)];
         let drawing = MarkingDrawing { layers, ..MarkingDrawing::default() };
         assert_eq!(losses(&drawing, DxfProfile::R2000), []);
-        let told = losses(&drawing, DxfProfile::R12);
-        assert!(told.len() == 2 && told[0].message.contains("Größe is Gr__e"), "{told:?}");
-        assert!(told[1].message.contains("1 of them"), "{told:?}");
+        let notices = losses(&drawing, DxfProfile::R12);
+        assert!(notices.len() == 2 && notices[0].message.contains("Größe is Gr__e"), "{notices:?}");
+        assert!(notices[1].message.contains("replaced colours: 1"), "{notices:?}");
     }
 
     #[test]
-    fn layer_names_stay_different_and_valid() {
+    fn layer_names_are_unique_and_valid() {
         let layer = |name: &str| Layer { name: name.into(), color: Color::Aci(1) };
         let layers = [layer("Größe"), layer("a|b"), layer("A/B"), layer(""), layer("0")];
         let r2000 = layer_names(&layers, DxfProfile::R2000);

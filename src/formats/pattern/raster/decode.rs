@@ -1,4 +1,4 @@
-//! PNG and BMP bytes to the ink of every pixel, behind checks of size and completeness.
+//! Decodes PNG and BMP files to the ink of every pixel, after checking size and completeness.
 
 use std::io::Cursor;
 
@@ -10,24 +10,24 @@ use image::{ColorType, ImageDecoder, Limits};
 use super::super::error::{PatternReadError, Spot};
 use crate::formats::Pace;
 
-/// Pixels read at most: a sheet of A4 at 600 dpi has 35 million.
-const MOST_PIXELS: u64 = 64_000_000;
-/// So many pixels are a moment's work.
-const MOMENT: usize = 4_000_000;
-/// Largest decoded picture, bytes: [`MOST_PIXELS`] with four channels of 8 bits.
-const MOST_BYTES: u64 = 4 * MOST_PIXELS;
+/// Largest number of pixels: a sheet of A4 at 600 dpi has 35 million.
+const MAX_PIXELS: u64 = 64_000_000;
+/// Largest number of pixels at a quick pace.
+const QUICK_PIXELS: usize = 4_000_000;
+/// Largest decoded picture, bytes: [`MAX_PIXELS`] with four channels of 8 bits.
+const MAX_BYTES: u64 = 4 * MAX_PIXELS;
 
 const PNG_MARK: &[u8] = b"\x89PNG\r\n\x1a\n";
 const INCH: f64 = 25.4;
 
-/// A picture file that is read.
+/// The format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in super::super) enum RasterFormat {
     Png,
     Bmp,
 }
 
-/// How much every pixel inks: 0 leaves the part as it is, [`Picture::FULL`] marks it.
+/// The ink of every pixel, from 0 (not marked) to [`Picture::FULL`] (marked).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Picture {
     pub(super) width: usize,
@@ -36,24 +36,24 @@ pub(super) struct Picture {
     pub(super) ink: Vec<u16>,
 }
 
-/// A decoded picture and what its file says of it.
+/// A decoded picture with the facts about its file.
 pub(super) struct Decoded {
     pub(super) picture: Picture,
-    /// Pixels to a mm along x and y, if the file has them.
+    /// Pixels per mm along x and y, if the file states them.
     pub(super) density: Option<[f64; 2]>,
-    /// Height of a pixel over its width, as far as the file says.
+    /// Height of a pixel divided by its width, 1 if the file does not state it.
     pub(super) pixel_aspect: f64,
-    /// Channels and depth in words.
+    /// Channels and depth as text.
     pub(super) colors: String,
     /// Whether further pictures follow the first one.
     pub(super) is_animated: bool,
-    /// Whether the file says that the picture is to be turned or mirrored, which was done.
+    /// Whether the picture was rotated or mirrored as the file requires.
     pub(super) was_turned: bool,
     /// Whether some pixels are not opaque.
     pub(super) has_transparency: bool,
 }
 
-/// What the blocks of a file say, read without decoding it.
+/// The metadata of a file, read without decoding it.
 #[derive(Default)]
 struct Frame {
     density: Option<[f64; 2]>,
@@ -62,12 +62,12 @@ struct Frame {
     is_apple: bool,
     depth: u8,
     is_palette: bool,
-    /// Where the bytes end, if they end too early.
+    /// The length of the file, if it ends too early.
     cut: Option<usize>,
 }
 
 impl RasterFormat {
-    /// The format that the bytes begin like, as far as so few of them tell.
+    /// The format, by the first bytes; the beginning of a format's mark is enough for a file that is being written.
     pub(in super::super) fn of(bytes: &[u8]) -> Option<Self> {
         let mark = bytes.len().clamp(1, PNG_MARK.len());
         if bytes.get(..mark) == PNG_MARK.get(..mark) {
@@ -86,7 +86,7 @@ impl RasterFormat {
         }
     }
 
-    /// Whether the bytes reach to the end that the file names.
+    /// Whether the file is complete.
     pub(in super::super) fn is_complete(self, bytes: &[u8]) -> bool {
         self.frame(bytes).cut.is_none()
     }
@@ -102,14 +102,14 @@ impl RasterFormat {
 impl Picture {
     pub(super) const FULL: u16 = u16::MAX;
 
-    /// The ink of the pixel at (x, y), y downwards; beside the picture there is none.
+    /// The ink of the pixel at (x, y), y down; outside the picture there is none.
     pub(super) fn ink_at(&self, x: i64, y: i64) -> u16 {
         let inside = (0..self.width as i64).contains(&x) && (0..self.height as i64).contains(&y);
         if inside { self.ink[y as usize * self.width + x as usize] } else { 0 }
     }
 }
 
-/// Decodes a picture. Dark pixels ink, or light ones if `inverted`; transparent ones never do.
+/// Decodes a picture. Dark pixels have ink, or light ones if `inverted`; transparent pixels have none.
 pub(super) fn decode(
     bytes: &[u8],
     format: RasterFormat,
@@ -125,18 +125,18 @@ pub(super) fn decode(
         });
     }
     if frame.is_apple {
-        return Err(damaged("it is in Apple's own variant of PNG for apps".into()));
+        return Err(damaged("it is in Apple's variant of PNG for apps (CgBI)".into()));
     }
-    let told = |error: image::ImageError| damaged(error.to_string());
+    let error_of = |error: image::ImageError| damaged(error.to_string());
     match format {
         RasterFormat::Png => {
             let mut limits = Limits::no_limits();
-            limits.max_alloc = Some(2 * MOST_BYTES);
-            let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(told)?;
-            read(decoder, &frame, inverted, pace, told)
+            limits.max_alloc = Some(2 * MAX_BYTES);
+            let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(error_of)?;
+            read(decoder, &frame, inverted, pace, error_of)
         }
         RasterFormat::Bmp => {
-            read(BmpDecoder::new(Cursor::new(bytes)).map_err(told)?, &frame, inverted, pace, told)
+            read(BmpDecoder::new(Cursor::new(bytes)).map_err(error_of)?, &frame, inverted, pace, error_of)
         }
     }
 }
@@ -146,22 +146,22 @@ fn read(
     frame: &Frame,
     inverted: bool,
     pace: Pace,
-    told: impl Fn(image::ImageError) -> PatternReadError + Copy,
+    error_of: impl Fn(image::ImageError) -> PatternReadError + Copy,
 ) -> Result<Decoded, PatternReadError> {
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     let size = decoder.total_bytes();
-    if pixels > MOST_PIXELS || size > MOST_BYTES {
-        let limit = if pixels > MOST_PIXELS { MOST_PIXELS } else { MOST_BYTES * pixels / size.max(1) };
+    if pixels > MAX_PIXELS || size > MAX_BYTES {
+        let limit = if pixels > MAX_PIXELS { MAX_PIXELS } else { MAX_BYTES * pixels / size.max(1) };
         return Err(PatternReadError::PictureTooLarge { pixels: [width, height], limit });
     }
-    if !pace.allows(pixels as usize, MOMENT) {
+    if !pace.allows(pixels as usize, QUICK_PIXELS) {
         return Err(PatternReadError::TakesLong);
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let color = decoder.color_type();
     let mut samples = vec![0; size as usize];
-    decoder.read_image(&mut samples).map_err(told)?;
+    decoder.read_image(&mut samples).map_err(error_of)?;
 
     let is_wide = color.bytes_per_pixel() / color.channel_count() == 2;
     let opaque = u32::from(Picture::FULL);
@@ -176,8 +176,8 @@ fn read(
                 u32::from(pixel[channel]) * 257
             }
         };
-        // ITU-R BT.709-6 (2015), item 3.2: weights of the encoded channels. Programs that draw smooth edges mix
-        // encoded values as well, so half way between black and white is half a pixel covered.
+        // ITU-R BT.709-6 (2015), item 3.2: weights of the encoded channels. Programs that draw smooth edges also mix
+        // encoded values, so the mean of black and white is a pixel that is half covered.
         let light = if is_grey {
             sample(0)
         } else {
@@ -204,9 +204,9 @@ fn read(
     })
 }
 
-/// The picture turned as its camera or program asks for (Exif 2.3, tag Orientation), and whether rows became columns.
+/// The picture, rotated and mirrored as its Orientation tag requires (Exif 2.3), and whether rows became columns.
 fn turned(picture: Picture, orientation: Orientation) -> (Picture, bool) {
-    // Which pixel of the old picture comes to (x, y): mirrored along x or y, after an exchange of both.
+    // For the pixel at (x, y): exchange x and y, then mirror along x or y, to get its pixel in the old picture.
     let (exchange, flip_x, flip_y) = match orientation {
         Orientation::NoTransforms => return (picture, false),
         Orientation::FlipHorizontal => (false, true, false),
@@ -261,7 +261,7 @@ fn png_frame(bytes: &[u8]) -> Frame {
         };
         let length = u32::from_be_bytes([a, b, c, d]) as usize;
         let Some(data) = bytes.get(at + 8..).and_then(|rest| rest.get(..length + 4)) else {
-            // A length beyond the format's limit is damage, which the decoder tells; more bytes would not help.
+            // A length beyond the format's limit is damage, which the decoder reports; more bytes would not help.
             frame.cut = (length <= i32::MAX as usize).then_some(bytes.len());
             return frame;
         };
@@ -313,7 +313,7 @@ fn bmp_frame(bytes: &[u8]) -> Frame {
             frame.density = Some([f64::from(x) / 1e3, f64::from(y) / 1e3]);
             frame.pixel_aspect = Some(f64::from(x) / f64::from(y));
         }
-        // Programs write wrong file sizes, and some readers take no notice; rows that are all there are enough.
+        // Some programs write a wrong file size, so the file is treated as complete if all rows are there.
         if matches!(compression, 0 | 3 | 6) {
             let row = (u64::from(width) * u64::from(depth)).div_ceil(32) * 4;
             let rows = u64::from((height as i32).unsigned_abs());
@@ -326,7 +326,7 @@ fn bmp_frame(bytes: &[u8]) -> Frame {
     frame
 }
 
-/// Pixels to an inch.
+/// The density in pixels per inch.
 pub(super) fn dots_per_inch(density: [f64; 2]) -> [f64; 2] {
     density.map(|per_mm| per_mm * INCH)
 }

@@ -1,7 +1,7 @@
-//! Pictures as drawings: PNG and BMP bytes to the outlines of what is dark, in mm.
+//! Pictures as drawings: reads PNG and BMP files as the outlines of their dark areas, in mm.
 //!
-//! A picture has pixels and no size. Its size comes from the settings, else from the resolution that the file names;
-//! without either it is refused, because a guess would be marked. The middle of the picture is the drawing's origin.
+//! The size of a picture comes from the settings, else from the resolution that the file states. Without either the
+//! picture is refused, because a guess would be marked. The centre of the picture is the drawing's origin.
 
 use nalgebra::Vector2;
 
@@ -24,34 +24,33 @@ pub use options::RasterOptions;
 use decode::{Decoded, Picture};
 use polygon::{Fineness, Outline};
 
-/// The layer that all outlines of a picture lie on.
+/// The layer of all outlines of a picture.
 const LAYER: &str = "PICTURE";
 const COLOR: Color = Color::Aci(7);
-/// Outlines of smooth edges stay this close to where the edge was found, pixels: as exactly as 8 bits and a program
-/// that draws smooth edges tell it.
+/// Largest distance of an outline from a smooth edge, pixels: as exact as 8 bits and anti-aliasing allow.
 const PIXEL_TOLERANCE: f64 = 0.05;
-/// Closer than this, mm, no outline needs to be: a tenth of the usual tolerance of the corrected lines.
-const LEAST_TOLERANCE: f64 = 0.001;
-/// Hard-edged pixels this large, mm, are a drawing of squares, such as a code with one pixel for each module.
+/// Smallest tolerance that is useful, mm: a tenth of the usual tolerance of the corrected lines.
+const MIN_TOLERANCE: f64 = 0.001;
+/// Hard-edged pixels of at least this size, mm, are a drawing of squares, such as a code with one pixel per module.
 const SQUARE_PIXEL: f64 = 0.2;
-/// Outlines with more corners than this in all are noise, not a drawing.
-const MOST_CORNERS: usize = 1_000_000;
-/// So many corners are a moment's work.
-const MOMENT: usize = 20_000;
+/// Largest number of corners of all outlines together; with more, the picture is noise.
+const MAX_CORNERS: usize = 1_000_000;
+/// Largest number of corners at a quick pace.
+const QUICK_CORNERS: usize = 20_000;
 /// Outlines that enclose less than this, square pixels, are specks.
 const SPECK: f64 = 4.0;
-/// So many specks, and more of them than other outlines, are worth a word.
+/// This many specks, if they are more than the other outlines, lead to a notice.
 const MANY_SPECKS: usize = 20;
-/// More grey pixels than this part of all are shades.
+/// A larger share of grey pixels than this means that the picture has shades.
 const MANY_SHADES: f64 = 0.05;
-/// Grey that smooth edges explain: pixels for each side of a pixel on a border.
+/// Number of grey pixels at smooth edges, for each pixel side on a border.
 const GREY_AT_EDGES: usize = 2;
-/// Pixels whose width and height differ by more than this part are told.
+/// A larger relative difference between the pixels' width and height leads to a notice.
 const STRETCH: f64 = 0.01;
-/// Resolutions that programs write without being asked.
+/// Resolutions that programs write by default.
 const DEFAULT_DPI: [f64; 3] = [72.0, 90.0, 96.0];
 
-/// Width and height of a picture, mm, and what decided them.
+/// Width and height of a picture, mm, and the reason for them.
 struct Size {
     size: Vector2<f64>,
     why: String,
@@ -69,11 +68,11 @@ pub(super) fn read(
     let Size { size, why } = size(&decoded, settings)?;
     let pixel = size.component_div(&pixels);
     let fineness = Fineness {
-        tolerance: (LEAST_TOLERANCE / pixel.max()).clamp(PIXEL_TOLERANCE, 0.5),
+        tolerance: (MIN_TOLERANCE / pixel.max()).clamp(PIXEL_TOLERANCE, 0.5),
         pixels_are_squares: pixel.min() >= SQUARE_PIXEL,
     };
     let darkness = if settings.inverted { settings.threshold } else { 1.0 - settings.threshold };
-    // Half a step below, so that at 50 % the darker one of the two middle greys is ink.
+    // Half a step lower, so that at 50 % the darker one of the two middle greys is ink.
     let level = (darkness * f64::from(Picture::FULL) - 0.5).clamp(0.0, f64::from(Picture::FULL) - 1.0) as u16;
     let blank = picture.ink.iter().filter(|ink| **ink <= level).count();
     if blank == 0 || blank == picture.ink.len() {
@@ -86,14 +85,14 @@ pub(super) fn read(
         let outline = polygon::outline(walk, &trace::places(picture, level, walk), &fineness);
         sides += walk.len();
         corners += outline.corners.len();
-        if corners > MOST_CORNERS {
+        if corners > MAX_CORNERS {
             return Err(PatternReadError::TooMany {
                 what: "corners in its outlines",
-                limit: MOST_CORNERS,
+                limit: MAX_CORNERS,
                 entity: None,
             });
         }
-        if !options.pace.allows(corners, MOMENT) {
+        if !options.pace.allows(corners, QUICK_CORNERS) {
             return Err(PatternReadError::TakesLong);
         }
         outlines.push(outline);
@@ -149,26 +148,24 @@ pub(super) fn read(
     Ok(PatternReading { pattern, facts })
 }
 
-/// The size of the whole picture: what the settings say, else what the file says.
+/// The size of the whole picture, from the settings, else from the file.
 fn size(decoded: &Decoded, settings: &RasterOptions) -> Result<Size, PatternReadError> {
     let pixels = [decoded.picture.width, decoded.picture.height];
     let [columns, rows] = pixels.map(|count| count as f64);
-    // A side that is not given follows from the other one and the shape of the pixels.
+    // A missing side follows from the other one and the shape of the pixels.
     let ratio = rows / columns * decoded.pixel_aspect;
     let (width, height, why) = match (settings.width, settings.height, decoded.density) {
         (Some(width), Some(height), _) => {
-            (width, height, format!("the settings say {width} x {height} mm for the picture"))
+            (width, height, format!("the settings give the size {width} x {height} mm"))
         }
-        (Some(width), None, _) => {
-            (width, width * ratio, format!("the settings say that the picture is {width} mm wide"))
-        }
+        (Some(width), None, _) => (width, width * ratio, format!("the settings give the width {width} mm")),
         (None, Some(height), _) => {
-            (height / ratio, height, format!("the settings say that the picture is {height} mm high"))
+            (height / ratio, height, format!("the settings give the height {height} mm"))
         }
         (None, None, Some(density)) => {
             let [x, y] = decode::dots_per_inch(density);
             let dpi = if x == y { format!("{x:.1}") } else { format!("{x:.1} x {y:.1}") };
-            (columns / density[0], rows / density[1], format!("the file says {dpi} pixels to an inch"))
+            (columns / density[0], rows / density[1], format!("the file states {dpi} pixels per inch"))
         }
         (None, None, None) => return Err(PatternReadError::PictureWithoutSize { pixels }),
     };
@@ -182,17 +179,19 @@ fn nothing_to_mark(decoded: &Decoded, settings: &RasterOptions, is_all_ink: bool
     let (side, other) =
         if settings.inverted == is_all_ink { ("lighter", "raise") } else { ("darker", "lower") };
     let found = format!(
-        "all of its pixels are {side} than the threshold of {percent} %{}",
+        "all pixels are {side} than the threshold of {percent} %{}",
         if is_all_ink { ", so there is no outline" } else { "" }
     );
     let remedy = if !is_all_ink && decoded.has_transparency {
         let (drawn, option) = if settings.inverted { ("dark", "without") } else { ("light", "with") };
         format!(
-            "Transparent pixels are never marked; if the drawing is {drawn} on a transparent ground, read it {option} \
-             `--invert` (`invert` in the settings), otherwise change `--threshold`."
+            "If the drawing is {drawn} on a transparent background, read it {option} `--invert` (`invert` in the \
+             settings); otherwise change `--threshold`. Transparent pixels are never marked."
         )
     } else {
-        format!("Check that it is the right picture; if it is, {other} `--threshold` (`threshold_percent`).")
+        format!(
+            "Check that this is the right picture; if it is, {other} `--threshold` (`threshold_percent`)."
+        )
     };
     PatternReadError::NothingToMark { found, remedy }
 }
@@ -212,8 +211,8 @@ fn notices(
     if grey as f64 > MANY_SHADES * ink.len() as f64 && grey > GREY_AT_EDGES * sides {
         let percent = 100.0 * grey as f64 / ink.len() as f64;
         let message = format!(
-            "{percent:.0} % of the picture is neither dark nor light; only outlines at {:.0} % are marked, shades are \
-             not turned into dots",
+            "{percent:.0} % of the picture is neither dark nor light; only the outlines at a threshold of {:.0} % are \
+             marked, shades are not converted to dots",
             settings.threshold * 100.0
         );
         notices.push(Notice::warning("picture-shades", message));
@@ -231,8 +230,8 @@ fn notices(
     let stretch = pixel.y / pixel.x / decoded.pixel_aspect;
     if (stretch - 1.0).abs() > STRETCH {
         let message = format!(
-            "{columns} x {rows} pixels are drawn out to the given size: heights by {stretch:.3} against widths; give \
-             only one of width and height to keep the picture's shape"
+            "the given size stretches the {columns} x {rows} pixels: heights by {stretch:.3} relative to widths; give \
+             only the width or only the height to keep the picture's shape"
         );
         notices.push(Notice::warning("picture-stretched", message));
     }
@@ -243,8 +242,8 @@ fn notices(
         let [x, _] = decode::dots_per_inch(density);
         if let Some(dpi) = DEFAULT_DPI.iter().find(|dpi| (x - **dpi).abs() < 0.1) {
             let message = format!(
-                "the size comes from the file's {dpi:.0} pixels to an inch, which many programs write without being \
-                 asked; give the width in mm if it is not meant"
+                "the size comes from the {dpi:.0} pixels per inch in the file, which many programs write by default; \
+                 if the size is wrong, give the width in mm"
             );
             notices.push(Notice::note("picture-resolution", message));
         }
@@ -253,31 +252,33 @@ fn notices(
     if 2 * hard > outlines.len() {
         let message = if pixel.min() >= SQUARE_PIXEL {
             format!(
-                "the picture has hard edges and pixels of {:.3} mm; their squares are marked as they are",
+                "the picture has hard edges and pixels of {:.3} mm; the pixels are marked as squares",
                 pixel.max()
             )
         } else {
             format!(
-                "the picture has hard edges, so outlines that slant are true only to half a pixel, {:.3} mm; a picture \
-                 with smooth edges tells more",
+                "the picture has hard edges, so slanting outlines are exact only to half a pixel, {:.3} mm; a picture \
+                 with smooth edges gives more exact outlines",
                 pixel.max() / 2.0
             )
         };
         notices.push(Notice::note("picture-hard-edges", message));
     }
     if 2 * blank < ink.len() && ink_on_all_sides(&decoded.picture) {
-        let message = "most of the picture is marked and its border too; if the ground is meant to stay blank, read it \
-                       the other way round (`--invert`)";
+        let message = "most of the picture and its border are marked; if the background must stay blank, read the \
+                       picture inverted (`--invert`)";
         notices.push(Notice::note("picture-ground", message));
     }
     if decoded.is_animated {
-        notices
-            .push(Notice::warning("picture-animated", "of an animated picture only the first one is read"));
+        notices.push(Notice::warning(
+            "picture-animated",
+            "the picture is animated; only its first frame is read",
+        ));
     }
     if decoded.was_turned {
         notices.push(Notice::note(
             "picture-turned",
-            "the picture is turned as its file says (Exif orientation)",
+            "the picture was rotated or mirrored as its file requires (Exif orientation)",
         ));
     }
     notices

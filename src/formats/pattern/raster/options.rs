@@ -1,15 +1,17 @@
-//! How a picture is read.
+//! Options for reading a picture.
 
-/// How pictures are read; drawings in other formats have a size and ink of their own.
+/// Options for reading a picture; drawings in other formats do not need them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RasterOptions {
-    /// Width of the whole picture, mm. Without it, what the height or else the file's resolution gives.
+    /// Width of the whole picture, mm. Without it, the width follows from the height or else from the file's
+    /// resolution.
     pub width: Option<f64>,
-    /// Height of the whole picture, mm. Without it, what the width or else the file's resolution gives.
+    /// Height of the whole picture, mm. Without it, the height follows from the width or else from the file's
+    /// resolution.
     pub height: Option<f64>,
     /// Pixels darker than this are marked: 0 is black, 1 is white.
     pub threshold: f64,
-    /// Marks the pixels that are lighter instead.
+    /// Marks the lighter pixels instead.
     pub inverted: bool,
 }
 

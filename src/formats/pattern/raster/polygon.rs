@@ -1,10 +1,10 @@
-//! From the many places of a border to the few corners of a polygon, without rounding its corners.
+//! Reduces the many places of a border to the few corners of a polygon, without rounding its corners.
 //!
-//! The places are cut into runs that a straight line meets within the tolerance, and the polygon's corners are where
-//! the lines of neighbouring runs cross. So a corner lies where its edges lead to, not where pixels cut it off; and along
-//! a curve, lines through the middle of the places keep the enclosed area. After P. Selinger, Potrace: a polygon-based
-//! tracing algorithm (2003), section 2.3.1 (corners from lines of best fit), but with runs as long as the tolerance lets
-//! them be instead of the polygon of fewest sides.
+//! The places are divided into runs that fit a straight line within the tolerance, and the polygon's corners are the
+//! intersections of the lines of neighbouring runs. So a corner is where its edges meet, not where pixels cut it off;
+//! and along a curve, lines through the middle of the places keep the enclosed area. After P. Selinger, Potrace: a
+//! polygon-based tracing algorithm (2003), section 2.3.1 (corners from lines of best fit), but with runs as long as the
+//! tolerance allows instead of the polygon with the fewest sides.
 
 use nalgebra::Vector2;
 
@@ -12,47 +12,47 @@ use super::trace::{Along, Place, Side};
 
 type Point = Vector2<f64>;
 
-/// A border with at most this share of grey places was drawn without smooth edges.
-const MOST_SMOOTH_OF_HARD: f64 = 0.005;
-/// Places of a border without smooth edges lie within half a pixel of the true edge; a little more is for rounding.
+/// Largest share of places at grey pixels for a border without smooth edges.
+const MAX_SMOOTH_OF_HARD: f64 = 0.005;
+/// Largest distance of places on a border without smooth edges from the true edge, pixels: half a pixel and rounding.
 const HARD_TOLERANCE: f64 = 0.55;
-/// A step against the direction of its run, pixels, that ends the run: the border turns back there.
+/// A step of this size against the direction of its run, pixels, ends the run, because the border turns back.
 const STEP_BACK: f64 = 0.5;
-/// Runs that may cut off a corner together.
-const MOST_CUT_OFF: usize = 4;
-/// The places round a corner that pixels cut off are at most this far from its bisector's foot, pixels: in the corner
-/// itself that is as much farther as the corner is more pointed.
+/// Largest number of runs that cut off one corner.
+const MAX_CUT_OFF: usize = 4;
+/// Largest distance of places from the corner that pixels cut off, pixels, measured across the bisector; the distance
+/// from the corner itself grows with the sharpness of the corner.
 const CUT_OFF: f64 = 1.2;
-/// But never farther than this, pixels: the end of a needle is unknown.
+/// Largest distance of a corner from its places, pixels: the tip of a needle is unknown.
 const FARTHEST_CORNER: f64 = 5.0;
-/// Below this angle between two lines, rad, they are pieces of one curve, and their crossing may slide along it.
+/// Below this angle between two lines, rad, they approximate one curve, and their intersection may move along it.
 const GENTLE: f64 = 0.5;
-/// A corner that was cut off has at most this area, square pixels.
+/// Largest area of a corner that was cut off, square pixels.
 const AREA_OF_A_CORNER: f64 = 0.25;
-/// A shape whose area would change by more than this part of it is kept as it was found.
+/// Largest relative change of a shape's area; with a larger change the shape keeps its places.
 const LARGEST_CHANGE: f64 = 0.25;
-/// Places that may change over to the neighbouring run.
-const MOST_MOVED: usize = 4;
+/// Largest number of places that change to the neighbouring run.
+const MAX_MOVED: usize = 4;
 
-/// How the pixels of a picture are to be understood.
+/// How to interpret the pixels of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fineness {
     /// Largest distance between the places of a smooth border and the lines through them, pixels.
     pub(super) tolerance: f64,
-    /// Whether hard-edged pixels are themselves the drawing, as the modules of a code are.
+    /// Whether hard-edged pixels are to be marked as squares, like the modules of a code.
     pub(super) pixels_are_squares: bool,
 }
 
 /// The outline of one border.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Outline {
-    /// Its corners, pixels from the upper left corner of the picture, y down; the first one is not repeated.
+    /// Its corners, in pixels from the upper left corner of the picture, y down; the first one is not repeated.
     pub(super) corners: Vec<Point>,
     /// Whether the border was drawn without smooth edges.
     pub(super) is_hard: bool,
 }
 
-/// Places of the border from the first to the last, both included, and the straight line through them.
+/// The places of a border from the first to the last, inclusive, and the straight line through them.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     first: usize,
@@ -66,10 +66,10 @@ struct Line {
     direction: Point,
 }
 
-/// The outline of a border, as few corners as the tolerance allows.
+/// The outline of a border, with as few corners as the tolerance allows.
 pub(super) fn outline(walk: &[Side], places: &[Place], fineness: &Fineness) -> Outline {
     let smooth = places.iter().filter(|place| place.is_smooth).count();
-    let is_hard = smooth as f64 <= MOST_SMOOTH_OF_HARD * places.len() as f64;
+    let is_hard = smooth as f64 <= MAX_SMOOTH_OF_HARD * places.len() as f64;
     let turns = turns(walk);
     if is_hard && fineness.pixels_are_squares || places.len() < 3 {
         return Outline { corners: corners(walk, &turns), is_hard };
@@ -82,11 +82,11 @@ pub(super) fn outline(walk: &[Side], places: &[Place], fineness: &Fineness) -> O
         (points, vec![false; places.len()], fineness.tolerance)
     };
     let fitted = fitted(&points, &fixed, tolerance);
-    // Where lines do not do a shape justice, which is then a few pixels large, its own places do.
+    // A shape of a few pixels, which lines would change too much, keeps its places.
     let (area, change) = (area(&points).abs(), (area(&points) - area(&fitted)).abs());
-    let at_most = 2.0 * (tolerance * perimeter(&points) + AREA_OF_A_CORNER * fitted.len() as f64);
-    let is_true = fitted.len() >= 3 && change <= at_most.min(area * LARGEST_CHANGE);
-    let corners = match (is_true, is_hard) {
+    let max_change = 2.0 * (tolerance * perimeter(&points) + AREA_OF_A_CORNER * fitted.len() as f64);
+    let is_close = fitted.len() >= 3 && change <= max_change.min(area * LARGEST_CHANGE);
+    let corners = match (is_close, is_hard) {
         (true, _) => fitted,
         (false, true) => self::corners(walk, &turns),
         (false, false) => points,
@@ -114,7 +114,7 @@ fn pairs(points: &[Point]) -> impl Iterator<Item = (&Point, &Point)> {
     points.iter().zip(points.iter().cycle().skip(1))
 }
 
-/// The sides before which the walk turns.
+/// The indices of the sides at whose start the walk turns.
 fn turns(walk: &[Side]) -> Vec<usize> {
     let before = |index: usize| walk[(index + walk.len() - 1) % walk.len()];
     (0..walk.len()).filter(|&index| walk[index].along != before(index).along).collect()
@@ -124,11 +124,11 @@ fn corners(walk: &[Side], turns: &[usize]) -> Vec<Point> {
     turns.iter().map(|&turn| walk[turn].from.map(f64::from).into()).collect()
 }
 
-/// The middles of all sides of a hard border, with those corners that no slanting edge can have, and which those are.
+/// The midpoints of all sides of a hard border, together with the true corners, and which points are true corners.
 ///
-/// A straight edge that slants makes steps to the left and to the right in turn, and one of any two runs of sides that
-/// meet is a single one. So two longer runs meet in a corner, and a single side between two turns to the same side is the
-/// end of something one pixel wide.
+/// A slanting straight edge makes steps alternately to the left and to the right, and of two adjacent rows of sides one
+/// has a single side. So two longer rows meet at a true corner, and a single side between two turns to the same side is
+/// the end of something one pixel wide.
 fn hard_points(walk: &[Side], turns: &[usize]) -> (Vec<Point>, Vec<bool>) {
     let (sides, count) = (walk.len(), turns.len());
     let length = |turn: usize| (turns[(turn + 1) % count] + sides - turns[turn % count] - 1) % sides + 1;
@@ -165,9 +165,9 @@ fn middle(along: Along) -> Point {
     Point::from(along.step().map(|step| step as f64 / 2.0))
 }
 
-/// The corners of the polygon that fits the closed row of points.
+/// The corners of the polygon that fits the closed sequence of points.
 fn fitted(points: &[Point], fixed: &[bool], tolerance: f64) -> Vec<Point> {
-    // Begun at a corner that is certain; without one, where a run that was begun anywhere ends.
+    // Start at a true corner; without one, at the end of the run from an arbitrary point.
     let count = points.len();
     let start = fixed.iter().position(|fixed| *fixed).unwrap_or_else(|| longest(points, tolerance));
     let around: Vec<Point> = (0..=count).map(|index| points[(start + index) % count]).collect();
@@ -185,8 +185,8 @@ fn fitted(points: &[Point], fixed: &[bool], tolerance: f64) -> Vec<Point> {
     (0..runs.len()).map(|index| corner(before(index), &runs[index], &around)).collect()
 }
 
-/// Cuts the row into runs, each as long as the tolerance allows and none beyond a stop; each begins where the last one
-/// ended.
+/// Divides the points into runs as long as the tolerance allows, but not beyond a stop; each begins where the last one
+/// ends.
 fn runs(points: &[Point], stops: &[usize], tolerance: f64) -> Vec<Run> {
     let mut runs = Vec::new();
     let mut first = 0;
@@ -200,7 +200,7 @@ fn runs(points: &[Point], stops: &[usize], tolerance: f64) -> Vec<Run> {
     runs
 }
 
-/// Index of the last of the points from the first one on that a line meets.
+/// Index of the last point up to which a line fits all points.
 fn longest(points: &[Point], tolerance: f64) -> usize {
     let fits = |last: usize| last == 1 || Line::meets(&points[..=last], tolerance);
     let end = points.len() - 1;
@@ -209,7 +209,7 @@ fn longest(points: &[Point], tolerance: f64) -> usize {
         good = (good + step).min(end);
         step *= 2;
     }
-    // The end lies between the last length that fits and the next one tried.
+    // The end is between the last length that fits and the next one tried.
     while step > 1 {
         step /= 2;
         if good + step <= end && fits(good + step) {
@@ -219,15 +219,15 @@ fn longest(points: &[Point], tolerance: f64) -> usize {
     good
 }
 
-/// Gives every place near the end of a run to the line that it lies nearer to, and fits the lines anew.
+/// Assigns every place near the end of a run to the nearer line, and fits the lines again.
 fn settle(runs: &mut [Run], points: &[Point], stops: &[usize]) {
     for index in 1..runs.len() {
         let (a, b) = (runs[index - 1], runs[index]);
         if a.last != b.first || stops.binary_search(&a.last).is_ok() {
             continue;
         }
-        let low = a.last.saturating_sub(MOST_MOVED).max(a.first + 1);
-        let high = (a.last + MOST_MOVED).min(b.last - 1);
+        let low = a.last.saturating_sub(MAX_MOVED).max(a.first + 1);
+        let high = (a.last + MAX_MOVED).min(b.last - 1);
         if low > high {
             continue;
         }
@@ -250,13 +250,13 @@ fn settle(runs: &mut [Run], points: &[Point], stops: &[usize]) {
 
 /// Removes runs that only cut off the corner between their neighbours.
 fn sharpen(runs: &mut Vec<Run>, points: &[Point]) {
-    // Begun with the longest run, which cuts off nothing.
+    // Start with the longest run, which cannot be a corner that was cut off.
     let longest = (0..runs.len()).max_by(|a, b| runs[*a].length(points).total_cmp(&runs[*b].length(points)));
     runs.rotate_left(longest.unwrap_or(0));
     let mut kept: Vec<Run> = Vec::with_capacity(runs.len());
     let mut index = 0;
     while index < runs.len() {
-        let cut_off = (1..=MOST_CUT_OFF).rev().find(|&count| {
+        let cut_off = (1..=MAX_CUT_OFF).rev().find(|&count| {
             let (Some(a), Some(between)) = (kept.last(), runs.get(index..index + count)) else {
                 return false;
             };
@@ -276,7 +276,7 @@ fn sharpen(runs: &mut Vec<Run>, points: &[Point]) {
     }
 }
 
-/// Whether the runs between `a` and `b` are nothing but the corner of the two, cut off.
+/// Whether the runs between `a` and `b` only cut off the corner of the two.
 fn cuts_off(a: &Run, between: &[Run], b: &Run, points: &[Point]) -> bool {
     let length: f64 = between.iter().map(|run| run.length(points)).sum();
     2.0 * length < a.length(points).min(b.length(points))
@@ -308,8 +308,8 @@ impl Run {
 }
 
 impl Line {
-    /// The line with the least squares of the distances from the points, in the direction in which they follow. The
-    /// ends, which two runs share, count half in each: so a line along an arc leaves as much on one side as on the other.
+    /// The least-squares line through the points, in the direction of their order. The end points, which two runs
+    /// share, have half the weight, so that a line along an arc has as much area on one side as on the other.
     fn through(points: &[Point]) -> Self {
         let ends = [points[0], points[points.len() - 1]];
         let point = (points.iter().sum::<Point>() - (ends[0] + ends[1]) / 2.0) / (points.len() - 1) as f64;
@@ -328,7 +328,7 @@ impl Line {
         Self { point, direction: if direction.dot(&onwards) < 0.0 { -direction } else { direction } }
     }
 
-    /// Whether a line meets all points within the tolerance and they follow each other along it.
+    /// Whether a line fits all points within the tolerance, and their order along it does not turn back.
     fn meets(points: &[Point], tolerance: f64) -> bool {
         let line = Self::through(points);
         points.iter().all(|point| line.offset(*point).abs() <= tolerance)
@@ -348,13 +348,13 @@ impl Line {
         self.direction.perp(&other.direction).atan2(self.direction.dot(&other.direction)).abs()
     }
 
-    /// How far the places next to a corner of two lines may be from it, pixels.
+    /// Largest distance of the places next to a corner of two lines from it, pixels.
     fn reach(&self, other: &Self) -> f64 {
-        // Half the angle inside the corner is what the turn leaves of a right angle.
+        // Half the inner angle of the corner is a right angle less half the turn.
         (CUT_OFF / (self.angle(other) / 2.0).cos()).min(FARTHEST_CORNER)
     }
 
-    /// Where two lines cross; `None` for parallel ones.
+    /// The intersection of two lines; `None` for parallel ones.
     fn crossing(&self, other: &Self) -> Option<Point> {
         let sine = self.direction.perp(&other.direction);
         let along = (other.point - self.point).perp(&other.direction) / sine;

@@ -1,29 +1,29 @@
-//! From pixels to outlines: the borders between ink and ground are followed, and each place on them is found to a small
-//! part of a pixel.
+//! Traces pixels to outlines: follows the borders between ink and background, and locates each place on them to a small
+//! fraction of a pixel.
 //!
-//! Which pixels belong together is decided by the level alone, so that holes stay holes. Where the border runs inside
-//! its pixels is measured from what the drawing program left there: a pixel that a smooth edge cuts is as grey as it
-//! is covered. Summing the coverage across an edge gives its place exactly, where interpolating between two pixels is
-//! off by up to 0.09 of a pixel. After A. Trujillo-Pino, K. Krissian, M. Alemán-Flores, D. Santana-Cedrés, Accurate
-//! subpixel edge location based on partial area effect, Image and Vision Computing 31 (2013) 72-90, section 2, but with
-//! as many pixels across the edge as the edge is wide. The crates for contours interpolate linearly, and the time of
-//! some grows with the square of an outline's length.
+//! Only the level decides which pixels belong together, so that holes stay holes. The exact position of the border
+//! follows from the grey values: a pixel at a smooth edge is as dark as the share of it that is covered. Summing the
+//! coverage across an edge gives its exact position, while interpolating between two pixels is off by up to 0.09 of a
+//! pixel. After A. Trujillo-Pino, K. Krissian, M. Alemán-Flores, D. Santana-Cedrés, Accurate subpixel edge location
+//! based on partial area effect, Image and Vision Computing 31 (2013) 72-90, section 2, but with as many pixels across
+//! the edge as the edge is wide. The crates for contours interpolate linearly, and the time of some grows with the
+//! square of an outline's length.
 
 use super::super::error::PatternReadError;
 use super::decode::Picture;
 
-/// Sides of pixels on all borders together, at most: memory and time stay bounded whatever the picture shows.
-const MOST_SIDES: usize = 20_000_000;
-/// An edge is this many pixels wide at most, on either side of its middle; wider ones are shades.
+/// Largest number of pixel sides on all borders together, which limits memory and time.
+const MAX_SIDES: usize = 20_000_000;
+/// Largest width of an edge on either side of its middle, pixels; wider ones are shades.
 const REACH: i64 = 3;
-/// An edge farther than this from the side of the pixel that it was found at, pixels, is none.
+/// Largest distance of an edge from the pixel side where it was found, pixels.
 const FARTHEST: f64 = 1.0;
-/// Sides before and after a side that say which way the border runs there.
+/// Number of sides before and after a side that determine the direction of the border.
 const NEIGHBOURS: usize = 4;
 /// Borders of fewer sides have no direction; all of their places are kept.
 const SMALL: usize = 12;
 
-/// A side of a pixel between ink and ground, with the ink on its left as it is walked along.
+/// A side of a pixel between ink and background; in walking direction the ink is on its left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Side {
     /// The corner of the pixels where it starts, x to the right and y down.
@@ -45,7 +45,7 @@ pub(super) enum Along {
 pub(super) struct Place {
     /// In pixels from the upper left corner of the picture, y down.
     pub(super) at: [f64; 2],
-    /// Whether grey pixels told where it is; without any it is somewhere within half a pixel.
+    /// Whether grey pixels show its position; otherwise it is known only to half a pixel.
     pub(super) is_smooth: bool,
 }
 
@@ -80,7 +80,7 @@ impl Along {
     }
 }
 
-/// Follows every border of the pixels inked more than `level`, from the top of the picture to its bottom, and hands
+/// Follows every border of the pixels with more ink than `level`, from the top of the picture to its bottom, and passes
 /// each to `take` as a closed walk of sides.
 pub(super) fn borders(
     picture: &Picture,
@@ -88,7 +88,7 @@ pub(super) fn borders(
     mut take: impl FnMut(&[Side]) -> Result<(), PatternReadError>,
 ) -> Result<(), PatternReadError> {
     let (width, height) = (picture.width, picture.height);
-    // Every border has a side on the upper edge of an inked pixel; one bit for each says whether it was walked.
+    // Every border has a side on the upper edge of an inked pixel; one bit per pixel records whether it was walked.
     let mut walked = vec![0u64; (width * height).div_ceil(64)];
     let mut walk = Vec::new();
     let mut total = 0;
@@ -108,10 +108,10 @@ pub(super) fn borders(
                     walked[index / 64] |= 1 << (index % 64);
                 }
                 walk.push(side);
-                if total + walk.len() > MOST_SIDES {
+                if total + walk.len() > MAX_SIDES {
                     return Err(PatternReadError::TooMany {
-                        what: "sides of pixels between dark and light",
-                        limit: MOST_SIDES,
+                        what: "pixel sides between dark and light",
+                        limit: MAX_SIDES,
                         entity: None,
                     });
                 }
@@ -139,8 +139,8 @@ fn next(picture: &Picture, level: u16, side: Side) -> Side {
         (true, true) => side.along.to_right(),
         (false, false) => side.along.to_left(),
         (false, true) => {
-            // Ink meets ink corner to corner: joined, as the pixels of a slanting hairline are, unless the four pixels
-            // together are ground.
+            // Two pixels with ink touch at a corner: they are joined, as in a slanting hairline, unless the mean of the
+            // four pixels is background.
             let back = side.along.pixels([i64::from(side.from[0]), i64::from(side.from[1])]);
             let four = u64::from(left) + u64::from(right) + u64::from(ink(back.0)) + u64::from(ink(back.1));
             if four >= 4 * u64::from(level) { side.along.to_right() } else { side.along.to_left() }
@@ -149,19 +149,19 @@ fn next(picture: &Picture, level: u16, side: Side) -> Side {
     Side { from: corner.map(|value| value as u32), along }
 }
 
-/// The places of a border, one for each of its sides that the border crosses steeply.
+/// The places of a border, one for each side that is roughly parallel to the border.
 pub(super) fn places(picture: &Picture, level: u16, walk: &[Side]) -> Vec<Place> {
     let count = walk.len();
     let is_flat = |side: &Side| matches!(side.along, Along::Left | Along::Right);
     let all_kept = count < SMALL;
-    // Number of sides that run like the middle one among it and its neighbours on both sides.
+    // Number of horizontal sides among the middle one and its neighbours on both sides.
     let mut flat = (0..2 * NEIGHBOURS).filter(|&index| is_flat(&walk[index % count])).count();
     let mut places = Vec::with_capacity(count);
     for middle in NEIGHBOURS..NEIGHBOURS + count {
         flat += usize::from(is_flat(&walk[(middle + NEIGHBOURS) % count]));
         let side = &walk[middle % count];
         let alike = if is_flat(side) { flat } else { 2 * NEIGHBOURS + 1 - flat };
-        // Along a slanting border the sides across it say little, because the edge runs nearly along their pixels.
+        // Sides across the border are skipped: the edge runs nearly along their line of pixels, so it is inexact there.
         if all_kept || alike >= NEIGHBOURS {
             places.push(place(picture, level, side));
         }
@@ -170,7 +170,7 @@ pub(super) fn places(picture: &Picture, level: u16, walk: &[Side]) -> Vec<Place>
     places
 }
 
-/// Where the edge at a side runs, on the line through the middles of the two pixels that the side parts.
+/// The position of the edge at a side, on the line through the centres of the two pixels that the side separates.
 fn place(picture: &Picture, level: u16, side: &Side) -> Place {
     let from = side.from.map(i64::from);
     let (inner, outer) = side.along.pixels(from);
@@ -218,7 +218,7 @@ mod tests {
         walks
     }
 
-    /// Twice the signed area, y up: positive for a walk that has its inside on the left.
+    /// Twice the signed area, y up: positive for a walk with its inside on the left.
     fn double_area(walk: &[Side]) -> i64 {
         walk.iter()
             .map(|side| {
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn outlines_go_round_their_ink_and_holes_the_other_way() {
+    fn outlines_run_counter_clockwise_and_holes_clockwise() {
         let ring = walks(&["#####", "#...#", "#.#.#", "#...#", "#####"]);
         let areas: Vec<i64> = ring.iter().map(|walk| double_area(walk) / 2).collect();
         assert_eq!(areas, [25, 1, -9]);
@@ -237,13 +237,13 @@ mod tests {
     }
 
     #[test]
-    fn corners_that_touch_are_joined_by_what_lies_between() {
+    fn pixels_that_touch_at_corners_are_joined_if_their_mean_is_ink() {
         assert_eq!(walks(&["#.", ".#"]).len(), 1);
         assert_eq!(walks(&["9.", ".9"]).len(), 2);
     }
 
     #[test]
-    fn a_partly_covered_pixel_tells_where_the_edge_is() {
+    fn a_partly_covered_pixel_gives_the_position_of_the_edge() {
         // Columns covered to 3/10 and 8/10, on full and on pale ink: the true width is 3.3 and 3.8 pixels.
         for (rows, right) in
             [(["###3.", "###3."], 3.3), (["###8.", "###8."], 3.8), (["6665.", "6665."], 3.0 + 5.0 / 6.0)]

@@ -1,4 +1,4 @@
-//! Whether a map lays the drawing over itself.
+//! Detects maps that fold the drawing over itself.
 
 use super::IsometricMap;
 use super::strain::Sample;
@@ -7,26 +7,26 @@ use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::knots::{Basis, UniformKnots};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// The least area on the part for an area of the drawing; below it the map is about to turn over.
-const LEAST_AREA: f64 = 0.05;
+/// Smallest allowed ratio of area on the part to area in the drawing; below it the map is about to fold.
+const MIN_AREA: f64 = 0.05;
 
 impl IsometricMap {
-    /// A point of the view where the map turns the drawing over, if there is one. Looked at are the cells that hold ink
-    /// or lie between cells that do: what the map does with empty corners of the box shows nowhere.
+    /// A point of the view where the map folds the drawing over, if there is one. Only cells that contain ink, or are
+    /// between cells that do, are checked: a fold in an empty corner of the box is not visible.
     pub(super) fn fold(&self, surface: &NurbsSurface, ink: &Ink) -> Option<ViewPoint> {
-        // Five looks along a cell's side: between them a cubic with strains of less than 1 does not turn over unseen.
-        const LOOKS: usize = 4;
-        let looks = |knots: &UniformKnots, cell: usize| -> [Basis; LOOKS + 1] {
-            let within = |look: usize| cell as f64 + look as f64 / LOOKS as f64;
-            std::array::from_fn(|look| knots.basis(knots.start() + knots.step() * within(look)))
+        // Five probes along a cell's side: between them, a cubic with strains of less than 1 cannot fold.
+        const STEPS: usize = 4;
+        let probes = |knots: &UniformKnots, cell: usize| -> [Basis; STEPS + 1] {
+            let within = |step: usize| cell as f64 + step as f64 / STEPS as f64;
+            std::array::from_fn(|step| knots.basis(knots.start() + knots.step() * within(step)))
         };
         for (row, columns) in self.cells_among(ink) {
-            let up = looks(&self.knots_t, row);
+            let up = probes(&self.knots_t, row);
             for column in columns {
-                let across = looks(&self.knots_s, column);
+                let across = probes(&self.knots_s, column);
                 for (s, t) in up.iter().flat_map(|t| across.iter().map(move |s| (s, t))) {
                     let strain = self.strain(surface, &Sample::at(*s, *t));
-                    if !(strain.area() > LEAST_AREA) {
+                    if !(strain.area() > MIN_AREA) {
                         return Some(self.sum(s, t, &strain.basis[0]).into());
                     }
                 }
@@ -35,7 +35,7 @@ impl IsometricMap {
         None
     }
 
-    /// For each row the columns of the cells that have ink to both sides in their row or in their column.
+    /// For each row, the columns of the cells that contain ink or have ink on both sides in their row or column.
     fn cells_among(&self, ink: &Ink) -> Vec<(usize, Vec<usize>)> {
         let (columns, rows) = (self.knots_s.spans(), self.knots_t.spans());
         let mut in_rows = vec![(columns, 0); rows];

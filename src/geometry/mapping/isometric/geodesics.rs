@@ -1,4 +1,4 @@
-//! Geodesic parallel coordinates: where the search for the length-true map starts.
+//! Geodesic parallel coordinates: the start of the search for the length-true map.
 
 use nalgebra::Vector2;
 
@@ -7,25 +7,26 @@ use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// Longest step along a geodesic, mm: shorter than what products bend over.
+/// Longest step along a geodesic, mm: shorter than the bends of products.
 const LONGEST_STEP: f64 = 2.0;
-/// Steps from one control point to the next at most.
-const MOST_STEPS: f64 = 100.0;
+/// Maximum number of steps from one control point to the next.
+const MAX_STEPS: f64 = 100.0;
 
-/// A step that comes further in the view than this share of its length has not followed the surface: no path is longer
-/// in the view than on the part.
-const FOLLOWED: f64 = 1.001;
+/// Largest ratio of a step in the view to its length. A path is never longer in the view than on the part, so a step
+/// beyond this has left the surface.
+const MAX_STEP_RATIO: f64 = 1.001;
 
-/// A point of the view with a unit tangent vector of the surface, as the view sees it.
+/// A point of the view, with the view's x and y components of a unit tangent vector of the surface.
 #[derive(Debug, Clone, Copy)]
 struct Heading {
     at: Vector2<f64>,
     ahead: Vector2<f64>,
 }
 
-/// Control points, row by row, of a map that takes the drawing's longer axis through the anchor to a geodesic of the
-/// surface and the lines across it to the geodesics at right angles, each by its length. Where the surface is developable
-/// the map is exact (do Carmo, Differential Geometry of Curves and Surfaces, 1976, section 4-6, exercise 6: E = 1, F = 0).
+/// Control points, row by row, of the map in geodesic parallel coordinates: it maps the drawing's longer axis through
+/// the anchor to a geodesic of the surface, and the lines across the axis to perpendicular geodesics, all with their
+/// true lengths. On a developable surface the map is exact (do Carmo, Differential Geometry of Curves and Surfaces,
+/// 1976, section 4-6, exercise 6: E = 1, F = 0).
 pub(super) fn parallel_coordinates(
     surface: &NurbsSurface,
     anchor: FlatPoint,
@@ -52,13 +53,13 @@ pub(super) fn parallel_coordinates(
             }
         }
     }
-    sharpen(&mut points, (columns, 1), (rows, columns));
-    sharpen(&mut points, (rows, columns), (columns, 1));
+    quasi_interpolate(&mut points, (columns, 1), (rows, columns));
+    quasi_interpolate(&mut points, (rows, columns), (columns, 1));
     points
 }
 
 impl Heading {
-    /// At right angles on the surface, counter-clockwise for the laser.
+    /// Turned by a right angle on the surface, counter-clockwise in the view.
     fn to_the_left(self, surface: &NurbsSurface) -> Self {
         let gradient = surface.jet(self.at.into()).gradient;
         let metric = self.ahead + gradient * gradient.dot(&self.ahead);
@@ -70,15 +71,15 @@ impl Heading {
         Self { at: self.at + rate.at * length, ahead: self.ahead + rate.ahead * length }
     }
 
-    /// How it changes along the geodesic: on a graph the Christoffel symbols are f_k f_ij / (1 + |∇f|²).
+    /// Its derivative along the geodesic: on a graph the Christoffel symbols are f_k f_ij / (1 + |∇f|²).
     fn rate(&self, surface: &NurbsSurface) -> Self {
         let jet = surface.jet(self.at.into());
         let bend = (jet.hessian * self.ahead).dot(&self.ahead) / (1.0 + jet.gradient.norm_squared());
         Self { at: self.ahead, ahead: -jet.gradient * bend }
     }
 
-    /// What it is after `length` mm along its geodesic (Runge and Kutta's method of order 4); straight on where the
-    /// surface bends more sharply than that follows, as beyond the rim of a part.
+    /// The heading after `length` mm along its geodesic (Runge–Kutta method of order 4). Where the surface bends too
+    /// sharply for a step, as beyond the rim of a part, the step is straight.
     fn advanced(self, surface: &NurbsSurface, length: f64) -> Self {
         let first = self.rate(surface);
         let second = self.moved(&first, length / 2.0).rate(surface);
@@ -86,7 +87,7 @@ impl Heading {
         let fourth = self.moved(&third, length).rate(surface);
         let ends = self.moved(&first, length / 6.0).moved(&fourth, length / 6.0);
         let mut next = ends.moved(&second, length / 3.0).moved(&third, length / 3.0);
-        if !((next.at - self.at).norm() <= length.abs() * FOLLOWED) {
+        if !((next.at - self.at).norm() <= length.abs() * MAX_STEP_RATIO) {
             next = Self { at: self.at + self.ahead * length, ..self };
         }
         let climb = surface.jet(next.at.into()).gradient.dot(&next.ahead);
@@ -94,16 +95,16 @@ impl Heading {
     }
 }
 
-/// The places over the Greville abscissae along the geodesic that passes `start` at the parameter `from`.
+/// The headings at the Greville abscissae along the geodesic that passes through `start` at the parameter `from`.
 fn walk(surface: &NurbsSurface, start: Heading, knots: &UniformKnots, from: f64) -> Vec<Heading> {
     let mut places = vec![start; knots.control_points()];
     let ahead = (0..places.len()).find(|&index| knots.greville(index) >= from).unwrap_or(places.len());
     let mut go = |indices: &mut dyn Iterator<Item = usize>| {
         let (mut place, mut here) = (start, from);
         for index in indices {
-            let way = knots.greville(index) - here;
-            let steps = (way.abs() / LONGEST_STEP).ceil().clamp(1.0, MOST_STEPS);
-            (0..steps as usize).for_each(|_| place = place.advanced(surface, way / steps));
+            let length = knots.greville(index) - here;
+            let steps = (length.abs() / LONGEST_STEP).ceil().clamp(1.0, MAX_STEPS);
+            (0..steps as usize).for_each(|_| place = place.advanced(surface, length / steps));
             here = knots.greville(index);
             places[index] = place;
         }
@@ -113,9 +114,13 @@ fn walk(surface: &NurbsSurface, start: Heading, knots: &UniformKnots, from: f64)
     places
 }
 
-/// Turns values at the Greville abscissae along one axis into control points whose spline passes them to fourth order
-/// (de Boor, A Practical Guide to Splines, 2001, chapter XII: the quasi-interpolant c = f − f″h²/6).
-fn sharpen(points: &mut [Vector2<f64>], (count, stride): (usize, usize), (lines, apart): (usize, usize)) {
+/// Replaces values at the Greville abscissae along one axis by control points whose spline approximates them to fourth
+/// order (de Boor, A Practical Guide to Splines, 2001, chapter XII: the quasi-interpolant c = f − f″h²/6).
+fn quasi_interpolate(
+    points: &mut [Vector2<f64>],
+    (count, stride): (usize, usize),
+    (lines, apart): (usize, usize),
+) {
     for line in 0..lines {
         let mut before = points[line * apart];
         for index in 1..count - 1 {

@@ -1,28 +1,29 @@
-//! What the strain is weighted by.
+//! The weights of the strain.
 
-/// What the strain is weighted by. Each weight belongs to a mean square, so only their ratios count.
+/// The weights of the strain. Each weight multiplies a mean square, so only their ratios matter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IsometricOptions {
     /// Weight of the strain along the drawing's own lines.
     pub line_weight: f64,
     /// Weight of the area strain over the inked area.
     pub area_weight: f64,
-    /// Weight of the strain in all directions alike where the ink is: along the lines and over the inked area. With
-    /// little of it lines and areas become truer still, but what is drawn shears.
+    /// Weight of the strain in all directions equally at the ink: along the lines and over the inked area. A small
+    /// weight improves lengths and areas further, but shapes are sheared.
     pub shape_weight: f64,
-    /// Weight of the strain in all directions alike over the whole box, inked or not. With little of it the parts of
-    /// the drawing drift against each other.
+    /// Weight of the strain in all directions equally over the whole box, inked or not. With a small weight, the
+    /// parts of the drawing move relative to each other.
     pub box_weight: f64,
-    /// Largest angle error of the ink, as a multiple of what the box alone would give it; infinite for any.
+    /// Largest angle error of the ink, as a multiple of the error with equal weights over the box; infinite for no
+    /// limit.
     pub angle_cap: f64,
     /// Side of a cell of the map, mm.
     pub cell: f64,
-    /// Number of cells that the box is divided into at least and at most, whatever its size.
+    /// Minimum and maximum number of cells in the box.
     pub cells: [usize; 2],
 }
 
 impl IsometricOptions {
-    /// All of the drawing's box counts evenly.
+    /// Equal weight over the whole box of the drawing.
     pub const UNIFORM: Self = Self {
         line_weight: 0.0,
         area_weight: 0.0,
@@ -32,10 +33,10 @@ impl IsometricOptions {
         cell: 1.5,
         cells: [200, 900],
     };
-    /// What is inked counts most.
+    /// More weight on the ink.
     ///
-    /// With much more weight on the lines, the inside of large filled shapes turns against their outline; with much
-    /// less on areas, `e_a` of a filled disc gets worse than that of [`Self::UNIFORM`].
+    /// With much more weight on the lines, the inside of large filled shapes rotates relative to their outline; with
+    /// much less on areas, `e_a` of a filled disc is worse than with [`Self::UNIFORM`].
     pub const INK: Self = Self {
         line_weight: 1.0,
         area_weight: 2.0,
@@ -45,7 +46,7 @@ impl IsometricOptions {
         ..Self::UNIFORM
     };
 
-    /// The same with lines that count `lengths` times and shapes that count `angles` times as much.
+    /// The same options with the weight of lines multiplied by `lengths` and the weights of shapes by `angles`.
     pub fn emphasised(self, lengths: f64, angles: f64) -> Self {
         Self {
             line_weight: self.line_weight * lengths,

@@ -1,4 +1,4 @@
-//! Where strain is measured, and how it depends on the map.
+//! The places where strain is measured, and how it depends on the map.
 
 use nalgebra::Vector2;
 
@@ -7,16 +7,16 @@ use crate::geometry::ink::Ink;
 use crate::geometry::surface::knots::{Basis, UniformKnots};
 use crate::geometry::surface::nurbs::SurfaceJet;
 
-/// Where the resistance to shear is as strong as the strains themselves, as a multiple of the cap: so much further out,
-/// because what pulls is as strong too.
+/// The shear at which the resistance equals the shear itself, as a multiple of the cap. It is above the cap because the
+/// opposing strains are as strong there.
 const KNEE: f64 = 1.25;
 
-/// A place of the drawing with the weights of what is measured there.
+/// A place of the drawing with the weights of the strains that are measured there.
 #[derive(Debug, Clone)]
 pub(super) struct Sample {
     pub(super) s: Basis,
     pub(super) t: Basis,
-    /// Unit direction of the line that passes, if one does.
+    /// Unit direction of the line at this place; zero without a line.
     direction: Vector2<f64>,
     line: f64,
     area: f64,
@@ -31,7 +31,7 @@ pub(super) struct Strain {
     /// ∂φ/∂s and ∂φ/∂t.
     pub(super) by_s: Vector2<f64>,
     pub(super) by_t: Vector2<f64>,
-    /// What 16 control points contribute to φ, ∂φ/∂s and ∂φ/∂t.
+    /// The contributions of 16 control points to φ, ∂φ/∂s and ∂φ/∂t.
     pub(super) basis: [[f64; 16]; 3],
 }
 
@@ -50,7 +50,7 @@ const ALL_ROUND: [Vector2<f64>; 4] = {
 };
 
 impl Sample {
-    /// A place where nothing is weighed yet.
+    /// A place with all weights zero.
     pub(super) fn at(s: Basis, t: Basis) -> Self {
         Self { s, t, direction: Vector2::zeros(), line: 0.0, area: 0.0, all_round: 0.0, ink: 0.0 }
     }
@@ -70,7 +70,7 @@ pub(super) fn samples(
     let at = |place: Vector2<f64>| Sample::at(knots_s.basis(place.x), knots_t.basis(place.y));
     let (columns, rows) = (knots_s.spans(), knots_t.spans());
     let mut samples = Vec::with_capacity(8 * columns * rows + ink.pieces.len());
-    // Two Gauss points a cell and direction integrate cubics exactly.
+    // Two Gauss points per cell and direction integrate cubics exactly.
     let gauss = [0.5 - (1.0f64 / 12.0).sqrt(), 0.5 + (1.0f64 / 12.0).sqrt()];
     for cell in 0..columns * rows {
         for (u, v) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -82,7 +82,7 @@ pub(super) fn samples(
     }
     if !options.is_even() {
         let length = ink.length();
-        // Outlines and what they enclose share the ink.
+        // Lines and inked areas get half of the ink's weight each.
         let of_lines = if ink.squares.is_empty() { 1.0 } else { 0.5 };
         for piece in ink.pieces.iter().filter(|piece| piece.length() > 0.0) {
             let share = piece.length() / length;
@@ -108,8 +108,8 @@ pub(super) fn samples(
     samples
 }
 
-/// The inked squares of each quarter of a cell as one point in their middle, with their share of all: strain changes
-/// little over a quarter of a cell.
+/// The inked squares of each quarter of a cell as one point at their centre, with their share of all squares: strain
+/// changes little over a quarter of a cell.
 fn gathered(ink: &Ink, knots_s: &UniformKnots, knots_t: &UniformKnots) -> Vec<(Vector2<f64>, f64)> {
     let (columns, rows) = (2 * knots_s.spans(), 2 * knots_t.spans());
     let mut quarters = vec![(Vector2::zeros(), 0.0); columns * rows];
@@ -131,7 +131,7 @@ fn gathered(ink: &Ink, knots_s: &UniformKnots, knots_t: &UniformKnots) -> Vec<(V
 }
 
 impl Strain {
-    /// Gives `take` the weight, the residual and its derivative of everything that is measured at the sample.
+    /// Calls `take` with the weight, the residual and its derivative for everything that is measured at the sample.
     pub(super) fn observe(&self, sample: &Sample, cap: f64, mut take: impl FnMut(f64, f64, &Derivative)) {
         if sample.line > 0.0 {
             let (strain, derivative) = self.stretch(&sample.direction);
@@ -154,7 +154,7 @@ impl Strain {
         }
     }
 
-    /// Area on the surface for each area of the drawing; negative where the map turns the drawing over.
+    /// Ratio of area on the surface to area in the drawing; negative where the map folds the drawing over.
     pub(super) fn area(&self) -> f64 {
         (1.0 + self.jet.gradient.norm_squared()).sqrt() * self.by_s.perp(&self.by_t)
     }
@@ -185,7 +185,7 @@ impl Strain {
         (lift * flat_area - 1.0, [by_place.into(), by_s, by_t])
     }
 
-    /// ((E − G)/2, F): half the difference of the squared principal stretches, turned by twice their direction.
+    /// ((E − G)/2, F): half the difference of the squared principal stretches, rotated by twice their angle.
     fn shear(&self) -> Vector2<f64> {
         let (climb_s, climb_t) = (self.jet.gradient.dot(&self.by_s), self.jet.gradient.dot(&self.by_t));
         let e = self.by_s.norm_squared() + climb_s * climb_s;
@@ -193,8 +193,8 @@ impl Strain {
         Vector2::new((e - g) / 2.0, self.by_s.dot(&self.by_t) + climb_s * climb_t)
     }
 
-    /// What shears far less than the cap is free to, and what shears more is held: q·|q|²/(KNEE·cap)² for both
-    /// components of the shear q.
+    /// The resistance to shear, q·|q|²/(KNEE·cap)² for both components of the shear q: almost zero far below the cap,
+    /// and strong above it.
     fn resistance(&self, cap: f64) -> [(f64, Derivative); 2] {
         let SurfaceJet { gradient, hessian, .. } = &self.jet;
         let shear = self.shear();

@@ -14,7 +14,7 @@ fn graph(height: impl Fn(f64, f64) -> f64) -> NurbsSurface {
     NurbsSurface::new(knots, knots, heights).unwrap()
 }
 
-/// Lines along the sides of a rectangle round the origin.
+/// Lines along the sides of a rectangle centred on the origin.
 fn frame(width: f64, height: f64) -> Ink {
     let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
         .map(|[x, y]| FlatPoint::new(x * width, y * height));
@@ -32,13 +32,13 @@ fn frame(width: f64, height: f64) -> Ink {
 const MIDDLE: FlatPoint = FlatPoint::new(0.0, 0.0);
 
 #[test]
-fn derivatives_are_those_of_the_residuals() {
+fn derivatives_match_differences_of_the_energy() {
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
     let ink = frame(30.0, 20.0);
     let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
     let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK);
     let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 };
-    // The slope of the energy along a random shift is −2 times the right side times the shift.
+    // The slope of the energy along a random shift is −2 times the right-hand side times the shift.
     let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
     let shift: Vec<[f64; 2]> =
         (0..columns * rows).map(|index| [(index as f64).sin(), (index as f64 * 1.7).cos()]).collect();
@@ -55,7 +55,7 @@ fn derivatives_are_those_of_the_residuals() {
 }
 
 #[test]
-fn halving_the_cells_leaves_the_map_as_it_is() {
+fn halving_the_cells_does_not_change_the_map() {
     let surface = graph(|x, y| (x * x - y * y) / 60.0);
     let mut map = IsometricMap::solve(&surface, &frame(30.0, 12.0), MIDDLE, &IsometricOptions::INK).unwrap();
     let places = [[-15.0, -6.0], [3.3, 1.7], [14.9, 5.9]].map(|[x, y]| FlatPoint::new(x, y));
@@ -67,7 +67,7 @@ fn halving_the_cells_leaves_the_map_as_it_is() {
 }
 
 #[test]
-fn on_what_can_be_unrolled_the_search_starts_at_its_end() {
+fn on_a_developable_surface_the_start_is_already_the_solution() {
     let surface = graph(|x, _| (900.0 - x * x).max(0.0).sqrt());
     let map = IsometricMap::solve(&surface, &frame(40.0, 12.0), MIDDLE, &IsometricOptions::UNIFORM).unwrap();
     assert!(map.iterations[0].energy < 1e-5 && map.iterations.len() <= 3, "{:?}", map.iterations);
@@ -76,23 +76,23 @@ fn on_what_can_be_unrolled_the_search_starts_at_its_end() {
 }
 
 #[test]
-fn a_map_that_turns_over_is_noticed_where_there_is_ink() {
+fn a_fold_is_detected_only_where_there_is_ink() {
     let surface = graph(|_, _| 0.0);
     let ink = frame(30.0, 12.0);
     let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::UNIFORM).unwrap();
     assert_eq!(map.fold(&surface, &ink), None);
-    // The middle control points trade places.
+    // Swap the middle control points.
     let columns = map.knots_s.control_points();
     let middle = (map.knots_t.control_points() / 2) * columns + columns / 2;
     map.control.swap(middle, middle + 2);
     assert!(map.fold(&surface, &ink).is_some());
-    // A drawing of which nothing lies there does not mind.
+    // A drawing without ink at the fold is accepted.
     let aside = Ink { pieces: ink.pieces.into_iter().filter(|piece| piece.to.x < -10.0).collect(), ..ink };
     assert_eq!(map.fold(&surface, &aside), None);
 }
 
 #[test]
-fn a_spike_under_the_drawing_gives_a_sound_map_or_a_reason() {
+fn a_spike_under_the_drawing_gives_a_valid_map_or_an_error() {
     for (height, width) in [(4.0, 2.0), (10.0, 1.5), (30.0, 3.0), (-20.0, 1.0)] {
         let surface = graph(|x, y| height * (-((x - 4.0).powi(2) + y * y) / (width * width)).exp());
         let ink = frame(30.0, 12.0);
@@ -106,8 +106,8 @@ fn a_spike_under_the_drawing_gives_a_sound_map_or_a_reason() {
 }
 
 #[test]
-fn a_drawing_round_the_horizon_ends_with_an_answer() {
-    // 200 mm on a sphere of 30 mm reach once round it; the surface goes on flat beyond 28 mm.
+fn a_drawing_beyond_the_horizon_terminates_with_a_finite_map_or_an_error() {
+    // A line of 200 mm would reach once round a sphere of radius 30 mm; the surface is flat beyond 28 mm.
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(100.0).sqrt());
     for width in [80.0, 200.0] {
         let found = IsometricMap::solve(&surface, &frame(width, 12.0), MIDDLE, &IsometricOptions::INK);

@@ -1,11 +1,11 @@
-//! The thesis' own surface: bicubic, through a grid of samples, over parameters that follow the chord lengths. It is used
-//! nowhere else: zeros beside the part make it ring, and knots that differ from row to row bend its parameter lines.
+//! The surface of the thesis: bicubic, through a grid of samples, with chord-length parameters. It is used only here:
+//! the zeros outside the part make it oscillate, and knots that differ from row to row bend its parameter lines.
 
 use nalgebra::Vector3;
 
 use crate::geometry::surface::knots::DEGREE;
 
-/// A surface S(u, v) over 0 ≤ u, v ≤ 1 whose knots may change along the other parameter (algorithm 3.2).
+/// A surface S(u, v) over 0 ≤ u, v ≤ 1 whose knots may vary with the other parameter (algorithm 3.2).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ChordSurface {
     columns: usize,
@@ -24,7 +24,7 @@ pub(super) struct SurfacePoint {
     pub(super) by_v: Vector3<f64>,
 }
 
-/// The four basis functions that do not vanish in a span, and their derivatives.
+/// The four nonzero basis functions of a span, and their derivatives.
 struct SpanBasis {
     first: usize,
     value: [f64; 4],
@@ -32,13 +32,14 @@ struct SpanBasis {
 }
 
 impl ChordSurface {
-    /// The surface through `samples` (row by row, mm, at least four rows and columns, no two neighbours alike).
+    /// The surface through `samples` (row by row, mm, at least four rows and columns, no two neighbours equal).
     ///
-    /// Rows are fitted first, then the columns of their control points (algorithms A.3, A.4 and A.5). All rows share the
-    /// means of their parameters, and all columns of theirs (Piegl & Tiller, The NURBS Book, 1997, algorithms A9.3 and
-    /// A9.4), so that the parameter lines of samples in straight rows are straight, and across a cylinder still follow
-    /// the arc. `as_printed` leaves each row and column its own and takes knots between two of them, as algorithm A.8
-    /// does: as if rows lay at v = j/n, and with derivatives as if the knots stood still.
+    /// Rows are interpolated first, then the columns of their control points (algorithms A.3, A.4 and A.5). All rows
+    /// use the mean of their parameters, and so do all columns (Piegl & Tiller, The NURBS Book, 1997, algorithms A9.3
+    /// and A9.4). So the parameter lines of samples in straight rows are straight, and across a cylinder they still
+    /// follow the arc. With `as_printed`, each row and column keeps its own parameters, and the knots between two of
+    /// them are interpolated as in algorithm A.8: rows are assumed to be at v = j/n, and derivatives ignore that the
+    /// knots vary.
     pub(super) fn through(samples: &[Vector3<f64>], columns: usize, as_printed: bool) -> Self {
         let rows = samples.len() / columns;
         let mut in_rows: Vec<_> =
@@ -46,8 +47,8 @@ impl ChordSurface {
         let mut in_columns: Vec<_> =
             (0..columns).map(|column| chord_parameters(samples[column..].iter().step_by(columns))).collect();
         if !as_printed {
-            share(&mut in_rows);
-            share(&mut in_columns);
+            average(&mut in_rows);
+            average(&mut in_columns);
         }
         let knots =
             |slices: &[Vec<f64>]| slices.iter().map(|slice| averaged_knots(slice)).collect::<Vec<_>>();
@@ -64,8 +65,8 @@ impl ChordSurface {
         Self { columns, control, along_u, along_v }
     }
 
-    /// Point and derivatives (algorithms 3.2 and A.6 to A.8, equations 2.15 and 2.16; the weights are 1, so the rational
-    /// functions are the products of the basis functions). Parameters outside 0 to 1 are moved to the border.
+    /// Point and derivatives (algorithms 3.2 and A.6 to A.8, equations 2.15 and 2.16; the weights are 1, so the
+    /// rational functions are the products of the basis functions). Parameters outside 0 to 1 are clamped.
     pub(super) fn at(&self, u: f64, v: f64) -> SurfacePoint {
         let (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
         let (in_u, in_v) = (basis_between(&self.along_u, u, v), basis_between(&self.along_v, v, u));
@@ -84,7 +85,7 @@ impl ChordSurface {
 }
 
 /// Replaces the parameters of every slice by their means over all slices.
-fn share(slices: &mut [Vec<f64>]) {
+fn average(slices: &mut [Vec<f64>]) {
     let count = slices.len() as f64;
     let mean: Vec<f64> = (0..slices[0].len())
         .map(|index| slices.iter().map(|slice| slice[index]).sum::<f64>() / count)
@@ -92,7 +93,7 @@ fn share(slices: &mut [Vec<f64>]) {
     slices.iter_mut().for_each(|slice| slice.clone_from(&mean));
 }
 
-/// Chord lengths from the first point on, the whole being 1 (equation 2.4, algorithm A.3).
+/// Cumulative chord lengths, with a total of 1 (equation 2.4, algorithm A.3).
 fn chord_parameters<'a>(points: impl Iterator<Item = &'a Vector3<f64>> + Clone) -> Vec<f64> {
     let mut way = 0.0;
     let chords = points.clone().zip(points.skip(1)).map(|(from, to)| {
@@ -103,25 +104,25 @@ fn chord_parameters<'a>(points: impl Iterator<Item = &'a Vector3<f64>> + Clone) 
     parameters.into_iter().map(|parameter| parameter / way).collect()
 }
 
-/// Clamped knots, the inner ones means of three neighbouring parameters (equation 2.3, algorithm A.4, with
-/// i = 1 … m − p, as the thesis' figure 2.8 has it).
+/// Clamped knots; the inner knots are means of three neighbouring parameters (equation 2.3, algorithm A.4, with
+/// i = 1 … m − p, as in figure 2.8 of the thesis).
 fn averaged_knots(parameters: &[f64]) -> Vec<f64> {
     let inner = parameters[1..parameters.len() - 1].windows(DEGREE);
     let inner = inner.map(|window| window.iter().sum::<f64>() / DEGREE as f64);
     std::iter::repeat_n(0.0, DEGREE + 1).chain(inner).chain(std::iter::repeat_n(1.0, DEGREE + 1)).collect()
 }
 
-/// Turns points into the control points of the cubic spline that passes through them at `parameters` (algorithm A.5).
+/// Replaces points by the control points of the cubic spline that passes through them at `parameters` (algorithm A.5).
 ///
-/// The matrix is totally positive and has four values a row, so it is eliminated in its band without pivoting (de Boor &
-/// Pinkus, Backward error analysis for totally positive linear systems, 1977).
+/// The matrix is totally positive with four values per row, so banded elimination without pivoting is stable (de Boor
+/// & Pinkus, Backward error analysis for totally positive linear systems, 1977).
 fn interpolate(line: &mut [Vector3<f64>], parameters: &[f64], knots: &[f64]) {
     let count = line.len();
     let mut band = vec![[0.0; 2 * DEGREE + 1]; count];
     for (row, &parameter) in parameters.iter().enumerate() {
         let SpanBasis { first, value, .. } = basis(parameter, count, |index| knots[index]);
         for (local, value) in value.into_iter().enumerate() {
-            // Averaged knots put the parameter of a row where its own function does not vanish (Schoenberg & Whitney).
+            // With averaged knots, the row's own basis function is nonzero at its parameter (Schoenberg & Whitney).
             if let Some(cell) =
                 (first + local + DEGREE).checked_sub(row).and_then(|place| band[row].get_mut(place))
             {
@@ -148,7 +149,8 @@ fn interpolate(line: &mut [Vector3<f64>], parameters: &[f64], knots: &[f64]) {
     }
 }
 
-/// The basis at a parameter on knots between those of the two slices round the other parameter (algorithm A.8).
+/// The basis at a parameter, with knots interpolated between the two slices next to the other parameter (algorithm
+/// A.8).
 fn basis_between(slices: &[Vec<f64>], own: f64, other: f64) -> SpanBasis {
     let place = other * (slices.len() - 1) as f64;
     let below = (place as usize).min(slices.len() - 2);
@@ -156,8 +158,8 @@ fn basis_between(slices: &[Vec<f64>], own: f64, other: f64) -> SpanBasis {
     basis(own, low.len() - DEGREE - 1, |index| low[index] + (high[index] - low[index]) * share)
 }
 
-/// The basis at a parameter among `count` control points (algorithm A.6 and equation 2.12; The NURBS Book, algorithms A2.1
-/// and A2.2). The last span is closed.
+/// The basis at a parameter for `count` control points (algorithm A.6 and equation 2.12; The NURBS Book, algorithms
+/// A2.1 and A2.2). The last span is closed.
 fn basis(parameter: f64, count: usize, knot: impl Fn(usize) -> f64) -> SpanBasis {
     let (mut span, mut end) = (DEGREE, count);
     while end - span > 1 {
@@ -194,8 +196,8 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_passes_through_its_points_at_their_chord_parameters() {
-        // Every row alike, so every row has the same knots and the surface passes through every sample.
+    fn the_surface_passes_through_its_samples_at_their_chord_parameters() {
+        // All rows are equal, so they have the same knots and the surface passes through every sample.
         let samples: Vec<_> =
             wavy(9, 7).into_iter().map(|p| Vector3::new(p.x, p.y, (0.5 * p.x).sin())).collect();
         let surface = ChordSurface::through(&samples, 9, false);
@@ -208,12 +210,12 @@ mod tests {
     }
 
     #[test]
-    fn shared_knots_keep_parameter_lines_straight_and_derivatives_true() {
+    fn averaged_knots_give_straight_parameter_lines_and_exact_derivatives() {
         let samples = wavy(12, 10);
-        let (repaired, printed) =
+        let (corrected, printed) =
             (ChordSurface::through(&samples, 12, false), ChordSurface::through(&samples, 12, true));
-        // How far a parameter line leaves the straight line, and how far derivatives are off those of the points.
-        let faults = |surface: &ChordSurface| {
+        // The deviation of a parameter line from a straight line, and the error of the derivatives.
+        let errors = |surface: &ChordSurface| {
             let h = 1e-6;
             let (mut bend, mut slope) = (0.0f64, 0.0f64);
             for (u, v) in [(0.21, 0.33), (0.52, 0.47), (0.77, 0.81)] {
@@ -225,7 +227,7 @@ mod tests {
             }
             (bend, slope)
         };
-        let ((bend, slope), (printed_bend, printed_slope)) = (faults(&repaired), faults(&printed));
+        let ((bend, slope), (printed_bend, printed_slope)) = (errors(&corrected), errors(&printed));
         assert!(bend < 1e-12 && slope < 1e-6, "{bend} {slope}");
         assert!(printed_bend > 1e-2 && printed_slope > 1e-2, "{printed_bend} {printed_slope}");
     }

@@ -6,23 +6,25 @@ use crate::geometry::normal_equations::SolveError;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ScanError {
     /// There are too few points.
-    #[error("the scan has {points} points that face the laser; a surface needs {needed}")]
+    #[error("only {points} points of the scan face the laser; a surface needs {needed}")]
     TooFewPoints {
         /// Number of points.
         points: usize,
-        /// Fewest points of a surface.
+        /// Minimum number of points.
         needed: usize,
     },
-    /// The points lie in one place or in one line as the laser sees them.
-    #[error("the points lie in a strip of {width} x {length} mm as the laser sees them")]
+    /// All points are in one place or in one line, as the laser sees them.
+    #[error("all points of the scan are in a strip of {width} x {length} mm, as the laser sees them")]
     NoArea {
         /// Width of the strip, mm.
         width: f64,
         /// Its length, mm.
         length: f64,
     },
-    /// No points hang together.
-    #[error("the {points} points of the scan form no surface: neighbours jump in height everywhere")]
+    /// No points are connected.
+    #[error(
+        "the {points} points of the scan form no surface: the height jumps between neighbouring points everywhere"
+    )]
     NoSurface {
         /// Number of points.
         points: usize,

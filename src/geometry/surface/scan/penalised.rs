@@ -1,10 +1,10 @@
-//! A penalised spline through scattered heights: outliers weighted down, smoothing found from the noise.
+//! A penalised spline through scattered heights: outliers are weighted down, and the noise determines the smoothing.
 //!
-//! The spline minimises Σ w (z − f)² + λ ∫ |∂³f|², in differences of control points (Eilers & Marx, Flexible smoothing
-//! with B-splines and penalties, Statistical Science 1996). Its frequency response is 1 / (1 + (ω/ω_c)⁶), the square of
-//! a Butterworth filter of third order, which is what running that filter forwards and backwards gives (Unser, Aldroubi
-//! & Eden, B-spline signal processing, IEEE Trans. Signal Processing 1993, part II, section IV). So λ is told as a
-//! wavelength: waves of this length are halved, shorter ones go.
+//! The spline minimises Σ w (z − f)² + λ ∫ |∂³f|², in differences of control points (Eilers & Marx, Flexible
+//! smoothing with B-splines and penalties, Statistical Science 1996). Its frequency response is 1 / (1 + (ω/ω_c)⁶),
+//! the square of a Butterworth filter of third order, the result of running that filter forwards and backwards
+//! (Unser, Aldroubi & Eden, B-spline signal processing, IEEE Trans. Signal Processing 1993, part II, section IV). So
+//! λ is given as a wavelength: waves of this length are halved, shorter ones are removed.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -15,48 +15,48 @@ use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// Points within this share of a knot distance, along x and y, are averaged before the equations are set up: over so
-/// little the surface is flat.
+/// Size of a bin along x and y, knot distances. Points in one bin are averaged before the equations are set up: the
+/// surface is almost flat over a bin.
 const BIN: f64 = 0.25;
-/// Distance between knots in distances between points: at first, with four points to a control point, and at least.
+/// Knot distance in units of the point spacing: at the start, with four points per control point, and the minimum.
 const KNOT_SPACING: [f64; 2] = [2.0, 1.0];
-/// Spans along the longer side of a surface at first, and at most where it shows finer detail than those resolve.
+/// Spans along the longer side of a surface: at the start, and the maximum for surfaces with finer detail.
 const SPANS: [f64; 2] = [96.0, 256.0];
-/// Spans along the longer side of the whole scan at first: small surfaces beside a large one need no finer knots.
+/// Spans along the longer side of the whole scan at the start: small surfaces beside a large one need no finer knots.
 const WHOLE_SPANS: f64 = 128.0;
-/// Waves shorter than this many knot distances ask for more knots.
+/// Waves shorter than this need more knots, knot distances.
 const RESOLVED: f64 = 2.0;
-/// Longest wavelength on a knot grid, knot distances: beyond it the equations lose the digits that are asked for.
+/// Longest wavelength on a knot grid, knot distances: beyond it the equations are not accurate enough.
 const LONGEST: f64 = 64.0;
-/// Where no smoothing is wanted: the penalty then only ties what has no data, knot distances.
+/// Wavelength without smoothing, knot distances: the penalty then only determines control points without data.
 const HARDLY_ANY: f64 = 0.5;
-/// Wavelength that outliers are told by before anything is known, knot distances.
+/// Wavelength for the first detection of outliers, knot distances.
 const FIRST_LOOK: f64 = 2.5;
-/// The penalty falls no lower than this on steep surface: that of 84°.
-const LEAST_TILT_WEIGHT: f64 = 1e-6;
-/// Random signs that the trace of the influence matrix is estimated with.
+/// Smallest weight of the penalty on steep surface: that at 84°.
+const MIN_TILT_WEIGHT: f64 = 1e-6;
+/// Number of random sign vectors for estimating the trace of the influence matrix.
 const PROBES: usize = 8;
-/// No scanner is better than this, mm; smaller deviations never make an outlier.
+/// Smallest assumed noise of a scanner, mm; smaller deviations are never outliers.
 const FINEST_NOISE: f64 = 0.01;
-/// Deviations that count fully, and not at all, in standard deviations of the noise.
-const SURE_TO_LOST: [f64; 2] = [3.0, 6.0];
-/// Rounds of weighing and smoothing at most; two or three are usual.
-const MOST_ROUNDS: usize = 6;
-/// A mean deviation of a neighbourhood beyond this many of its standard errors is no noise.
+/// Deviations up to which points have full weight, and from which they have none, in standard deviations of the noise.
+const FULL_TO_ZERO_WEIGHT: [f64; 2] = [3.0, 6.0];
+/// Maximum number of rounds of weighting and smoothing; two or three are usual.
+const MAX_ROUNDS: usize = 6;
+/// A mean deviation of a neighbourhood beyond this many of its standard errors is not noise.
 const SIGNIFICANT: f64 = 6.0;
 
-/// A smoothed surface with what was found about its points.
+/// A smoothed surface and the statistics of its points.
 pub(super) struct Smoothed {
     pub(super) nurbs: NurbsSurface,
     /// Standard deviation of the points from the surface, mm.
     pub(super) noise: f64,
     /// Wavelength that is halved, mm.
     pub(super) wavelength: f64,
-    /// Number of points that count.
+    /// Number of used points.
     pub(super) used: usize,
-    /// Whether each point counts.
-    pub(super) counts: Vec<bool>,
-    /// Largest mean deviation of a neighbourhood that is no noise, and where, mm.
+    /// Whether each point is used, that is, not an outlier.
+    pub(super) is_used: Vec<bool>,
+    /// Largest mean deviation of a neighbourhood that is not noise, mm, and its position.
     pub(super) departure: (f64, ViewPoint),
 }
 
@@ -69,11 +69,11 @@ struct Problem<'a> {
     solver: GridSolver<1>,
     /// Points in the order of their bins, bins in the order of their spans.
     order: Vec<u32>,
-    /// Heights are fitted from their mean, so that a part far from the origin loses no digits.
+    /// Mean height, mm. Heights are fitted relative to it, so that a part far from the origin loses no precision.
     mean: f64,
 }
 
-/// Points of one bin in one.
+/// The points of one bin, averaged.
 struct Mean {
     /// The mean point, its height above the mean of all, mm.
     point: Point3<f64>,
@@ -81,8 +81,8 @@ struct Mean {
     weight: f64,
 }
 
-/// Equations of one set of weights.
-struct Weighed {
+/// The equations for one set of weights.
+struct Weighted {
     means: Vec<Mean>,
     equations: NormalEquations<1>,
     probes: Vec<Vec<[f64; 1]>>,
@@ -90,21 +90,21 @@ struct Weighed {
     total: f64,
 }
 
-/// The deviations of the cells round a point, each by its median, mm.
+/// The typical deviation round a point, from the medians of the cells round it, mm.
 #[derive(Clone, Copy)]
 struct Usual {
     median: f64,
-    /// Half the distance between their quartiles: as much as a feature changes within a cell.
+    /// Half the distance between their quartiles: how much a feature changes within a cell.
     spread: f64,
 }
 
-/// A spline of one wavelength.
+/// A spline for one wavelength.
 struct Fit {
     wavelength: f64,
     nurbs: NurbsSurface,
-    /// Trace of the influence matrix: as many points could have been followed exactly.
+    /// Trace of the influence matrix: the effective degrees of freedom.
     freedom: f64,
-    /// The generalised cross validation of it, mm².
+    /// Its score of generalised cross-validation, mm².
     score: f64,
 }
 
@@ -144,7 +144,7 @@ impl<'a> Problem<'a> {
     ) -> Result<Self, ScanError> {
         let along = |low: f64, high: f64| {
             let spans = ((high - low) / knot_distance).ceil().max(1.0);
-            // Whole spans, the rest to both sides.
+            // Whole spans; the excess is divided between both sides.
             let start = (low + high - spans * knot_distance) / 2.0;
             UniformKnots::new(start, knot_distance, spans as usize)
         };
@@ -157,43 +157,43 @@ impl<'a> Problem<'a> {
         Ok(Self { region, cells, knots_x, knots_y, solver, order, mean })
     }
 
-    /// Weighs and smooths by turns until both stand still.
+    /// Alternates weighting and smoothing until both converge.
     fn settle(&self, weights: &mut Vec<f64>, smoothing: Smoothing) -> Result<Fit, ScanError> {
         let first = FIRST_LOOK * self.knots_x.step();
         let hardly_any = HARDLY_ANY * self.knots_x.step();
-        let mut weighed = self.weigh(weights);
+        let mut weighted = self.weighted(weights);
         let mut fit = match smoothing {
-            Smoothing::LowPass { wavelength } => self.fit(&weighed, None, wavelength)?,
-            Smoothing::Auto | Smoothing::None => self.fit(&weighed, None, first)?,
+            Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
+            Smoothing::Auto | Smoothing::None => self.fit(&weighted, None, first)?,
         };
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let next = self.reweighed(&fit);
             let moved = weights.iter().zip(&next).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             *weights = next;
-            weighed = self.weigh(weights);
+            weighted = self.weighted(weights);
             let before = fit.wavelength;
             fit = match smoothing {
-                Smoothing::Auto => self.best(&weighed, &fit)?,
-                Smoothing::LowPass { wavelength } => self.fit(&weighed, None, wavelength)?,
-                Smoothing::None => self.fit(&weighed, None, first)?,
+                Smoothing::Auto => self.best(&weighted, &fit)?,
+                Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
+                Smoothing::None => self.fit(&weighted, None, first)?,
             };
             if moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05 {
                 break;
             }
         }
         match smoothing {
-            Smoothing::None => self.fit(&weighed, None, hardly_any),
+            Smoothing::None => self.fit(&weighted, None, hardly_any),
             Smoothing::Auto | Smoothing::LowPass { .. } => Ok(fit),
         }
     }
 
-    /// The fit with the smallest score. Where there is none yet, wavelengths from hardly any smoothing to the whole
-    /// region are tried, 1.6 times apart; then the neighbourhood of the best one is searched.
-    fn best(&self, weighed: &Weighed, last: &Fit) -> Result<Fit, ScanError> {
+    /// The fit with the smallest score, searched from the last wavelength: in steps of a factor of 1.6 between almost
+    /// no smoothing and the whole region, then in smaller steps.
+    fn best(&self, weighted: &Weighted, last: &Fit) -> Result<Fit, ScanError> {
         const APART: f64 = 1.6;
         let spans = self.knots_x.spans().max(self.knots_y.spans()) as f64;
         let wavelengths = HARDLY_ANY * self.knots_x.step()..=LONGEST.min(2.0 * spans) * self.knots_x.step();
-        let fit = |wavelength: f64| self.fit(weighed, Some(&last.nurbs), wavelength);
+        let fit = |wavelength: f64| self.fit(weighted, Some(&last.nurbs), wavelength);
         let mut best = fit(last.wavelength.clamp(*wavelengths.start(), *wavelengths.end()))?;
         let is_better = |factor: f64, best: &mut Fit| {
             let wavelength = best.wavelength * factor;
@@ -201,7 +201,7 @@ impl<'a> Problem<'a> {
             let better = better.filter(|fit| fit.score < best.score);
             better.map(|fit| *best = fit).is_some()
         };
-        // Downhill to one side: the score has one valley, or a flat floor towards no smoothing.
+        // Descend in one direction: the score has one minimum, or is flat towards no smoothing.
         for factor in [1.0 / APART, APART] {
             let mut moved = false;
             while is_better(factor, &mut best) {
@@ -219,7 +219,7 @@ impl<'a> Problem<'a> {
         Ok(best)
     }
 
-    fn weigh(&self, weights: &[f64]) -> Weighed {
+    fn weighted(&self, weights: &[f64]) -> Weighted {
         let means = self.means(weights);
         let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
         let mut equations = NormalEquations::new(columns, rows);
@@ -248,10 +248,10 @@ impl<'a> Problem<'a> {
             }
         }
         let total = means.iter().map(|mean| mean.weight).sum();
-        Weighed { means, equations, probes, total }
+        Weighted { means, equations, probes, total }
     }
 
-    /// The weighted mean of the points in each bin, as far as they have weight.
+    /// The weighted mean of the points in each bin that has weight.
     fn means(&self, weights: &[f64]) -> Vec<Mean> {
         let mut means = Vec::new();
         let bin = |at: &u32| bin(&self.knots_x, &self.knots_y, &self.region.points[*at as usize]);
@@ -274,30 +274,35 @@ impl<'a> Problem<'a> {
         std::array::from_fn(|local| [x[local % 4] * y[local / 4]])
     }
 
-    /// The spline that halves waves of this length, with its score: n RSS / (n − tr A)² (Craven & Wahba, Smoothing noisy
+    /// The spline that halves waves of this length, with the score n RSS / (n − tr A)² (Craven & Wahba, Smoothing noisy
     /// data with spline functions, Numerische Mathematik 1979, eq. 1.9). The trace is the mean of vᵀAv over fixed
     /// random signs v (Hutchinson, A stochastic estimator of the trace of the influence matrix, Commun. Statist. 1990).
-    fn fit(&self, weighed: &Weighed, tilt: Option<&NurbsSurface>, wavelength: f64) -> Result<Fit, ScanError> {
-        let mut equations = weighed.equations.clone();
-        let penalty = self.penalty(weighed.total, wavelength);
+    fn fit(
+        &self,
+        weighted: &Weighted,
+        tilt: Option<&NurbsSurface>,
+        wavelength: f64,
+    ) -> Result<Fit, ScanError> {
+        let mut equations = weighted.equations.clone();
+        let penalty = self.penalty(weighted.total, wavelength);
         equations.add_roughness_penalty(|x, y| penalty * self.tilt_weight(tilt, x, y));
-        let mut solutions = weighed.probes.clone();
-        solutions.push(weighed.equations.right().to_vec());
+        let mut solutions = weighted.probes.clone();
+        solutions.push(weighted.equations.right().to_vec());
         equations.solve_each(&self.solver, &mut solutions)?;
         let heights = solutions.pop().unwrap_or_default();
         let trace = |(probe, solution): (&Vec<[f64; 1]>, &Vec<[f64; 1]>)| -> f64 {
             probe.iter().zip(solution).map(|([a], [b])| a * b).sum()
         };
-        let freedom = weighed.probes.iter().zip(&solutions).map(trace).sum::<f64>() / PROBES as f64;
+        let freedom = weighted.probes.iter().zip(&solutions).map(trace).sum::<f64>() / PROBES as f64;
         let heights = heights.into_iter().map(|[height]| height + self.mean).collect();
         let nurbs = NurbsSurface::new(self.knots_x, self.knots_y, heights)
             .ok_or(SolveError::NotPositiveDefinite { unknowns: solutions.len() })?;
-        let squares: f64 = weighed
+        let squares: f64 = weighted
             .means
             .iter()
             .map(|mean| mean.weight * (mean.point.z + self.mean - height(&nurbs, &mean.point)).powi(2))
             .sum();
-        let count = weighed.means.len() as f64;
+        let count = weighted.means.len() as f64;
         let left = (count - freedom).max(1e-3 * count);
         Ok(Fit { wavelength, nurbs, freedom, score: count * squares / (left * left) })
     }
@@ -313,20 +318,20 @@ impl<'a> Problem<'a> {
             (knots.start() + knots.step() * (place - 1.0)).clamp(knots.start(), knots.end())
         };
         let jet = surface.jet(ViewPoint::new(at(&self.knots_x, x), at(&self.knots_y, y)));
-        (1.0 + jet.gradient.norm_squared()).powi(-3).max(LEAST_TILT_WEIGHT)
+        (1.0 + jet.gradient.norm_squared()).powi(-3).max(MIN_TILT_WEIGHT)
     }
 
-    /// The weight of the penalty for a wavelength: λ = ρ (L / 2π)⁶ for ρ points in 1 mm², and a third difference of
-    /// control points h apart is h³ third derivatives.
+    /// The weight of the penalty for a wavelength: λ = ρ (L / 2π)⁶ for ρ points per mm². A third difference of control
+    /// points with distance h is h³ times the third derivative.
     fn penalty(&self, points: f64, wavelength: f64) -> f64 {
         let cells = self.region.cells.chunk_by(|a, b| a == b).count() as f64;
         let density = points / (cells * self.cells.side().powi(2));
         density * (wavelength / std::f64::consts::TAU).powi(6) / self.knots_x.step().powi(4)
     }
 
-    /// Weights after a fit: 1 for what noise explains, falling to 0 for outliers, in the manner of Tukey's biweight
-    /// (Beaton & Tukey, Technometrics 1974). A deviation that the neighbours share is a feature that the spline does
-    /// not follow, and no outlier; so each is measured from what is usual round it.
+    /// Weights after a fit: 1 for deviations that noise explains, falling to 0 for outliers, similar to Tukey's
+    /// biweight (Beaton & Tukey, Technometrics 1974). A deviation that the neighbours share is a feature that the
+    /// spline does not follow, not an outlier; so each deviation is measured relative to the usual one round it.
     fn reweighed(&self, fit: &Fit) -> Vec<f64> {
         let residuals = self.residuals(&fit.nurbs);
         let usual = self.usual(&residuals);
@@ -334,16 +339,16 @@ impl<'a> Problem<'a> {
         let all = residuals.iter().zip(&usual).zip(&self.region.trusted);
         let mut sizes: Vec<f64> = all.filter(|(_, trusted)| **trusted).map(alone).collect();
         let noise = (median(&mut sizes).unwrap_or(0.0) * TO_DEVIATION).max(FINEST_NOISE);
-        let [sure, lost] = SURE_TO_LOST;
+        let [full, zero] = FULL_TO_ZERO_WEIGHT;
         let weight = |(residual, usual): (&f64, &Usual)| {
             let deviation = (residual - usual.median).abs() - usual.spread;
-            let beyond = ((deviation / noise - sure) / (lost - sure)).clamp(0.0, 1.0);
+            let beyond = ((deviation / noise - full) / (zero - full)).clamp(0.0, 1.0);
             (1.0 - beyond * beyond).powi(2)
         };
         residuals.iter().zip(&usual).map(weight).collect()
     }
 
-    /// For each point, what deviations are usual round it.
+    /// For each point, the usual deviation round it.
     fn usual(&self, residuals: &[f64]) -> Vec<Usual> {
         let mut medians = vec![f64::NAN; self.cells.count()];
         let mut values = Vec::new();
@@ -361,7 +366,7 @@ impl<'a> Problem<'a> {
                 .extend(self.cells.window(run[0]).map(|cell| medians[cell]).filter(|value| !value.is_nan()));
             values.sort_by(f64::total_cmp);
             let count = values.len();
-            // Too few neighbours share nothing.
+            // Too few neighbours for a usual deviation.
             let here = match count {
                 0..4 => Usual { median: 0.0, spread: 0.0 },
                 _ => Usual {
@@ -375,21 +380,21 @@ impl<'a> Problem<'a> {
     }
 
     fn finish(&self, fit: Fit, weights: &[f64]) -> Smoothed {
-        let counts: Vec<bool> = weights.iter().map(|weight| *weight > 0.0).collect();
-        let used = counts.iter().filter(|counts| **counts).count();
+        let is_used: Vec<bool> = weights.iter().map(|weight| *weight > 0.0).collect();
+        let used = is_used.iter().filter(|is_used| **is_used).count();
         let residuals = self.residuals(&fit.nurbs);
-        let kept = residuals.iter().zip(&counts).filter(|(_, counts)| **counts);
+        let kept = residuals.iter().zip(&is_used).filter(|(_, is_used)| **is_used);
         let mut sizes: Vec<f64> = kept.map(|(residual, _)| residual.abs()).collect();
         let left = (1.0 - fit.freedom / used as f64).max(1e-3);
         let noise = median(&mut sizes).unwrap_or(0.0) * TO_DEVIATION / left.sqrt();
-        let departure = self.departure(&residuals, &counts, noise);
-        Smoothed { nurbs: fit.nurbs, noise, wavelength: fit.wavelength, used, counts, departure }
+        let departure = self.departure(&residuals, &is_used, noise);
+        Smoothed { nurbs: fit.nurbs, noise, wavelength: fit.wavelength, used, is_used, departure }
     }
 
-    /// The largest mean deviation of the points round a cell that noise does not explain, and where.
-    fn departure(&self, residuals: &[f64], counts: &[bool], noise: f64) -> (f64, ViewPoint) {
+    /// The largest mean deviation of the points round a cell that noise does not explain, and its position.
+    fn departure(&self, residuals: &[f64], is_used: &[bool], noise: f64) -> (f64, ViewPoint) {
         let mut sums = vec![(0.0, 0.0, Vector2::zeros()); self.cells.count()];
-        for (at, point) in self.region.points.iter().enumerate().filter(|(at, _)| counts[*at]) {
+        for (at, point) in self.region.points.iter().enumerate().filter(|(at, _)| is_used[*at]) {
             let sum = &mut sums[self.region.cells[at]];
             *sum = (sum.0 + 1.0, sum.1 + residuals[at], sum.2 + point.coords.xy());
         }
@@ -411,7 +416,7 @@ fn height(nurbs: &NurbsSurface, at: &Point3<f64>) -> f64 {
     nurbs.height(ViewPoint::new(at.x, at.y))
 }
 
-/// The span of a point and its bin in it: (row, column, bin's row, bin's column).
+/// The span of a point and its bin in the span: (row, column, bin's row, bin's column).
 fn bin(knots_x: &UniformKnots, knots_y: &UniformKnots, point: &Point3<f64>) -> [usize; 4] {
     let along = |knots: &UniformKnots, at: f64| {
         let span = knots.span(at);
@@ -421,7 +426,7 @@ fn bin(knots_x: &UniformKnots, knots_y: &UniformKnots, point: &Point3<f64>) -> [
     [row, column, y as usize, x as usize]
 }
 
-/// Random signs for the probes of a mean, one in each bit: fixed, so that the same scan gives the same surface
+/// Random signs for the probes of a mean, one in each bit: reproducible, so that the same scan gives the same surface
 /// (Steele, Lea & Flood, Fast splittable pseudorandom number generators, OOPSLA 2014: its finaliser).
 fn signs(mean: u64) -> u64 {
     let mut bits = mean.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);

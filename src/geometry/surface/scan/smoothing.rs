@@ -1,17 +1,17 @@
-//! How noise is taken out of a scan.
+//! How noise is removed from a scan.
 
-/// How noise is taken out of a scan.
+/// How noise is removed from a scan.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Smoothing {
-    /// As much as generalised cross validation finds in the points themselves.
+    /// Generalised cross-validation determines the smoothing from the points.
     #[default]
     Auto,
-    /// Waves of this length are halved, shorter ones are taken out.
+    /// Waves of this length are halved, shorter ones are removed.
     LowPass {
         /// The wavelength, mm.
         wavelength: f64,
     },
-    /// Not at all: the surface follows the points. Outliers are dropped nevertheless.
+    /// No smoothing: the surface follows the points. Outliers are still dropped.
     None,
 }
 

@@ -1,9 +1,9 @@
-//! Which points of a scan belong to surfaces that look at the laser, and to which one.
+//! Assigns the points of a scan to the surfaces that face the laser.
 //!
-//! The view is divided into square cells a little wider than the points lie apart. In every cell the uppermost points
-//! that their neighbourhood confirms are seen, what lies below them is hidden, and single points above are strays.
-//! Neighbouring cells belong to one region unless the height jumps between them: part and table, or two floors, are
-//! smoothed apart.
+//! The view is divided into square cells a little wider than the point spacing. In every cell, the uppermost points
+//! that are confirmed by their neighbourhood are visible, points below them are hidden, and single points above are
+//! strays. Neighbouring cells belong to one region unless the height jumps between them: part and table, or two
+//! levels of a part, are smoothed separately.
 
 use nalgebra::{Matrix2, Point3, Vector2};
 
@@ -11,21 +11,22 @@ use super::ScanError;
 use crate::geometry::height_field::STEEPEST_SURFACE;
 use crate::geometry::space::Extents;
 
-/// Side of a cell in distances between points: any square lattice then has a point in every cell.
+/// Side of a cell in units of the point spacing: any square lattice then has a point in every cell.
 const CELL: f64 = 1.5;
-/// Share of the points that may lie far outside at every side.
+/// Share of the points that may be far outside on each side.
 const FAR: f64 = 0.01;
-/// Share of the neighbours of occupied cells that must be occupied too; else cells are widened. A small disc has 0.75.
+/// Share of the neighbours of occupied cells that must be occupied too; otherwise cells are widened. A small disc has
+/// 0.75.
 const FILLED: f64 = 0.7;
-/// Share of the points round a point that must lie near its height.
+/// Share of the points round a point that must be near its height.
 const SUPPORT: f64 = 0.15;
-/// Fewest points of a region.
-pub(super) const FEWEST_POINTS: usize = 64;
-/// Most regions; smaller ones are debris.
-const MOST_REGIONS: usize = 16;
-/// Heights that scatter by more than this about their neighbours are no surface, sides of a cell.
+/// Minimum number of points of a region.
+pub(super) const MIN_POINTS: usize = 64;
+/// Maximum number of regions; smaller ones are debris.
+const MAX_REGIONS: usize = 16;
+/// Heights that scatter by more than this about their neighbours form no surface, in sides of a cell.
 const ROUGHEST: f64 = 4.0;
-/// Deviations beyond this many standard deviations are no noise.
+/// Deviations beyond this many standard deviations are not noise.
 const BEYOND_NOISE: f64 = 6.0;
 
 /// Square cells over the view with the points in each, the uppermost first.
@@ -37,31 +38,31 @@ pub(super) struct Cells {
     order: Vec<u32>,
 }
 
-/// Points of one surface, with those that may belong to it.
+/// The points of one surface, including those that may belong to it.
 pub(super) struct Region {
     /// The points, mm.
     pub(super) points: Vec<Point3<f64>>,
     /// The cell of each.
     pub(super) cells: Vec<usize>,
-    /// Whether the point certainly lies on the surface; the others are held against the fit.
+    /// Whether the point is certainly on the surface; the others are compared with the fit.
     pub(super) trusted: Vec<bool>,
 }
 
-/// The points of a scan, told apart.
+/// The points of a scan, assigned to surfaces.
 pub(super) struct Seen {
-    /// Surfaces that look at the laser, the one with most points first.
+    /// Surfaces that face the laser, ordered by the number of points, largest first.
     pub(super) regions: Vec<Region>,
     pub(super) cells: Cells,
     /// Number of points below a surface.
     pub(super) hidden: usize,
 }
 
-/// What is known of a cell.
+/// The surface in a cell.
 #[derive(Clone, Copy)]
 struct Cell {
-    /// Height of the surface in it, mm; not a number in an empty cell.
+    /// Height of the surface, mm; NaN in an empty cell.
     height: f64,
-    /// Its slope, never larger than on its flatter side.
+    /// Its slope, towards the flatter side along each axis.
     slope: f64,
 }
 
@@ -97,17 +98,17 @@ impl Cells {
         Some(row * self.columns + column)
     }
 
-    /// A cell and the eight round it, as far as there are any.
+    /// A cell and the up to eight cells round it.
     pub(super) fn window(&self, cell: usize) -> impl Iterator<Item = usize> {
         let offsets = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up)));
         offsets.filter_map(move |(right, up)| self.neighbour(cell, right, up))
     }
 }
 
-/// Tells the points apart, which are given as the laser sees them.
-pub(super) fn tell_apart(points: &[Point3<f64>]) -> Result<Seen, ScanError> {
-    if points.len() < FEWEST_POINTS {
-        return Err(ScanError::TooFewPoints { points: points.len(), needed: FEWEST_POINTS });
+/// Assigns the points, which are given in the view, to surfaces.
+pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanError> {
+    if points.len() < MIN_POINTS {
+        return Err(ScanError::TooFewPoints { points: points.len(), needed: MIN_POINTS });
     }
     let extents = middle(points);
     let inside: Vec<u32> =
@@ -155,7 +156,7 @@ pub(super) fn tell_apart(points: &[Point3<f64>]) -> Result<Seen, ScanError> {
     Ok(Seen { regions, cells, hidden })
 }
 
-/// The rectangle that holds all points but a few far ones, with as much again on every side.
+/// The rectangle of all points except a few far ones, extended by half its size on every side.
 fn middle(points: &[Point3<f64>]) -> Extents {
     let rank = (points.len() as f64 * FAR) as usize;
     let between = |axis: usize| {
@@ -168,19 +169,19 @@ fn middle(points: &[Point3<f64>]) -> Extents {
     Extents::of([Vector2::new(left, bottom), Vector2::new(right, top)])
 }
 
-/// Refuses points in one place or in one line.
+/// Rejects points in one place or in one line.
 fn has_area(points: &[Point3<f64>], inside: &[u32]) -> Result<(), ScanError> {
     let at = |index: &u32| points[*index as usize].coords.xy();
     let mean = inside.iter().map(at).sum::<Vector2<f64>>() / inside.len() as f64;
     let spread = inside.iter().map(|index| (at(index) - mean) * (at(index) - mean).transpose());
     let spread = spread.sum::<Matrix2<f64>>() / inside.len() as f64;
     let deviations = spread.symmetric_eigenvalues().map(|square| square.max(0.0).sqrt());
-    // An even distribution reaches √3 deviations to both sides.
+    // A uniform distribution extends √3 deviations to both sides.
     let [width, length] = [deviations.min(), deviations.max()].map(|deviation| 2.0 * 3f64.sqrt() * deviation);
     if width > length * 1e-3 && length > 1e-2 { Ok(()) } else { Err(ScanError::NoArea { width, length }) }
 }
 
-/// The points in cells so wide that few of them are empty between points.
+/// The points in cells that are wide enough that few cells between points are empty.
 fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
     let extents = Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9);
     let (size, count) = (extents.size(), inside.len() as f64);
@@ -240,7 +241,7 @@ fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
     Cells { side, columns, rows, starts, order }
 }
 
-/// A robust measure of how far heights deviate from the middle of their neighbours, mm: no less than the noise.
+/// A robust measure of how far heights deviate from the mean of their neighbours, mm: no less than the noise.
 fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
     let mut deviations = Vec::new();
     for cell in 0..cells.count() {
@@ -253,20 +254,20 @@ fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
             }
         }
     }
-    // Of three independent values of deviation 1, this combination has √1.5.
+    // For three independent values with deviation 1, this combination has the deviation √1.5.
     median(&mut deviations).map_or(0.0, |median| median * TO_DEVIATION / 1.5f64.sqrt())
 }
 
-/// Median of the absolute values of a normal distribution to its standard deviation.
+/// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
 pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
 
-/// The upper median; nothing of no values.
+/// The upper median; `None` without values.
 pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The uppermost point of a cell that enough points round it are near to; not a number if there is none.
+/// The uppermost point of a cell that has enough points near its height round it; NaN if there is none.
 fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64) -> f64 {
     let near = 1.2 * cells.side + BEYOND_NOISE * noise;
     let around: usize = cells.window(cell).map(|cell| cells.points(cell).len()).sum();
@@ -278,13 +279,13 @@ fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64)
             let above = inside.partition_point(|&at| height(at) > top + near);
             inside.partition_point(|&at| height(at) >= top - near) - above
         });
-        // The point finds itself too.
+        // The point itself is counted too.
         supporters.sum::<usize>() as f64 > needed
     };
     cells.points(cell).iter().map(|&at| height(at)).find(is_supported).unwrap_or(f64::NAN)
 }
 
-/// Slopes along x and y, each on the flatter side, so that a cliff beside the cell does not count; 0 if unknown.
+/// Slopes along x and y, each towards the flatter side, so that a cliff beside the cell is ignored; 0 if unknown.
 fn slopes(cells: &Cells, heights: &[f64], cell: usize) -> [f64; 2] {
     [(1, 0), (0, 1)].map(|(right, up)| {
         let sides = [(right, up), (-right, -up)];
@@ -296,10 +297,10 @@ fn slopes(cells: &Cells, heights: &[f64], cell: usize) -> [f64; 2] {
     })
 }
 
-/// A number for each cell, from 1: cells of one surface have the same; 0 for cells without one.
+/// A label for each cell, from 1: cells of one surface have the same label; 0 for cells without a surface.
 fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
-    // As between nodes of a height field: a smooth surface climbs no faster than its slopes, with room for curvature;
-    // than the smaller one, because an outlier is steep on all sides.
+    // As between nodes of a height field: a smooth surface climbs no faster than its slopes, plus a margin for
+    // curvature. The smaller slope is used, because an outlier is steep on all sides.
     let joined = |a: Cell, b: Cell, distance: f64| {
         let slope = a.slope.min(b.slope).min(STEEPEST_SURFACE.tan());
         let climb = (2.0 * slope + 1.0) * distance * cells.side;
@@ -332,7 +333,7 @@ fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
     labels
 }
 
-/// The regions with enough points, the largest first, each with the doubtful points in and beside its cells.
+/// The regions with enough points, the largest first, each with the uncertain points in and next to its cells.
 fn regions(
     cells: &Cells,
     points: &[Point3<f64>],
@@ -341,16 +342,16 @@ fn regions(
     hidden: &[bool],
 ) -> Vec<Region> {
     let trusted = |cell: usize, at: u32| !hidden[at as usize] && points[at as usize].z <= tops[cell];
-    let mut sizes = vec![(0usize, 0u32); labels.iter().max().map_or(0, |most| *most as usize + 1)];
+    let mut sizes = vec![(0usize, 0u32); labels.iter().max().map_or(0, |last| *last as usize + 1)];
     for cell in 0..cells.count() {
         let size = &mut sizes[labels[cell] as usize];
         *size = (size.0 + cells.points(cell).iter().filter(|at| trusted(cell, **at)).count(), labels[cell]);
     }
     let mut largest: Vec<(usize, u32)> =
-        sizes.into_iter().filter(|(size, label)| *label != 0 && *size >= FEWEST_POINTS).collect();
+        sizes.into_iter().filter(|(size, label)| *label != 0 && *size >= MIN_POINTS).collect();
     largest.sort_by_key(|(size, label)| (std::cmp::Reverse(*size), *label));
-    largest.truncate(MOST_REGIONS);
-    let mut place = vec![usize::MAX; labels.iter().max().map_or(0, |most| *most as usize + 1)];
+    largest.truncate(MAX_REGIONS);
+    let mut place = vec![usize::MAX; labels.iter().max().map_or(0, |last| *last as usize + 1)];
     for (index, (_, label)) in largest.iter().enumerate() {
         place[*label as usize] = index;
     }
@@ -358,14 +359,14 @@ fn regions(
     let mut regions: Vec<Region> = largest.iter().map(region).collect();
     for cell in 0..cells.count() {
         let own = place[labels[cell] as usize];
-        // A cell of debris is held against the largest surface beside it.
+        // A cell of debris is compared with the largest surface next to it.
         let nearest = || cells.window(cell).map(|near| place[labels[near] as usize]).min();
         let index = if own == usize::MAX { nearest().unwrap_or(own) } else { own };
         let Some(region) = regions.get_mut(index) else { continue };
         let mut last = None;
         for &at in cells.points(cell) {
             let point = points[at as usize];
-            // The same point twice is one measurement.
+            // A repeated point is one measurement.
             if hidden[at as usize] || last.replace(point) == Some(point) {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! The lines of the journal, as they are written and read.
+//! The lines of the journal: writing and reading.
 
 use std::io;
 use std::time::{Duration, UNIX_EPOCH};
@@ -12,7 +12,7 @@ use crate::hotfolder::state::drop_id::DropId;
 /// The file in the state folder.
 pub(super) const JOURNAL: &str = "journal.log";
 
-/// What one drawing was made of and became.
+/// The inputs and the result of one drawing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Job {
     /// Its original.
@@ -21,9 +21,9 @@ pub(crate) struct Job {
     pub(crate) sku: String,
     /// The name of the result in the import folder.
     pub(crate) name: String,
-    /// Hash of everything the result depends on: name, pattern, surface, settings and version.
+    /// Hash of everything that the result depends on: name, pattern, surface, settings and version.
     pub(crate) key: String,
-    /// Hash of what may change without a new drop: surface and settings.
+    /// Hash of the inputs that may change without a new drop: surface and settings.
     pub(crate) basis: String,
     /// Hash of the pattern.
     pub(crate) pattern: String,
@@ -31,27 +31,27 @@ pub(crate) struct Job {
     pub(crate) result: String,
 }
 
-/// Whether BeamConstruct holds a drawing that lies in the import folder.
+/// Whether a drawing in the import folder is imported into BeamConstruct.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Import {
-    /// Nobody was to see to it: an importer takes drawings from the folder.
+    /// Not needed: an importer takes drawings from the folder.
     #[default]
     ByFolder,
-    /// BeamServer has still to be told.
+    /// It is still to be imported by BeamServer.
     Due,
     /// It was imported.
     Done,
 }
 
-/// Whether a drawing is known to have got its name in the import folder.
+/// Whether it is certain that a drawing got its final name in the import folder.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Certainty {
-    /// It did.
+    /// It is certain.
     #[default]
     Certain,
-    /// The station was interrupted, and the folder holds neither the drawing nor its temporary file.
+    /// The station was interrupted, and the folder contains neither the drawing nor its temporary file.
     Uncertain,
 }
 
@@ -61,7 +61,7 @@ impl Certainty {
     }
 }
 
-/// A [`Stamp`] as it is written.
+/// A [`Stamp`] in the form in which it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct StampRecord {
     size: u64,
@@ -71,8 +71,8 @@ pub(crate) struct StampRecord {
 }
 
 impl StampRecord {
-    /// Whether it is the stamp of this file. Some shares number their files anew with each mount: size and time of the
-    /// last write, to the nanosecond, decide where the system tells the time.
+    /// Whether it is the stamp of this file. Some shares give their files new numbers with each mount. So where the
+    /// time is known, size and time of the last write, to the nanosecond, decide.
     pub(crate) fn is_of(&self, stamp: Stamp) -> bool {
         self.is_same(Self::from(stamp))
     }
@@ -83,18 +83,18 @@ impl StampRecord {
     }
 }
 
-/// A step that cannot be taken back.
+/// A step that cannot be undone.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "did", rename_all = "kebab-case")]
 pub(super) enum Record {
-    /// What this station's temporary files bear in their names.
+    /// The tag in the names of this station's temporary files.
     Tag {
         tag: String,
-        /// Which folder was the state folder: a copy of it is another station's.
+        /// The identity of the state folder: a copy of the folder belongs to another station.
         #[serde(default)]
         home: Option<Identity>,
     },
-    /// The drawing lies in the import folder under its temporary name and is about to be renamed.
+    /// The drawing is in the import folder under its temporary name and is about to be renamed.
     Delivering {
         #[serde(flatten)]
         job: Job,
@@ -106,47 +106,47 @@ pub(super) enum Record {
         #[serde(default)]
         tag: String,
     },
-    /// It bears its own name.
+    /// The drawing has its final name.
     Delivered {
         drop: DropId,
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
     },
-    /// A thread is at this drop.
+    /// A thread started to process this drop.
     Began { drop: DropId, stamp: StampRecord },
-    /// It is not any more.
+    /// The thread ended its work on this drop.
     Ended { drop: DropId },
-    /// The station ended as often while a thread was at this drop; ends within less than a minute of one start of the machine
-    /// are one.
+    /// The number of crashes of the station while a thread processed this drop. Crashes within a minute of each other
+    /// and of one start of the machine are counted once.
     Died {
         drop: DropId,
         stamp: StampRecord,
         deaths: u32,
-        /// Which start of the machine it was that `uptime` counts from.
+        /// The start of the machine from which `uptime` is counted.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         boot: String,
         /// How long the machine had been running when this was counted, s.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         uptime: Option<u64>,
     },
-    /// It could not be renamed; the drop waits.
+    /// The drawing could not be renamed; the drop waits.
     Cancelled { drop: DropId },
-    /// The original is about to go to the archive.
+    /// The original is about to be moved to the archive.
     Filing {
         drop: DropId,
         sku: String,
         stamp: StampRecord,
         to: String,
-        /// The drawing; of one that was delivered before, older versions may have noted none.
+        /// The drawing; older versions left it out for a drawing that was delivered before.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         job: Option<Job>,
-        /// Whether that drawing is known to have been delivered.
+        /// Whether the delivery of that drawing is certain.
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
         #[serde(default)]
         hot: Option<Identity>,
     },
-    /// A drawing is done; all that later jobs need to know of it.
+    /// A drawing is done, with everything that later jobs need to know about it.
     Done {
         #[serde(flatten)]
         job: Job,
@@ -170,7 +170,7 @@ pub(super) enum Record {
     },
 }
 
-/// A step and when it was taken.
+/// A step and its time.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Line {
     pub(super) at: String,
@@ -186,26 +186,26 @@ impl From<Stamp> for StampRecord {
     }
 }
 
-/// What a line begins with.
+/// The checksum at the start of a line.
 pub(super) fn checksum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..8].to_owned()
 }
 
-/// The line as it stands in the file.
+/// A line in the form in which it is written to the file.
 pub(super) fn written(line: &Line) -> io::Result<String> {
     let json = serde_json::to_string(line).map_err(io::Error::other)?;
     Ok(format!("{} {json}\n", checksum(&json)))
 }
 
-/// What a line is.
+/// The result of reading a line.
 pub(super) enum Parsed {
     Good(Line),
-    /// It is as it was written, and says what this version does not know.
+    /// It is undamaged, but this version does not know its content.
     Unknown,
     Damaged,
 }
 
-/// What a line of the file is.
+/// Reads a line of the file.
 pub(super) fn parse(line: &[u8]) -> Parsed {
     let text = std::str::from_utf8(line).ok().and_then(|text| text.strip_suffix('\n'));
     let Some((sum, json)) = text.and_then(|text| text.split_once(' ')) else { return Parsed::Damaged };

@@ -1,4 +1,4 @@
-//! A journal that is written beside the old one and then put in its place.
+//! A new journal that is written beside the old one and then replaces it.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::line::{JOURNAL, Line, written};
 use crate::files::{in_full, named, sync_folder, temporary};
 
-/// What is written before it is flushed: the last flush, for which jobs wait, is to be a short one, bytes.
+/// The journal is flushed each time after this many bytes, so that the last flush, for which jobs wait, is short.
 const FLUSHED: u64 = 1 << 20;
 
 /// A journal that is being written beside the old one.
@@ -33,14 +33,14 @@ impl NewJournal {
         Ok(())
     }
 
-    /// Flushes what was written so far.
+    /// Flushes the lines that were written so far.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.file.as_file().sync_data()?;
         self.flushed = self.length;
         Ok(())
     }
 
-    /// Gives it the journal's name; returns its lines and its length in bytes.
+    /// Replaces the old journal; returns the number of lines and the length in bytes.
     pub(super) fn keep(self, folder: &Path) -> io::Result<(usize, u64)> {
         let place = folder.join(JOURNAL);
         self.file.as_file().sync_all()?;

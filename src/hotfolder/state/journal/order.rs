@@ -1,4 +1,4 @@
-//! The order of what the journal tells, for those who only read it.
+//! The order of the records in the journal, for programs that only read it.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -8,10 +8,10 @@ use super::line::{JOURNAL, Line, Parsed, Record, parse};
 use crate::config::{Sku, fold};
 use crate::files::read_if_there;
 
-/// In which order the journal tells what became of drops, in lines: clocks may be set back.
+/// The line numbers of the outcomes of drops. They show the order even if the clock was set back.
 #[derive(Default)]
 pub(crate) struct JournalPositions {
-    /// By where they lie in the rejected folder, with `/`.
+    /// By the path in the rejected folder, with `/`.
     rejected: BTreeMap<String, usize>,
     /// By the result's folded name, with the key of its job and the place of its original.
     delivered: BTreeMap<String, (usize, String, String)>,
@@ -20,7 +20,7 @@ pub(crate) struct JournalPositions {
 }
 
 impl JournalPositions {
-    /// Reads the journal in the state folder, also while a station writes it.
+    /// Reads the journal in the state folder; a station may write it at the same time.
     pub(crate) fn read(state: &Path) -> io::Result<Self> {
         let bytes = read_if_there(&state.join(JOURNAL))?.unwrap_or_default();
         let mut order = Self::default();
@@ -32,8 +32,8 @@ impl JournalPositions {
                 }
                 Record::Done { job, original, .. } if !job.drop.is_archived() => {
                     let last = order.delivered.entry(fold(&job.name)).or_default();
-                    // A line that repeats the one before it only notes an import by BeamServer, a basis, or that the
-                    // original was removed.
+                    // A line for the same job only records an import by BeamServer, a new basis, or the removal of the
+                    // original.
                     if last.1 == job.key && original.is_empty() {
                         last.2.clear();
                     } else if (&last.1, &last.2) != (&job.key, &original) {
@@ -51,17 +51,17 @@ impl JournalPositions {
         Ok(order)
     }
 
-    /// The line that says that this was rejected; `None` when the journal has been written anew since.
+    /// The line of this rejection; `None` if the journal has been rewritten since.
     pub(crate) fn rejected(&self, to: &str) -> Option<usize> {
         self.rejected.get(to).copied()
     }
 
-    /// The line by which a drawing of this name was done.
+    /// The line of the last delivery with this name.
     pub(crate) fn delivered(&self, name: &str) -> Option<usize> {
         self.delivered.get(&fold(name)).map(|(number, ..)| *number)
     }
 
-    /// The line by which the SKU's part was done.
+    /// The line of the SKU's last learned part.
     pub(crate) fn learned(&self, sku: &Sku) -> Option<usize> {
         self.learned.get(sku.key()).copied()
     }

@@ -1,5 +1,5 @@
 //! The newest result of each name. A station remembers a hundred thousand of them, so each is packed into one block of
-//! bytes, in which hashes take half of the digits that they are written with.
+//! bytes, with one byte for two digits of a hash.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound::{Excluded, Unbounded};
@@ -16,28 +16,28 @@ pub(crate) struct Delivered {
     pub(crate) job: Job,
     /// When it was delivered.
     pub(crate) at: String,
-    /// Its original in the archive, relative to the SKU's folder; empty when it is not there.
+    /// Its original in the archive, relative to the SKU's folder; empty if it is not in the archive.
     pub(crate) original: String,
     pub(crate) import: Import,
-    /// Whether it is known to have been delivered.
+    /// Whether its delivery is certain.
     pub(crate) certainty: Certainty,
-    /// Hash of the older result that BeamConstruct holds as long as this one is due there.
+    /// Hash of the older result that is in BeamConstruct until this one is imported.
     pub(super) older: String,
 }
 
 impl Delivered {
-    /// Whether people mean it by this name: that of the drawing, or that of the drop.
+    /// Whether this is its name: that of the drawing or that of the drop, in any spelling.
     pub(crate) fn is_called(&self, name: &str) -> bool {
         [&self.job.name, &self.job.drop.to_string()].iter().any(|known| fold(known) == fold(name))
     }
 
-    /// Whether it can be corrected again and an older version wrote its basis, so that nothing says whether it is
+    /// Whether it can be corrected again, but an older version wrote its basis, so that it is unknown whether it is
     /// outdated.
     pub(crate) fn is_of_older_form(&self) -> bool {
         !self.original.is_empty() && !is_comparable(&self.job.basis)
     }
 
-    /// The line that tells it.
+    /// The line for this result.
     pub(super) fn line(self) -> Line {
         let Self { job, at, original, import, certainty, older } = self;
         Line { at, record: Record::Done { job, original, import, older, certainty } }
@@ -49,7 +49,7 @@ impl Delivered {
     }
 }
 
-/// Results by their names, folded: on a Windows share two spellings are one file.
+/// Results by their folded names: on a Windows share, two spellings are one file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Results {
     all: BTreeMap<Arc<str>, Packed>,
@@ -68,7 +68,7 @@ impl Results {
         self.all.get(&*fold(name))?.unpack()
     }
 
-    /// Takes in a result in the place of an older one of its name; returns the name, folded.
+    /// Adds a result, replacing an older one with its name; returns the folded name.
     pub(super) fn insert(&mut self, result: &Delivered) -> Arc<str> {
         self.remove(&result.job.name);
         let name: Arc<str> = fold(&result.job.name).into();
@@ -102,24 +102,24 @@ impl Results {
         self.all.values().filter_map(Packed::unpack)
     }
 
-    /// At most `most` results behind a folded name, with the last one's.
-    pub(super) fn after(&self, name: Option<&str>, most: usize) -> (Vec<Delivered>, Option<Arc<str>>) {
+    /// Up to `limit` results after a folded name, with the folded name of the last one.
+    pub(super) fn after(&self, name: Option<&str>, limit: usize) -> (Vec<Delivered>, Option<Arc<str>>) {
         let start = name.map_or(Unbounded, Excluded);
-        let some: Vec<_> = self.all.range::<str, _>((start, Unbounded)).take(most).collect();
+        let some: Vec<_> = self.all.range::<str, _>((start, Unbounded)).take(limit).collect();
         let last = some.last().map(|(name, _)| Arc::clone(name));
         (some.into_iter().filter_map(|(_, result)| result.unpack()).collect(), last)
     }
 
-    /// At most `most` results of a SKU behind a folded name, with the last one's.
+    /// Up to `limit` results of a SKU after a folded name, with the folded name of the last one.
     pub(super) fn of_sku(
         &self,
         sku: &Sku,
         after: Option<&str>,
-        most: usize,
+        limit: usize,
     ) -> (Vec<Delivered>, Option<Arc<str>>) {
         let Some(names) = self.by_sku.get(sku) else { return (Vec::new(), None) };
         let start = after.map_or(Unbounded, Excluded);
-        let some: Vec<_> = names.range::<str, _>((start, Unbounded)).take(most).collect();
+        let some: Vec<_> = names.range::<str, _>((start, Unbounded)).take(limit).collect();
         let results = some.iter().filter_map(|name| self.all.get(*name)?.unpack()).collect();
         (results, some.last().map(|name| Arc::clone(name)))
     }
@@ -132,7 +132,7 @@ impl Results {
         self.of_older_form
     }
 
-    /// The SKUs that there are results of.
+    /// The SKUs with results.
     pub(super) fn skus(&self) -> impl Iterator<Item = &Sku> {
         self.by_sku.keys()
     }
@@ -146,11 +146,11 @@ impl Results {
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Packed(Box<[u8]>);
 
-/// How a text is packed.
+/// A text that is stored unchanged.
 const TEXT: u8 = 0;
-/// Two lower-case hexadecimal digits a byte.
+/// A text of hexadecimal digits in lower case, with two digits per byte.
 const HEXADECIMAL: u8 = 1;
-/// It is the result's name.
+/// A text that is the same as the result's name.
 const NAME: u8 = 2;
 
 impl Packed {
@@ -164,7 +164,7 @@ impl Packed {
         };
         let mut bytes = vec![import, u8::from(*certainty == Certainty::Uncertain)];
         put(&mut bytes, name, "");
-        // What stands before the hash in a basis names its form.
+        // A basis consists of its form, a colon and a hash.
         let (form, hash) = basis.rsplit_once(':').map_or(("", &**basis), |(form, hash)| (form, hash));
         bytes.push(u8::from(basis.contains(':')));
         for text in [&drop.to_string(), sku, key, form, hash, pattern, result, at, original, older] {
@@ -173,7 +173,7 @@ impl Packed {
         Self(bytes.into())
     }
 
-    /// The result; always there, because nobody else packs any.
+    /// The result; never `None`, because all bytes come from [`Packed::of`].
     fn unpack(&self) -> Option<Delivered> {
         let mut bytes = &*self.0;
         let import = match take(&mut bytes, 1)? {
@@ -210,7 +210,7 @@ fn put(bytes: &mut Vec<u8>, text: &str, name: &str) {
     }
 }
 
-/// Seven bits a byte, the low ones first; the last byte is below 128.
+/// Seven bits per byte, the low ones first; the last byte is below 128.
 fn put_length(bytes: &mut Vec<u8>, mut length: usize) {
     while length >= 128 {
         bytes.push((length % 128) as u8 + 128);
@@ -259,7 +259,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_comes_back(
+        fn a_packed_result_is_unpacked_unchanged(
             words in proptest::array::uniform9("(|[0-9a-f]{32}|v[0-9]:[0-9a-f]{64}|archive:can/[a-c(). 0-9/]{1,9}|.{0,200}|:+)"),
             import in proptest::sample::select(vec![Import::ByFolder, Import::Due, Import::Done]),
             certain in any::<bool>(),
@@ -270,13 +270,13 @@ mod tests {
             if same {
                 words[7] = words[2].clone();
             }
-            let meant = result(&words, import, certainty);
-            prop_assert_eq!(Packed::of(&meant).unpack(), Some(meant));
+            let expected = result(&words, import, certainty);
+            prop_assert_eq!(Packed::of(&expected).unpack(), Some(expected));
         }
     }
 
     #[test]
-    fn a_usual_result_takes_a_quarter_of_its_line() {
+    fn a_typical_result_takes_a_quarter_of_its_line() {
         let hash = |byte: &str| byte.repeat(32);
         let words = ["mug@date.dxf", "mug", "mug@date.dxf", &hash("ab")[..32], &format!("v2:{}", hash("cd"))];
         let rest = [&*hash("01"), &*hash("ef"), "mug@date.dxf", ""];

@@ -1,22 +1,23 @@
-//! A long journal is written anew with what still counts, while jobs go on.
+//! Rewrites a long journal with only the needed records, while jobs continue.
 
 use std::collections::BTreeSet;
 use std::io;
 use std::sync::MutexGuard;
 
 use super::new_journal::NewJournal;
-use super::{IDLE_LINES, Journal, MOST_RESULTS, age};
+use super::{IDLE_LINES, Journal, MAX_RESULTS, age};
 
-/// Results that are written while nobody else can use the journal: less than a millisecond.
+/// Number of results that are written while no job can use the journal: this takes less than a millisecond.
 const SLICE: usize = 200;
+
 impl Journal {
-    /// Whether it has many more lines than what still counts.
+    /// Whether it has many lines that are no longer needed.
     pub(crate) fn is_long(&self) -> bool {
         self.lines > self.live() + IDLE_LINES
     }
 }
 
-/// Writes the journal anew if it has become long, slice by slice, so that no job waits for it.
+/// Rewrites the journal if it has become long, in slices, so that no job waits for it.
 pub(crate) fn keep_short<'j>(journal: impl Fn() -> MutexGuard<'j, Journal>) {
     if !journal().is_long() {
         return;
@@ -25,15 +26,15 @@ pub(crate) fn keep_short<'j>(journal: impl Fn() -> MutexGuard<'j, Journal>) {
     let mut journal = journal();
     journal.changed = None;
     if let Err(error) = rewritten {
-        tracing::warn!("the journal stays long: {error}");
-        // It is tried again when as many lines have come.
+        tracing::warn!("the journal cannot be shortened: {error}");
+        // The next attempt is made after as many new lines.
         journal.lines = 0;
     }
 }
 
-/// As [`Journal::forget_surplus`], slice by slice.
+/// The same as [`Journal::forget_surplus`], in slices.
 fn forget_surplus<'j>(journal: &impl Fn() -> MutexGuard<'j, Journal>) {
-    let surplus = journal().results.len().saturating_sub(MOST_RESULTS);
+    let surplus = journal().results.len().saturating_sub(MAX_RESULTS);
     if surplus == 0 {
         return;
     }
@@ -51,7 +52,7 @@ fn forget_surplus<'j>(journal: &impl Fn() -> MutexGuard<'j, Journal>) {
     for slice in by_age.chunks(SLICE) {
         let mut journal = journal();
         for (at, name) in slice {
-            // One that came meanwhile is not old.
+            // A result that was replaced meanwhile is not old.
             if journal.results.get(name).is_some_and(|result| result.at == *at) {
                 journal.results.remove(name);
             }
@@ -79,7 +80,7 @@ fn rewrite<'j>(journal: &impl Fn() -> MutexGuard<'j, Journal>) -> io::Result<()>
     }
     new.flush()?;
     let mut journal = journal();
-    // What came meanwhile stands behind what it replaces.
+    // The results that were added meanwhile are written after those that they replace.
     for name in journal.changed.take().unwrap_or_default() {
         if let Some(result) = journal.results.get(&name) {
             new.put(&result.line())?;

@@ -1,28 +1,29 @@
-//! How far a job came whose steps cannot be taken back.
+//! The stage of a job, from the steps that cannot be undone.
 
 use super::line::{Certainty, Job, Record, StampRecord};
 use crate::hotfolder::seen::folders::Identity;
 use crate::hotfolder::state::drop_id::DropId;
 
-/// A job that was begun and not filed away.
+/// A job that was started and not filed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct OpenJob {
     pub(crate) stamp: StampRecord,
     pub(crate) sku: String,
-    /// Which folder was the hot folder, where that was noted.
+    /// The identity of the hot folder, if it was noted.
     pub(crate) hot: Option<Identity>,
     pub(crate) stage: Stage,
 }
 
-/// The last step of a job that the journal knows.
+/// The last step of a job in the journal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Stage {
-    /// The drawing lies flushed in the import folder under a temporary name with this tag, and is about to get its own.
+    /// The drawing is flushed in the import folder under a temporary name with this tag, and is about to get its final
+    /// name.
     Renaming { result: Job, import: Option<Identity>, tag: String },
-    /// It bears its own name, or may have borne it.
+    /// The drawing has its final name, or may have had it.
     Delivered { result: Job, certainty: Certainty },
-    /// The original is about to go to the archive, to a path relative to the SKU's folder. A part has no result, nor has
-    /// a pattern that an older version filed.
+    /// The original is about to be moved to the archive, to a path relative to the SKU's folder. There is no result for
+    /// a part, and for a pattern that an older version filed.
     Filing { result: Option<(Job, Certainty)>, to: String },
 }
 
@@ -37,7 +38,7 @@ impl Stage {
 }
 
 impl OpenJob {
-    /// Whether the drawing lies, or may have lain, in the import folder.
+    /// Whether the drawing was delivered, or may have been.
     pub(crate) fn is_delivered(&self) -> bool {
         match &self.stage {
             Stage::Renaming { .. } => false,
@@ -46,19 +47,20 @@ impl OpenJob {
         }
     }
 
-    /// The drawing got its name.
+    /// Notes that the drawing got its final name.
     pub(super) fn delivered(&mut self, now: Certainty) {
         match &mut self.stage {
             Stage::Renaming { result, .. } | Stage::Delivered { result, .. } => {
                 self.stage = Stage::Delivered { result: result.clone(), certainty: now };
             }
-            // Older versions noted it after they had begun to file.
+            // Older versions noted the delivery after the start of the filing.
             Stage::Filing { result: Some((_, certainty)), .. } => *certainty = now,
             Stage::Filing { result: None, .. } => {}
         }
     }
 
-    /// The original is about to go to `to`. Nothing is filed that was not delivered, also where the journal lacks that line.
+    /// Notes that the original is about to be moved to `to`. Only a delivered drawing is filed, so it was delivered
+    /// even if the journal lacks that line.
     pub(super) fn filing(&mut self, now: Option<(Job, Certainty)>, to: String) {
         let noted = now.as_ref().map(|(_, certainty)| *certainty).unwrap_or_default();
         let result = match &self.stage {
@@ -69,7 +71,7 @@ impl OpenJob {
         self.stage = Stage::Filing { result, to };
     }
 
-    /// The lines that say so.
+    /// The records that restore this job.
     pub(super) fn records(&self, drop: &DropId) -> Vec<Record> {
         let (stamp, hot) = (self.stamp, self.hot);
         let delivering = |job: &Job, import, tag: &str| {

@@ -21,13 +21,13 @@ fn job(name: &str, key: &str) -> Job {
 
 const STAMP: Stamp = Stamp { size: 7, modified: None, identity: 3 };
 
-/// Everything that counts, for comparison.
+/// Everything that is remembered, for comparison.
 fn state(journal: &Journal) -> (BTreeMap<DropId, OpenJob>, Results, BTreeMap<String, Refused>) {
     (journal.open.clone(), journal.results.clone(), journal.refused.clone())
 }
 
 #[test]
-fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
+fn a_cut_journal_reads_as_the_lines_before_the_cut() {
     let folder = tempfile::tempdir().unwrap();
     let mut states = Vec::new();
     let mut journal = Journal::open(folder.path()).unwrap();
@@ -57,16 +57,12 @@ fn every_cut_of_the_journal_reads_as_the_lines_before_it() {
         let journal = Journal::open(folder.path()).unwrap();
         assert_eq!(state(&journal), expected.1, "cut after {cut} bytes");
         drop(journal);
-        assert_eq!(
-            state(&Journal::open(folder.path()).unwrap()),
-            expected.1,
-            "written anew after {cut} bytes"
-        );
+        assert_eq!(state(&Journal::open(folder.path()).unwrap()), expected.1, "rewritten after {cut} bytes");
     }
 }
 
 #[test]
-fn an_original_goes_only_when_nothing_needs_it() {
+fn an_original_is_removed_only_when_nothing_needs_it() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
     let sku: Sku = "can".parse().unwrap();
@@ -82,7 +78,7 @@ fn an_original_goes_only_when_nothing_needs_it() {
     }
     journal.began(&DropId::archived(&sku, "busy.dxf"), STAMP).unwrap();
     journal.delivering(&job("done.dxf", "2"), Stamp { size: 8, ..STAMP }, None).unwrap();
-    for (place, goes) in [
+    for (place, is_removed) in [
         ("due.dxf", false),
         ("uncertain.dxf", false),
         ("busy.dxf", false),
@@ -91,14 +87,14 @@ fn an_original_goes_only_when_nothing_needs_it() {
         ("never-seen.dxf", false),
         ("(2)/never-seen.step", true),
     ] {
-        assert_eq!(journal.remove_original(&sku, place, || Ok(())).unwrap(), goes, "{place}");
+        assert_eq!(journal.remove_original(&sku, place, || Ok(())).unwrap(), is_removed, "{place}");
     }
     journal.cancelled(&id("done.dxf")).unwrap();
     let at = journal.result("done.dxf").unwrap().at.clone();
     let before = state(&journal);
     let full = || Err(io::ErrorKind::StorageFull.into());
     assert!(journal.remove_original(&sku, "done.dxf", full).is_err());
-    assert_eq!(state(&journal), before, "what could not be removed is known as before");
+    assert_eq!(state(&journal), before, "an original that could not be removed is not forgotten");
     assert!(journal.remove_original(&sku, "done.dxf", || Ok(())).unwrap());
     drop(journal);
     let journal = Journal::open(folder.path()).unwrap();
@@ -107,16 +103,16 @@ fn an_original_goes_only_when_nothing_needs_it() {
     assert_eq!(journal.result("due.dxf").unwrap().original, "due.dxf");
 }
 
-/// Two stations may deliver into one folder, and each knows its own temporary files for ever.
+/// Two stations may deliver to one folder, and each must always recognize its own temporary files.
 #[test]
-fn a_station_keeps_a_tag_of_its_own() {
+fn a_station_keeps_its_own_tag() {
     let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let mut journal = Journal::open(one.path()).unwrap();
     let tag = journal.tag().to_owned();
     assert_ne!(tag, Journal::open(other.path()).unwrap().tag());
     journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
     assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
-    journal.write_anew().unwrap();
+    journal.rewrite().unwrap();
     assert_eq!(Journal::open(one.path()).unwrap().tag(), tag);
     // A station of an older version may have been interrupted.
     let older = written(&Line { at: clock::now(), record: Record::Cancelled { drop: id("a") } });
@@ -124,9 +120,9 @@ fn a_station_keeps_a_tag_of_its_own() {
     assert_eq!(Journal::open(one.path()).unwrap().tag(), tag_of_older(one.path()));
 }
 
-/// Two stations may deliver into one folder, and one must not sweep away what the other is about to deliver.
+/// Two stations may deliver to one folder, and one must not remove the temporary files of the other.
 #[test]
-fn a_copy_of_a_state_folder_is_another_stations() {
+fn a_copy_of_a_state_folder_belongs_to_another_station() {
     let [one, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let mut journal = Journal::open(one.path()).unwrap();
     journal.delivering(&job("a.dxf", "1"), STAMP, Some(7)).unwrap();
@@ -136,13 +132,13 @@ fn a_copy_of_a_state_folder_is_another_stations() {
     assert_ne!(copy.tag(), tag);
     let open = copy.begun(&id("a.dxf"), STAMP).unwrap();
     let is_ours = matches!(&open.stage, Stage::Renaming { tag: its, .. } if *its == tag);
-    assert!(is_ours, "its own temporary file is known: {open:?}");
+    assert!(is_ours, "its own temporary file is recognized: {open:?}");
     assert_eq!(Journal::open(other.path()).unwrap().tag(), copy.tag());
 }
 
-/// Machines without a battery begin in 1970, and the net sets their clocks.
+/// Machines without a battery start in 1970, until the network sets their clocks.
 #[test]
-fn a_clock_that_jumps_counts_no_end_twice() {
+fn a_clock_that_jumps_counts_no_crash_twice() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(JOURNAL);
     for round in 0..6 {
@@ -151,7 +147,7 @@ fn a_clock_that_jumps_counts_no_end_twice() {
         assert_eq!(deaths, round.min(1));
         journal.began(&id("a.obj"), STAMP).unwrap();
         drop(journal);
-        // Whatever was noted by the clock was noted in another hour.
+        // All times are changed, as if the clock had jumped.
         let lines = fs::read_to_string(&path).unwrap();
         let other = lines.lines().map(|line| {
             let (_, json) = line.split_once(' ').unwrap();
@@ -164,28 +160,28 @@ fn a_clock_that_jumps_counts_no_end_twice() {
 }
 
 #[test]
-fn ends_are_counted_by_the_time_that_passed() {
+fn crashes_are_counted_by_the_time_between_them() {
     let at = |boot: &str, seconds| Some(Uptime { boot: boot.into(), since: Duration::from_secs(seconds) });
     for (name, deaths, last, now, expected) in [
         ("the first one", 0, None, at("a", 5), true),
         ("soon after", 1, at("a", 5), at("a", 64), false),
         ("a minute after", 1, at("a", 5), at("a", 65), true),
         ("soon after another start of the machine", 1, at("a", 5), at("b", 30), true),
-        ("soon after a start that is not told apart", 1, at("", 50), at("", 30), false),
-        ("the start is told from now on", 1, at("", 5), at("b", 30), false),
+        ("soon after a start that is not distinguished", 1, at("", 50), at("", 30), false),
+        ("the start is reported from now on", 1, at("", 5), at("b", 30), false),
         ("long after another start of the machine", 1, at("a", 5000), at("b", 60), true),
         ("an older version counted", 3, None, at("a", 5), true),
-        ("the first one, and no system tells", 0, None, None, true),
-        ("the second one, and no system tells", 1, None, None, false),
-        ("the system told before", 1, at("a", 5), None, false),
+        ("the first one, with unknown uptime", 0, None, None, true),
+        ("the second one, with unknown uptime", 1, None, None, false),
+        ("the uptime was known before", 1, at("a", 5), None, false),
     ] {
         let at_work = AtWork { stamp: STAMP.into(), deaths, last_death: last, under_way: true };
-        assert_eq!(counts(&at_work, now.as_ref()), expected, "{name}");
+        assert_eq!(is_new_death(&at_work, now.as_ref()), expected, "{name}");
     }
 }
 
 #[test]
-fn ends_without_a_word_are_counted_for_what_was_under_way() {
+fn crashes_are_counted_for_the_drops_being_processed() {
     let folder = tempfile::tempdir().unwrap();
     let open = || Journal::open(folder.path()).unwrap();
     let deaths = |journal: &Journal, drop: &str| journal.suspects().get(&id(drop)).map(|(_, deaths)| *deaths);
@@ -212,7 +208,7 @@ fn ends_without_a_word_are_counted_for_what_was_under_way() {
 }
 
 #[test]
-fn what_a_newer_version_wrote_is_not_thrown_away() {
+fn lines_of_a_newer_version_are_not_discarded() {
     let folder = tempfile::tempdir().unwrap();
     drop(Journal::open(folder.path()).unwrap());
     let path = folder.path().join(JOURNAL);
@@ -224,9 +220,9 @@ fn what_a_newer_version_wrote_is_not_thrown_away() {
     assert_eq!(fs::read_to_string(&path).unwrap(), text);
 }
 
-/// Should the folder not be flushed after the journal is replaced, nobody knows how long it is.
+/// If flushing the folder fails after the journal was replaced, the known length is wrong.
 #[test]
-fn a_journal_that_was_replaced_goes_on_at_its_end() {
+fn a_replaced_journal_continues_at_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
     journal.done(&job("a.dxf", "1"), "a.dxf", Import::ByFolder, Certainty::Certain).unwrap();
@@ -241,7 +237,7 @@ fn a_journal_that_was_replaced_goes_on_at_its_end() {
 }
 
 #[test]
-fn a_long_journal_is_written_anew_with_what_counts() {
+fn a_long_journal_is_rewritten_with_the_needed_records() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
     for round in 0..IDLE_LINES + 2 {
@@ -262,7 +258,7 @@ fn a_long_journal_is_written_anew_with_what_counts() {
 }
 
 #[test]
-fn what_comes_while_the_journal_is_written_anew_is_not_lost() {
+fn results_added_during_a_rewrite_are_not_lost() {
     const RESULTS: usize = 3000;
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
@@ -276,7 +272,7 @@ fn what_comes_while_the_journal_is_written_anew_is_not_lost() {
     }
     journal.lines += IDLE_LINES + 2;
     let journal = Mutex::new(journal);
-    // A job is done each time when the journal is free.
+    // A job is done each time the journal is unlocked.
     let turn = std::cell::Cell::new(0);
     keep_short(|| {
         let mut guard = journal.lock().unwrap();
@@ -292,12 +288,12 @@ fn what_comes_while_the_journal_is_written_anew_is_not_lost() {
     let expected = state(&journal);
     drop(journal);
     assert_eq!(state(&Journal::open(folder.path()).unwrap()), expected);
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
 }
 
-/// What an older version wrote as the basis of a drawing tells nothing.
+/// The basis that an older version wrote cannot be compared.
 #[test]
-fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
+fn only_the_basis_of_an_older_version_is_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
     for name in ["a.dxf", "busy.dxf", "lost.dxf"] {
@@ -307,7 +303,7 @@ fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
             .unwrap();
         journal.done(&job(name, "1"), original, Import::Due, Certainty::Uncertain).unwrap();
     }
-    // A drop that is being done again must not be taken for done.
+    // A drop that is being processed again must not be treated as done.
     journal.delivering(&job("busy.dxf", "2"), STAMP, Some(7)).unwrap();
     assert_eq!(journal.of_older_form(), 2);
     let before = journal.result("a.dxf").unwrap();
@@ -326,10 +322,10 @@ fn a_basis_of_an_older_version_is_replaced_and_nothing_else_of_the_line() {
     }
 }
 
-/// Every order of the lines of one job is one of the stages, also where a line got lost or an older version wrote it; and
-/// what is written anew reads the same.
+/// Every order of the lines of one job gives one of the stages, even if a line was lost or an older version wrote it.
+/// The rewritten journal gives the same stage.
 #[test]
-fn whatever_lines_the_journal_has_a_job_is_at_one_stage() {
+fn every_order_of_lines_gives_one_stage() {
     use Certainty::{Certain, Uncertain};
     let result = || job("a.dxf", "1");
     let delivering = || Record::Delivering {
@@ -364,16 +360,16 @@ fn whatever_lines_the_journal_has_a_job_is_at_one_stage() {
         (vec![delivering(), delivered(Uncertain)], Some(at_delivered(Uncertain))),
         (vec![delivering(), delivered(Certain), delivering()], Some(renaming())),
         (vec![delivering(), delivered(Certain), filing(Some(Certain))], Some(at_filing(Some(Certain)))),
-        // An older version wrote another certainty, or none of the drawing.
+        // An older version wrote a different certainty, or left out the drawing.
         (vec![delivering(), delivered(Uncertain), filing(Some(Certain))], Some(at_filing(Some(Uncertain)))),
         (vec![delivering(), delivered(Uncertain), filing(None)], Some(at_filing(Some(Uncertain)))),
         (vec![delivering(), delivered(Certain), filing(None)], Some(at_filing(Some(Certain)))),
-        // A full disk took the line between; nothing is filed that was not delivered.
+        // The line between was lost on a full disk; only a delivered drawing is filed.
         (vec![delivering(), filing(Some(Uncertain))], Some(at_filing(Some(Uncertain)))),
         (vec![delivering(), filing(None)], Some(at_filing(Some(Certain)))),
         // An older version noted the delivery after that.
         (vec![delivering(), filing(None), delivered(Uncertain)], Some(at_filing(Some(Uncertain)))),
-        // A drawing that was not to be delivered again, a part, and a pattern of an older version.
+        // A drawing that is not delivered again, a part, and a pattern of an older version.
         (vec![filing(Some(Uncertain))], Some(at_filing(Some(Uncertain)))),
         (vec![filing(None)], Some(at_filing(None))),
         (vec![filing(None), delivered(Certain)], Some(at_filing(None))),
@@ -390,8 +386,8 @@ fn whatever_lines_the_journal_has_a_job_is_at_one_stage() {
         let mut journal = Journal::open(folder.path()).unwrap();
         let stage = |journal: &Journal| journal.begun(&id("a.dxf"), STAMP).map(|open| open.stage.clone());
         assert_eq!(stage(&journal), expected, "{text}");
-        journal.write_anew().unwrap();
-        let anew = stage(&Journal::open(folder.path()).unwrap());
-        assert_eq!(anew, expected, "written anew: {text}");
+        journal.rewrite().unwrap();
+        let rewritten = stage(&Journal::open(folder.path()).unwrap());
+        assert_eq!(rewritten, expected, "rewritten: {text}");
     }
 }

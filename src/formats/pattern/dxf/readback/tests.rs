@@ -9,7 +9,7 @@ fn points(coordinates: &[[f64; 2]]) -> Vec<FieldPoint> {
     coordinates.iter().map(|[x, y]| FieldPoint::new(*x, *y)).collect()
 }
 
-/// A contour, a line, a dot and a contour of two points, on layers with and without replaced letters.
+/// A contour, a line, a dot and a contour of two points, on layers whose names are kept or changed.
 fn sample() -> MarkingDrawing {
     let layer = |name: &str, color| Layer { name: name.into(), color };
     let path = |layer, color, shape| MarkingPath { layer, color, shape };
@@ -44,8 +44,8 @@ fn text(profile: DxfProfile) -> String {
     String::from_utf8(write(&sample(), profile)).unwrap()
 }
 
-/// What is wrong with the sample's file after a piece of text was replaced: where it first stands among the entities, or else
-/// before them.
+/// The error for the sample's file after a text was replaced, at its first occurrence in the entities or else before
+/// them.
 fn after(profile: DxfProfile, old: &str, new: &str) -> ReadbackError {
     let text = text(profile);
     let (head, entities) = text.split_at(text.find("ENTITIES").unwrap());
@@ -62,7 +62,7 @@ fn place(path: usize, layer: &str, vertex: Option<usize>) -> PathPlace {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_drawings_are_read_back() {
     let long = "é".repeat(300);
     let names = [
         "",
@@ -98,7 +98,7 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
-fn layers_whose_letters_no_file_holds_stay_two() {
+fn layers_with_unwritable_names_stay_different() {
     let layers: Vec<Layer> =
         ["\u{1f600}", "\u{1f601}"].map(|name| Layer { name: name.into(), color: Color::Aci(1) }).into();
     assert_eq!(plain_layer_names(&layers, DxfProfile::R2000), ["_", "__2"]);
@@ -106,7 +106,7 @@ fn layers_whose_letters_no_file_holds_stay_two() {
 
 /// Kind, layer, colour, points and closure of each entity, as the second reader finds them.
 #[test]
-fn the_second_reader_sees_what_the_sample_says() {
+fn the_second_reader_finds_the_entities_of_the_sample() {
     let contour = vec![[0.0, 0.0], [30.0, 0.0], [30.0, -12.5]];
     let line = vec![[1.0, 1.0], [2.0, 1.25], [3.5, 1.333333]];
     let long = vec![[0.0, 0.0], [1234.5, 1e6]];
@@ -229,8 +229,8 @@ fn each_single_change_of_the_file_is_found_with_its_place() {
 }
 
 #[test]
-fn what_is_put_in_taken_out_or_cut_off_is_found_with_its_line() {
-    /// The path and vertex of the line, and what stands there.
+fn inserted_removed_and_cut_off_text_is_found_with_its_line() {
+    /// The path and vertex of the line, and the intended and the found text.
     fn line(error: ReadbackError) -> (Option<(usize, Option<usize>)>, String, String) {
         let ReadbackError::Line { path, meant, found, .. } = error else { unreachable!("{error}") };
         (path.map(|place| (place.path, place.vertex)), meant, found)
@@ -244,7 +244,7 @@ fn what_is_put_in_taken_out_or_cut_off_is_found_with_its_line() {
         };
         text.match_indices("  0\r\nPOINT").map(entity).collect::<Vec<_>>()
     };
-    // A vertex less and one more.
+    // A vertex removed, and one added.
     let less = after(DxfProfile::R2000, " 10\r\n30.0\r\n 20\r\n-12.5\r\n  0", "  0");
     assert_eq!(line(less), expect(Some((1, Some(3))), "\"10\"", "\"0\""));
     let less = after(
@@ -255,12 +255,12 @@ fn what_is_put_in_taken_out_or_cut_off_is_found_with_its_line() {
     assert_eq!(line(less), expect(Some((1, Some(3))), "\"VERTEX\"", "\"SEQEND\""));
     let more = after(DxfProfile::R2000, " 10\r\n2.0\r\n", " 10\r\n2.0\r\n 20\r\n1.0\r\n 10\r\n2.0\r\n");
     assert!(matches!(line(more), (Some((3, _)), ..)));
-    // The number of vertices alone.
+    // Only the number of vertices changed.
     assert_eq!(
         line(after(DxfProfile::R2000, " 90\r\n3", " 90\r\n2")),
         expect(Some((1, None)), "\"3\"", "\"2\"")
     );
-    // A path less, in the middle and at the end, and one more.
+    // A path removed in the middle or at the end, and one added.
     for profile in PROFILES {
         let [point, last] = &points(profile)[..] else { unreachable!() };
         assert!(matches!(line(after(profile, point, "")), (Some((4, _)), ..)), "{profile:?}");
@@ -274,7 +274,7 @@ fn what_is_put_in_taken_out_or_cut_off_is_found_with_its_line() {
             line(after(profile, "POINT\r\n", "TEXT\r\n")),
             expect(Some((4, None)), "\"POINT\"", "\"TEXT\"")
         );
-        // The head of the file, a comment, the end.
+        // The header of the file, a comment, the end.
         let head = after(profile, "$EXTMAX\r\n 10\r\n1234.5", "$EXTMAX\r\n 10\r\n1234.6");
         assert_eq!(line(head), expect(None, "\"1234.5\"", "\"1234.6\""));
         assert!(matches!(line(after(profile, "isomark 0.1.0", "isomark 0.1.1")), (None, ..)));
@@ -286,20 +286,20 @@ fn what_is_put_in_taken_out_or_cut_off_is_found_with_its_line() {
         );
         assert_eq!(line(read_back(b"", &sample(), profile).unwrap_err()).2, "the end of the file");
     }
-    // Numbers that are none, or longer than any.
+    // Invalid and very long numbers.
     for wrong in ["NaN", "inf", "1e3", "", "1,5", &"9".repeat(400)] {
         let error = after(DxfProfile::R2000, " 20\r\n-12.5\r\n  0", &format!(" 20\r\n{wrong}\r\n  0"));
         assert_eq!(line(error).0, Some((1, Some(3))), "{wrong}");
     }
-    // What reads alike and is not what was written.
+    // The same values, written differently.
     for (old, new) in [("2.0\r\n", "2.00\r\n"), ("2.0\r\n", "2.0000001\r\n"), (" 62\r\n5", " 62\r\n05")] {
         assert_eq!(line(after(DxfProfile::R2000, old, new)).0.unwrap().0, 3, "{new}");
     }
 }
 
-/// The writer's own faults: the file is whole and sound, and holds another drawing than the one that is meant.
+/// Errors of the writer: the file is complete and valid, but contains another drawing.
 #[test]
-fn a_file_of_another_drawing_is_found_at_the_first_path_that_differs() {
+fn a_file_of_another_drawing_is_refused_at_the_first_different_path() {
     let differs = |change: &dyn Fn(&mut MarkingDrawing), profile| {
         let mut other = sample();
         change(&mut other);
@@ -343,7 +343,7 @@ fn a_file_of_another_drawing_is_found_at_the_first_path_that_differs() {
             DxfProfile::R12Lines => assert_eq!(differs(&open).0, 3),
             _ => assert_eq!(differs(&open), at(1, None, "is closed instead of open")),
         }
-        assert_eq!(differs(&|drawing| drawing.paths.truncate(5)), at(6, None, "is one too many"));
+        assert_eq!(differs(&|drawing| drawing.paths.truncate(5)), at(6, None, "is not in the drawing"));
         assert_eq!(
             differs(&|drawing| drawing.paths.push(drawing.paths[0].clone())),
             at(7, None, "is missing")
@@ -386,7 +386,7 @@ fn the_reason_names_the_place_the_distance_and_the_remedy() {
 }
 
 proptest! {
-    /// Bytes changed, taken out, put in and cut off anywhere are found, and nothing panics or hangs.
+    /// Bytes that are changed, removed or cut off anywhere are found, without panics or endless loops.
     #[test]
     fn any_change_of_any_byte_is_found(
         profile in 0..3usize,
@@ -408,7 +408,7 @@ proptest! {
         prop_assert_eq!(read_back(&file, &sample(), profile).is_ok(), file == whole);
     }
 
-    /// The second reader agrees with the writer on whatever is drawn.
+    /// The second reader agrees with the writer about any drawing.
     #[test]
     fn any_drawing_is_read_back(
         names in prop::collection::vec(".{0,40}", 0..4),

@@ -1,4 +1,4 @@
-//! The codes inside texts: `%%c`, `^I`, and the formats of MTEXT.
+//! The codes in texts: `%%c`, `^I`, and the formats of MTEXT.
 
 use super::super::code_page::CodePage;
 
@@ -17,7 +17,7 @@ pub(super) struct Letter {
     pub(super) ruled: Ruled,
 }
 
-/// The letters of a TEXT, with `%%` and `^` codes carried out.
+/// The letters of a TEXT, with `%%` and `^` codes decoded.
 pub(super) fn letters(text: &str, code_page: CodePage) -> Vec<Letter> {
     let mut ruled = Ruled::default();
     let mut letters = Vec::new();
@@ -47,7 +47,7 @@ enum Sign {
     Through,
 }
 
-/// What a `%%` code at the beginning of `text` stands for, and its length in bytes.
+/// The meaning of a `%%` code at the beginning of `text`, and its length in bytes.
 fn percent(text: &str, code_page: CodePage) -> (Option<Sign>, usize) {
     let Some(code) = text.strip_prefix("%%") else { return (None, 0) };
     let digits = code.bytes().take(3).take_while(u8::is_ascii_digit).count();
@@ -69,7 +69,8 @@ fn percent(text: &str, code_page: CodePage) -> (Option<Sign>, usize) {
     (Some(sign), 3)
 }
 
-/// Control characters are written as a caret and a letter, a caret itself as a caret and a blank.
+/// Decodes control characters, which are written as a caret and a letter, and the caret, written as a caret and a
+/// blank.
 fn without_carets(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut letters = text.chars().peekable();
@@ -97,25 +98,25 @@ pub(super) enum Token {
     Blank,
     Tab,
     Paragraph,
-    /// Opens a brace: formats set inside end with it.
+    /// An opening brace: formats that are set inside the braces end with them.
     Open,
     Close,
-    /// Letters above each other: upper, lower, and `^`, `/` or `#`.
+    /// Stacked letters: upper, lower, and `^`, `/` or `#`.
     Stack(String, String, char),
     Rule(RuleKind, bool),
-    /// `\H`: height in units of the drawing, or a factor of the present one.
+    /// `\H`: height in units of the drawing, or a factor of the current height.
     Height(Size),
     Width(Size),
     Tracking(Size),
     /// Degrees.
     Oblique(f64),
-    /// Where smaller letters stand in the line: 0 at its baseline, 1 in the middle, 2 at the top.
+    /// Vertical position of smaller letters in the line: 0 at its baseline, 1 in the middle, 2 at the top.
     Align(u8),
     Aci(u16),
     Rgb([u8; 3]),
-    /// Name, and whether it is that of a family.
+    /// Name, and whether it is the name of a family.
     Font(String, bool),
-    /// `\p`: what follows it up to the semicolon.
+    /// `\p`: the text up to the semicolon.
     Layout(String),
 }
 
@@ -133,16 +134,16 @@ pub(super) enum Size {
 }
 
 impl Size {
-    pub(super) fn from(self, present: f64) -> f64 {
+    pub(super) fn from(self, current: f64) -> f64 {
         match self {
             Self::Of(size) => size,
-            Self::Times(factor) => present * factor,
+            Self::Times(factor) => current * factor,
         }
     }
 }
 
-/// The text of an MTEXT, code by code (Autodesk, AutoCAD help, "Format codes for alternate text editor"). Codes that are
-/// not known are letters.
+/// The text of an MTEXT, code by code (Autodesk, AutoCAD help, "Format codes for alternate text editor"). Codes that
+/// are not known are letters.
 pub(super) fn tokens(text: &str, code_page: CodePage) -> Vec<Token> {
     let text = without_carets(text);
     let mut tokens = Vec::new();
@@ -186,7 +187,7 @@ fn escape(text: &str) -> (Token, usize) {
     let token = match code {
         '\\' | '{' | '}' => return (Token::Letter(code), 2),
         '~' => return (Token::Letter('\u{a0}'), 2),
-        // A column that ends and a break at a dimension line both begin a new line.
+        // The end of a column and a break at a dimension line both begin a new line.
         'P' | 'N' | 'X' => return (Token::Paragraph, 2),
         'L' | 'l' => return rule(RuleKind::Under),
         'O' | 'o' => return rule(RuleKind::Over),
@@ -222,7 +223,7 @@ fn font(argument: &str) -> Token {
     Token::Font(name, is_family)
 }
 
-/// `1/2;`, `+0.1^-0.2;` or `1#2;`; without one of these signs the whole stands above.
+/// `1/2;`, `+0.1^-0.2;` or `1#2;`; without one of these signs all letters are the upper ones.
 fn stack(after: &str) -> (Token, usize) {
     let (mut upper, mut lower, mut sign) = (String::new(), String::new(), None);
     let mut length = 2;
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn percent_codes_are_carried_out() {
+    fn percent_codes_are_decoded() {
         assert_eq!(plain("%%c12%%p0,1 90%%D 5%%% %%065%%246"), "Ø12±0,1 90° 5% Aö");
         assert_eq!(plain("100%% %%x"), "100%% %%x");
         let under: Vec<bool> =
@@ -265,8 +266,8 @@ mod tests {
     }
 
     #[test]
-    fn formats_of_paragraphs_are_told_apart() {
-        let told = tokens("{\\fDejaVu Sans|b1|i0;A}\\PB\\H1.5x;\\C1;\\S+1^-2;\\\\", CodePage::WINDOWS_1252);
+    fn format_codes_of_paragraphs_are_recognised() {
+        let found = tokens("{\\fDejaVu Sans|b1|i0;A}\\PB\\H1.5x;\\C1;\\S+1^-2;\\\\", CodePage::WINDOWS_1252);
         let expected = [
             Token::Open,
             Token::Font("DejaVu Sans Bold".into(), true),
@@ -279,8 +280,8 @@ mod tests {
             Token::Stack("+1".into(), "-2".into(), '^'),
             Token::Letter('\\'),
         ];
-        assert_eq!(told, expected);
-        // Cut off or unknown: letters, and an end.
+        assert_eq!(found, expected);
+        // Incomplete or unknown codes are read as letters.
         assert_eq!(tokens("\\", CodePage::WINDOWS_1252), [Token::Letter('\\')]);
         assert_eq!(tokens("\\Hx", CodePage::WINDOWS_1252).len(), 3);
         assert_eq!(tokens("\\S1", CodePage::WINDOWS_1252).len(), 1);

@@ -1,7 +1,7 @@
-//! The two fonts that are shipped, and which of them stands in for the one that a drawing names.
+//! The two fonts included in isomark, and the choice of the one that replaces a font of a drawing.
 //!
-//! DejaVu Sans gives outlines, as TrueType fonts do; Hershey's Simplex Roman gives single strokes, as AutoCAD's SHX fonts
-//! do. `fonts/` at the root of the project holds both with their licences and the script that made them.
+//! DejaVu Sans gives outlines, as TrueType fonts do; Hershey's Simplex Roman gives single strokes, as AutoCAD's SHX
+//! fonts do. `fonts/` at the root of the project holds both with their licences and the script that made them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -18,13 +18,13 @@ const STROKES: &str = include_str!("../../../../../fonts/hershey-simplex.txt");
 /// Height of a capital of the stroke font, in its units.
 const STROKE_CAPITAL: f64 = 21.0;
 
-/// A font that a drawing asks for, and the one that was used.
+/// A font that a drawing names, and the one that was used instead.
 pub(in super::super) type FontUse = (Rc<str>, Typeface);
 
-/// Fonts used by a text that are not the ones that it asks for.
+/// The replaced fonts of a text.
 pub(in super::super) type FontUses = BTreeSet<FontUse>;
 
-/// A font that is shipped.
+/// A font that is included in isomark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(in super::super) enum Typeface {
     Outline,
@@ -34,13 +34,13 @@ pub(in super::super) enum Typeface {
 /// The shape of a letter; capitals are 1 high, the baseline is y = 0, the letter begins at x = 0.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Glyph {
-    /// From the letter's beginning to that of the next.
+    /// Advance width: from the beginning of the letter to that of the next one.
     pub(super) advance: f64,
     pub(super) curves: Vec<Curve>,
 }
 
 impl Typeface {
-    /// The font's name, as people are told.
+    /// The font's name for messages.
     pub(in super::super) fn name(self) -> &'static str {
         match self {
             Self::Outline => "DejaVu Sans",
@@ -56,7 +56,7 @@ impl Typeface {
         }
     }
 
-    /// The letter's shape, or none if the font does not have it.
+    /// The letter's shape; `None` if the font does not have it.
     pub(super) fn glyph(self, letter: char) -> Option<Glyph> {
         match self {
             Self::Outline => outline(letter),
@@ -65,11 +65,11 @@ impl Typeface {
     }
 }
 
-/// The font file or family that a drawing asks for, such as `txt`, `romans.shx`, `arial.ttf` or `Arial Bold`.
+/// The included font for a font file or family in a drawing, such as `txt`, `romans.shx`, `arial.ttf` or `Arial Bold`,
+/// and whether it is exactly that font.
 ///
-/// Names of SHX files and names without an ending are single-stroke fonts, all others outlines. The second value says
-/// whether the font is the very one that was asked for.
-pub(super) fn stand_in(asked: &str, is_family: bool) -> (Typeface, bool) {
+/// Names of SHX files and names without an ending are single-stroke fonts, all others are outline fonts.
+pub(super) fn substitute(asked: &str, is_family: bool) -> (Typeface, bool) {
     let file = asked.rsplit(['/', '\\']).next().unwrap_or_default().to_lowercase();
     let (stem, ending) = file.rsplit_once('.').unwrap_or((&file, ""));
     match (is_family, ending) {
@@ -100,7 +100,7 @@ fn outline(letter: char) -> Option<Glyph> {
     Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, curves: pen.contours })
 }
 
-/// Takes down an outline as contours.
+/// Collects the contours of an outline.
 struct Pen {
     scale: f64,
     at: Vector3<f64>,
@@ -154,7 +154,7 @@ impl OutlineBuilder for Pen {
     }
 }
 
-/// Every line of the file is one letter: code point; advance; strokes of points.
+/// The letters of the stroke font. Every line of its file is one letter: code point; advance; strokes of points.
 static STROKE_GLYPHS: LazyLock<BTreeMap<char, Glyph>> =
     LazyLock::new(|| STROKES.lines().filter_map(stroke_glyph).collect());
 
@@ -182,10 +182,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_fonts_have_what_european_labels_need() {
+    fn both_fonts_have_the_letters_of_european_labels() {
         for face in [Typeface::Outline, Typeface::Stroke] {
             for letter in (' '..='~').chain("ÄÖÜäöüßØø°±µ×·éèêñçşžłÅ€²³–".chars().filter(|letter| {
-                // Hershey has no stroked L; words with it are outlined.
+                // Hershey has no L with stroke; words with it are drawn in the outline font.
                 face == Typeface::Outline || *letter != 'ł'
             })) {
                 assert!(face.glyph(letter).is_some_and(|glyph| glyph.advance > 0.0), "{face:?}: {letter}");
@@ -206,12 +206,12 @@ mod tests {
     }
 
     #[test]
-    fn stand_ins_are_outlines_for_truetype_and_strokes_for_shx() {
-        assert_eq!(stand_in("txt", false), (Typeface::Stroke, false));
-        assert_eq!(stand_in("C:\\fonts\\romans.SHX", false), (Typeface::Stroke, false));
-        assert_eq!(stand_in("arial.ttf", false), (Typeface::Outline, false));
-        assert_eq!(stand_in("Arial", true), (Typeface::Outline, false));
-        assert_eq!(stand_in("DejaVuSans.ttf", false), (Typeface::Outline, true));
-        assert_eq!(stand_in("DejaVu Sans", true), (Typeface::Outline, true));
+    fn substitutes_are_outlines_for_truetype_and_strokes_for_shx() {
+        assert_eq!(substitute("txt", false), (Typeface::Stroke, false));
+        assert_eq!(substitute("C:\\fonts\\romans.SHX", false), (Typeface::Stroke, false));
+        assert_eq!(substitute("arial.ttf", false), (Typeface::Outline, false));
+        assert_eq!(substitute("Arial", true), (Typeface::Outline, false));
+        assert_eq!(substitute("DejaVuSans.ttf", false), (Typeface::Outline, true));
+        assert_eq!(substitute("DejaVu Sans", true), (Typeface::Outline, true));
     }
 }

@@ -1,4 +1,4 @@
-//! MTEXT: paragraphs broken into lines, with formats that change inside them.
+//! MTEXT: paragraphs that are broken into lines, and formats that change within them.
 
 use std::rc::Rc;
 
@@ -18,14 +18,14 @@ use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
 const LEADING: f64 = 5.0 / 3.0;
-/// In a step of the budget so many bytes of a text are searched.
+/// Number of bytes of a text that are searched in a step of the budget.
 const BYTES_SEARCHED: usize = 64;
-/// Height of stacked letters beside the others.
+/// Height of stacked letters relative to the others.
 const STACKED: f64 = 0.7;
-/// Distance of tab stops where none are set, in heights of the text.
+/// Default distance of tab stops, in heights of the text.
 const TAB: f64 = 4.0;
 
-/// How letters look from here on.
+/// The current format of letters.
 #[derive(Clone)]
 struct Format {
     font: Font,
@@ -38,7 +38,7 @@ struct Format {
     color: Option<RecordColor>,
 }
 
-/// How a paragraph lies, lengths in heights of the text.
+/// Alignment, indents and tab stops of a paragraph; lengths are in heights of the text.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Layout {
     align: Option<Align>,
@@ -61,11 +61,11 @@ struct Block {
     items: Vec<(Option<RecordColor>, Item)>,
     width: f64,
     height: f64,
-    /// Where it stands in a higher line: 0 at its baseline, 1 in the middle, 2 at the top.
+    /// Vertical position in a higher line: 0 at its baseline, 1 in the middle, 2 at the top.
     align: u8,
 }
 
-/// Something that stands in a line.
+/// An element of a line.
 enum Cell {
     Block(Block),
     Blank { width: f64, height: f64 },
@@ -75,7 +75,7 @@ enum Cell {
 struct Paragraph {
     layout: Layout,
     cells: Vec<Cell>,
-    /// Height of its letters, for a line without any.
+    /// Height of a line without letters.
     height: f64,
 }
 
@@ -118,7 +118,7 @@ pub(in super::super) fn drawn(
         align: 0,
         color: None,
     };
-    // Every code is searched for its end.
+    // For every code the text is searched for its end.
     if let Err(exceeded) = budget.work(text.matches('\\').count() * text.len() / BYTES_SEARCHED) {
         return Ok(Item::Skipped(exceeded.into()));
     }
@@ -157,7 +157,7 @@ pub(in super::super) fn drawn(
     if items.is_empty() {
         return Ok(Item::DrawsNothing(BLANK));
     }
-    // The insertion point is the corner, the middle of a side or the middle of the text.
+    // The insertion point is a corner, the middle of a side or the centre of the text.
     let shift = Vector3::new(
         -box_width * [0.0, 0.5, 1.0][attachment as usize % 3],
         -baseline * [0.0, 0.5, 1.0][attachment as usize / 3],
@@ -168,7 +168,7 @@ pub(in super::super) fn drawn(
     Ok(Item::Several(items.into_iter().map(|(color, item)| (color, item.placed(&placement))).collect()))
 }
 
-/// The text's axes in the space that holds it: by its direction (11) or its angle (50), whichever is given last.
+/// The axes of the text in its space: from its direction (11) or its angle (50), the later of the two groups.
 fn axes(groups: &Groups) -> Matrix3<f64> {
     let plane = groups.plane().linear;
     let last = groups.0.iter().rev().find(|group| matches!(group.0, 11 | 50)).map(|group| group.0);
@@ -184,7 +184,7 @@ fn axes(groups: &Groups) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, normal.cross(&x), normal])
 }
 
-/// Number of columns: since R2018 in an object inside the entity, before in another application's data.
+/// Number of columns: from R2018 on in an embedded object, before in the extended data of an application.
 fn columns(scan: &Scan<'_>, record: &Record) -> i64 {
     let pairs = record.pairs(scan);
     let integer = |pair: Option<&super::super::scan::Pair>| {
@@ -195,7 +195,7 @@ fn columns(scan: &Scan<'_>, record: &Record) -> i64 {
         let kind = integer(inner.iter().find(|pair| pair.code == 71));
         return if kind == 0 { 1 } else { integer(inner.iter().find(|pair| pair.code == 72)) };
     }
-    // Pairs of 1070: what is meant (76 is the number of columns), then the value.
+    // Pairs of groups 1070: first the meaning (76 is the number of columns), then the value.
     let mut values = pairs
         .iter()
         .skip_while(|pair| !scan.is(pair, 1000, b"ACAD_MTEXT_COLUMN_INFO_BEGIN"))
@@ -211,7 +211,7 @@ fn columns(scan: &Scan<'_>, record: &Record) -> i64 {
 /// The text as paragraphs of cells.
 ///
 /// # Errors
-/// No font has one of the letters, or there are more of them than the budget allows, as a sentence.
+/// A sentence if no font has one of the letters, or if there are more letters than the budget allows.
 fn set(
     tokens: Vec<Token>,
     format: Format,
@@ -244,7 +244,7 @@ fn set(
                 if format.ruled == Ruled::default() {
                     cells.push(Cell::Blank { width, height });
                 } else {
-                    // A ruled blank is drawn, so lines do not break there.
+                    // An underlined or struck blank is drawn, so lines do not break there.
                     cells.push(format.cell(format.items(blank), width));
                 }
             }
@@ -300,7 +300,7 @@ impl Format {
         row.items.into_iter().map(|item| (self.color, item.placed(&placement))).collect()
     }
 
-    /// Makes a cell of the letters of a word.
+    /// Adds a cell with the letters of a word.
     fn finish(
         &self,
         word: &mut Vec<Letter>,
@@ -321,7 +321,7 @@ impl Format {
         Cell::Block(Block { items, width, height: self.height, align: self.align })
     }
 
-    /// Two rows above each other, or side by side with a slanted line.
+    /// Two stacked rows, or two rows side by side with a slanted line between them.
     fn stacked(
         &self,
         upper: &str,
@@ -372,12 +372,12 @@ impl Format {
 }
 
 impl Layout {
-    /// With what `\p` says: `i`, `l` and `r` indents, `q` alignment, `t` tab stops.
+    /// The layout after a `\p` code: `i`, `l` and `r` are indents, `q` the alignment, `t` tab stops.
     fn changed(mut self, text: &str) -> Self {
         let mut tabs: Option<Vec<f64>> = None;
         for part in text.split(',') {
             let mut rest = part.trim();
-            // `x` says that what follows was set by hand.
+            // `x` only marks values that were set by hand.
             rest = rest.strip_prefix('x').unwrap_or(rest);
             let Some(key) = rest.chars().next() else { continue };
             let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
@@ -410,14 +410,13 @@ impl Layout {
     }
 }
 
-/// The lines of a paragraph with their widths, broken at blanks where they would be wider than `box_width` (unless that
-/// is 0).
+/// The lines of a paragraph with their widths, broken at blanks to fit into `box_width`, unless it is 0.
 fn broken(paragraph: Paragraph, box_width: f64, unit: f64, align: Align) -> Vec<(Line, f64, Align, Layout)> {
     let Paragraph { layout, cells, height: blank } = paragraph;
     let align = layout.align.unwrap_or(align);
     let limit = if box_width > 0.0 { box_width - (layout.left + layout.right) * unit } else { f64::INFINITY };
     let mut lines = Vec::new();
-    // `width` ends with the last word, `pen` with the blanks after it.
+    // `width` is the end of the last word, `pen` the end of the blanks after it.
     let (mut width, mut pen, mut height) = (0.0f64, layout.first * unit, 0.0f64);
     let mut blocks: Vec<(Block, f64)> = Vec::new();
     let mut cells = cells.into_iter().peekable();
@@ -432,12 +431,12 @@ fn broken(paragraph: Paragraph, box_width: f64, unit: f64, align: Align) -> Vec<
     };
     while let Some(cell) = cells.next() {
         match cell {
-            Cell::Blank { width: blank, height: its } => {
-                height = height.max(its);
+            Cell::Blank { width: blank, height: own } => {
+                height = height.max(own);
                 pen += blank;
             }
-            Cell::Tab { height: its } => {
-                height = height.max(its);
+            Cell::Tab { height: own } => {
+                height = height.max(own);
                 let passed = layout.tabs.partition_point(|stop| stop * unit <= pen + 1e-9);
                 let set = layout.tabs.get(passed).map(|stop| stop * unit);
                 pen = set.unwrap_or_else(|| ((pen / (TAB * unit)).floor() + 1.0) * TAB * unit);
