@@ -16,7 +16,9 @@ mod evaluate;
 mod inspect;
 mod job;
 mod log;
+mod marked_line;
 mod service;
+mod set;
 mod shell;
 mod watch;
 mod status;
@@ -96,7 +98,7 @@ pub fn main() -> ExitCode {
                 // Without its JSON form the failure is still told below.
                 print_json(&failure.reason.to_json(None).unwrap_or_default());
             }
-            tell(&format!("isomark: {}", failure.reason));
+            failure.tell();
             ExitCode::from(failure.exit as u8)
         }
     }

@@ -73,7 +73,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("fs_err", &["files", "config", "cache", "front", "hotfolder", "cli"]),
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["files", "config", "pipeline", "hotfolder", "cli"]),
-    ("std::thread", &["hotfolder"]),
+    // Besides the station's own threads, one that draws the progress line.
+    ("std::thread", &["hotfolder", "cli"]),
     // In the hot folder, only for the process ID in the lock file.
     ("std::process", &["hotfolder", "cli", "main"]),
     ("std::env", &["cli"]),
@@ -85,6 +86,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("ctrlc", &["cli"]),
     ("unicode_normalization", &["config"]),
     ("clap", &["cli"]),
+    ("annotate_snippets", &["cli"]),
+    ("terminal_size", &["cli"]),
     ("strsim", &["config"]),
 ];
 

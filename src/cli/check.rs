@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::outcome::{Exit, Failure, Outcome, print, shown, tell};
+use super::outcome::{Exit, Failure, Outcome, print, shown};
+use super::set::SetArguments;
 use super::shell;
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
@@ -17,6 +18,8 @@ use crate::reason::Reason;
 pub(super) struct CheckArguments {
     /// The station's settings.
     station: PathBuf,
+    #[command(flatten)]
+    set: SetArguments,
 }
 
 #[derive(Debug, Args)]
@@ -32,7 +35,7 @@ const FILES: &[(&str, &[u8])] = &[
 ];
 
 pub(super) fn run(arguments: &CheckArguments) -> Outcome {
-    let station = Station::load(&arguments.station)?;
+    let station = Station::load_with(&arguments.station, &arguments.set.of_station()?)?;
     let (mut mistakes, mut checked) = (Vec::new(), BTreeMap::new());
     for path in sku_files(&station.folders.skus)? {
         match check_sku_file(&station, &path) {
@@ -40,15 +43,16 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
                 if let Some(other) = checked.insert(sku, path.clone()) {
                     let what = format!("It is for the same SKU as {}, which counts.", other.display());
                     let reason = Reason::new("settings-twice", what, "Keep one of the two.");
-                    mistakes.push(reason.in_file(path.display().to_string()));
+                    let reason = reason.in_file(path.display().to_string());
+                    mistakes.push(Failure::new(Exit::Usage, reason));
                 }
             }
-            Err(reason) => mistakes.push(reason),
+            Err(failure) => mistakes.push(failure),
         }
     }
     let skus = checked.len();
-    mistakes.extend(station.folders.import_trouble());
-    refuse_for(mistakes, Exit::Usage)?;
+    mistakes.extend(station.folders.import_trouble().map(|reason| Failure::new(Exit::Usage, reason)));
+    refuse_for(mistakes)?;
     let mut troubles = unwritable(&station.folders);
     if let Err(error) = fs::read_dir(&station.folders.hot)
         && error.kind() != std::io::ErrorKind::NotFound
@@ -63,7 +67,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         let what = format!("The log {} is a folder.", log.file.display());
         troubles.push(Reason::new("log-is-folder", what, "Name a file in it."));
     }
-    refuse_for(troubles, Exit::Environment)?;
+    refuse_for(troubles.into_iter().map(|reason| Failure::new(Exit::Environment, reason)).collect())?;
     let plural = if skus == 1 { "file" } else { "files" };
     print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, shown(&arguments.station)));
     let folders = &station.folders;
@@ -74,11 +78,11 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     Ok(())
 }
 
-/// Tells all reasons, if there are any, and ends with that.
-fn refuse_for(mut reasons: Vec<Reason>, exit: Exit) -> Outcome {
-    let Some(reason) = reasons.pop() else { return Ok(()) };
-    reasons.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
-    Err(Failure { exit, reason })
+/// Writes all failures, if there are any, and ends with the last one.
+fn refuse_for(mut failures: Vec<Failure>) -> Outcome {
+    let Some(last) = failures.pop() else { return Ok(()) };
+    failures.iter().for_each(Failure::tell);
+    Err(last)
 }
 
 /// The folders into which this user cannot write; what is not there yet is tried where it would be made.
@@ -115,14 +119,15 @@ fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Reason> {
+fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Failure> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let sku = stem.parse::<Sku>().map_err(|error| error.reason().in_file(path.display().to_string()))?;
+    let sku = stem
+        .parse::<Sku>()
+        .map_err(|error| Failure::new(Exit::Usage, error.reason().in_file(path.display().to_string())))?;
     let unreadable = |source| ConfigError::Unreadable { file: path.into(), source };
-    let text = std::fs::read_to_string(path).map_err(unreadable);
-    text.and_then(|text| station.settings.overridden_by(path, &text))
-        .map(|_| sku)
-        .map_err(|error| error.reason())
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    station.settings.overridden_by(path, &text)?;
+    Ok(sku)
 }
 
 pub(super) fn init(arguments: &InitArguments) -> Outcome {

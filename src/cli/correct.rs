@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::job::{Job, JobArguments, set};
+use super::job::{Job, JobArguments};
 use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
-use crate::config::{CorrectionSettings, JobSettings, Method, Vertices, Weighting};
+use super::set::{add_options, useless_to_a_job};
+use crate::config::Overrides;
 use crate::files::read_if_there;
 use crate::pipeline::PatternInput;
 use crate::preview;
@@ -24,25 +25,25 @@ pub(super) struct CorrectArguments {
     /// The corrected drawing to write.
     #[arg(long, short, value_name = "OUT.dxf")]
     out: PathBuf,
-    /// How the drawing is bent: auto (exact on cylinders and cones, otherwise isometric), isometric, cylinder, cone, or
-    /// to compare with mapping-domain, floater, none.
+    /// How the drawing is bent: auto (exact on cylinders and cones, otherwise isometric), isometric, cylinder, cone; to
+    /// compare with: mapping-domain, floater, none.
     #[arg(long, help_heading = CORRECTION)]
-    method: Option<Method>,
+    method: Option<String>,
     /// Where `isometric` keeps lengths first: on the ink (default), or uniform over the drawing's rectangle.
     #[arg(long, help_heading = CORRECTION)]
-    weighting: Option<Weighting>,
-    /// How many times as much the lengths of lines count when the ink does, 0.1 to 10.
-    #[arg(long, value_name = "TIMES", help_heading = CORRECTION)]
-    length_weight: Option<f64>,
-    /// How many times as much angles count when the ink does, 0.1 to 10: shapes get truer, lengths less so.
-    #[arg(long, value_name = "TIMES", help_heading = CORRECTION)]
-    angle_weight: Option<f64>,
+    weighting: Option<String>,
+    /// Weight of the lengths of lines, 0.1 to 10, default 1; needs `--weighting ink`.
+    #[arg(long, value_name = "TIMES", help_heading = CORRECTION, allow_hyphen_values = true)]
+    length_weight: Option<String>,
+    /// Weight of angles, 0.1 to 10, default 1; needs `--weighting ink`. More gives truer shapes and less true lengths.
+    #[arg(long, value_name = "TIMES", help_heading = CORRECTION, allow_hyphen_values = true)]
+    angle_weight: Option<String>,
     /// Points of the corrected lines: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
     #[arg(long, value_name = "WHICH", help_heading = CORRECTION)]
-    vertices: Option<Vertices>,
-    /// Greatest distance between corrected lines and the true curves, mm; default 0.01.
-    #[arg(long, value_name = "MM", help_heading = CORRECTION)]
-    tolerance: Option<f64>,
+    vertices: Option<String>,
+    /// Greatest distance between corrected lines and the true curves, mm, 0.0001 to 1; default 0.01.
+    #[arg(long, value_name = "MM", help_heading = CORRECTION, allow_hyphen_values = true)]
+    tolerance: Option<String>,
     /// Writes the report: what was read, what was assumed, how true every length is.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
@@ -63,7 +64,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
     apart(&arguments.job.files(), &written)?;
-    let job = arguments.job.prepare(|settings| arguments.apply(settings))?;
+    let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify } = &job;
     let previous =
         read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
@@ -91,28 +92,20 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
 }
 
 impl CorrectArguments {
-    fn apply(&self, settings: &mut JobSettings) -> Outcome {
-        set(&mut settings.correction.method, self.method.as_ref());
-        set(&mut settings.correction.weighting, self.weighting.as_ref());
-        set(&mut settings.correction.length_weight, self.length_weight.as_ref());
-        set(&mut settings.correction.angle_weight, self.angle_weight.as_ref());
-        for weight in [settings.correction.length_weight, settings.correction.angle_weight] {
-            if !CorrectionSettings::WEIGHTS.contains(&weight) {
-                return Err(Failure::usage(
-                    format!("A weight of {weight} is out of range."),
-                    "Give `--length-weight` and `--angle-weight` between 0.1 and 10; 1 is usual.",
-                ));
-            }
-        }
-        set(&mut settings.correction.vertices, self.vertices.as_ref());
-        set(&mut settings.correction.tolerance, self.tolerance.as_ref());
-        let tolerance = settings.correction.tolerance;
-        if !(0.0001..=10.0).contains(&tolerance) {
-            return Err(Failure::usage(
-                format!("A tolerance of {tolerance} mm makes no sense."),
-                "Give `--tolerance` between 0.0001 and 10 mm; 0.01 is usual.",
-            ));
-        }
-        Ok(())
+    /// The settings of options that only this command has.
+    fn overrides(&self) -> Result<Overrides, Failure> {
+        let mut overrides = Overrides::default();
+        add_options(
+            &mut overrides,
+            &[
+                ("--method", "correction.method", self.method.as_ref()),
+                ("--weighting", "correction.weighting", self.weighting.as_ref()),
+                ("--length-weight", "correction.length_weight", self.length_weight.as_ref()),
+                ("--angle-weight", "correction.angle_weight", self.angle_weight.as_ref()),
+                ("--vertices", "correction.vertices", self.vertices.as_ref()),
+                ("--tolerance", "correction.tolerance_mm", self.tolerance.as_ref()),
+            ],
+        )?;
+        Ok(overrides)
     }
 }

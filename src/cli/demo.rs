@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     let folders = settings.station().folders.clone();
     let corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&folders.cache))));
     let tally = hotfolder::run(settings, &corrector, &StopSignal::default(), Mode::Once, &mut |_| {})
-        .map_err(|error| Failure { exit: super::Exit::Environment, reason: error.reason() })?;
+        .map_err(|error| Failure::new(super::Exit::Environment, error.reason()))?;
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
     print(&format!(
         "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, previews   {}\nsettings            {}\n\

@@ -7,7 +7,8 @@ use clap::Args;
 use super::job::{Job, JobArguments};
 use super::named_files::name_of;
 use super::outcome::{Failure, Outcome, print, print_json};
-use crate::config::Method;
+use super::set::useless_to_a_comparison;
+use crate::config::{Method, Overrides};
 use crate::pipeline::{Evaluation, EvaluationRow, PatternInput};
 use crate::printable::on_one_line;
 
@@ -37,7 +38,8 @@ fn parse_methods(text: &str) -> Result<Methods, crate::config::UnknownChoice> {
 }
 
 pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
-    let Job { sku, settings, pipeline, learned, pattern, drawing, .. } = arguments.job.prepare(|_| Ok(()))?;
+    let Job { sku, settings, pipeline, learned, pattern, drawing, .. } =
+        arguments.job.prepare(Overrides::default(), useless_to_a_comparison)?;
     let asked = |method: &Method| {
         arguments.method.iter().any(|named| match named {
             // `auto` always comes down to one of the others.

@@ -9,13 +9,14 @@ use serde::Serialize;
 use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
-use crate::config::{Losses, PartSettings, PatternSettings, parse_facing};
+use super::set::{SetArguments, add_options, useless_to_an_inspection};
+use crate::config::{JobSettings, Losses, Overrides, PartSettings};
 use crate::formats;
 use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
 use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
-use crate::geometry::space::{Facing, View};
+use crate::geometry::space::View;
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::pipeline::{surface_of, unknown_part_format};
 use crate::printable::on_one_line;
@@ -31,13 +32,15 @@ pub(super) struct InspectArguments {
     #[command(flatten)]
     meaning: MeaningArguments,
     /// The side of the part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
-    #[arg(long, value_name = "SIDE", allow_hyphen_values = true, value_parser = parse_facing)]
-    facing: Option<Facing>,
+    #[arg(long, value_name = "SIDE", allow_hyphen_values = true)]
+    facing: Option<String>,
     #[command(flatten)]
     scan: ScanArguments,
     /// Writes the surface that is fitted to this side, in the part's own frame: .step (the spline) or .obj (triangles).
     #[arg(long, value_name = "FILE")]
     surface: Option<PathBuf>,
+    #[command(flatten)]
+    set: SetArguments,
     /// Prints what was found as JSON.
     #[arg(long)]
     pub(super) json: bool,
@@ -56,20 +59,23 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     if let Some(surface) = &arguments.surface {
         apart(&[&arguments.file], &[("--surface", surface)])?;
     }
+    let mut overrides = Overrides::default();
+    arguments.meaning.add_to(&mut overrides)?;
+    arguments.scan.add_to(&mut overrides)?;
+    add_options(&mut overrides, &[("--facing", "part.facing", arguments.facing.as_ref())])?;
+    arguments.set.add_to(&mut overrides, useless_to_an_inspection)?;
+    let settings = JobSettings::default().with_overrides(&overrides)?;
     let name = name_of(&arguments.file)?;
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
-            let options = MeshOptions {
-                unit: arguments.meaning.part_unit,
-                up: arguments.meaning.part_up,
-                ..MeshOptions::default()
-            };
+            let options =
+                MeshOptions { unit: settings.part.unit, up: settings.part.up, ..MeshOptions::default() };
             let part = read_part(&arguments.file)?;
             let mut reading = mesh::read(&part.bytes, format, &options, &part.siblings)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
-            let is_asked = arguments.surface.is_some() || arguments.facing.is_some();
+            let is_asked = arguments.surface.is_some() || overrides.has("part.facing");
             let fitted = if is_asked || matches!(reading.shape, Shape::Scan(_)) {
-                fit(arguments, &name, &mut reading)?
+                fit(arguments, &settings.part, &name, &mut reading)?
             } else {
                 None
             };
@@ -90,8 +96,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             ));
         }
         None => {
-            let mut settings = PatternSettings::default();
-            arguments.meaning.apply(&mut settings);
+            let settings = settings.pattern;
             let bytes = read_file(&arguments.file)?;
             let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
                 // A drawing is one by its bytes, whatever its name.
@@ -132,17 +137,12 @@ fn lost_ink(facts: &PatternFacts) -> Option<Notice> {
 /// surface is told with a notice, because what the file holds is worth knowing all the same.
 fn fit(
     arguments: &InspectArguments,
+    settings: &PartSettings,
     name: &str,
     reading: &mut PartReading,
 ) -> Result<Option<FittedSurface>, Failure> {
     let target = arguments.surface.as_deref().map(surface_file).transpose()?;
-    let facing = arguments.facing.unwrap_or(Facing::TOP);
-    let settings = PartSettings {
-        smoothing: arguments.scan.smoothing()?.unwrap_or_default(),
-        facing,
-        ..PartSettings::default()
-    };
-    let fitted = surface_of(&reading.shape, &mut reading.facts, &settings, &FitOptions::default());
+    let fitted = surface_of(&reading.shape, &mut reading.facts, settings, &FitOptions::default());
     match (fitted, target) {
         (Ok(surface), Some((path, format))) => {
             let view = View::new(settings.facing, settings.roll);

@@ -1,21 +1,15 @@
 //! What `correct` and `evaluate` have in common: part, drawing, and where one lands on the other.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use clap::Args;
-use nalgebra::Vector3;
 
 use super::named_files::{cache_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
-use super::outcome::{Failure, Outcome};
-use crate::config::{
-    Anchor, FloaterWeights, JobSettings, LiveSettings, Sku, Slip, Verify, parse_axis, parse_facing,
-};
+use super::outcome::Failure;
+use super::set::{SetArguments, add_list, add_options};
+use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
-use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
-use crate::geometry::primitive::Primitive;
-use crate::geometry::space::{Facing, FlatPoint, ViewPoint};
 use crate::pipeline::{LearnedPart, Pipeline};
 use crate::reason::Reason;
 
@@ -38,48 +32,50 @@ pub(super) struct JobArguments {
     #[arg(long, value_name = "DIR", help_heading = INPUT)]
     cache: Option<PathBuf>,
     /// Instead of a part: a cylinder of this diameter and length, mm. The view's origin is the middle of its crest.
-    #[arg(long, value_name = "D,LENGTH", help_heading = INPUT, value_parser = parse_numbers::<2>, conflicts_with = "cone")]
-    cylinder: Option<[f64; 2]>,
-    /// Instead of a part: a cone of these diameters at its ends, and this length along its axis, mm.
-    #[arg(long, value_name = "D,END,LENGTH", help_heading = INPUT, value_parser = parse_numbers::<3>)]
-    cone: Option<[f64; 3]>,
-    /// How the cylinder or cone lies before the laser, from its first end on: y (default), -y, x, -x or a direction X,Y,Z.
-    #[arg(long, value_name = "AXIS", help_heading = INPUT, allow_hyphen_values = true, value_parser = parse_axis)]
-    axis: Option<Vector3<f64>>,
+    #[arg(long, value_name = "D,LENGTH", help_heading = INPUT, allow_hyphen_values = true, conflicts_with = "cone")]
+    cylinder: Option<String>,
+    /// Instead of a part: a cone of these diameters at its ends and this length along its axis, mm.
+    #[arg(long, value_name = "D,END,LENGTH", help_heading = INPUT, allow_hyphen_values = true)]
+    cone: Option<String>,
+    /// Direction of the cylinder's or cone's axis as the laser sees it, from the first end: y (default), -y, x, -x or X,Y,Z.
+    #[arg(long, value_name = "AXIS", help_heading = INPUT, allow_hyphen_values = true)]
+    axis: Option<String>,
     /// The side of the part that faces the laser: +z (default), -z, +x, -x, +y, -y or a direction X,Y,Z.
-    #[arg(long, value_name = "SIDE", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_facing, conflicts_with_all = ["cylinder", "cone"])]
-    facing: Option<Facing>,
-    /// Turns the view about the laser's axis, degrees counter-clockwise.
+    #[arg(long, value_name = "SIDE", help_heading = PLACEMENT, allow_hyphen_values = true, conflicts_with_all = ["cylinder", "cone"])]
+    facing: Option<String>,
+    /// Turns the view about the laser's axis, degrees counter-clockwise, -360 to 360.
     #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true, conflicts_with_all = ["cylinder", "cone"])]
-    roll: Option<f64>,
-    /// Where the anchor lands in the view, mm; default: where it was drawn.
-    #[arg(long, value_name = "X,Y", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_numbers::<2>)]
-    place: Option<[f64; 2]>,
+    roll: Option<String>,
+    /// Where the anchor is placed in the view, mm. Default: where it was drawn.
+    #[arg(long, value_name = "X,Y", help_heading = PLACEMENT, allow_hyphen_values = true)]
+    place: Option<String>,
     /// The point of the drawing that is placed and turned about: center (of its extents, default), origin, or X,Y in mm.
-    #[arg(long, value_name = "POINT", help_heading = PLACEMENT, allow_hyphen_values = true, value_parser = parse_anchor)]
-    anchor: Option<Anchor>,
-    /// Turns the drawing about its anchor, degrees counter-clockwise.
+    #[arg(long, value_name = "POINT", help_heading = PLACEMENT, allow_hyphen_values = true)]
+    anchor: Option<String>,
+    /// Turns the drawing about its anchor, degrees counter-clockwise, -360 to 360.
     #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true)]
-    rotate: Option<f64>,
+    rotate: Option<String>,
     #[command(flatten)]
     meaning: MeaningArguments,
     #[command(flatten)]
     scan: ScanArguments,
-    /// The layers that are marked; others are carried along without counting as ink. Default: all.
+    /// The layers that are marked; others are carried along unmarked. Default: all.
     #[arg(long, value_name = "A,B", help_heading = INPUT, value_delimiter = ',')]
     ink_layers: Option<Vec<String>>,
-    /// Cells along each side of the mapping domain; default 30.
-    #[arg(long, value_name = "CELLS", help_heading = COMPARISON)]
-    mapping_domain_grid: Option<usize>,
-    /// Intervals of Simpson's rule along each of its cells, even; default 50.
-    #[arg(long, value_name = "INTERVALS", help_heading = COMPARISON)]
-    mapping_domain_intervals: Option<usize>,
-    /// Slips of the printed algorithms that stay: simpson-weights, diagonal-sums, knot-vectors; default: all are corrected.
+    /// Cells along each side of the mapping domain, 2 to 200; default 30.
+    #[arg(long, value_name = "CELLS", help_heading = COMPARISON, allow_hyphen_values = true)]
+    mapping_domain_grid: Option<String>,
+    /// Intervals of Simpson's rule along each of its cells, even, 2 to 1000; default 50.
+    #[arg(long, value_name = "INTERVALS", help_heading = COMPARISON, allow_hyphen_values = true)]
+    mapping_domain_intervals: Option<String>,
+    /// Slips of the printed algorithms to keep: simpson-weights, diagonal-sums, knot-vectors. Default: all are corrected.
     #[arg(long, value_name = "A,B", help_heading = COMPARISON, value_delimiter = ',')]
-    mapping_domain_as_printed: Option<Vec<Slip>>,
-    /// What floater makes of a vertex's neighbours: uniform (as in the thesis, default) or mean-value.
+    mapping_domain_as_printed: Option<Vec<String>>,
+    /// How floater weights a vertex's neighbours: uniform (as in the thesis, default) or mean-value.
     #[arg(long, value_name = "WHICH", help_heading = COMPARISON)]
-    floater_weights: Option<FloaterWeights>,
+    floater_weights: Option<String>,
+    #[command(flatten)]
+    pub(super) set: SetArguments,
 }
 
 /// A part that is ready, and the drawing for it.
@@ -100,25 +96,34 @@ impl JobArguments {
         self.inputs.iter().chain(&self.station).map(PathBuf::as_path).collect()
     }
 
-    /// Reads the settings, which `adjust` may change, then the part and the drawing.
+    /// Reads the settings, then the part and the drawing. `overrides` holds the settings of options that only one command
+    /// has; `useless` gives the reason why the command has no use for a setting.
     pub(super) fn prepare(
         &self,
-        adjust: impl FnOnce(&mut JobSettings) -> Outcome,
+        mut overrides: Overrides,
+        useless: impl Fn(&str) -> Option<&'static str>,
     ) -> Result<Job<'_>, Failure> {
+        self.add_to(&mut overrides)?;
+        self.set.add_to(&mut overrides, useless)?;
         let (part, pattern) = inputs(&self.inputs)?;
-        let sku = self.sku(part)?;
-        let live = self.station.as_deref().map(LiveSettings::open).transpose()?;
-        let mut live = live.map(LiveSettings::at_once);
-        let mut settings = match &mut live {
-            // A station that was never started has no folder for its SKUs yet.
-            Some(live) if !live.station().folders.skus.exists() => live.station().settings.clone(),
-            Some(live) => live.job(&sku)?,
-            None => JobSettings::default(),
+        let sku = self.sku(part, overrides.text("part.shape"))?;
+        // The station's tables are part of its file; those of the job override the SKU's file, too.
+        let (of_job, of_station) = overrides.split();
+        let live = self.station.as_deref().map(|file| LiveSettings::open_with(file, of_station.clone()));
+        let mut live = live.transpose()?.map(LiveSettings::at_once);
+        let (settings, verify) = match &mut live {
+            Some(live) => {
+                // A station that was never started has no folder for its SKUs yet.
+                let settings = match live.station().folders.skus.exists() {
+                    true => live.job(&sku)?,
+                    false => live.station().settings.clone(),
+                };
+                (settings, live.station().delivery.verify)
+            }
+            None => JobSettings::without_station(&of_station)?,
         };
-        self.apply(&mut settings)?;
-        adjust(&mut settings)?;
+        let settings = settings.with_overrides(&of_job)?;
         let cache = cache_of(self.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
-        let verify = live.as_ref().map(|live| live.station().delivery.verify).unwrap_or_default();
         let pipeline = Pipeline::new(Some(cache));
         let drawing = read_file(pattern)?;
         let learned = match part {
@@ -128,100 +133,77 @@ impl JobArguments {
         Ok(Job { sku, settings, pipeline, learned, pattern, drawing, verify })
     }
 
-    fn sku(&self, part: Option<&Path>) -> Result<Sku, Failure> {
-        match (&self.sku, part.and_then(Path::file_stem)) {
-            (Some(sku), _) => parse_sku(sku),
-            (None, Some(stem)) => parse_sku(&stem.to_string_lossy()),
-            (None, None) if self.cylinder.is_some() => parse_sku("cylinder"),
-            (None, None) if self.cone.is_some() => parse_sku("cone"),
-            (None, None) => Err(Failure::usage(
+    fn sku(&self, part: Option<&Path>, shape: Option<String>) -> Result<Sku, Failure> {
+        match (&self.sku, part.and_then(Path::file_stem), shape) {
+            (Some(sku), ..) => parse_sku(sku),
+            (None, Some(stem), _) => parse_sku(&stem.to_string_lossy()),
+            (None, None, Some(shape)) if shape != PartShape::Mesh.name() => parse_sku(&shape),
+            _ => Err(Failure::usage(
                 "There is neither a part nor a SKU.",
                 "Name the part, its SKU with `--sku`, or its sizes with `--cylinder` or `--cone`.",
             )),
         }
     }
 
-    fn primitive(&self) -> Result<Option<Primitive>, Failure> {
-        let sizes = self.cylinder.map(|[diameter, length]| [diameter, diameter, length]).or(self.cone);
-        let Some([diameter, end, length]) = sizes else {
-            return match self.axis {
-                None => Ok(None),
-                Some(_) => Err(Failure::usage(
-                    "`--axis` says how a cylinder or cone lies, and there is none.",
-                    "Give `--cylinder` or `--cone` too; a mesh is turned with `--facing` and `--roll`.",
-                )),
-            };
-        };
-        let primitive = Primitive::new(diameter, end, length, self.axis.unwrap_or(Vector3::y()));
-        primitive.map(Some).ok_or_else(|| {
-            Failure::usage(
-                "These are no sizes of a cylinder or cone.",
-                "Give diameters and length in mm, all greater than 0, as in `--cylinder 73,180`.",
-            )
-        })
+    fn add_to(&self, overrides: &mut Overrides) -> Result<(), Failure> {
+        self.add_shape(overrides)?;
+        add_options(
+            overrides,
+            &[
+                ("--axis", "part.axis", self.axis.as_ref()),
+                ("--facing", "part.facing", self.facing.as_ref()),
+                ("--roll", "part.roll_deg", self.roll.as_ref()),
+                ("--place", "placement.place_mm", self.place.as_ref()),
+                ("--anchor", "placement.anchor", self.anchor.as_ref()),
+                ("--rotate", "placement.rotate_deg", self.rotate.as_ref()),
+                (
+                    "--mapping-domain-grid",
+                    "correction.mapping_domain_grid",
+                    self.mapping_domain_grid.as_ref(),
+                ),
+                (
+                    "--mapping-domain-intervals",
+                    "correction.mapping_domain_intervals",
+                    self.mapping_domain_intervals.as_ref(),
+                ),
+                ("--floater-weights", "correction.floater_weights", self.floater_weights.as_ref()),
+            ],
+        )?;
+        self.meaning.add_to(overrides)?;
+        self.scan.add_to(overrides)?;
+        add_list(overrides, "--ink-layers", "pattern.ink_layers", self.ink_layers.as_ref())?;
+        let slips = self.mapping_domain_as_printed.as_ref();
+        add_list(overrides, "--mapping-domain-as-printed", "correction.mapping_domain_as_printed", slips)
     }
 
-    fn apply(&self, settings: &mut JobSettings) -> Outcome {
-        set(&mut settings.part.facing, self.facing.as_ref());
-        set(&mut settings.part.roll, self.roll.map(f64::to_radians).as_ref());
-        settings.part.unit = self.meaning.part_unit.or(settings.part.unit);
-        settings.part.up = self.meaning.part_up.or(settings.part.up);
-        let primitive = self.primitive()?;
-        let smoothing = self.scan.smoothing()?;
-        let is_given = [
-            ("--part-unit", self.meaning.part_unit.is_some()),
-            ("--part-up", self.meaning.part_up.is_some()),
-            ("--smoothing", smoothing.is_some()),
-        ];
-        if let (Some(_), Some((option, _))) = (primitive, is_given.iter().find(|(_, is_given)| *is_given)) {
-            return Err(Failure::usage(
-                format!("`{option}` says how a part file is read, and a cylinder or cone has none."),
-                "Leave it out; `--cylinder` and `--cone` take mm.",
-            ));
-        }
-        settings.part.primitive = primitive.or(settings.part.primitive);
-        settings.part.smoothing = smoothing.unwrap_or(settings.part.smoothing);
-        self.meaning.apply(&mut settings.pattern);
-        if self.ink_layers.is_some() {
-            settings.pattern.ink_layers.clone_from(&self.ink_layers);
-        }
-        settings.placement.place = self.place.map(|[x, y]| ViewPoint::new(x, y)).or(settings.placement.place);
-        set(&mut settings.placement.anchor, self.anchor.as_ref());
-        set(&mut settings.placement.rotate, self.rotate.map(f64::to_radians).as_ref());
-        let angles = [settings.part.roll, settings.placement.rotate];
-        if angles.iter().any(|angle| !angle.is_finite()) {
-            return Err(Failure::usage(
-                "An angle is not a number.",
-                "Give `--rotate` and `--roll` in degrees.",
-            ));
-        }
-        set(&mut settings.correction.floater_weights, self.floater_weights.as_ref());
-        let domain = &mut settings.correction.mapping_domain;
-        set(&mut domain.grid, self.mapping_domain_grid.as_ref());
-        set(&mut domain.intervals, self.mapping_domain_intervals.as_ref());
-        if let Some(slips) = &self.mapping_domain_as_printed {
-            domain.as_printed = slips.iter().copied().collect();
-        }
-        if !MappingDomainOptions::GRIDS.contains(&domain.grid)
-            || !MappingDomainOptions::INTERVALS.contains(&domain.intervals)
-            || domain.intervals % 2 == 1
+    /// Adds the sizes of a cylinder or cone, each as the setting it is.
+    fn add_shape(&self, overrides: &mut Overrides) -> Result<(), Failure> {
+        let (option, shape, keys, example, typed): (_, _, &[&str], _, _) = match (&self.cylinder, &self.cone)
         {
+            (Some(typed), _) => {
+                let keys = &["part.diameter_mm", "part.length_mm"];
+                ("--cylinder", PartShape::Cylinder, keys, "diameter and length in mm, as in 73,180", typed)
+            }
+            (None, Some(typed)) => {
+                let keys = &["part.diameter_mm", "part.end_diameter_mm", "part.length_mm"];
+                let example = "both diameters and the length in mm, as in 60,85,120";
+                ("--cone", PartShape::Cone, keys, example, typed)
+            }
+            (None, None) => return Ok(()),
+        };
+        let option = format!("{option} {typed}");
+        let sizes: Vec<&str> = typed.split(',').collect();
+        if sizes.len() != keys.len() {
             return Err(Failure::usage(
-                format!(
-                    "A mapping domain of {} cells with {} intervals makes no sense.",
-                    domain.grid, domain.intervals
-                ),
-                "Give `--mapping-domain-grid` from 2 to 200 and an even `--mapping-domain-intervals` from 2 to 1000.",
+                format!("`{option}` does not give the sizes of a {shape}."),
+                format!("Give {example}."),
             ));
+        }
+        overrides.add(&option, "part.shape", shape.name())?;
+        for (key, size) in keys.iter().zip(sizes) {
+            overrides.add(&option, key, size)?;
         }
         Ok(())
-    }
-}
-
-/// Takes over what was given on the command line.
-pub(super) fn set<T: Clone>(to: &mut T, given: Option<&T>) {
-    if let Some(given) = given {
-        to.clone_from(given);
     }
 }
 
@@ -254,22 +236,4 @@ fn unknown_sku(sku: &Sku) -> Failure {
         format!("No surface is kept for the SKU {sku} under these settings."),
         "Name the part before the drawing; its surface is kept from then on.",
     ))
-}
-
-fn parse_numbers<const COUNT: usize>(text: &str) -> Result<[f64; COUNT], String> {
-    let numbers: Vec<f64> = text.split(',').map_while(|part| f64::from_str(part.trim()).ok()).collect();
-    let whole = text.matches(',').count() + 1 == COUNT && numbers.iter().all(|number| number.is_finite());
-    let count = if COUNT == 2 { "two" } else { "three" };
-    let example = ["12.5", "-3", "40"][..COUNT].join(",");
-    numbers.try_into().ok().filter(|_| whole).ok_or(format!("give {count} numbers in mm, as in {example}"))
-}
-
-fn parse_anchor(text: &str) -> Result<Anchor, String> {
-    match text {
-        "center" => Ok(Anchor::Center),
-        "origin" => Ok(Anchor::Origin),
-        _ => parse_numbers::<2>(text)
-            .map(|[x, y]| Anchor::At(FlatPoint::new(x, y)))
-            .map_err(|_| "give center, origin, or a point of the drawing in mm, as in 12.5,-3".into()),
-    }
 }

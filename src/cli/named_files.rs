@@ -88,10 +88,7 @@ pub(super) fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> F
             "Check the disk, its free space and the way to it, then try again.".to_owned(),
         ),
     };
-    Failure {
-        exit: Exit::Environment,
-        reason: Reason::new("environment", what, remedy).in_file(file.to_string()),
-    }
+    Failure::new(Exit::Environment, Reason::new("environment", what, remedy).in_file(file.to_string()))
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -3,6 +3,7 @@
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
+use super::marked_line::MarkedLine;
 use crate::config::ConfigError;
 use crate::pipeline::PipelineError;
 use crate::printable::{on_lines, on_one_line};
@@ -27,22 +28,36 @@ pub enum Exit {
 pub(super) struct Failure {
     pub(super) exit: Exit,
     pub(super) reason: Reason,
+    /// The line of a settings file that is wrong, as it is drawn for people.
+    line: Option<MarkedLine>,
 }
 
 pub(super) type Outcome = Result<(), Failure>;
 
 impl Failure {
+    pub(super) fn new(exit: Exit, reason: Reason) -> Self {
+        Self { exit, reason, line: None }
+    }
+
     pub(super) fn rejected(reason: Reason) -> Self {
-        Self { exit: Exit::Rejected, reason }
+        Self::new(Exit::Rejected, reason)
+    }
+
+    /// Writes the failure to people on standard error.
+    pub(super) fn tell(&self) {
+        tell(&format!("isomark: {}", self.reason));
+        if let Some(line) = &self.line {
+            line.tell();
+        }
     }
 
     pub(super) fn usage(what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self { exit: Exit::Usage, reason: Reason::new("usage", what, remedy) }
+        Self::new(Exit::Usage, Reason::new("usage", what, remedy))
     }
 
     pub(super) fn environment(error: &std::io::Error) -> Self {
         let remedy = "Check that the file or folder exists, that it may be read or written, and that the disk is not full.";
-        Self { exit: Exit::Environment, reason: Reason::new("environment", format!("{error}."), remedy) }
+        Self::new(Exit::Environment, Reason::new("environment", format!("{error}."), remedy))
     }
 }
 
@@ -57,7 +72,7 @@ impl From<ConfigError> for Failure {
             }
             _ => Exit::Usage,
         };
-        Self { exit, reason: error.reason() }
+        Self { exit, reason: error.reason(), line: MarkedLine::of(&error) }
     }
 }
 
@@ -94,6 +109,11 @@ fn write_out(text: &str) {
 /// error.
 pub(super) fn tell(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));
+}
+
+/// Writes to people on standard error what is drawn for a terminal, with its colours.
+pub(super) fn tell_drawn(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
 /// A path as people are shown it.

@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
+use super::set::SetArguments;
 use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::hotfolder::status::{
     Kept, Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits,
@@ -25,6 +26,8 @@ pub(super) struct StatusArguments {
     /// Writes the status for machines to standard output.
     #[arg(long)]
     pub(super) json: bool,
+    #[command(flatten)]
+    set: SetArguments,
 }
 
 #[derive(Debug, Args)]
@@ -44,11 +47,14 @@ pub(super) struct RetryArguments {
     /// Corrects delivered drawings again whose part or settings changed; of one SKU, or of all.
     #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
+    #[command(flatten)]
+    set: SetArguments,
 }
 
 /// The folders of a station. It runs on with its old settings while its file is wrong, and can be asked all the same.
-fn folders_of(file: &Path) -> Result<FolderPaths, Failure> {
-    match (Station::load(file), FolderPaths::of_broken(file)) {
+fn folders_of(file: &Path, set: &SetArguments) -> Result<FolderPaths, Failure> {
+    let overrides = set.of_station()?;
+    match (Station::load_with(file, &overrides), FolderPaths::of_broken(file, &overrides)) {
         (Ok(station), _) => Ok(station.folders),
         (Err(error), Some(folders)) => {
             tell(&format!("isomark: warning: {}", error.reason()));
@@ -66,7 +72,7 @@ fn status_of(folders: &FolderPaths) -> Result<(Option<Status>, Option<Holder>), 
 }
 
 pub(super) fn run(arguments: &StatusArguments) -> Outcome {
-    let folders = folders_of(&arguments.station)?;
+    let folders = folders_of(&arguments.station, &arguments.set)?;
     let (Some(mut status), holder) = status_of(&folders)? else {
         let what = format!("The station of {} was never started.", arguments.station.display());
         return Err(Failure::usage(what, "Start it with `isomark watch`."));
@@ -85,7 +91,7 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
 }
 
 pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
-    let folders = folders_of(&arguments.station)?;
+    let folders = folders_of(&arguments.station, &arguments.set)?;
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
@@ -127,7 +133,7 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         );
         let Some(last) = trouble.pop() else { return Ok(()) };
         trouble.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
-        return Err(Failure { exit: Exit::Environment, reason: last });
+        return Err(Failure::new(Exit::Environment, last));
     }
     let request = match &arguments.outdated {
         Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),
@@ -164,7 +170,7 @@ fn leave(request: &Request, state: &Path) -> Outcome {
     request.leave(state).map_err(|error| match error.kind() {
         ErrorKind::PermissionDenied => {
             let reason = Reason::new("environment", format!("{error}."), AS_ITS_USER);
-            Failure { exit: Exit::Environment, reason }
+            Failure::new(Exit::Environment, reason)
         }
         _ => Failure::environment(&error),
     })

@@ -7,6 +7,7 @@ use clap::Args;
 use super::log;
 use super::outcome::{Exit, Failure, Outcome, print, tell};
 use super::service::ServiceManager;
+use super::set::SetArguments;
 use crate::cache::Cache;
 use crate::config::LiveSettings;
 use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally, WaitsFor};
@@ -22,10 +23,12 @@ pub(super) struct WatchArguments {
     /// when something waits because a folder, a disk or a server fails, or nobody knows whether a drawing was delivered.
     #[arg(long)]
     once: bool,
+    #[command(flatten)]
+    set: SetArguments,
 }
 
 pub(super) fn run(arguments: &WatchArguments) -> Outcome {
-    let settings = LiveSettings::open(&arguments.station)?;
+    let settings = LiveSettings::open_with(&arguments.station, arguments.set.of_station()?)?;
     log::start(settings.station().log.as_ref()).map_err(|error| Failure::environment(&error))?;
     let stop = StopSignal::default();
     let raise = stop.clone();
@@ -48,10 +51,10 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
             let what = format!("{} {drawings} may not have been delivered.", tally.uncertain);
             let remedy = "See with `isomark status` which, and whether the importer took them; if not, \
                           `isomark retry` delivers them again.";
-            Err(Failure { exit: Exit::Environment, reason: Reason::new("drawings-uncertain", what, remedy) })
+            Err(Failure::new(Exit::Environment, Reason::new("drawings-uncertain", what, remedy)))
         }
         0 => match tally.waiting.iter().find(|left| left.waits_for == WaitsFor::Surroundings) {
-            Some(left) => Err(Failure { exit: Exit::Environment, reason: left.reason.clone() }),
+            Some(left) => Err(Failure::new(Exit::Environment, left.reason.clone())),
             None => Ok(()),
         },
         count => {
@@ -67,7 +70,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
 }
 
 fn failure(error: &StationError) -> Failure {
-    Failure { exit: Exit::Environment, reason: error.reason() }
+    Failure::new(Exit::Environment, error.reason())
 }
 
 fn words(tally: &Tally) -> String {

@@ -277,16 +277,15 @@ pub fn parse_facing(text: &str) -> Result<Facing, UnknownChoice> {
         "-x" => -Vector3::x(),
         "+y" | "y" => Vector3::y(),
         "-y" => -Vector3::y(),
-        other => {
-            let numbers: Vec<f64> = other.split(',').map_while(|part| part.trim().parse().ok()).collect();
-            let given: [f64; 3] = match numbers.try_into() {
-                Ok(given) if other.matches(',').count() == 2 => given,
-                _ => [0.0; 3],
-            };
-            Vector3::from(given)
-        }
+        other => numbers(other).unwrap_or([0.0; 3]).into(),
     };
     Facing::towards(direction).ok_or(UnknownChoice { what: "facing", given: text.into(), allowed: FACINGS })
+}
+
+/// As many numbers as are asked for, with commas between them.
+pub(super) fn numbers<const COUNT: usize>(text: &str) -> Option<[f64; COUNT]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
 }
 
 /// The direction of a cylinder's or cone's axis as the laser sees it, from `x`, `-y` … or `X,Y,Z`.

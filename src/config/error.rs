@@ -1,18 +1,19 @@
-//! What can be wrong with a settings file, and where.
+//! What can be wrong with settings, and where.
 
-use std::path::PathBuf;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use super::suggest::{listed, nearest};
 use crate::reason::{Place, Quantity, Reason};
 
-/// A mistake in a settings file.
+/// A mistake in a settings file or in a setting of the command line.
 #[derive(Debug)]
 pub enum ConfigError {
     /// The file cannot be opened or is not UTF-8.
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file may still be written.
@@ -24,18 +25,18 @@ pub enum ConfigError {
     Syntax {
         /// Where.
         spot: Spot,
-        /// What the parser said.
+        /// The parser's message.
         message: String,
         /// Whether the line holds a backslash, as an unquoted Windows path does.
         backslash: bool,
     },
-    /// A key that means nothing at this place.
+    /// A key that does not exist at this place.
     UnknownKey {
         /// Where.
         spot: Spot,
         /// The key as written.
         key: String,
-        /// The keys that mean something here.
+        /// The keys that exist here.
         allowed: Vec<String>,
     },
     /// A name that is none of the choices.
@@ -47,7 +48,7 @@ pub enum ConfigError {
         /// The names to choose from.
         allowed: Vec<String>,
     },
-    /// A key that cannot be left out.
+    /// A required key that is missing.
     Missing {
         /// The table it belongs to.
         spot: Spot,
@@ -69,7 +70,7 @@ pub enum ConfigError {
         /// `mm`, `deg`, `s`, `ms`.
         unit: &'static str,
     },
-    /// Values that are fine alone and wrong together or at this place.
+    /// Values that are valid alone and wrong together or at this place.
     Contradiction {
         /// Where.
         spot: Spot,
@@ -80,28 +81,55 @@ pub enum ConfigError {
     },
 }
 
-/// A place in a settings file.
+/// Where a setting is given.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Spot {
-    /// The file.
-    pub file: PathBuf,
-    /// Line, counted from 1.
-    pub line: u64,
-    /// Column in characters, counted from 1.
-    pub column: u64,
+pub enum Spot {
+    /// In a settings file.
+    File {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from 1.
+        line: u64,
+        /// Column in characters, counted from 1.
+        column: u64,
+        /// The line itself.
+        excerpt: Excerpt,
+    },
+    /// On the command line, with the option as it was typed.
+    Option(String),
+}
+
+/// A line of a settings file, and what of it is wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Excerpt {
+    /// The line without its end.
+    pub line: String,
+    /// The bytes of the line that are wrong; empty for a place between two characters.
+    pub marked: Range<usize>,
 }
 
 impl ConfigError {
-    /// The file that is wrong.
-    pub fn file(&self) -> &std::path::Path {
+    /// The file that is wrong; `None` for an option of the command line.
+    pub fn file(&self) -> Option<&Path> {
         match self {
-            Self::Unreadable { file, .. } | Self::BeingSaved { file } => file,
+            Self::Unreadable { file, .. } | Self::BeingSaved { file } => Some(file),
+            _ => match self.spot()? {
+                Spot::File { file, .. } => Some(file),
+                Spot::Option(_) => None,
+            },
+        }
+    }
+
+    /// Where the mistake is; `None` for a file as a whole.
+    pub fn spot(&self) -> Option<&Spot> {
+        match self {
+            Self::Unreadable { .. } | Self::BeingSaved { .. } => None,
             Self::Syntax { spot, .. }
             | Self::UnknownKey { spot, .. }
             | Self::UnknownChoice { spot, .. }
             | Self::Missing { spot, .. }
             | Self::OutOfRange { spot, .. }
-            | Self::Contradiction { spot, .. } => &spot.file,
+            | Self::Contradiction { spot, .. } => Some(spot),
         }
     }
 
@@ -130,26 +158,40 @@ impl ConfigError {
     }
 
     fn place(&self) -> Place {
-        let file = Some(self.file().display().to_string());
-        let (spot, item) = match self {
-            Self::Unreadable { .. } | Self::BeingSaved { .. } => return Place { file, ..Place::default() },
-            Self::UnknownKey { spot, key, .. }
-            | Self::Missing { spot, key }
-            | Self::OutOfRange { spot, key, .. } => (spot, Some(key.clone())),
-            Self::Syntax { spot, .. }
-            | Self::UnknownChoice { spot, .. }
-            | Self::Contradiction { spot, .. } => (spot, None),
+        let item = match self {
+            Self::UnknownKey { key, .. } | Self::Missing { key, .. } | Self::OutOfRange { key, .. } => {
+                Some(key.clone())
+            }
+            _ => None,
         };
-        Place { file, line: Some(spot.line), column: Some(spot.column), item, ..Place::default() }
+        match self.spot() {
+            Some(Spot::File { file, line, column, .. }) => {
+                let file = Some(file.display().to_string());
+                Place { file, line: Some(*line), column: Some(*column), item, ..Place::default() }
+            }
+            Some(Spot::Option(option)) => Place { item: Some(option.clone()), ..Place::default() },
+            None => {
+                let file = self.file().map(|file| file.display().to_string());
+                Place { file, ..Place::default() }
+            }
+        }
+    }
+
+    fn is_option(&self) -> bool {
+        matches!(self.spot(), Some(Spot::Option(_)))
     }
 
     fn what(&self) -> String {
         match self {
             Self::Unreadable { source, .. } => format!("The settings cannot be read: {source}."),
             Self::BeingSaved { .. } => "The settings may still be written.".into(),
+            Self::Syntax { message, .. } if self.is_option() => {
+                format!("The value cannot be understood: {message}.")
+            }
             Self::Syntax { message, .. } => format!("The settings cannot be understood: {message}."),
+            Self::UnknownKey { key, .. } if self.is_option() => format!("There is no setting `{key}`."),
             Self::UnknownKey { key, .. } => format!("There is no key `{key}` here."),
-            Self::UnknownChoice { given, .. } => format!("`{given}` is none of the choices."),
+            Self::UnknownChoice { given, .. } => format!("`{given}` is not one of the choices."),
             Self::Missing { key, .. } => format!("The key `{key}` is missing."),
             Self::OutOfRange { key, value, unit, .. } => format!("`{key}` cannot be {value} {unit}."),
             Self::Contradiction { what, .. } => what.clone(),
@@ -161,19 +203,24 @@ impl ConfigError {
             Self::Unreadable { file, .. } if file.is_dir() => {
                 format!("Name the file in that folder, such as {}.", file.join("station.toml").display())
             }
-            Self::BeingSaved { .. } => "Nothing: they are read again in a moment.".into(),
+            Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {
                 "Write paths with forward slashes, or put them in single quotes: 'C:\\laser\\import'.".into()
             }
-            Self::Syntax { .. } => "Correct the line; text stands in quotes, numbers do not.".into(),
+            Self::Syntax { .. } if self.is_option() => {
+                "Give text such as `inch`, a number such as 0.5, `true`, `false`, or a list such as `[1, 2]`."
+                    .into()
+            }
+            Self::Syntax { .. } => "Correct the line: text needs quotes, numbers need none.".into(),
             Self::UnknownKey { key: given, allowed, .. } | Self::UnknownChoice { given, allowed, .. } => {
                 match nearest(given, allowed) {
-                    Some(name) => format!("Did you mean `{name}`? Known here: {}.", listed(allowed)),
+                    Some(name) => format!("Did you mean `{name}`? Known: {}.", listed(allowed)),
                     None if allowed.is_empty() => "Remove it.".into(),
-                    None => format!("Known here: {}.", listed(allowed)),
+                    None => format!("Known: {}.", listed(allowed)),
                 }
             }
+            Self::Missing { key, .. } if self.is_option() => format!("Give `{key}` of the same table, too."),
             Self::Missing { key, .. } => format!("Add `{key}`; the sample in watch-config/ explains it."),
             Self::OutOfRange { low, high, unit, .. } => {
                 format!("Give a number from {low} to {high} {unit}.").replace(" .", ".")

@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::choices::{
     DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, PartShape, Slip, Smoothing, Vertices, Weighting,
-    parse_axis, parse_facing,
+    numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings};
@@ -25,10 +25,10 @@ use crate::geometry::surface::scan;
 const FARTHEST: f64 = 10_000.0;
 
 /// Gaps that can be meant as none, mm.
-pub const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
+const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// Wavelengths of a low pass that make sense, mm.
-pub const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
+const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 /// The tables that the station sets for all SKUs and a SKU file may override.
 #[derive(Default, Deserialize)]
@@ -44,7 +44,7 @@ pub(super) struct JobKeys {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PartKeys {
-    facing: Option<Spanned<NameOr<[f64; 3]>>>,
+    facing: Option<Spanned<NameOr<Numbers<3>>>>,
     roll_deg: Option<Spanned<f64>>,
     unit: Option<Spanned<LengthUnit>>,
     up: Option<Spanned<UpAxis>>,
@@ -54,7 +54,7 @@ pub(super) struct PartKeys {
     diameter_mm: Option<Spanned<f64>>,
     end_diameter_mm: Option<Spanned<f64>>,
     length_mm: Option<Spanned<f64>>,
-    axis: Option<Spanned<NameOr<[f64; 3]>>>,
+    axis: Option<Spanned<NameOr<Numbers<3>>>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -74,8 +74,8 @@ pub(super) struct PatternKeys {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PlacementKeys {
-    place_mm: Option<Spanned<[f64; 2]>>,
-    anchor: Option<Spanned<NameOr<[f64; 2]>>>,
+    place_mm: Option<Spanned<Numbers<2>>>,
+    anchor: Option<Spanned<NameOr<Numbers<2>>>>,
     rotate_deg: Option<Spanned<f64>>,
 }
 
@@ -101,6 +101,20 @@ pub(super) struct CorrectionKeys {
 enum NameOr<T> {
     Name(String),
     Numbers(T),
+}
+
+/// As many numbers as a direction or a point has, no more and no fewer.
+#[derive(Clone, Copy)]
+pub(super) struct Numbers<const COUNT: usize>(pub(super) [f64; COUNT]);
+
+impl<'de, const COUNT: usize> Deserialize<'de> for Numbers<COUNT> {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        // Read as an array, the numbers behind the last one would be dropped.
+        let numbers = Vec::deserialize(from).ok().and_then(|numbers| numbers.try_into().ok());
+        let example =
+            if COUNT == 2 { "two numbers, such as [12.5, -3]" } else { "three numbers, such as [1, 0, 0.5]" };
+        numbers.map(Self).ok_or_else(|| serde::de::Error::custom(format!("expected {example}")))
+    }
 }
 
 impl JobKeys {
@@ -165,11 +179,14 @@ impl PartKeys {
         if let Some(facing) = self.facing {
             to.part.facing = match facing.get_ref() {
                 NameOr::Name(name) => parse_facing(name).ok(),
-                NameOr::Numbers(direction) => Facing::towards(Vector3::from(*direction)),
+                NameOr::Numbers(Numbers(direction)) => Facing::towards(Vector3::from(*direction)),
             }
             .ok_or_else(|| ConfigError::Contradiction {
                 spot: text.spot(&facing.span()),
-                what: "`part.facing` names no side of the part.".into(),
+                what: match facing.get_ref() {
+                    NameOr::Name(name) => format!("`{name}` names no side of the part."),
+                    NameOr::Numbers(_) => "`part.facing` names no side of the part.".into(),
+                },
                 remedy:
                     "Give \"+z\", \"-z\", \"+x\", \"-x\", \"+y\", \"-y\" or a direction such as [1, 0, 0.5]."
                         .into(),
@@ -278,7 +295,7 @@ impl PartKeys {
         let axis = match (&self.axis, old) {
             (Some(given), _) => match given.get_ref() {
                 NameOr::Name(name) => parse_axis(name).ok(),
-                NameOr::Numbers(direction) => Some(Vector3::from(*direction)),
+                NameOr::Numbers(Numbers(direction)) => Some(Vector3::from(*direction)),
             },
             (None, Some(old)) => Some(*old.axis()),
             (None, None) => Some(Vector3::y()),
@@ -338,24 +355,27 @@ impl PlacementKeys {
             to.placement.place = Some(ViewPoint::new(x, y));
         }
         if let Some(anchor) = self.anchor {
-            to.placement.anchor = match anchor.get_ref() {
-                NameOr::Name(name) => match name.as_str() {
-                    "center" => Anchor::Center,
-                    "origin" => Anchor::Origin,
-                    _ => {
+            let point = match anchor.get_ref() {
+                NameOr::Name(name) => match (name.as_str(), numbers(name)) {
+                    ("center", _) => Err(Anchor::Center),
+                    ("origin", _) => Err(Anchor::Origin),
+                    (_, Some(point)) => Ok(point),
+                    (_, None) => {
                         return Err(ConfigError::UnknownChoice {
                             spot: text.spot(&anchor.span()),
                             given: name.clone(),
-                            allowed: vec!["center".into(), "origin".into()],
+                            allowed: ["center", "origin", "X,Y"].map(String::from).into(),
                         });
                     }
                 },
-                NameOr::Numbers(point) => {
-                    for value in point {
-                        let range = -FARTHEST..=FARTHEST;
-                        text.in_range("placement.anchor", *value, &anchor.span(), range, "mm")?;
-                    }
-                    Anchor::At(FlatPoint::new(point[0], point[1]))
+                NameOr::Numbers(Numbers(point)) => Ok(*point),
+            };
+            to.placement.anchor = match point {
+                Err(named) => named,
+                Ok(point) => {
+                    let point = Spanned::new(anchor.span(), Numbers(point));
+                    let [x, y] = text.numbers("placement.anchor", &point, -FARTHEST..=FARTHEST, "mm")?;
+                    Anchor::At(FlatPoint::new(x, y))
                 }
             };
         }
@@ -469,7 +489,7 @@ pub(super) struct OpticsKeys {
     kind: Option<Spanned<LensKind>>,
     lens_distance_x_mm: Option<Spanned<f64>>,
     lens_distance_y_mm: Option<Spanned<f64>>,
-    axis_mm: Option<Spanned<[f64; 2]>>,
+    axis_mm: Option<Spanned<Numbers<2>>>,
     focus_depth_mm: Option<Spanned<f64>>,
     incidence_note_deg: Option<Spanned<f64>>,
     incidence_warn_deg: Option<Spanned<f64>>,

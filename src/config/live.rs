@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::error::ConfigError;
+use super::overrides::Overrides;
 use super::settings::JobSettings;
 use super::sku::Sku;
 use super::station::{Station, read};
@@ -18,6 +19,8 @@ const EMPTIED: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct LiveSettings {
     station: Station,
+    /// Settings of the command line, in place of the station file's.
+    overrides: Overrides,
     station_text: String,
     skus: BTreeMap<Sku, SkuFile>,
     /// Texts that are not in force, or not yet.
@@ -86,9 +89,18 @@ impl LiveSettings {
     /// # Errors
     /// When it is wrong: there are no older settings to keep.
     pub fn open(file: &Path) -> Result<Self, ConfigError> {
+        Self::open_with(file, Overrides::default())
+    }
+
+    /// The same, with settings of the command line in place of the station file's for as long as the program runs.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with(file: &Path, overrides: Overrides) -> Result<Self, ConfigError> {
         let station_text = read(file)?;
         Ok(Self {
-            station: Station::parse(file, &station_text)?,
+            station: Station::parse_with(file, &station_text, &overrides)?,
+            overrides,
             station_text,
             skus: BTreeMap::new(),
             new_texts: BTreeMap::new(),
@@ -121,7 +133,7 @@ impl LiveSettings {
             Ok(text) => text,
             Err(error) => return self.complain(error),
         };
-        match Station::parse(&file, &text) {
+        match Station::parse_with(&file, &text, &self.overrides) {
             Ok(station) => {
                 self.station = station;
                 let old = std::mem::replace(&mut self.station_text, text.clone());
@@ -252,7 +264,8 @@ impl LiveSettings {
 
     fn complain(&mut self, error: ConfigError) {
         let words = error.to_string();
-        let file = error.file().to_path_buf();
+        // An option of the command line is wrong only together with the station's file.
+        let file = error.file().unwrap_or(&self.station.file).to_path_buf();
         if self.complaints.insert(file.clone(), words.clone()) != Some(words) {
             let of_sku = file != self.station.file && file != self.station.folders.skus;
             let old_stay = !of_sku || self.skus.values().any(|sku| sku.file == file);

@@ -16,6 +16,7 @@ mod settings;
 mod station;
 mod keys;
 mod live;
+mod overrides;
 mod text;
 mod error;
 mod suggest;
@@ -24,9 +25,9 @@ pub use choices::{
     Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated, PartShape,
     Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
-pub use error::{ConfigError, Spot};
-pub use keys::{JOINING, LOW_PASS};
+pub use error::{ConfigError, Excerpt, Spot};
 pub use live::{LiveSettings, SettingsEvent};
+pub use overrides::{Overrides, setting_names};
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement,

@@ -12,6 +12,7 @@ use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
     PlacementKeys, SidecarKeys,
 };
+use super::overrides::Overrides;
 use super::settings::JobSettings;
 use super::sku::fold;
 use super::text::SettingsText;
@@ -62,10 +63,10 @@ pub struct FolderPaths {
 impl FolderPaths {
     /// The folders that a station file names though it is wrong elsewhere; of a text that cannot be understood, what
     /// stands above the mistake counts. `None` when that is not enough.
-    pub fn of_broken(file: &Path) -> Option<Self> {
+    pub fn of_broken(file: &Path, overrides: &Overrides) -> Option<Self> {
         let whole = read(file).ok()?;
         let resolved = |text: &str| -> Result<Self, ConfigError> {
-            let text = SettingsText::new(file, text);
+            let text = SettingsText::new(file, text).with(overrides);
             text.parse::<OnlyFolders>()?.folders.resolve(&text, file.parent().unwrap_or(Path::new("")))
         };
         resolved(&whole)
@@ -243,7 +244,15 @@ impl Station {
     /// # Errors
     /// When the file cannot be read, or anything in it is wrong; see [`ConfigError`].
     pub fn load(file: &Path) -> Result<Self, ConfigError> {
-        Self::parse(file, &read(file)?)
+        Self::load_with(file, &Overrides::default())
+    }
+
+    /// The same, with settings of the command line in place of the file's.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_with(file: &Path, overrides: &Overrides) -> Result<Self, ConfigError> {
+        Self::parse_with(file, &read(file)?, overrides)
     }
 
     /// Checks the text of a station file; `file` is where relative paths start and what errors name.
@@ -251,7 +260,15 @@ impl Station {
     /// # Errors
     /// When anything in the text is wrong; see [`ConfigError`].
     pub fn parse(file: &Path, text: &str) -> Result<Self, ConfigError> {
-        let text = SettingsText::new(file, text);
+        Self::parse_with(file, text, &Overrides::default())
+    }
+
+    /// The same, with settings of the command line in place of the file's.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_with(file: &Path, text: &str, overrides: &Overrides) -> Result<Self, ConfigError> {
+        let text = SettingsText::new(file, text).with(overrides);
         let keys: StationKeys = text.parse()?;
         let name = keys.station.name;
         if name.get_ref().trim().is_empty() || name.get_ref().chars().any(char::is_control) {
@@ -306,6 +323,54 @@ impl JobSettings {
     }
 }
 
+impl JobSettings {
+    /// These settings with those of the command line that a SKU's file may hold, too.
+    ///
+    /// # Errors
+    /// When any of them is wrong, or is not for a SKU; see [`ConfigError`].
+    pub fn with_overrides(&self, overrides: &Overrides) -> Result<Self, ConfigError> {
+        let text = SettingsText::of_options(overrides);
+        let mut settings = self.clone();
+        text.parse::<JobKeys>()?.apply(&text, &mut settings)?;
+        Ok(settings)
+    }
+
+    /// The settings of the command line for a laser without a station's file, and which drawings are read back.
+    ///
+    /// # Errors
+    /// When any of them is wrong, or is not for a laser; see [`ConfigError`].
+    pub fn without_station(overrides: &Overrides) -> Result<(Self, Verify), ConfigError> {
+        let text = SettingsText::of_options(overrides);
+        let keys: LaserKeys = text.parse()?;
+        let mut settings = Self::default();
+        if let Some(field) = keys.field {
+            field.apply(&text, &mut settings)?;
+        }
+        keys.optics.apply(&text, &mut settings)?;
+        keys.output.apply(&mut settings);
+        Ok((settings, keys.delivery.check(&text)?.verify))
+    }
+}
+
+/// Whether a setting of the command line holds a value of the right kind. Its range is not checked.
+pub(super) fn is_of_its_kind(text: &SettingsText) -> Result<(), ConfigError> {
+    match text.parse::<StationKeys>() {
+        // One setting alone is never a whole station.
+        Ok(_) | Err(ConfigError::Missing { .. }) => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+/// The tables of a station's file, or the keys of one of them.
+pub(super) fn keys_of(table: Option<&str>) -> Vec<String> {
+    // The parser answers an unknown key with all that it knows.
+    let text = table.map_or("\"\" = 0".into(), |table| format!("{table}.\"\" = 0"));
+    match SettingsText::new(Path::new(""), &text).parse::<StationKeys>() {
+        Err(ConfigError::UnknownKey { allowed, .. }) => allowed,
+        _ => Vec::new(),
+    }
+}
+
 /// The text of a settings file.
 pub(super) fn read(file: &Path) -> Result<String, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: file.into(), source };
@@ -341,6 +406,16 @@ struct StationKeys {
     retention: RetentionKeys,
     #[serde(default)]
     log: LogKeys,
+}
+
+/// The tables of a station that matter to a job without one.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct LaserKeys {
+    field: Option<FieldKeys>,
+    optics: OpticsKeys,
+    output: OutputKeys,
+    delivery: DeliveryKeys,
 }
 
 /// What of a station file can be used though the rest is wrong.

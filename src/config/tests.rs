@@ -82,7 +82,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[optic]\nkind = 1", "There is no key `optic` here. Did you mean `optics`?", 10, 2),
     (
         "[correction]\nmethod = \"isometrc\"",
-        "`isometrc` is none of the choices. Did you mean `isometric`?",
+        "`isometrc` is not one of the choices. Did you mean `isometric`?",
         11,
         10,
     ),
@@ -136,7 +136,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[part]\nshape = \"cylinder\"\ndiameter_mm = 9\nlength_mm = 9\nup = \"z\"", "no file is read", 14, 6),
     ("[correction]\nmapping_domain_intervals = 7", "takes them in pairs", 11, 28),
     ("[correction]\nmapping_domain_grid = 1", "cannot be 1", 11, 23),
-    ("[correction]\nmapping_domain_as_printed = [\"simpson\"]", "none of the choices", 11, 30),
+    ("[correction]\nmapping_domain_as_printed = [\"simpson\"]", "not one of the choices", 11, 30),
 ];
 
 #[test]
@@ -413,7 +413,7 @@ fn the_folders_of_a_broken_station_file_are_known() {
     let of = |text: &str| {
         fs_err::write(&file, text).unwrap();
         assert!(Station::load(&file).is_err(), "{text}");
-        FolderPaths::of_broken(&file)
+        FolderPaths::of_broken(&file, &Overrides::default())
     };
     assert_eq!(of(&NEEDED.replace("width_mm", "widht_mm")), Some(whole.clone()));
     assert_eq!(of(&format!("{NEEDED}\n[watch]\nsettle_ms = \n")), Some(whole));
@@ -453,4 +453,254 @@ fn paths_are_absolute_or_relative_to_their_file() {
         let station = parse(&NEEDED.replace("\"drop/hot\"", &format!("'{path}'"))).unwrap();
         assert_eq!(station.folders.hot, Path::new(path));
     }
+}
+
+/// Every setting with a value that is not the usual one, as people type it, and what else it needs.
+const SETTINGS: &[(&str, &str, &[(&str, &str)])] = &[
+    ("correction.angle_weight", "2", &[]),
+    ("correction.floater_weights", "mean-value", &[]),
+    ("correction.length_weight", "0.5", &[]),
+    ("correction.mapping_domain_as_printed", "simpson-weights,knot-vectors", &[]),
+    ("correction.mapping_domain_grid", "10", &[]),
+    ("correction.mapping_domain_intervals", "20", &[]),
+    ("correction.max_residual_mm", "0.2", &[]),
+    ("correction.method", "cone", &[]),
+    ("correction.tolerance_mm", "0.02", &[]),
+    ("correction.vertices", "keep", &[]),
+    ("correction.weighting", "uniform", &[]),
+    ("delivery.address", "laser-pc:11350", &[]),
+    ("delivery.answer_s", "5", &[]),
+    ("delivery.kind", "beamserver", &[]),
+    ("delivery.outdated", "correct", &[]),
+    ("delivery.repeat", "never", &[]),
+    ("delivery.server_folder", r"Z:\import", &[]),
+    ("delivery.verify", "true", &[]),
+    ("field.height_mm", "70", &[]),
+    ("field.origin", "corner", &[]),
+    ("field.width_mm", "70", &[]),
+    ("fixture.rotation_deg", "90", &[]),
+    ("fixture.x_mm", "-3", &[]),
+    ("fixture.y_mm", "+3", &[]),
+    ("fixture.z_mm", ".5", &[]),
+    ("folders.archive", "done", &[]),
+    ("folders.cache", "surfaces", &[]),
+    ("folders.hot", "drops", &[]),
+    ("folders.import", "to laser", &[]),
+    ("folders.rejected", "bad", &[]),
+    ("folders.reports", "2026", &[]),
+    ("folders.skus", "products", &[]),
+    ("folders.state", "memory", &[]),
+    ("log.file", "station.log", &[]),
+    ("log.keep", "2", &[("log.file", "station.log")]),
+    ("log.max_mb", "2", &[("log.file", "station.log")]),
+    ("optics.axis_mm", "3,-2", PERSPECTIVE),
+    ("optics.focus_depth_mm", "4", &[]),
+    ("optics.incidence_note_deg", "10", &[]),
+    ("optics.incidence_refuse_deg", "70", &[]),
+    ("optics.incidence_warn_deg", "40", &[]),
+    (
+        "optics.kind",
+        "perspective",
+        &[("optics.lens_distance_x_mm", "300"), ("optics.lens_distance_y_mm", "300")],
+    ),
+    (
+        "optics.lens_distance_x_mm",
+        "250",
+        &[("optics.kind", "perspective"), ("optics.lens_distance_y_mm", "300")],
+    ),
+    (
+        "optics.lens_distance_y_mm",
+        "250",
+        &[("optics.kind", "perspective"), ("optics.lens_distance_x_mm", "300")],
+    ),
+    ("output.comments", "false", &[]),
+    ("output.dxf", "R12", &[]),
+    ("part.axis", "x", CYLINDER),
+    ("part.diameter_mm", "73", &[("part.shape", "cylinder"), ("part.length_mm", "180")]),
+    (
+        "part.end_diameter_mm",
+        "80",
+        &[("part.shape", "cone"), ("part.length_mm", "180"), ("part.diameter_mm", "73")],
+    ),
+    ("part.facing", "-y", &[]),
+    ("part.length_mm", "180", &[("part.shape", "cylinder"), ("part.diameter_mm", "73")]),
+    ("part.low_pass_mm", "5", &[]),
+    ("part.roll_deg", "-90", &[]),
+    ("part.shape", "cylinder", &[("part.length_mm", "180"), ("part.diameter_mm", "73")]),
+    ("part.smoothing", "none", &[]),
+    ("part.unit", "inch", &[]),
+    ("part.up", "y", &[]),
+    ("pattern.height_mm", "13", &[]),
+    ("pattern.ink_layers", "MARK", &[]),
+    ("pattern.invert", "true", &[]),
+    ("pattern.joining_mm", "0", &[]),
+    ("pattern.losses", "warn", &[]),
+    ("pattern.strict", "true", &[]),
+    ("pattern.threshold_percent", "30", &[]),
+    ("pattern.unit_if_unitless", "px", &[]),
+    ("pattern.width_mm", "39", &[]),
+    ("placement.anchor", "origin", &[]),
+    ("placement.place_mm", "[0, 60]", &[]),
+    ("placement.rotate_deg", "90", &[]),
+    ("retention.archive_days", "730", &[]),
+    ("retention.max_gb", "50", &[]),
+    ("retention.rejected_days", "false", &[]),
+    ("retention.reports_days", "30", &[]),
+    ("station.name", "2", &[]),
+    ("watch.backend", "native", &[]),
+    ("watch.incomplete_s", "60", &[]),
+    ("watch.jobs", "3", &[]),
+    ("watch.open_ended_s", "30", &[]),
+    ("watch.rescan_s", "1", &[]),
+    ("watch.settle_ms", "100", &[]),
+];
+
+const PERSPECTIVE: &[(&str, &str)] = &[
+    ("optics.kind", "perspective"),
+    ("optics.lens_distance_x_mm", "300"),
+    ("optics.lens_distance_y_mm", "300"),
+];
+const CYLINDER: &[(&str, &str)] =
+    &[("part.shape", "cylinder"), ("part.diameter_mm", "73"), ("part.length_mm", "180")];
+
+fn given<'a>(settings: impl IntoIterator<Item = &'a (&'a str, &'a str)>) -> Result<Overrides, ConfigError> {
+    let mut overrides = Overrides::default();
+    for (name, value) in settings {
+        overrides.add(&format!("--set {name}={value}"), name, value)?;
+    }
+    Ok(overrides)
+}
+
+fn with_given(text: &str, settings: &[(&str, &str)]) -> Result<Station, ConfigError> {
+    Station::parse_with(Path::new("line/station.toml"), text, &given(settings)?)
+}
+
+#[test]
+fn every_setting_of_the_files_can_be_given_on_the_command_line() {
+    let names: Vec<&str> = SETTINGS.iter().map(|(name, ..)| *name).collect();
+    assert_eq!(names, setting_names(), "the table above names every setting");
+    // The annotated station is written by hand, and shows every setting, some of them commented out.
+    let mut annotated = Vec::new();
+    let mut table = "";
+    for line in include_str!("../../watch-config/station.toml").lines() {
+        let line = line.trim_start_matches("# ");
+        let key = line.split_once(" = ").map(|(key, _)| key).filter(|key| !key.contains([' ', '.']));
+        if let Some((name, "")) = line.strip_prefix('[').and_then(|line| line.split_once(']')) {
+            table = name;
+        } else if let Some(key) = key {
+            annotated.push(format!("{table}.{key}"));
+        }
+    }
+    annotated.sort();
+    assert_eq!(annotated, setting_names(), "watch-config/station.toml shows every setting");
+    // Given on the command line a setting changes the station as it does in the file, and over the file.
+    for (name, value, needs) in SETTINGS {
+        let usual = with_given(NEEDED, needs).ok();
+        let changed = with_given(NEEDED, &[&[(*name, *value)], *needs].concat());
+        let changed = changed.unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_ne!(Some(&changed), usual.as_ref(), "{name} changes nothing");
+        let tables = toml::to_string(&changed_file(&[&[(*name, *value)], *needs].concat())).unwrap();
+        assert_eq!(parse(&tables).unwrap(), changed, "{name}");
+        let over = with_given(&tables, &[&[(*name, *value)], *needs].concat()).unwrap();
+        assert_eq!(over, changed, "{name}");
+    }
+}
+
+/// The short station with settings written into it, with quotes and brackets as a file needs them.
+fn changed_file(settings: &[(&str, &str)]) -> toml::Table {
+    let mut file: toml::Table = NEEDED.parse().unwrap();
+    for (name, value) in settings {
+        let (table, key) = name.split_once('.').unwrap();
+        let table = file.entry(table).or_insert(toml::Table::new().into()).as_table_mut().unwrap();
+        let list = |items: Vec<toml::Value>| toml::Value::Array(items);
+        let text = |text: &str| toml::Value::String(text.into());
+        let value = match (*name, *value) {
+            ("correction.mapping_domain_as_printed", items) => list(items.split(',').map(text).collect()),
+            ("pattern.ink_layers", item) => list(vec![text(item)]),
+            ("placement.place_mm", _) => list(vec![0.into(), 60.into()]),
+            ("optics.axis_mm", _) => list(vec![3.into(), (-2).into()]),
+            ("station.name" | "folders.reports", name) => text(name),
+            (_, "true" | "false") => (*value == "true").into(),
+            (_, value) => value.parse().map_or_else(|_| text(value), toml::Value::Integer),
+        };
+        let value = match (*name, value.as_str()) {
+            ("fixture.y_mm", _) => 3.into(),
+            (_, Some(number))
+                if number.parse::<f64>().is_ok() && *name != "station.name" && *name != "folders.reports" =>
+            {
+                number.parse::<f64>().unwrap().into()
+            }
+            _ => value,
+        };
+        table.insert(key.into(), value);
+    }
+    file
+}
+
+#[test]
+fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_place() {
+    for (name, value, words) in [
+        (
+            "correction.tolerance_mm",
+            "20",
+            "`correction.tolerance_mm` cannot be 20 mm. Give a number from 0.0001 to 1 mm.",
+        ),
+        ("correction.tolerance_mm", "much", "expected a number"),
+        ("correction.tolerance_mm", "'0.1'", "expected a number"),
+        (
+            "correction.tolernace_mm",
+            "1",
+            "no setting `correction.tolernace_mm`. Did you mean `correction.tolerance_mm`?",
+        ),
+        ("corection.tolerance_mm", "1", "Did you mean `correction.tolerance_mm`?"),
+        ("tolerance_mm", "1", "Did you mean `correction.tolerance_mm`?"),
+        ("wacht.on", "1", "no setting `wacht.on`. Known: `station`, `folders`"),
+        ("part.unit", "inches", "Did you mean `inch`?"),
+        ("part.unit", "5", "`5` is not one of the choices. Known: `mm`"),
+        ("part.facing", "up", "`up` names no side of the part"),
+        ("pattern.strict", "yes", "expected true or false"),
+        ("placement.place_mm", "nonsense", "expected two numbers, such as [12.5, -3]"),
+        ("placement.place_mm", "1,2,3", "two numbers"),
+        ("placement.anchor", "1e9,0", "`placement.anchor` cannot be 1000000000 mm"),
+        ("pattern.ink_layers", "[MARK", "cannot be understood"),
+        (
+            "optics.kind",
+            "perspective",
+            "`lens_distance_x_mm` is missing. Give `lens_distance_x_mm` of the same table, too.",
+        ),
+        ("optics.axis_mm", "[0, 0]", "telecentric lens changes nothing"),
+        ("folders.reports", "drop/hot", "in the folder `hot`"),
+        ("station.name", "", "no readable name"),
+    ] {
+        let error = with_given(NEEDED, &[(name, value)]).expect_err(name);
+        assert!(error.to_string().contains(words), "{name}={value}: {error}");
+        let place = error.reason().place;
+        assert_eq!(place.to_string(), format!("--set {name}={value}"), "{error}");
+    }
+    let twice = [("part.unit", "mm"), ("part.unit", "cm")];
+    let error = with_given(NEEDED, &twice).unwrap_err().to_string();
+    assert!(error.contains("`part.unit` is given twice, also by `--set part.unit=mm`"), "{error}");
+    // A mistake in the file has its place in the file, whatever is given besides.
+    let file = format!("{NEEDED}[correction]\ntolerance_mm = 5\nangle_weight = 50\n");
+    let error = with_given(&file, &[("correction.tolerance_mm", "0.5")]).unwrap_err();
+    assert_eq!((error.reason().place.line, error.reason().place.column), (Some(12), Some(16)), "{error}");
+}
+
+#[test]
+fn settings_of_the_command_line_hold_while_the_files_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    fs_err::write(&file, NEEDED).unwrap();
+    let overrides = given(&[("placement.rotate_deg", "90")]).unwrap();
+    let mut live = LiveSettings::open_with(&file, overrides).unwrap().at_once();
+    let turn = |live: &mut LiveSettings, sku: &str| {
+        live.job(&sku.parse().unwrap()).unwrap().placement.rotate.to_degrees().round()
+    };
+    fs_err::write(&file, NEEDED.replace("L1", "L2") + "[placement]\nrotate_deg = 10\n").unwrap();
+    live.refresh();
+    assert_eq!((live.station().name.clone(), turn(&mut live, "can")), ("L2".into(), 90.0));
+    // They stand for the station's file, which a SKU's file overrides.
+    fs_err::write(folder.path().join("skus/can.toml"), "[placement]\nrotate_deg = 45").unwrap();
+    assert_eq!((turn(&mut live, "can"), turn(&mut live, "mug")), (45.0, 90.0));
 }

@@ -15,6 +15,7 @@ mod ezdxf;
 mod correct;
 mod simulated_laser;
 mod refusals;
+mod settings;
 mod retention;
 mod cache;
 mod inspect_and_diff;

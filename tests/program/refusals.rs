@@ -191,18 +191,21 @@ fn wrong_usage() {
     let desk = Desk::new();
     let (mouse, abc) = (part(MOUSE), drawing("abc"));
     for (options, words) in [
-        ("--place nonsense", ["'nonsense'", "--place", "12.5,-3"]),
-        ("--place 1,2,3", ["'1,2,3'", "--place", "two numbers in mm"]),
-        ("--facing up", ["`up`", "--facing", "`-y`"]),
-        ("--facing 0,0,0", ["`0,0,0`", "--facing", "X,Y,Z"]),
+        ("--place nonsense", ["two numbers, such as [12.5, -3]", "where:  --place nonsense", "remedy: "]),
+        ("--place 1,2,3", ["two numbers", "where:  --place 1,2,3", "[12.5, -3]"]),
+        ("--facing up", ["`up`", "where:  --facing up", "\"-y\""]),
+        ("--facing 0,0,0", ["`0,0,0`", "--facing", "direction"]),
         ("--method magic", ["`magic`", "--method", "`isometric`"]),
         ("--weighting heavy", ["`heavy`", "--weighting", "`uniform`"]),
         ("--part-unit furlong", ["furlong", "--part-unit", "mm"]),
-        ("--tolerance 0", ["tolerance of 0 mm", "remedy: Give", "0.0001 and 10 mm"]),
-        ("--tolerance nan", ["tolerance of NaN mm", "remedy: Give", "0.0001 and 10 mm"]),
-        ("--length-weight 50", ["weight of 50", "--length-weight", "between 0.1 and 10"]),
-        ("--angle-weight nan", ["weight of NaN", "--angle-weight", "between 0.1 and 10"]),
-        ("--rotate inf", ["angle", "remedy: Give", "degrees"]),
+        (
+            "--tolerance 0",
+            ["cannot be 0 mm", "where:  --tolerance 0", "remedy: Give a number from 0.0001 to 1 mm"],
+        ),
+        ("--tolerance nan", ["cannot be NaN mm", "remedy: Give", "0.0001 to 1 mm"]),
+        ("--length-weight 50", ["cannot be 50 times", "--length-weight", "from 0.1 to 10"]),
+        ("--angle-weight nan", ["cannot be NaN times", "--angle-weight", "from 0.1 to 10"]),
+        ("--rotate inf", ["cannot be inf deg", "remedy: Give", "from -360 to 360 deg"]),
         ("--sku a/b", ["`a/b`", "'/'", "remedy: Rename it"]),
         ("--unheard-of", ["--unheard-of", "Usage", "--help"]),
     ] {
@@ -237,7 +240,7 @@ fn options_for_part_files_are_refused_for_a_primitive() {
     let desk = Desk::new();
     for option in ["--part-unit=inch", "--part-up=y", "--smoothing=none", "--low-pass=5"] {
         desk.isomark(&["correct", "--cylinder", "73,180", &drawing("abc"), "-o", "x.dxf", option])
-            .refused(2, &["says how a part file is read", "remedy: Leave it out"]);
+            .refused(2, &["no file is read", &format!("where:  {}", option.replace('=', " ")), "remedy: "]);
     }
 }
 
@@ -271,6 +274,12 @@ fn a_typo_in_the_settings() {
     correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(2, &words);
     // Exit code 2 keeps a service manager from restarting a service with a mistyped name.
     desk.isomark(&["watch", "nowhere.toml"]).refused(2, &["nowhere.toml", "remedy: "]);
+    // The line with carets under the place, without colour where no terminal is.
+    let carets = "  |\n5 | improt = \"import\"\n  | ^^^^^^\n";
+    for command in [&["watch", "station.toml"][..], &["check", "station.toml"]] {
+        let said = desk.isomark(command);
+        assert!(said.err.ends_with(carets), "{said:?}");
+    }
     desk.write("latin.toml", b"[station]\nname = \"B\xfcro\"\n");
     desk.isomark(&["watch", "latin.toml"]).refused(2, &["latin.toml", "UTF-8"]);
     desk.isomark(&["watch", "."]).refused(2, &["station.toml", "remedy: Name the file"]);

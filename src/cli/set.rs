@@ -1,0 +1,129 @@
+//! Settings on the command line: `--set`, and the options that are short forms of it.
+
+use clap::Args;
+
+use super::outcome::Failure;
+use crate::config::Overrides;
+
+/// A command's way to give any setting.
+#[derive(Debug, Args)]
+pub(super) struct SetArguments {
+    /// Gives a setting by the name it has in a settings file, such as `correction.tolerance_mm=0.02` or `part.unit=inch`; may
+    /// be repeated. It overrides the settings files. Giving a setting twice, here and by its own option, is refused.
+    #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = parse_pair)]
+    set: Vec<(String, String)>,
+}
+
+fn parse_pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.into())),
+        _ => Err("give a setting and its value, as in correction.tolerance_mm=0.02".into()),
+    }
+}
+
+impl SetArguments {
+    /// Adds what was typed. `useless` gives the reason why the command has no use for a setting.
+    pub(super) fn add_to(
+        &self,
+        overrides: &mut Overrides,
+        useless: impl Fn(&str) -> Option<&'static str>,
+    ) -> Result<(), Failure> {
+        for (name, value) in &self.set {
+            let option = format!("--set {name}={value}");
+            overrides.add(&option, name, value)?;
+            if let Some(why) = useless(name) {
+                return Err(Failure::usage(format!("`{option}` has no effect here: {why}."), "Remove it."));
+            }
+        }
+        Ok(())
+    }
+
+    /// The settings of a station, all of which may be given.
+    pub(super) fn of_station(&self) -> Result<Overrides, Failure> {
+        let mut overrides = Overrides::default();
+        self.add_to(&mut overrides, |_| None)?;
+        Ok(overrides)
+    }
+}
+
+/// Adds the settings that options of their own give: each option with its setting and what was typed.
+pub(super) fn add_options(
+    overrides: &mut Overrides,
+    options: &[(&str, &str, Option<&String>)],
+) -> Result<(), Failure> {
+    for (option, name, value) in options {
+        if let Some(value) = value {
+            overrides.add(&format!("{option} {value}"), name, value)?;
+        }
+    }
+    Ok(())
+}
+
+/// Adds a switch, if it was typed.
+pub(super) fn add_switch(
+    overrides: &mut Overrides,
+    option: &str,
+    name: &str,
+    is_given: bool,
+) -> Result<(), Failure> {
+    if is_given {
+        overrides.add(option, name, "true")?;
+    }
+    Ok(())
+}
+
+/// Adds a list, if it was typed.
+pub(super) fn add_list(
+    overrides: &mut Overrides,
+    option: &str,
+    name: &str,
+    items: Option<&Vec<String>>,
+) -> Result<(), Failure> {
+    if let Some(items) = items {
+        overrides.add_list(&format!("{option} {}", items.join(",")), name, items)?;
+    }
+    Ok(())
+}
+
+/// Why a single job has no use for a setting.
+pub(super) fn useless_to_a_job(name: &str) -> Option<&'static str> {
+    match name.split_once('.').map_or(name, |(table, _)| table) {
+        _ if name == "delivery.verify" => None,
+        "station" => Some("only a station has a name"),
+        "folders" => Some("files are named on the command line; `--cache` names the folder of surfaces"),
+        "watch" | "delivery" | "retention" | "log" => Some("only `isomark watch` uses it"),
+        _ => None,
+    }
+}
+
+/// Why a comparison of methods has no use for a setting.
+pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
+    match (name, name.split_once('.').map_or(name, |(table, _)| table)) {
+        ("correction.method", _) => Some("`--method` names the methods to compare"),
+        (
+            "correction.weighting" | "correction.floater_weights" | "correction.mapping_domain_as_printed",
+            _,
+        ) => Some("`isomark evaluate` compares all choices of it"),
+        ("correction.tolerance_mm" | "correction.vertices", _) | (_, "output" | "delivery") => {
+            Some("`isomark evaluate` writes no drawing")
+        }
+        (_, "field" | "optics" | "fixture") => {
+            Some("`isomark evaluate` compares the methods on the part, without field and lens")
+        }
+        _ => useless_to_a_job(name),
+    }
+}
+
+/// Why a look at a file has no use for a setting.
+pub(super) fn useless_to_an_inspection(name: &str) -> Option<&'static str> {
+    const SIZES: &[&str] =
+        &["part.shape", "part.diameter_mm", "part.end_diameter_mm", "part.length_mm", "part.axis"];
+    match name.split_once('.').map_or(name, |(table, _)| table) {
+        _ if name == "pattern.ink_layers" => Some("`isomark inspect` shows all layers"),
+        _ if SIZES.contains(&name) => {
+            Some("`isomark inspect` reads a file, and a part of these sizes has none")
+        }
+        "part" | "pattern" => None,
+        _ => Some("`isomark inspect` only reads a part or a drawing, and uses `part` and `pattern`"),
+    }
+}
