@@ -1,4 +1,4 @@
-//! What can be typed.
+//! The commands of the program.
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -26,6 +26,7 @@ mod check;
 mod named_files;
 mod options;
 mod outcome;
+mod progress;
 
 pub use outcome::Exit;
 use outcome::{print_json, tell};
@@ -42,31 +43,31 @@ struct CommandLine {
 enum Command {
     /// Corrects one drawing for one part.
     Correct(Box<correct::CorrectArguments>),
-    /// Says how true each method would be for one drawing on one part, side by side.
+    /// Compares all methods for one drawing on one part, side by side.
     Evaluate(Box<evaluate::EvaluateArguments>),
     /// Runs a station: drops of parts and patterns become corrected drawings.
     Watch(watch::WatchArguments),
-    /// Says what a station is at: what it did, what waits for what, what was rejected last.
+    /// Shows a station's state: what it did, what waits for what, what was rejected last.
     Status(status::StatusArguments),
-    /// Lets a station try again: what waits, what was rejected, or what is outdated.
+    /// Makes a station try again: what waits, what was rejected, or what is outdated.
     Retry(status::RetryArguments),
     /// Checks the settings of a station and of its SKUs.
     Check(check::CheckArguments),
     /// Sets up the folders and annotated settings of a station.
     Init(check::InitArguments),
-    /// Says what isomark sees in a part or a drawing, and what it assumes.
+    /// Shows what isomark reads in a part or a drawing, and what it assumes.
     Inspect(inspect::InspectArguments),
-    /// Says in words what changed between two drawings.
+    /// Describes what changed between two drawings.
     Diff(diff::DiffArguments),
-    /// Looks after the fitted surfaces.
+    /// Lists, verifies and removes fitted surfaces.
     Cache(cache::CacheArguments),
-    /// Sets up a station with sample parts and drawings, runs it, and shows what came of them.
+    /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
     Demo(demo::DemoArguments),
 }
 
 /// Runs the program on its command line.
 pub fn main() -> ExitCode {
-    // A reader that has seen enough (`isomark … | head`) is no failure worth a backtrace: writes to it just end.
+    // A closed pipe (`isomark … | head`) is no error: writes to it just end.
     let line = match CommandLine::try_parse() {
         Ok(line) => line,
         Err(error) => {
@@ -95,7 +96,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::from(Exit::Done as u8),
         Err(failure) => {
             if json {
-                // Without its JSON form the failure is still told below.
+                // The text below names the failure even without its JSON form.
                 print_json(&failure.reason.to_json(None).unwrap_or_default());
             }
             failure.tell();
@@ -104,21 +105,21 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Whether the result is asked for as JSON on a command line that cannot be read as a whole.
+/// Whether a command line that cannot be parsed as a whole asks for JSON.
 fn wants_json(arguments: impl Iterator<Item = OsString>) -> bool {
     arguments.skip(1).take_while(|argument| argument != "--").any(|argument| argument == "--json")
 }
 
-/// What is wrong with a command line, from what people are shown: the mistake, then tips and the usage.
-fn usage(told: &str) -> Reason {
-    let mut parts = told.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
+/// What is wrong with a command line, from the text for people: the mistake, then tips and the usage.
+fn usage(text: &str) -> Reason {
+    let mut parts = text.split("\n\n").map(|part| part.split_whitespace().collect::<Vec<_>>().join(" "));
     let what = parts.next().unwrap_or_default();
     let what = what.strip_prefix("error: ").unwrap_or(&what).to_owned();
     let tip = parts.find_map(|part| part.strip_prefix("tip: ").map(str::to_owned));
     Reason::new("usage", what, tip.unwrap_or_else(|| "See `isomark help`.".into()))
 }
 
-/// Writes what is wrong with the command line, or its help. What was typed may be a file's name that the shell put in.
+/// Writes what is wrong with the command line, or its help. A typed word may be a file's name that the shell put in.
 fn tell_mistake(error: &clap::Error) {
     let typed: Vec<String> =
         std::env::args_os().map(|argument| on_one_line(&argument.to_string_lossy())).collect();

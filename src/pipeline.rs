@@ -47,9 +47,13 @@ mod scan;
 mod checks;
 mod evaluate;
 mod preview;
+mod progress;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub use progress::{Progress, Step};
 pub use scan::surface_of;
+
+use progress::{Observer, Steps};
 
 /// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
@@ -57,6 +61,11 @@ const WORK_OF_PIECE: usize = 6;
 const QUICK_WORK: usize = 200_000;
 /// The size of an older drawing that can be compared in a quick job, bytes.
 const QUICK_BYTES: usize = 2 << 20;
+
+/// Stands between the program and the SKU in a corrected drawing's first comment.
+const CORRECTED_FOR: &str = ", corrected for SKU ";
+/// The comments of a corrected drawing are within this many bytes of its beginning.
+const LENGTH_OF_HEAD: usize = 4096;
 
 /// A pattern file in memory.
 #[derive(Debug, Clone, Copy)]
@@ -144,12 +153,23 @@ pub struct Pipeline {
     cache: Option<Cache>,
     fit: FitOptions,
     pace: Pace,
+    observer: Observer,
 }
 
 impl Pipeline {
     /// A pipeline that keeps surfaces in `cache`, or keeps none.
     pub fn new(cache: Option<Cache>) -> Self {
-        Self { cache, fit: FitOptions::default(), pace: Pace::Any }
+        Self { cache, fit: FitOptions::default(), pace: Pace::Any, observer: Observer::default() }
+    }
+
+    /// The same pipeline with another cache.
+    pub fn with_cache(self, cache: Option<Cache>) -> Self {
+        Self { cache, ..self }
+    }
+
+    /// The same pipeline with `observe` called at the beginning of every step, by the thread that does it.
+    pub fn observed(self, observe: impl Fn(Progress<'_>) + Send + Sync + 'static) -> Self {
+        Self { observer: Observer::new(observe), ..self }
     }
 
     /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as the content
@@ -206,6 +226,7 @@ impl Pipeline {
         mut clock: Clock,
     ) -> Result<LearnedPart, PipelineError> {
         let rejected = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
+        let steps = self.observer.steps(&part.name);
         if let Some(primitive) = &settings.primitive {
             return Err(rejected(checks::part_not_needed(primitive)));
         }
@@ -221,17 +242,20 @@ impl Pipeline {
             return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
         }
         let options = MeshOptions { unit: settings.unit, up: settings.up, pace: self.pace };
+        steps.at(Step::Read);
         let mut reading =
             mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
                 MeshReadError::TakesLong => PipelineError::TakesLong,
                 error => rejected(error.reason()),
             })?;
         clock.lap("read part");
+        steps.at(Step::Fit);
         let surface =
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
         if let Some(cache) = &self.cache {
+            steps.at(Step::Keep);
             cache.keep(sku, &key, &kept)?;
             cache.make_current(sku, &kept.origin)?;
             clock.lap("keep surface");
@@ -341,10 +365,13 @@ impl Pipeline {
         let mut clock = Clock::start();
         let part = &learned.kept;
         let surface = &part.surface;
-        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let is_ink = |layer: &str| settings.pattern.is_ink_as_ink(layer);
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
-        let PlacedPattern { facts, placing, placed, ink } = self.place(input, part, settings, &mut clock)?;
+        let steps = self.observer.steps(input.name);
+        let PlacedPattern { facts, placing, placed, ink } =
+            self.place(input, part, settings, &steps, &mut clock)?;
 
+        steps.at(Step::Map);
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, is_ink, placing.place, &method)
             .map_err(|error| checks::map_reason(&error, placing.place, part, &ink).in_file(input.name))?;
@@ -359,6 +386,7 @@ impl Pipeline {
             .map_err(|reason| reason.in_file(input.name))?;
         clock.lap("check");
 
+        steps.at(Step::Bend);
         let subdivision = match settings.correction.vertices {
             Vertices::Adaptive => Subdivision::Adaptive,
             Vertices::Keep => Subdivision::Keep,
@@ -368,12 +396,14 @@ impl Pipeline {
             .map_err(|error| checks::above_lens(&error).in_file(input.name))?;
         clock.lap("bend");
 
+        steps.at(Step::Measure);
         let height = |at: ViewPoint| surface.sampled_height(at);
         let after = quality::measure(&ink, |at| map.point(at), height)
             .map_err(|at| checks::off_surface(at, part, &ink.extents).in_file(input.name))?;
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
+        steps.at(Step::Write);
         let map_report = MapReport::new(&map, weights(&settings.correction));
         checks::unrolled(&map, &mut notices);
         checks::settled(sku, &map, settings, &mut notices);
@@ -386,6 +416,7 @@ impl Pipeline {
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_preview.then(|| {
+            steps.at(Step::Preview);
             let title = format!("{sku} · {} · {}", input.name, map_report.method());
             preview::preview(title, (&placed, &ink), &map, surface, settings, before.as_ref(), &after)
         });
@@ -446,8 +477,10 @@ impl Pipeline {
         input: PatternInput<'_>,
         part: &CachedSurface,
         settings: &JobSettings,
+        steps: &Steps<'_>,
         clock: &mut Clock,
     ) -> Result<PlacedPattern, PipelineError> {
+        steps.at(Step::Read);
         let rejected = |reason: Reason| PipelineError::from(reason.in_file(input.name));
         let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
         let PatternReading { pattern, facts } =
@@ -456,7 +489,8 @@ impl Pipeline {
                 error => rejected(error.reason()),
             })?;
         clock.lap("read pattern");
-        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+        steps.at(Step::Place);
+        let is_ink = |layer: &str| settings.pattern.is_ink_as_ink(layer);
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
@@ -564,12 +598,18 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
 
 /// The reason for a part in a format that is not supported.
 pub(crate) fn unknown_part_format(name: &str) -> Reason {
-    Reason::new(
-        "part-format-unknown",
-        format!("\"{name}\" cannot be read as a part."),
-        format!("Export the part or scan as {}.", MeshFormat::ENDINGS),
-    )
-    .in_file(name)
+    let export = format!("Export the part or scan as {}", MeshFormat::ENDINGS);
+    let (what, remedy) = if mesh::is_unread_part(name) {
+        (
+            format!("\"{name}\" is in a format that isomark does not read."),
+            format!(
+                "{export}, with a deviation of at most 0.01 mm; a program that opens it, such as FreeCAD, does that."
+            ),
+        )
+    } else {
+        (format!("\"{name}\" cannot be read as a part."), format!("{export}."))
+    };
+    Reason::new("part-format-unknown", what, remedy).in_file(name)
 }
 
 fn weights(settings: &CorrectionSettings) -> WeightsReport {
@@ -623,10 +663,21 @@ fn comments(
         return Vec::new();
     }
     vec![
-        format!("{}, corrected for SKU {sku}", program()),
+        format!("{}{CORRECTED_FOR}{sku}", program()),
         format!("pattern {} blake3 {}", input.name, &hash(input.bytes)[..16]),
         format!("part {} blake3 {}", learned.kept.origin.file, &learned.kept.origin.blake3[..16]),
     ]
+}
+
+/// The SKU and the pattern's name in the comments of a corrected drawing; empty without comments.
+fn job_in_comments(dxf: &[u8]) -> Vec<String> {
+    let head = String::from_utf8_lossy(&dxf[..dxf.len().min(LENGTH_OF_HEAD)]);
+    let job = |line: &str| {
+        let sku = line.strip_prefix("isomark ").and_then(|line| Some(line.split_once(CORRECTED_FOR)?.1));
+        let pattern = line.strip_prefix("pattern ").and_then(|line| Some(line.rsplit_once(" blake3 ")?.0));
+        sku.or(pattern).map(str::to_owned)
+    };
+    head.lines().filter_map(job).collect()
 }
 
 fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -> OutputReport {
@@ -641,9 +692,11 @@ fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -
     }
 }
 
-/// The differences between two corrected drawings; `None` if they are equal or the older one cannot be read.
+/// The differences between two corrected drawings; `None` if they are equal, or if the older one cannot be read or belongs,
+/// by its comments, to another SKU or pattern. A drawing without comments is compared with any other.
 fn changes(previous: &[u8], dxf: &[u8]) -> Option<ChangesReport> {
-    if previous == dxf {
+    let job = job_in_comments(dxf);
+    if previous == dxf || !(job.is_empty() || job == job_in_comments(previous)) {
         return None;
     }
     let paths = |bytes: &[u8]| {

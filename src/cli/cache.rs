@@ -96,8 +96,8 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
     Err(Failure::rejected(
         Reason::new(
             "cache-damaged",
-            "Some kept surfaces are damaged; they are not used.",
-            "Run `isomark cache verify --repair`, or leave it: they are fitted again when they are needed.",
+            "Some kept surfaces are damaged and not used.",
+            "Run `isomark cache verify --repair`, or ignore them: isomark fits them again when they are needed.",
         )
         .with_number("damaged entries", damaged.len() as f64, "", Some(0.0)),
     ))

@@ -1,4 +1,4 @@
-//! `isomark check` and `isomark init`: settings looked at before they count, and a station to begin with.
+//! `isomark check` and `isomark init`: checks settings before they are used, and sets up a first station.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub(super) struct CheckArguments {
 
 #[derive(Debug, Args)]
 pub(super) struct InitArguments {
-    /// The folder to set the station up in; what lies there already stays as it is.
+    /// The folder to set the station up in; files that exist there are kept.
     folder: PathBuf,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         match check_sku_file(&station, &path) {
             Ok(sku) => {
                 if let Some(other) = checked.insert(sku, path.clone()) {
-                    let what = format!("It is for the same SKU as {}, which counts.", other.display());
+                    let what = format!("It is for the same SKU as {}, which is used.", other.display());
                     let reason = Reason::new("settings-twice", what, "Keep one of the two.");
                     let reason = reason.in_file(path.display().to_string());
                     mistakes.push(Failure::new(Exit::Usage, reason));
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         && error.kind() != std::io::ErrorKind::NotFound
     {
         let what = format!("The hot folder cannot be listed: {error}.");
-        let remedy = "Let the user that runs the station read it, or name another folder.";
+        let remedy = "Give the user that runs the station the right to read it, or name another folder.";
         troubles.push(Reason::new("folder-unreadable", what, remedy));
     }
     if let Some(log) = &station.log
@@ -69,9 +69,16 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     }
     refuse_for(troubles.into_iter().map(|reason| Failure::new(Exit::Environment, reason)).collect())?;
     let plural = if skus == 1 { "file" } else { "files" };
-    print(&format!("{}: {} and {skus} SKU {plural} are right\n", station.name, shown(&arguments.station)));
+    print(&format!("{}: {} and {skus} SKU {plural} are valid\n", station.name, shown(&arguments.station)));
     let folders = &station.folders;
     print(&format!("  drops from  {}\n  results to  {}\n", shown(&folders.hot), shown(&folders.import)));
+    if Some(folders.import.as_path()) == arguments.station.parent().map(|base| base.join("import")).as_deref()
+    {
+        print(
+            "  note        this is the station's own import folder: set `import` to the folder that the marking software \
+             imports from, or let it import from here\n",
+        );
+    }
     if station.delivery.kind == DeliveryKind::Beamserver {
         print(&format!("  BeamServer  {}\n", on_one_line(&station.delivery.address)));
     }
@@ -85,7 +92,7 @@ fn refuse_for(mut failures: Vec<Failure>) -> Outcome {
     Err(last)
 }
 
-/// The folders into which this user cannot write; what is not there yet is tried where it would be made.
+/// The folders into which this user cannot write. For a folder that does not exist yet, its parent is tried.
 fn unwritable(folders: &FolderPaths) -> Vec<Reason> {
     let FolderPaths { hot, import, archive, rejected, cache, reports, state, skus: _ } = folders;
     let all = [
@@ -101,7 +108,8 @@ fn unwritable(folders: &FolderPaths) -> Vec<Reason> {
         let full = std::path::absolute(path).ok()?;
         let error = temporary(full.ancestors().find(|folder| folder.exists())?).err()?;
         let what = format!("The {purpose} folder {} cannot be written: {error}.", path.display());
-        let remedy = "Let the user that runs the station write into it, or name another folder.";
+        let remedy =
+            "Give the user that runs the station the right to write into it, or name another folder.";
         Some(Reason::new("folder-unwritable", what, remedy))
     };
     all.into_iter().filter_map(trouble).collect()
@@ -138,7 +146,7 @@ pub(super) fn init(arguments: &InitArguments) -> Outcome {
     }
     for (name, bytes) in FILES {
         let path = folder.join(name);
-        let verb = if path.exists() { "stays" } else { "written" };
+        let verb = if path.exists() { "kept" } else { "written" };
         if let (false, Some(parent), Some(name)) = (path.exists(), path.parent(), path.file_name()) {
             write_whole(parent, &name.to_string_lossy(), bytes).map_err(failed)?;
         }

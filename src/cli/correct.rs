@@ -44,10 +44,10 @@ pub(super) struct CorrectArguments {
     /// Greatest distance between corrected lines and the true curves, mm, 0.0001 to 1; default 0.01.
     #[arg(long, value_name = "MM", help_heading = CORRECTION, allow_hyphen_values = true)]
     tolerance: Option<String>,
-    /// Writes the report: what was read, what was assumed, how true every length is.
+    /// Writes the report: what was read, what was assumed, and how true every length is.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Draws the part with the drawing before and after; opens in any browser.
+    /// Draws the part with the drawing before and after; any browser shows it.
     #[arg(long, value_name = "FILE.svg")]
     preview: Option<PathBuf>,
     /// Prints the report, or the reason of a refusal, as JSON on standard output.
@@ -64,8 +64,15 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
     apart(&arguments.job.files(), &written)?;
+    if let Some(preview) = &arguments.preview
+        && !preview.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"))
+    {
+        let what =
+            format!("`--preview` writes an SVG picture, and {} has another ending.", preview.display());
+        return Err(Failure::usage(what, "Give the file the ending .svg."));
+    }
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
-    let Job { sku, settings, pipeline, learned, pattern, drawing, verify } = &job;
+    let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
     let previous =
         read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };

@@ -6,6 +6,7 @@ use clap::Args;
 use fs_err as fs;
 
 use super::outcome::{Failure, Outcome, print, shown};
+use super::progress::ProgressLine;
 use super::shell;
 use crate::cache::Cache;
 use crate::config::LiveSettings;
@@ -21,7 +22,7 @@ pub(super) struct DemoArguments {
     folder: PathBuf,
 }
 
-/// Real exports, and what a station needs to know of them.
+/// The settings of the station and of its sample parts.
 const FILES: &[(&str, &[u8])] = &[
     ("station.toml", include_bytes!("../../watch-config/station.toml")),
     ("skus/can.toml", include_bytes!("../../examples/skus/can.toml")),
@@ -46,9 +47,12 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     set_up(folder).map_err(|error| Failure::environment(&error))?;
     let settings = LiveSettings::open(&folder.join("station.toml"))?;
     let folders = settings.station().folders.clone();
-    let corrector = PipelineCorrector::new(Pipeline::new(Some(Cache::new(&folders.cache))));
+    let progress = ProgressLine::start();
+    let pipeline = Pipeline::new(Some(Cache::new(&folders.cache))).observed(progress.observer());
+    let corrector = PipelineCorrector::new(pipeline);
     let tally = hotfolder::run(settings, &corrector, &StopSignal::default(), Mode::Once, &mut |_| {})
         .map_err(|error| Failure::new(super::Exit::Environment, error.reason()))?;
+    drop(progress);
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
     print(&format!(
         "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, previews   {}\nsettings            {}\n\
@@ -71,7 +75,7 @@ fn set_up(folder: &Path) -> std::io::Result<()> {
     }
     for (name, bytes) in FILES {
         let path = folder.join(name);
-        // Settings that were edited since stay.
+        // Edited settings are kept.
         if path.exists() {
             continue;
         }

@@ -16,7 +16,7 @@ pub(super) struct DiffArguments {
     old: PathBuf,
     /// The newer drawing.
     new: PathBuf,
-    /// Differences of at most this do not count, mm.
+    /// Ignores differences up to this length, mm.
     #[arg(long, value_name = "MM", default_value_t = TOLERANCE, allow_hyphen_values = true, value_parser = parse_tolerance)]
     tolerance: f64,
     /// Prints the differences as JSON.

@@ -19,10 +19,10 @@ use crate::printable::on_one_line;
 pub(super) struct EvaluateArguments {
     #[command(flatten)]
     job: JobArguments,
-    /// The methods to compare: all (default), or names as `correct` knows them.
+    /// The methods to compare: all (default), or names as in `correct --method`.
     #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = parse_methods, default_value = "all")]
     method: Vec<Methods>,
-    /// Prints the figures as JSON.
+    /// Prints the results as JSON.
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -38,11 +38,11 @@ fn parse_methods(text: &str) -> Result<Methods, crate::config::UnknownChoice> {
 }
 
 pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
-    let Job { sku, settings, pipeline, learned, pattern, drawing, .. } =
+    let Job { sku, settings, pipeline, learned, pattern, drawing, progress, .. } =
         arguments.job.prepare(Overrides::default(), useless_to_a_comparison)?;
     let asked = |method: &Method| {
         arguments.method.iter().any(|named| match named {
-            // `auto` always comes down to one of the others.
+            // `auto` always chooses one of the others.
             Methods::All => *method != Method::Auto,
             Methods::One(named) => named == method,
         })
@@ -50,6 +50,7 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
     let methods: Vec<Method> = Method::ALL.iter().copied().filter(asked).collect();
     let input = PatternInput { name: &name_of(pattern)?, bytes: &drawing, previous: None };
     let evaluation = pipeline.evaluate(&sku, &learned, input, &settings, &methods)?;
+    drop(progress);
     let refused: Vec<_> = evaluation.rows.iter().filter_map(|row| row.reason.as_ref()).collect();
     let nothing = refused.first().filter(|_| refused.len() == evaluation.rows.len());
     if let Some(reason) = nothing {

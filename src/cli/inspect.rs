@@ -1,4 +1,4 @@
-//! `isomark inspect`: what isomark sees in a file.
+//! `isomark inspect`: what isomark reads in a file.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
+use super::progress::ProgressLine;
 use super::set::{SetArguments, add_options, useless_to_an_inspection};
 use crate::config::{JobSettings, Losses, Overrides, PartSettings};
 use crate::formats;
@@ -18,11 +19,11 @@ use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::space::View;
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
-use crate::pipeline::{surface_of, unknown_part_format};
+use crate::pipeline::{Progress, Step, surface_of, unknown_part_format};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
-/// Entities that were not taken over are listed one by one up to this number.
+/// Skipped entities are listed one by one up to this number.
 const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
@@ -36,7 +37,7 @@ pub(super) struct InspectArguments {
     facing: Option<String>,
     #[command(flatten)]
     scan: ScanArguments,
-    /// Writes the surface that is fitted to this side, in the part's own frame: .step (the spline) or .obj (triangles).
+    /// Writes the surface that is fitted to this side, in the frame of the part's file: .step (the spline) or .obj (triangles).
     #[arg(long, value_name = "FILE")]
     surface: Option<PathBuf>,
     #[command(flatten)]
@@ -66,6 +67,10 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     arguments.set.add_to(&mut overrides, useless_to_an_inspection)?;
     let settings = JobSettings::default().with_overrides(&overrides)?;
     let name = name_of(&arguments.file)?;
+    let progress = ProgressLine::start();
+    let observe = progress.observer();
+    let at = |step| observe(Progress::At { file: &name, step });
+    at(Step::Read);
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
             let options =
@@ -75,6 +80,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
             let is_asked = arguments.surface.is_some() || overrides.has("part.facing");
             let fitted = if is_asked || matches!(reading.shape, Shape::Scan(_)) {
+                at(Step::Fit);
                 fit(arguments, &settings.part, &name, &mut reading)?
             } else {
                 None
@@ -91,7 +97,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         }
         None if arguments.surface.is_some() => {
             return Err(Failure::usage(
-                format!("\"{name}\" is no part, so there is no surface of it to write."),
+                format!("\"{name}\" is not a part, so it has no surface to write."),
                 "Name the part, or leave out `--surface`.",
             ));
         }
@@ -99,7 +105,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             let settings = settings.pattern;
             let bytes = read_file(&arguments.file)?;
             let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
-                // A drawing is one by its bytes, whatever its name.
+                // A drawing is recognised by its bytes, not by its name.
                 PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {
                     Failure::rejected(unknown_part_format(&name))
                 }
@@ -111,6 +117,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             (Inspection::Pattern(reading.facts), text)
         }
     };
+    drop(progress);
     if arguments.json {
         let json =
             serde_json::to_string_pretty(&inspection).map_err(|error| Failure::environment(&error.into()))?;
@@ -121,20 +128,20 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     Ok(())
 }
 
-/// Tells that jobs refuse the drawing, wherever the layers of what is lost count as ink.
+/// Warns that jobs refuse the drawing if the lost entities are on ink layers.
 fn lost_ink(facts: &PatternFacts) -> Option<Notice> {
     let lost = facts.lost_ink(|_| true);
     (!lost.0.is_empty()).then(|| {
         let message = format!(
             "visible ink is lost, so `correct` and `watch` reject the drawing unless `losses` is \"warn\" or its layers \
-             are no ink layers: {lost}"
+             are not ink layers: {lost}"
         );
         Notice::warning("ink-lost", message)
     })
 }
 
-/// Fits the side that faces the laser and writes the surface if that was asked for. Without that, a part that makes no
-/// surface is told with a notice, because what the file holds is worth knowing all the same.
+/// Fits the side that faces the laser and writes the surface if `--surface` asks for it. Without `--surface`, a part that
+/// cannot be fitted gives a notice, because the content of the file is still of use.
 fn fit(
     arguments: &InspectArguments,
     settings: &PartSettings,
@@ -152,20 +159,20 @@ fn fit(
         (Ok(surface), None) => Ok(Some(surface)),
         (Err(reason), Some(_)) => Err(Failure::rejected(reason.in_file(name))),
         (Err(reason), None) => {
-            let told = format!("{} {}", reason.what, reason.remedy);
-            reading.facts.notices.push(Notice::warning(&reason.code, told));
+            let message = format!("{} {}", reason.what, reason.remedy);
+            reading.facts.notices.push(Notice::warning(&reason.code, message));
             Ok(None)
         }
     }
 }
 
-/// The file that the surface goes to, with the format that its name asks for.
+/// The file that the surface is written to, with the format of its ending.
 fn surface_file(path: &Path) -> Result<(&Path, SurfaceFormat), Failure> {
     let name = name_of(path)?;
     let format = SurfaceFormat::from_name(&name).ok_or_else(|| {
         Failure::usage(
-            format!("\"{name}\" names no format for a surface."),
-            format!("Let the name end in {}.", SurfaceFormat::ENDINGS),
+            format!("The ending of \"{name}\" is not a format of surfaces."),
+            format!("Give the file the ending {}.", SurfaceFormat::ENDINGS),
         )
     })?;
     Ok((path, format))
@@ -188,7 +195,7 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
         triangles => mesh_lines(&mut text, facts, triangles),
     }
     for (label, names) in
-        [("bodies", &facts.bodies), ("materials", &facts.materials), ("left aside", &facts.skipped)]
+        [("bodies", &facts.bodies), ("materials", &facts.materials), ("skipped", &facts.skipped)]
     {
         if !names.is_empty() {
             line(&mut text, label, &names.join(", "));
@@ -200,7 +207,7 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
 fn surface_line(text: &mut String, surface: &FittedSurface) {
     let residual = &surface.residual;
     let (across, upwards) = surface.nurbs.knots();
-    let said = format!(
+    let text_of_line = format!(
         "{} x {} spans, within {:.4} mm (95 %), {:.4} mm at most, at ({:.1}, {:.1}) mm of the view",
         across.spans(),
         upwards.spans(),
@@ -209,18 +216,18 @@ fn surface_line(text: &mut String, surface: &FittedSurface) {
         residual.at.x,
         residual.at.y
     );
-    line(text, "fit", &said);
+    line(text, "fit", &text_of_line);
 }
 
 fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {
     line(text, "mesh", &format!("{triangles} triangles, {} vertices", facts.vertices));
     let normals = match facts.normals {
         NormalsFound::Smooth => "follow the surface",
-        NormalsFound::FacetsOnly => "only repeat the facets; better ones are estimated from the mesh",
+        NormalsFound::FacetsOnly => "only repeat the facets; isomark estimates better ones from the mesh",
         NormalsFound::Averaged => {
-            "average the facets, as smooth shading does; better ones are estimated from the mesh"
+            "average the facets, as smooth shading does; isomark estimates better ones from the mesh"
         }
-        NormalsFound::None => "none; they are estimated from the mesh",
+        NormalsFound::None => "none; isomark estimates them from the mesh",
     };
     line(text, "normals", normals);
 }
@@ -237,12 +244,12 @@ fn scan_lines(text: &mut String, facts: &PartFacts) {
             Some(wavelength) => format!("smoothing {wavelength:.1} mm"),
             None => "not smoothed".into(),
         };
-        let said = format!(
+        let text_of_line = format!(
             "{} points, noise {:.4} mm, {smoothing}; x {left:.1} to {right:.1}, y {bottom:.1} to {top:.1}, z {low:.2} to \
              {high:.2} mm",
             surface.points, surface.noise_mm
         );
-        line(text, &label, &said);
+        line(text, &label, &text_of_line);
     }
 }
 
@@ -279,15 +286,15 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
         let handle = left.handle.as_deref().unwrap_or("without handle");
         line(
             &mut text,
-            "NOT TAKEN",
+            "SKIPPED",
             &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
         );
     }
     if facts.skipped.len() > MOST_LISTED {
         line(
             &mut text,
-            "NOT TAKEN",
-            &format!("and {} more; --json names all", facts.skipped.len() - MOST_LISTED),
+            "SKIPPED",
+            &format!("and {} more; --json lists all", facts.skipped.len() - MOST_LISTED),
         );
     }
     for repair in &facts.repairs {

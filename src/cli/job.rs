@@ -1,4 +1,4 @@
-//! What `correct` and `evaluate` have in common: part, drawing, and where one lands on the other.
+//! What `correct` and `evaluate` have in common: the part, the drawing, and its place on the part.
 
 use std::path::{Path, PathBuf};
 
@@ -7,6 +7,7 @@ use clap::Args;
 use super::named_files::{cache_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
+use super::progress::ProgressLine;
 use super::set::{SetArguments, add_list, add_options};
 use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
@@ -25,7 +26,7 @@ pub(super) struct JobArguments {
     /// The product that the part belongs to; its surface is kept for later drawings. Default: the part's file name.
     #[arg(long, help_heading = INPUT)]
     sku: Option<String>,
-    /// A station's file: its settings, its SKUs' settings and its cache hold, where no option says otherwise.
+    /// A station's file: its settings, its SKUs' settings and its cache are used, except where an option is given.
     #[arg(long, value_name = "FILE", help_heading = INPUT)]
     station: Option<PathBuf>,
     /// Where fitted surfaces are kept; default: the station's cache, or the user's.
@@ -88,6 +89,8 @@ pub(super) struct Job<'a> {
     pub(super) drawing: Vec<u8>,
     /// Which written drawings are read back.
     pub(super) verify: Verify,
+    /// Shows what is done as long as it lives.
+    pub(super) progress: ProgressLine,
 }
 
 impl JobArguments {
@@ -124,13 +127,14 @@ impl JobArguments {
         };
         let settings = settings.with_overrides(&of_job)?;
         let cache = cache_of(self.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
-        let pipeline = Pipeline::new(Some(cache));
+        let progress = ProgressLine::start();
+        let pipeline = Pipeline::new(Some(cache)).observed(progress.observer());
         let drawing = read_file(pattern)?;
         let learned = match part {
             Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
             None => recall(&pipeline, &sku, &settings)?,
         };
-        Ok(Job { sku, settings, pipeline, learned, pattern, drawing, verify })
+        Ok(Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress })
     }
 
     fn sku(&self, part: Option<&Path>, shape: Option<String>) -> Result<Sku, Failure> {
@@ -139,7 +143,7 @@ impl JobArguments {
             (None, Some(stem), _) => parse_sku(&stem.to_string_lossy()),
             (None, None, Some(shape)) if shape != PartShape::Mesh.name() => parse_sku(&shape),
             _ => Err(Failure::usage(
-                "There is neither a part nor a SKU.",
+                "The command line names neither a part nor a SKU.",
                 "Name the part, its SKU with `--sku`, or its sizes with `--cylinder` or `--cone`.",
             )),
         }
@@ -213,7 +217,10 @@ fn inputs(named: &[PathBuf]) -> Result<(Option<&Path>, &Path), Failure> {
         [part, pattern] if is_part(pattern) && !is_part(part) => Ok((Some(pattern), part)),
         [part, pattern] => Ok((Some(part), pattern)),
         [pattern] if !is_part(pattern) => Ok((None, pattern)),
-        _ => Err(Failure::usage("There is a part but no drawing.", "Name the drawing after the part.")),
+        _ => Err(Failure::usage(
+            "The command line names a part but no drawing.",
+            "Name the drawing after the part.",
+        )),
     }
 }
 
@@ -224,7 +231,7 @@ fn recall(pipeline: &Pipeline, sku: &Sku, settings: &JobSettings) -> Result<Lear
         Some(damage) => Failure::rejected(Reason::new(
             "cache-damaged",
             damage.message.clone(),
-            "Name the part before the drawing; its surface is then fitted and kept again.",
+            "Name the part before the drawing; isomark then fits and keeps its surface again.",
         )),
         None => unknown_sku(sku),
     })
@@ -234,6 +241,6 @@ fn unknown_sku(sku: &Sku) -> Failure {
     Failure::rejected(Reason::new(
         "sku-unknown",
         format!("No surface is kept for the SKU {sku} under these settings."),
-        "Name the part before the drawing; its surface is kept from then on.",
+        "Name the part before the drawing; isomark then keeps its surface.",
     ))
 }

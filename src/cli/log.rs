@@ -1,4 +1,4 @@
-//! What a station says, as lines: on standard error, and in a file that is kept small.
+//! The station's log: lines on standard error, and in a file of limited size.
 
 use std::fs::File;
 use std::io::{IsTerminal, Write};
@@ -13,6 +13,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, fmt as lines};
 
+use super::progress::StandardError;
 use crate::config::LogSettings;
 use crate::hotfolder::is_still_at;
 use crate::printable::on_one_line;
@@ -24,14 +25,14 @@ use crate::printable::on_one_line;
 pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
     let set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    // A log that cannot be written (its disk is full, its reader went) must not end the station.
+    // A log that cannot be written (full disk, closed pipe) must not end the station.
     let to_people = lines::layer()
         .fmt_fields(one_line())
         .with_target(false)
         .with_ansi(std::io::stderr().is_terminal() && !set("NO_COLOR"))
-        .with_writer(std::io::stderr)
+        .with_writer(|| StandardError)
         .log_internal_errors(false);
-    // The system's journal has a clock of its own.
+    // The system's journal adds the time itself.
     let to_people = if set("JOURNAL_STREAM") { to_people.without_time().boxed() } else { to_people.boxed() };
     let to_file = file.map(RotatingFile::open).transpose()?.map(|file| {
         lines::layer()
@@ -41,12 +42,12 @@ pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
             .with_writer(Mutex::new(file))
             .log_internal_errors(false)
     });
-    // A second log in one process is a test's; the first one goes on.
+    // Only tests start a second log in one process; the first one is kept.
     let _ = tracing_subscriber::registry().with(filter).with(to_people).with(to_file).try_init();
     Ok(())
 }
 
-/// An event's message and values on one line, with what does not print spelled out: a name in them forges no line.
+/// An event's message and values on one line, with what does not print spelled out, so a name cannot forge a line.
 fn one_line() -> impl for<'w> FormatFields<'w> + 'static {
     debug_fn(|out, field, value| {
         let value = on_one_line(&format!("{value:?}"));
@@ -58,13 +59,13 @@ fn one_line() -> impl for<'w> FormatFields<'w> + 'static {
     .delimited(" ")
 }
 
-/// A log file that is begun anew when it has become large; older ones are `<file>.1`, `<file>.2` and so on.
+/// A log file that is started again when it is full; older ones are `<file>.1`, `<file>.2` and so on.
 struct RotatingFile {
     settings: LogSettings,
     /// Closed while files are renamed, which Windows refuses to do with an open one.
     file: Option<File>,
     size: u64,
-    /// At this size it is begun anew.
+    /// At this size the file is started again, bytes.
     full: u64,
 }
 
@@ -91,12 +92,12 @@ impl RotatingFile {
         name.into()
     }
 
-    /// A file that cannot be renamed, because an editor holds it, goes on growing: older ones are given up only for a
-    /// newer one. It is tried again when as much has been written once more.
+    /// A file that cannot be renamed, because an editor holds it, keeps growing: an older file is only removed for a newer
+    /// one. The next attempt is made after as many bytes again.
     fn rotate(&mut self) {
         self.file = None;
         let aside = self.older(0);
-        // What lies there already was put aside when the others could not be moved on.
+        // A file that is there already was put aside when the others could not be renamed.
         let put_aside = if aside.exists() { Ok(()) } else { fs::rename(&self.settings.file, &aside) };
         self.full = match put_aside.and_then(|()| self.move_on()) {
             Ok(()) => self.settings.largest,
@@ -104,14 +105,14 @@ impl RotatingFile {
         };
     }
 
-    /// Gives the file that was put aside and those before it the next numbers, up to the first that is free.
+    /// Gives the file that was put aside, and those before it, the next numbers up to the first free one.
     fn move_on(&self) -> std::io::Result<()> {
         let keep = self.settings.keep;
         let free = (1..keep).find(|number| !self.older(*number).exists()).unwrap_or(keep);
         (0..free).rev().try_for_each(|number| fs::rename(self.older(number), self.older(number + 1)))
     }
 
-    /// Forgets a file that somebody removed or moved away while it was written, so that the next line begins another.
+    /// Closes a file that was removed or moved while it was open, so that the next line starts another.
     fn keep_in_place(&mut self) {
         if self.file.as_ref().is_some_and(|file| !is_still_at(file, &self.settings.file)) {
             (self.file, self.full) = (None, self.settings.largest);
@@ -144,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_stays_small_and_loses_only_what_is_oldest() {
+    fn a_log_stays_small_and_loses_only_its_oldest_lines() {
         let folder = tempfile::tempdir().unwrap();
         let settings = LogSettings { file: folder.path().join("log/station.log"), largest: 30, keep: 2 };
         let mut log = RotatingFile::open(&settings).unwrap();
@@ -163,7 +164,7 @@ mod tests {
         assert_eq!(text(".3"), "");
     }
 
-    /// Older files are given up for a newer one only, whichever of them is held by another program.
+    /// An older file is only removed for a newer one, whichever of them another program holds.
     #[test]
     fn a_file_that_cannot_be_renamed_costs_no_older_one() {
         let folder = tempfile::tempdir().unwrap();
@@ -186,7 +187,7 @@ mod tests {
         let all = write(&mut log, 8);
         assert_eq!(text(".1"), "older\n");
         assert_eq!(text(".0") + &text(""), all);
-        // It heals by itself.
+        // It continues normally when the file is free.
         fs::remove_dir_all(path(".2")).unwrap();
         let all = write(&mut log, 6);
         assert_eq!(text(".0"), "");
@@ -195,7 +196,7 @@ mod tests {
 
     #[cfg(windows)]
     #[test]
-    fn a_log_that_an_editor_holds_grows_and_is_begun_anew_later() {
+    fn a_log_that_an_editor_holds_grows_and_is_started_again_later() {
         use std::os::windows::fs::OpenOptionsExt;
         let folder = tempfile::tempdir().unwrap();
         let path = |ending: &str| folder.path().join(format!("station.log{ending}"));
@@ -220,7 +221,7 @@ mod tests {
     /// Windows removes no folder with an open file in it.
     #[cfg(unix)]
     #[test]
-    fn a_log_that_somebody_removed_is_made_anew() {
+    fn a_log_that_was_removed_is_made_again() {
         let folder = tempfile::tempdir().unwrap();
         let settings = LogSettings { file: folder.path().join("log/station.log"), largest: 300, keep: 2 };
         let mut log = RotatingFile::open(&settings).unwrap();

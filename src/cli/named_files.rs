@@ -41,8 +41,7 @@ fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()
     write(folder, &name).map_err(|error| file_trouble("write", path, &error))
 }
 
-/// Refuses to write over what is read, or two results into one file: the designer's file would be gone without a word.
-/// Each file comes with the word that named it.
+/// Refuses to overwrite a file that is read, or to write two results into one file. Each file comes with its option.
 pub(super) fn apart(read: &[&Path], written: &[(&str, &Path)]) -> Outcome {
     let same = |one: &Path, two: &Path| {
         one == two || matches!((one.canonicalize(), two.canonicalize()), (Ok(one), Ok(two)) if one == two)
@@ -50,14 +49,14 @@ pub(super) fn apart(read: &[&Path], written: &[(&str, &Path)]) -> Outcome {
     for (index, (option, file)) in written.iter().enumerate() {
         if read.iter().any(|read| same(read, file)) {
             return Err(Failure::usage(
-                format!("`{option}` names {}, which is read; it would be lost.", file.display()),
-                format!("Give `{option}` a name of its own."),
+                format!("`{option}` names {}, which is also read and would be lost.", file.display()),
+                format!("Give `{option}` another name."),
             ));
         }
         if let Some((other, _)) = written[..index].iter().find(|(_, other)| same(other, file)) {
             return Err(Failure::usage(
                 format!("`{other}` and `{option}` name the same file, {}.", file.display()),
-                "Give each of them a name of its own.",
+                "Give each of them another name.",
             ));
         }
     }
@@ -76,7 +75,7 @@ pub(super) fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> F
             "Make the folder, or name another one.".to_owned(),
         ),
         _ if path.is_dir() => (
-            format!("The folder {file} is named where a file is meant."),
+            format!("The path {file} is a folder; a file is needed."),
             format!("Name a file, such as {}.", path.join("name.dxf").display()),
         ),
         ErrorKind::PermissionDenied => (
@@ -85,7 +84,7 @@ pub(super) fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> F
         ),
         _ => (
             format!("Cannot {verb} {file}: {error}."),
-            "Check the disk, its free space and the way to it, then try again.".to_owned(),
+            "Check the disk, its free space and its connection, then try again.".to_owned(),
         ),
     };
     Failure::new(Exit::Environment, Reason::new("environment", what, remedy).in_file(file.to_string()))
@@ -101,7 +100,7 @@ fn folder_of(path: &Path) -> &Path {
 pub(super) fn name_of(path: &Path) -> Result<String, Failure> {
     match path.file_name().and_then(|name| name.to_str()) {
         Some(name) => Ok(name.to_owned()),
-        None => Err(Failure::usage(format!("{} is not the name of a file.", path.display()), "Name a file.")),
+        None => Err(Failure::usage(format!("{} is not a file name.", path.display()), "Name a file.")),
     }
 }
 
@@ -134,8 +133,8 @@ pub(super) fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Resul
     };
     user.map(|folder| Cache::new(folder.join("isomark"))).ok_or_else(|| {
         Failure::usage(
-            "There is no folder to keep fitted surfaces in.",
-            "Name one with `--cache`, or a station with `--station`.",
+            "No folder is known for fitted surfaces.",
+            "Name it with `--cache`, or a station with `--station`.",
         )
     })
 }

@@ -4,12 +4,13 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use super::marked_line::MarkedLine;
+use super::progress::in_place_of_line;
 use crate::config::ConfigError;
 use crate::pipeline::PipelineError;
 use crate::printable::{on_lines, on_one_line};
 use crate::reason::Reason;
 
-/// What the program ends with.
+/// The exit code of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Exit {
@@ -19,7 +20,7 @@ pub enum Exit {
     Rejected = 1,
     /// The command line or the settings are wrong.
     Usage = 2,
-    /// The surroundings failed: disk, permission.
+    /// The environment failed: disk, permission.
     Environment = 3,
 }
 
@@ -62,7 +63,7 @@ impl Failure {
 }
 
 impl From<ConfigError> for Failure {
-    /// A file that is not there, or is none, does not come by trying again.
+    /// A file that does not exist, or cannot be settings, is a mistake of the command line: trying again does not help.
     fn from(error: ConfigError) -> Self {
         use ErrorKind::{InvalidData, IsADirectory, NotADirectory, NotFound};
         let wrong = |kind| matches!(kind, NotFound | InvalidData | IsADirectory | NotADirectory);
@@ -80,7 +81,7 @@ impl From<PipelineError> for Failure {
     fn from(error: PipelineError) -> Self {
         match error {
             PipelineError::Rejected(reason) => Self::rejected(reason),
-            // Nobody is in a hurry here.
+            // A single job has all the time it needs.
             error @ PipelineError::TakesLong => {
                 Self::rejected(Reason::new("takes-long", format!("{error}."), "Try again."))
             }
@@ -89,31 +90,31 @@ impl From<PipelineError> for Failure {
     }
 }
 
-/// Writes to people on standard output; a closed one is no error. Names in the text that come from files have to be on
-/// one line ([`on_one_line`], [`shown`]); whatever else does not print is spelled out here.
+/// Writes to people on standard output; a closed one is no error. Names from files must already be on one line
+/// ([`on_one_line`], [`shown`]); all other characters that do not print are spelled out here.
 pub(super) fn print(text: &str) {
     write_out(&on_lines(text));
 }
 
-/// Writes a document to machines on standard output, exactly as it is; a closed one is no error.
+/// Writes a document for programs to standard output, unchanged; a closed one is no error.
 pub(super) fn print_json(text: &str) {
     write_out(text);
 }
 
 fn write_out(text: &str) {
     let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    let _ = in_place_of_line(|| out.write_all(text.as_bytes()).and_then(|()| out.flush()));
 }
 
 /// Writes a line to people on standard error, with what does not print spelled out as in [`print()`]; a closed one is no
 /// error.
 pub(super) fn tell(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{}", on_lines(text));
+    tell_drawn(&on_lines(text));
 }
 
 /// Writes to people on standard error what is drawn for a terminal, with its colours.
 pub(super) fn tell_drawn(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = in_place_of_line(|| writeln!(std::io::stderr().lock(), "{text}"));
 }
 
 /// A path as people are shown it.

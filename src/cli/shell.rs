@@ -5,12 +5,13 @@ use std::path::Path;
 use crate::printable::on_one_line;
 use crate::reason::quoted;
 
-/// A command of this program on one line, as it can be typed where it runs: its name, or the way to it where it was started by that.
+/// A command of this program on one line, as it can be typed here: with the program's name, or with the path by which it was
+/// started.
 pub(super) fn command(arguments: &[&str]) -> String {
     let program = std::env::args_os().next().filter(|name| !name.is_empty());
     let program = program.map_or_else(|| "isomark".to_owned(), |name| name.to_string_lossy().into_owned());
     let words = [program.as_str()].into_iter().chain(arguments.iter().copied());
-    // A name that breaks lines or turns text round is shown rather than typed.
+    // A name with line breaks or marks of direction can only be shown, not typed.
     on_one_line(&words.map(quoted).collect::<Vec<_>>().join(" "))
 }
 

@@ -1,7 +1,7 @@
-//! `isomark status` and `isomark retry`: a running station, looked at and spoken to from another terminal.
+//! `isomark status` and `isomark retry`: shows and controls a running station from another terminal.
 
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use clap::Args;
@@ -23,7 +23,7 @@ use crate::reason::Reason;
 pub(super) struct StatusArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Writes the status for machines to standard output.
+    /// Prints the status as JSON.
     #[arg(long)]
     pub(super) json: bool,
     #[command(flatten)]
@@ -34,24 +34,24 @@ pub(super) struct StatusArguments {
 pub(super) struct RetryArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Rejected drops that go back into the hot folder, as they were named there, and uncertain drawings that are delivered
-    /// again; without any, what waits is tried now.
+    /// Drops, by their names in the hot folder: rejected ones are put back there, uncertain drawings are delivered again, and
+    /// waiting ones are tried now. Without a name, everything that waits is tried now.
     #[arg(value_name = "DROP")]
     drops: Vec<String>,
     /// Puts all rejected drops back into the hot folder.
     #[arg(long, conflicts_with = "drops")]
     rejected: bool,
-    /// Delivers all drawings again of which nobody knows whether they were delivered.
+    /// Delivers all uncertain drawings again: those that may or may not have been delivered.
     #[arg(long, conflicts_with_all = ["drops", "rejected"])]
     uncertain: bool,
-    /// Corrects delivered drawings again whose part or settings changed; of one SKU, or of all.
+    /// Corrects delivered drawings again if their part or settings changed; of one SKU, or of all.
     #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
     #[command(flatten)]
     set: SetArguments,
 }
 
-/// The folders of a station. It runs on with its old settings while its file is wrong, and can be asked all the same.
+/// The folders of a station. While its file is wrong it runs on with its previous settings, and still answers.
 fn folders_of(file: &Path, set: &SetArguments) -> Result<FolderPaths, Failure> {
     let overrides = set.of_station()?;
     match (Station::load_with(file, &overrides), FolderPaths::of_broken(file, &overrides)) {
@@ -64,7 +64,7 @@ fn folders_of(file: &Path, set: &SetArguments) -> Result<FolderPaths, Failure> {
     }
 }
 
-/// What the station told last, if it was ever started, and who runs it.
+/// The last status of the station, if it was ever started, and the process that runs it.
 fn status_of(folders: &FolderPaths) -> Result<(Option<Status>, Option<Holder>), Failure> {
     let holder = StationLock::holder(&folders.state).map_err(|error| Failure::environment(&error))?;
     let status = Status::read(&folders.state).map_err(|error| Failure::environment(&error))?;
@@ -95,19 +95,28 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
-    let known = match arguments.drops.is_empty() {
-        true => Listed::default(),
+    let (known, waiting) = match arguments.drops.is_empty() {
+        true => Default::default(),
         false => status_of(&folders)
             .ok()
             .and_then(|(status, _)| status)
-            .map(|status| status.uncertain)
+            .map(|status| (status.uncertain, status.waiting))
             .unwrap_or_default(),
     };
-    let (mut drops, mut some_are_uncertain) = (Vec::new(), false);
+    let (mut drops, mut is_asked) = (Vec::new(), false);
     for asked in &arguments.drops {
         let name = match uncertain_name(&known, asked) {
             Some(name) => name,
-            // The station may know more of them than it tells.
+            None if waits(&waiting, &folders, asked) => {
+                leave(&Request::Waiting, state)?;
+                print(&format!(
+                    "{} waits; everything that waits will be tried again{then}\n",
+                    on_one_line(asked)
+                ));
+                is_asked = true;
+                continue;
+            }
+            // The station may know more of them than its status lists.
             None if known.count > known.first.len() && !is_rejected(&folders.rejected, asked) => asked,
             None => {
                 drops.push(asked.clone());
@@ -115,10 +124,10 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
             }
         };
         leave(&Request::Uncertain(Some(name.to_owned())), state)?;
-        print(&format!("{} is delivered again{then}\n", on_one_line(name)));
-        some_are_uncertain = true;
+        print(&format!("{} will be delivered again{then}\n", on_one_line(name)));
+        is_asked = true;
     }
-    if drops.is_empty() && some_are_uncertain {
+    if drops.is_empty() && is_asked {
         return Ok(());
     }
     if arguments.rejected || !drops.is_empty() {
@@ -141,7 +150,7 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         None => Request::Waiting,
     };
     if let (Request::Outdated(sku), Ok((Some(status), _))) = (&request, status_of(&folders))
-        // One that does not run looks when it starts.
+        // A stopped station looks when it starts.
         && runs
         && !may_be_outdated(&status, sku.as_ref())
     {
@@ -155,13 +164,13 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         && status.uncertain.count > 0
     {
         tell(
-            "isomark: warning: uncertain drawings are not delivered again by this: name them, or add `--uncertain`",
+            "isomark: warning: this does not deliver uncertain drawings again: name them, or use `--uncertain`",
         );
     }
     print(&match request {
-        Request::Waiting => format!("what waits is tried again{then}\n"),
-        Request::Outdated(_) => format!("outdated drawings are corrected again{then}\n"),
-        Request::Uncertain(_) => format!("uncertain drawings are delivered again{then}\n"),
+        Request::Waiting => format!("everything that waits will be tried again{then}\n"),
+        Request::Outdated(_) => format!("outdated drawings will be corrected again{then}\n"),
+        Request::Uncertain(_) => format!("uncertain drawings will be delivered again{then}\n"),
     });
     Ok(())
 }
@@ -176,15 +185,24 @@ fn leave(request: &Request, state: &Path) -> Outcome {
     })
 }
 
-/// The station's own name of the uncertain drawing that somebody means who typed `asked`: its name or that of its drop,
-/// however it is spelled, or as a terminal shows it.
+/// The station's name of the uncertain drawing that `asked` means: the drawing's name or its drop's, in any spelling, or as a
+/// terminal shows it.
 fn uncertain_name<'a>(known: &'a Listed<UncertainDrawing>, asked: &str) -> Option<&'a str> {
     let is_meant = |name: &String| fold(name) == fold(asked) || fold(&on_one_line(name)) == fold(asked);
     let drawing = known.first.iter().find(|drawing| is_meant(&drawing.name) || is_meant(&drawing.drop));
     drawing.map(|drawing| &*drawing.name)
 }
 
-/// Whether the station told of an outdated drawing of the SKU, or of any; its list may be longer than what it told.
+/// Whether the drop waits: the station lists it, or it is in the hot folder and was not rejected.
+fn waits(waiting: &Listed<Waits>, folders: &FolderPaths, asked: &str) -> bool {
+    let is_listed = |waits: &Waits| fold(&waits.drop) == fold(asked) || on_one_line(&waits.drop) == asked;
+    let is_inside = Path::new(asked).components().all(|part| matches!(part, Component::Normal(_)));
+    let is_there =
+        || is_inside && folders.hot.join(asked).is_file() && !is_rejected(&folders.rejected, asked);
+    waiting.first.iter().any(is_listed) || is_there()
+}
+
+/// Whether the station may know an outdated drawing of the SKU, or any; its status lists only the first ones.
 fn may_be_outdated(status: &Status, sku: Option<&Sku>) -> bool {
     let Listed { count, first } = &status.outdated;
     let is_asked =
@@ -196,13 +214,13 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     let mut text = match holder {
         Some(holder) => format!("{}: runs, {}\n", status.station, on_one_line(&holder.to_string())),
         None if status.state == State::EndedSilently => {
-            format!("{}: does not run; it ended without a word after {}\n", status.station, status.at)
+            format!("{}: does not run; it ended unexpectedly after {}\n", status.station, status.at)
         }
-        None => format!("{}: does not run; it was stopped at {}\n", status.station, status.at),
+        None => format!("{}: does not run; stopped at {}\n", status.station, status.at),
     };
     if status.state == State::Silent {
         text += &format!(
-            "it has said nothing since {}: it hangs, or cannot write its state folder; see its log, or start it again\n",
+            "no status since {}: it hangs, or cannot write its state folder; read its log, or start it again\n",
             status.at
         );
     }
@@ -218,14 +236,14 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
         if done.learned == 1 { "1 part".into() } else { format!("{} parts", done.learned) }
     );
     if let Some(count) = status.in_rejected.filter(|count| *count > 0) {
-        let lie = if count == 1 { "drop lies" } else { "drops lie" };
-        text += &format!("{count} rejected {lie} in {}\n", shown(&folders.rejected));
+        let drops = if count == 1 { "drop is" } else { "drops are" };
+        text += &format!("{count} rejected {drops} in {}\n", shown(&folders.rejected));
     }
     if let Some(kept) = &status.kept {
         text += &kept_words(kept);
     }
     if !status.under_way.is_empty() {
-        text += "at work on\n";
+        text += "working on\n";
         let line = |job: &UnderWay| format!("  {}, for {:.1} s\n", on_one_line(&job.drop), job.for_s);
         let lines = status.under_way.iter().map(line);
         text.extend(lines);
@@ -235,10 +253,10 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     text +=
         &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
     if status.uncertain.count > 0 {
-        text += &list("uncertain whether delivered", &status.uncertain, |drawing| {
+        text += &list("uncertain (may or may not be delivered)", &status.uncertain, |drawing| {
             format!("{}, interrupted before {}", on_one_line(&drawing.name), drawing.at)
         });
-        text += "  see whether the importer took them; `isomark retry STATION NAME` delivers one again, \
+        text += "  check whether the importer took them; `isomark retry STATION NAME` delivers one again, \
                  `--uncertain` all\n";
     }
     text += &list("outdated by a new part or new settings", &status.outdated, |drawing| drawing.name.clone());
@@ -257,9 +275,9 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
 fn kept_words(kept: &Kept) -> String {
     let for_days = |days: Option<f64>| match days {
         Some(days) => format!("for {days} days"),
-        None => "for ever".into(),
+        None => "without limit".into(),
     };
-    let limit = kept.max_bytes.map_or(String::new(), |bytes| format!(", {} at most", gigabytes(bytes)));
+    let limit = kept.max_bytes.map_or(String::new(), |bytes| format!(", at most {}", gigabytes(bytes)));
     let mut text = format!(
         "kept: {} in archive, rejected and reports{limit}; originals {}, rejected drops {}, reports {}\n",
         gigabytes(kept.bytes),

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::log;
 use super::outcome::{Exit, Failure, Outcome, print, tell};
+use super::progress::ProgressLine;
 use super::service::ServiceManager;
 use super::set::SetArguments;
 use crate::cache::Cache;
@@ -19,8 +20,8 @@ use crate::reason::Reason;
 pub(super) struct WatchArguments {
     /// The station's settings.
     station: PathBuf,
-    /// Handles what lies in the hot folder, says what became of it, and stops; exit code 1 when something was rejected, 3
-    /// when something waits because a folder, a disk or a server fails, or nobody knows whether a drawing was delivered.
+    /// Processes what is in the hot folder, reports the results, and stops. Exit code 1: something was rejected. Exit code 3:
+    /// something waits because a folder, a disk or a server fails, or a drawing may not have been delivered.
     #[arg(long)]
     once: bool,
     #[command(flatten)]
@@ -33,14 +34,20 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     let stop = StopSignal::default();
     let raise = stop.clone();
     if let Err(error) = ctrlc::set_handler(move || raise.raise()) {
-        tell(&format!("isomark: Ctrl-C will not end the station cleanly: {error}"));
+        tell(&format!("isomark: warning: Ctrl-C will not stop the station cleanly: {error}"));
     }
-    let corrector =
-        PipelineCorrector::new(Pipeline::new(Some(Cache::new(&settings.station().folders.cache))));
+    let mut pipeline = Pipeline::new(Some(Cache::new(&settings.station().folders.cache)));
+    // Nobody sits and waits for a station that runs on.
+    let progress = arguments.once.then(ProgressLine::start);
+    if let Some(progress) = &progress {
+        pipeline = pipeline.observed(progress.observer());
+    }
+    let corrector = PipelineCorrector::new(pipeline);
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
     let mut manager = ServiceManager::of_this_process();
     let tally = hotfolder::run(settings, &corrector, &stop, mode, &mut |pulse| manager.hear(pulse))
         .map_err(|error| failure(&error))?;
+    drop(progress);
     if !arguments.once {
         return Ok(());
     }
@@ -49,7 +56,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
         0 if tally.uncertain > 0 => {
             let drawings = if tally.uncertain == 1 { "drawing" } else { "drawings" };
             let what = format!("{} {drawings} may not have been delivered.", tally.uncertain);
-            let remedy = "See with `isomark status` which, and whether the importer took them; if not, \
+            let remedy = "List them with `isomark status` and check whether the importer took them; if not, \
                           `isomark retry` delivers them again.";
             Err(Failure::new(Exit::Environment, Reason::new("drawings-uncertain", what, remedy)))
         }
@@ -59,7 +66,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
         },
         count => {
             let drops = if count == 1 { "drop was" } else { "drops were" };
-            let remedy = "Read the .reason.txt beside each in the rejected folder.";
+            let remedy = "Read the .reason.txt beside each of them in the rejected folder.";
             Err(Failure::rejected(Reason::new(
                 "drops-rejected",
                 format!("{count} {drops} rejected."),
@@ -84,10 +91,10 @@ fn words(tally: &Tally) -> String {
         tally.incomplete.len()
     );
     if tally.uncertain > 0 {
-        text += &format!("{} uncertain whether delivered\n", tally.uncertain);
+        text += &format!("{} uncertain (may or may not be delivered)\n", tally.uncertain);
     }
     if tally.repeated > 0 {
-        text += &format!("{} delivered before and not again\n", tally.repeated);
+        text += &format!("{} delivered before, not delivered again\n", tally.repeated);
     }
     for left in tally.waiting.iter().chain(&tally.incomplete) {
         text += &format!("  {}\n", on_one_line(&format!("{}: {}", left.drop, left.reason.what)));

@@ -1,5 +1,5 @@
 //! Settings as text that stays the same from version to version: the keys of kept surfaces and the marks by which a
-//! delivered drawing is known to be outdated are hashes of it.
+//! delivered drawing is recognised as outdated are hashes of it.
 //!
 //! ```text
 //! placement.place_mm 4014000000000000 c000000000000000
@@ -8,9 +8,9 @@
 //!
 //! One line for each setting, in the order of this file: key with its unit, a space, the value. A setting is written only
 //! where its value differs from the one written here beside it, so a new setting that changes nothing by default leaves
-//! every text as it was. Those values are fixed here on purpose: if a default of the program changes, so do the drawings,
-//! and the text with them. Numbers are the 16 hexadecimal digits of their IEEE 754 double, lengths in mm, angles in rad;
-//! names that people choose stand behind their length in bytes.
+//! every text as it was. Those values are fixed here on purpose: if a default of the program changes, the drawings
+//! change, and the text with them. Numbers are the 16 hexadecimal digits of their IEEE 754 double, lengths in mm, angles in rad;
+//! names that people choose follow their length in bytes.
 //!
 //! Any other change to a text that somebody's settings give makes stations deliver their archives again. If it has to be,
 //! [`VERSION`] is raised with it: drawings that were delivered under an older form are then taken as up to date.
@@ -57,7 +57,7 @@ pub fn drawing(settings: &JobSettings) -> String {
         correction,
         fixture,
         optics,
-        // Its size is a limit; where its middle is goes into the lens' axis.
+        // Its size is only a limit; its middle is part of the lens' axis.
         field: _,
         output,
     } = settings;

@@ -9,7 +9,7 @@ use super::suggest::{listed, nearest};
 use crate::geometry::space::Facing;
 use crate::geometry::surface::scan;
 
-/// A name that is none of the choices.
+/// A name that is not one of the choices.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UnknownChoice {
     /// What was to be chosen, such as `method`.
@@ -87,7 +87,7 @@ choices! {
         Cone = "cone",
         /// The thesis' own method, to compare with.
         MappingDomain = "mapping-domain",
-        /// The part laid on a square by convex combinations, to compare with.
+        /// The part mapped to a square by convex combinations, to compare with.
         Floater = "floater",
         /// Plain projection, to show what happens without a correction.
         None = "none",
@@ -95,9 +95,9 @@ choices! {
 }
 
 choices! {
-    /// What `floater` makes of a vertex's neighbours.
+    /// How `floater` weights a vertex's neighbours.
     FloaterWeights, "floater weights" {
-        /// All alike, as in the thesis.
+        /// All equally, as in the thesis.
         #[default]
         Uniform = "uniform",
         /// Mean value coordinates, which follow the part's angles.
@@ -119,7 +119,7 @@ choices! {
 }
 
 choices! {
-    /// What gives the shape of the part.
+    /// Where the shape of the part comes from.
     PartShape, "shape" {
         /// A mesh in a file.
         #[default]
@@ -143,9 +143,9 @@ choices! {
 }
 
 choices! {
-    /// What is done with a drawing that shows ink which cannot be taken over.
+    /// What is done with a drawing that shows ink which cannot be read.
     Losses, "losses" {
-        /// It is rejected, with a list of what cannot be taken over.
+        /// It is rejected, with a list of what cannot be read.
         #[default]
         Refuse = "refuse",
         /// The rest is marked, and the report warns.
@@ -165,12 +165,12 @@ choices! {
 }
 
 choices! {
-    /// How noise is taken out of a scan.
+    /// How noise is removed from a scan.
     Smoothing, "smoothing" {
-        /// As much as the points themselves ask for.
+        /// As much as the points need.
         #[default]
         Auto = "auto",
-        /// Waves shorter than a set length go.
+        /// Waves shorter than a set length are removed.
         LowPass = "low-pass",
         /// Not at all.
         None = "none",
@@ -178,7 +178,7 @@ choices! {
 }
 
 impl Smoothing {
-    /// The smoothing with the wavelength (mm) that a low pass takes; without one, that of the thesis.
+    /// The smoothing with the wavelength of the low pass, mm; without one, that of the thesis.
     pub fn with_wavelength(self, wavelength: Option<f64>) -> scan::Smoothing {
         match self {
             Self::Auto => scan::Smoothing::Auto,
@@ -204,12 +204,12 @@ choices! {
 choices! {
     /// The version of the corrected DXF.
     DxfVersion, "DXF version" {
-        /// LWPOLYLINE, read by everything current.
+        /// LWPOLYLINE, read by all current programs.
         #[default]
         R2000 = "R2000",
         /// POLYLINE, for old importers.
         R12 = "R12",
-        /// Every piece a LINE of its own, for importers that know nothing else.
+        /// Every piece as a separate LINE, for importers that read nothing else.
         R12Lines = "R12-lines",
     }
 }
@@ -222,7 +222,7 @@ choices! {
         Auto = "auto",
         /// By the operating system's events: at once, on local disks.
         Native = "native",
-        /// By listing alone: for network shares, which raise no events for other computers' files.
+        /// By listing alone: for network shares, which send no events for files of other computers.
         Poll = "poll",
     }
 }
@@ -230,10 +230,10 @@ choices! {
 choices! {
     /// How a corrected drawing reaches the marking software.
     DeliveryKind, "delivery" {
-        /// It lies in the import folder.
+        /// It is put into the import folder.
         #[default]
         Folder = "folder",
-        /// It lies there, and BeamServer is told to import it.
+        /// It is put there, and BeamServer imports it.
         Beamserver = "beamserver",
     }
 }
@@ -241,12 +241,12 @@ choices! {
 choices! {
     /// What is done with a drawing that was delivered before, from the same part and settings.
     Repeat, "repeat" {
-        /// It is not delivered again, even when the importer took the result away.
+        /// It is not delivered again, even if the importer removed the result.
         Never = "never",
-        /// It is delivered again when the result is gone from the import folder.
+        /// It is delivered again if the result is no longer in the import folder.
         #[default]
         IfGone = "if-gone",
-        /// It is delivered again, over the result that lies there.
+        /// It is delivered again, and replaces the result that is there.
         Always = "always",
     }
 }
@@ -254,7 +254,7 @@ choices! {
 choices! {
     /// What is done with delivered drawings whose part or settings changed.
     Outdated, "outdated" {
-        /// They are named in the status.
+        /// They are listed in the status.
         #[default]
         Mark = "mark",
         /// They are corrected again from the archive and delivered.

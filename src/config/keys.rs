@@ -12,7 +12,7 @@ use super::choices::{
 };
 use super::error::ConfigError;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings};
-use super::text::SettingsText;
+use super::text::{Numbers, SettingsText};
 use crate::formats::mesh::{LengthUnit, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
@@ -21,13 +21,13 @@ use crate::geometry::primitive::{Form, Primitive};
 use crate::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan;
 
-/// A coordinate no station reaches, mm; beyond it a unit was mistaken.
+/// Coordinates beyond this are outside of any station, mm; the unit is probably wrong.
 const FARTHEST: f64 = 10_000.0;
 
-/// Gaps that can be meant as none, mm.
+/// Gaps that may be joined, mm.
 const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
-/// Wavelengths of a low pass that make sense, mm.
+/// Wavelengths of a low pass, mm.
 const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
 /// The tables that the station sets for all SKUs and a SKU file may override.
@@ -103,20 +103,6 @@ enum NameOr<T> {
     Numbers(T),
 }
 
-/// As many numbers as a direction or a point has, no more and no fewer.
-#[derive(Clone, Copy)]
-pub(super) struct Numbers<const COUNT: usize>(pub(super) [f64; COUNT]);
-
-impl<'de, const COUNT: usize> Deserialize<'de> for Numbers<COUNT> {
-    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        // Read as an array, the numbers behind the last one would be dropped.
-        let numbers = Vec::deserialize(from).ok().and_then(|numbers| numbers.try_into().ok());
-        let example =
-            if COUNT == 2 { "two numbers, such as [12.5, -3]" } else { "three numbers, such as [1, 0, 0.5]" };
-        numbers.map(Self).ok_or_else(|| serde::de::Error::custom(format!("expected {example}")))
-    }
-}
-
 impl JobKeys {
     /// The same tables inside a station file.
     pub(super) fn from_tables(
@@ -129,7 +115,7 @@ impl JobKeys {
         Self { part, pattern, placement, correction, fixture }
     }
 
-    /// Sets what the file names and leaves the rest.
+    /// Changes what the file names and keeps the rest.
     pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
         self.part.apply(text, to)?;
         self.pattern.apply(text, to)?;
@@ -139,7 +125,7 @@ impl JobKeys {
     }
 }
 
-/// What may stand beside a pattern: nothing that changes the part, the field or the laser.
+/// The keys of a settings file beside a pattern: none that change the part, the field or the laser.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct SidecarKeys {
@@ -170,9 +156,9 @@ impl PartKeys {
             return Err(ConfigError::Contradiction {
                 spot: text.spot(&span),
                 what: format!(
-                    "The part is a {primitive} as the laser sees it; no file is read or turned for it."
+                    "The part is a {primitive} given by its sizes; no file is read or turned for it."
                 ),
-                remedy: "Say with `axis` how it lies, and remove what is said of a file: `facing`, `roll_deg`, `unit`, `up`, `smoothing`."
+                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `unit`, `up`, `smoothing`, `low_pass_mm`."
                     .into(),
             });
         }
@@ -210,7 +196,7 @@ impl PartKeys {
                 return Err(ConfigError::Contradiction {
                     spot: text.spot(&given.span()),
                     what: format!(
-                        "`part.low_pass_mm` means nothing with smoothing \"{}\".",
+                        "`part.low_pass_mm` has no effect with smoothing \"{}\".",
                         smoothing.get_ref()
                     ),
                     remedy: "Set `smoothing = \"low-pass\"`, or remove `low_pass_mm`.".into(),
@@ -223,7 +209,7 @@ impl PartKeys {
         Ok(())
     }
 
-    /// Where a key stands that means something only to a part from a file.
+    /// The place of a key that is only for a part from a file.
     fn way_of_a_mesh(&self) -> Option<Range<usize>> {
         let spans = [
             self.facing.as_ref().map(Spanned::span),
@@ -236,7 +222,7 @@ impl PartKeys {
         spans.into_iter().flatten().next()
     }
 
-    /// The cylinder or cone that the keys describe; sizes that are not named stay those of `old`.
+    /// The cylinder or cone that the keys describe; sizes that are not given are those of `old`.
     fn primitive(
         &self,
         text: &SettingsText,
@@ -262,13 +248,13 @@ impl PartKeys {
             (None | Some(PartShape::Mesh), Some(span)) => {
                 return contradiction(
                     span,
-                    "A part that comes from a mesh has its sizes from there.",
+                    "A part from a mesh has its sizes from the file.",
                     "Set `shape = \"cylinder\"` or `\"cone\"`, or remove the sizes.",
                 );
             }
             (Some(shape), _) => shape,
         };
-        // Sizes of another shape are none of this one's.
+        // Sizes of another shape are not used.
         let old = old.filter(|_| inherited == Some(shape));
         let span = self.shape.as_ref().map_or(0..0, Spanned::span);
         let size = |index: usize, key: &str| match (sizes[index], old) {
@@ -289,7 +275,7 @@ impl PartKeys {
             }
         };
         if shape == PartShape::Cone && diameter == end_diameter {
-            let what = "A cone has two diameters that differ.";
+            let what = "The two diameters of a cone must differ.";
             return contradiction(span, what, "Set `shape = \"cylinder\"`, or correct the diameters.");
         }
         let axis = match (&self.axis, old) {
@@ -326,7 +312,7 @@ impl PatternKeys {
             to.pattern.ink_layers = Some(layers.into_inner());
         }
         let picture = &mut to.pattern.picture;
-        // One side given for a SKU replaces both of the station's: the other one then follows from the picture.
+        // One side in a SKU's file replaces both of the station's: the other one then follows from the picture.
         if self.width_mm.is_some() || self.height_mm.is_some() {
             let side = |key, given: Option<Spanned<f64>>| {
                 given.map(|given| text.number(key, &given, 0.01..=FARTHEST, "mm")).transpose()
@@ -405,10 +391,10 @@ impl CorrectionKeys {
                 return Err(ConfigError::Contradiction {
                     spot: text.spot(&intervals.span()),
                     what: format!(
-                        "Simpson's rule has no {} intervals: it takes them in pairs.",
+                        "{} intervals are odd, and Simpson's rule needs an even number.",
                         domain.intervals
                     ),
-                    remedy: "Give an even number; the thesis has 50.".into(),
+                    remedy: "Give an even number; the thesis uses 50.".into(),
                 });
             }
         }
@@ -542,7 +528,7 @@ impl OpticsKeys {
         if lens == Lens::Telecentric {
             return Err(ConfigError::Contradiction {
                 spot: text.spot(&given.span()),
-                what: "The axis of a telecentric lens changes nothing.".into(),
+                what: "The axis of a telecentric lens has no effect.".into(),
                 remedy: "Set `kind = \"perspective\"`, or remove `axis_mm`.".into(),
             });
         }
@@ -572,7 +558,7 @@ impl OpticsKeys {
         Err(ConfigError::Contradiction {
             spot: text.spot(&first.map_or(0..0, Spanned::span)),
             what: format!(
-                "The incidence limits note {:.1}, warn {:.1}, refuse {:.1} deg do not rise.",
+                "The incidence limits note {:.1}, warn {:.1}, refuse {:.1} deg are not in rising order.",
                 limits.note.to_degrees(),
                 limits.warn.to_degrees(),
                 limits.refuse.to_degrees()

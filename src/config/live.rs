@@ -1,6 +1,6 @@
-//! Settings that follow their files while a station runs: a good edit counts from the next job on, a broken one
-//! leaves the old settings in force and is told once. Half a file may be good settings, too, so a text counts only once
-//! it stood still.
+//! Settings that follow their files while a station runs. A valid edit takes effect from the next job on; after an invalid one
+//! the previous settings are kept, and it is reported once. Half a file may be valid, too, so a text is used only after it has
+//! not changed for a while.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use super::settings::JobSettings;
 use super::sku::Sku;
 use super::station::{Station, read};
 
-/// How long an emptied file must stand still: editors empty a file before they write it.
+/// How long an emptied file must not change: editors empty a file before they write it.
 const EMPTIED: Duration = Duration::from_secs(10);
 
 /// The settings of a station and of its SKUs, as of the last look at the files.
@@ -23,11 +23,11 @@ pub struct LiveSettings {
     overrides: Overrides,
     station_text: String,
     skus: BTreeMap<Sku, SkuFile>,
-    /// Texts that are not in force, or not yet.
+    /// Texts that are not used, or not yet.
     new_texts: BTreeMap<PathBuf, NewText>,
-    /// There is no later look.
+    /// The files are read only once.
     at_once: bool,
-    /// The complaint about each broken file, so that it is told once.
+    /// The complaint about each broken file, so that it is reported once.
     complaints: BTreeMap<PathBuf, String>,
     /// The SKU files that the first listing of their folder found and every later one: any other was made since.
     first_files: Option<BTreeSet<PathBuf>>,
@@ -37,30 +37,30 @@ pub struct LiveSettings {
 /// What was noticed in the files.
 #[derive(Debug)]
 pub enum SettingsEvent {
-    /// The station file changed and is in force.
+    /// The station file changed and is used.
     StationChanged {
         /// Its text before.
         old: String,
         /// Its text now.
         new: String,
     },
-    /// The SKU's file came, changed or went, and that is in force.
+    /// The SKU's file was added, changed or removed, and that is used.
     SkuChanged {
         /// The SKU.
         sku: Sku,
         /// The file's text before; empty when there was none.
         old: String,
-        /// Its text now; empty when it went.
+        /// Its text now; empty when it was removed.
         new: String,
     },
     /// A file is broken, or the folder of the SKU files cannot be listed.
     Broken {
         /// What is wrong.
         error: ConfigError,
-        /// Whether older settings stay in force; a SKU's file that was never right holds up its jobs.
+        /// Whether the previous settings are kept; a SKU's file that was never valid holds up its jobs.
         old_stay: bool,
     },
-    /// What was broken is again as it was before.
+    /// A broken file is valid again, as it was before.
     Mended(PathBuf),
 }
 
@@ -70,14 +70,14 @@ struct NewText {
     text: String,
     /// When it was first seen.
     since: Instant,
-    /// It stood still long enough, and is judged.
+    /// It has not changed for long enough, and is checked.
     settled: bool,
 }
 
 #[derive(Debug)]
 struct SkuFile {
     file: PathBuf,
-    /// The last text that was right.
+    /// The last valid text.
     text: String,
     /// The last listing did not find it.
     missed: bool,
@@ -87,7 +87,7 @@ impl LiveSettings {
     /// Reads and checks the station file.
     ///
     /// # Errors
-    /// When it is wrong: there are no older settings to keep.
+    /// When it is wrong: there are no previous settings to keep.
     pub fn open(file: &Path) -> Result<Self, ConfigError> {
         Self::open_with(file, Overrides::default())
     }
@@ -111,17 +111,17 @@ impl LiveSettings {
         })
     }
 
-    /// Takes every text as it is: there is no later look.
+    /// Uses every text at once, without waiting for it to settle: the files are read only once.
     pub fn at_once(self) -> Self {
         Self { at_once: true, ..self }
     }
 
-    /// The station as it is in force.
+    /// The station as it is used now.
     pub fn station(&self) -> &Station {
         &self.station
     }
 
-    /// Looks at the station file again. The whole text is compared: two edits within a clock tick differ, too.
+    /// Reads the station file again. The whole text is compared, because two edits may have the same time.
     pub fn refresh(&mut self) {
         let file = self.station.file.clone();
         let text = match read(&file) {
@@ -144,11 +144,11 @@ impl LiveSettings {
         }
     }
 
-    /// The settings for a job on this SKU, after a look at its file. A file that is not there while it is saved or
-    /// checked out still counts; [`Self::refresh_skus`] says when it is gone.
+    /// The settings for a job on this SKU, after a look at its file. A file that is missing while it is saved or checked out is
+    /// still used; [`Self::refresh_skus`] decides when it was removed.
     ///
     /// # Errors
-    /// When the SKU's file is wrong, or the folder of all SKU files is missing, and no older right version is known;
+    /// When the SKU's file is wrong, or the folder of all SKU files is missing, and no previous valid version is known;
     /// [`ConfigError::BeingSaved`] as long as the station's file or the SKU's may still be written.
     pub fn job(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
         if self.new_texts.get(&self.station.file).is_some_and(|new| !new.settled) {
@@ -167,8 +167,8 @@ impl LiveSettings {
         }
     }
 
-    /// Looks at all SKU files again, so that an edit is noticed before the SKU's next job. A file is gone when two
-    /// looks in a row do not find it in a folder that is there.
+    /// Reads all SKU files again, so that an edit is noticed before the SKU's next job. A file was removed when two listings in
+    /// a row do not find it in a folder that exists.
     pub fn refresh_skus(&mut self) {
         let folder = self.station.folders.skus.clone();
         let found = match sku_files(&folder) {
@@ -177,20 +177,20 @@ impl LiveSettings {
         };
         self.resolved(&folder);
         let missed = self.skus.iter_mut().filter(|(sku, _)| !found.contains_key(*sku));
-        let gone: Vec<Sku> = missed
+        let removed: Vec<Sku> = missed
             .filter_map(|(sku, file)| std::mem::replace(&mut file.missed, true).then(|| sku.clone()))
             .collect();
-        for sku in gone {
+        for sku in removed {
             let Some(SkuFile { file, text: old, .. }) = self.skus.remove(&sku) else { continue };
             self.forgive(&file);
             self.events.push(SettingsEvent::SkuChanged { sku, old, new: String::new() });
         }
         let station = &self.station.file;
         let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
-        let counts =
+        let is_used =
             |file: &PathBuf| file == station || found.values().any(|path| path == file) || known(file);
-        self.complaints.retain(|file, _| counts(file));
-        self.new_texts.retain(|file, _| counts(file));
+        self.complaints.retain(|file, _| is_used(file));
+        self.new_texts.retain(|file, _| is_used(file));
         match &mut self.first_files {
             Some(first) => first.retain(|file| found.values().any(|path| path == file) || known(file)),
             None => self.first_files = Some(found.values().cloned().collect()),
@@ -247,7 +247,7 @@ impl LiveSettings {
         Ok(settings)
     }
 
-    /// Whether a new text is whole, as far as stillness tells.
+    /// Whether a new text is complete, judged by how long it has not changed.
     fn is_settled(&mut self, file: &Path, text: &str, held_text: bool) -> bool {
         let emptied = held_text && text.trim().is_empty();
         let still = if emptied { EMPTIED } else { self.station.watch.settle };
@@ -285,10 +285,10 @@ impl LiveSettings {
     }
 }
 
-/// The settings file of each SKU, however its name is spelled. Of two for one SKU the first by name counts.
+/// The settings file of each SKU, in any spelling of its name. Of two for one SKU the first by name is used.
 ///
 /// # Errors
-/// When the folder is missing or cannot be listed: its files may only be out of reach.
+/// When the folder is missing or cannot be listed: its files may still exist.
 fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: folder.into(), source };
     let mut files = BTreeMap::<Sku, PathBuf>::new();
@@ -302,7 +302,7 @@ fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
     Ok(files)
 }
 
-/// The SKU whose settings file this is by its name.
+/// The SKU whose settings are in this file, by its name.
 fn sku_of(path: &Path) -> Option<Sku> {
     path.extension().filter(|ending| ending.eq_ignore_ascii_case("toml"))?;
     path.file_stem()?.to_str()?.parse().ok()

@@ -5,9 +5,9 @@
 //! skus/<sku>.toml ──────────▶ JobSettings of that SKU (overrides any part, placement, pattern or correction key)
 //! ```
 //!
-//! In the files angles are degrees and every key names its unit; inside there are millimetres and radians. Every
-//! mistake is a [`ConfigError`] that names file, line and column and says what is allowed. [`LiveSettings`] follows
-//! the files while a station runs.
+//! In the files angles are in degrees and every key names its unit; inside the program lengths are in mm and angles in rad.
+//! Every mistake is a [`ConfigError`] that names file, line and column and states what is allowed. [`LiveSettings`]
+//! follows the files while a station runs; [`Overrides`] are the settings of the command line.
 
 pub mod canonical;
 mod choices;
@@ -18,6 +18,7 @@ mod keys;
 mod live;
 mod overrides;
 mod text;
+mod typed;
 mod error;
 mod suggest;
 
@@ -27,7 +28,7 @@ pub use choices::{
 };
 pub use error::{ConfigError, Excerpt, Spot};
 pub use live::{LiveSettings, SettingsEvent};
-pub use overrides::{Overrides, setting_names};
+pub use overrides::Overrides;
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement,
@@ -36,6 +37,7 @@ pub use settings::{
 pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
+pub use typed::setting_names;
 
 #[cfg(test)]
 mod tests;

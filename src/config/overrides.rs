@@ -1,79 +1,26 @@
 //! Settings of the command line, which override those of files.
 
-use std::sync::OnceLock;
-
 use toml::Value;
-use toml::de::DeTable;
-
-use super::error::{ConfigError, Spot};
-use super::station::{is_of_its_kind, keys_of};
-use super::text::SettingsText;
 
 /// The tables that a SKU's file may hold; all others are the station's.
 const JOB_TABLES: &[&str] = &["part", "pattern", "placement", "correction", "fixture"];
 
 /// Settings that the command line gives, as `table.key=value` or by options of their own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Overrides(Vec<Override>);
+pub struct Overrides(pub(super) Vec<Override>);
 
+/// A setting of the command line, whose name exists.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Override {
-    table: String,
-    key: String,
+pub(super) struct Override {
+    pub(super) table: String,
+    pub(super) key: String,
     /// The value in TOML.
-    value: String,
+    pub(super) value: String,
     /// The option as it was typed.
-    option: String,
+    pub(super) option: String,
 }
 
 impl Overrides {
-    /// Adds a setting by its name `table.key`. The value is TOML; text needs no quotes, and a list no brackets. `option` is
-    /// what errors name as the place.
-    ///
-    /// # Errors
-    /// When there is no such setting, it is given twice, or the value is of another kind, such as text for a number.
-    pub fn add(&mut self, option: &str, name: &str, value: &str) -> Result<(), ConfigError> {
-        let (table, key) = known(option, name)?;
-        if let Some(other) = self.0.iter().find(|other| (&*other.table, &*other.key) == (table, key)) {
-            return Err(ConfigError::Contradiction {
-                spot: Spot::Option(option.into()),
-                what: format!("`{name}` is given twice, also by `{}`.", other.option),
-                remedy: "Remove one of the two.".into(),
-            });
-        }
-        let mut first_error = None;
-        for value in readings(value.trim()) {
-            let given = Override { table: table.into(), key: key.into(), value, option: option.into() };
-            let alone = Self(vec![given]);
-            match is_of_its_kind(&SettingsText::of_options(&alone)) {
-                Ok(()) => {
-                    self.0.extend(alone.0);
-                    return Ok(());
-                }
-                // The names to choose from are the best help.
-                Err(error @ ConfigError::UnknownChoice { .. }) => return Err(error),
-                Err(error) => {
-                    first_error.get_or_insert(error);
-                }
-            }
-        }
-        let nothing = || ConfigError::Syntax {
-            spot: Spot::Option(option.into()),
-            message: "it is not valid TOML".into(),
-            backslash: false,
-        };
-        Err(first_error.unwrap_or_else(nothing))
-    }
-
-    /// Adds a list of texts, each exactly as it is.
-    ///
-    /// # Errors
-    /// As [`add`](Self::add).
-    pub fn add_list(&mut self, option: &str, name: &str, texts: &[String]) -> Result<(), ConfigError> {
-        let texts = texts.iter().map(|text| Value::String(text.clone())).collect();
-        self.add(option, name, &Value::Array(texts).to_string())
-    }
-
     /// The names of all settings that are given, each with its option.
     pub fn names(&self) -> impl Iterator<Item = (String, &str)> {
         self.0.iter().map(|given| (format!("{}.{}", given.table, given.key), given.option.as_str()))
@@ -101,55 +48,4 @@ impl Overrides {
         let text = |Override { table, key, value, .. }: &Override| format!("{table}.{key} = {value}");
         self.0.iter().map(move |given| (given.option.as_str(), text(given)))
     }
-}
-
-/// The names of all settings of stations and SKUs, as `table.key`, in alphabetical order.
-pub fn setting_names() -> &'static [String] {
-    static NAMES: OnceLock<Vec<String>> = OnceLock::new();
-    NAMES.get_or_init(|| {
-        let keys = |table: String| keys_of(Some(&table)).into_iter().map(move |key| format!("{table}.{key}"));
-        let mut names: Vec<String> = keys_of(None).into_iter().flat_map(keys).collect();
-        names.sort();
-        names
-    })
-}
-
-/// Table and key of a setting that exists.
-fn known<'a>(option: &str, name: &'a str) -> Result<(&'a str, &'a str), ConfigError> {
-    let names = setting_names();
-    if let Some(parts) = name.split_once('.').filter(|_| names.iter().any(|known| known == name)) {
-        return Ok(parts);
-    }
-    let (table, key) = name.split_once('.').unwrap_or(("", name));
-    let in_table: Vec<&String> =
-        names.iter().filter(|known| known.split_once('.').is_some_and(|(other, _)| other == table)).collect();
-    let with_key: Vec<&String> =
-        names.iter().filter(|known| known.split_once('.').is_some_and(|(_, other)| other == key)).collect();
-    let allowed = match (in_table.is_empty(), with_key.is_empty()) {
-        (false, _) => in_table.into_iter().cloned().collect(),
-        (true, false) => with_key.into_iter().cloned().collect(),
-        (true, true) => keys_of(None),
-    };
-    Err(ConfigError::UnknownKey { spot: Spot::Option(option.into()), key: name.into(), allowed })
-}
-
-/// What a typed value may mean, as values in TOML, the likeliest first.
-fn readings(typed: &str) -> Vec<String> {
-    let mut readings = Vec::new();
-    if !typed.contains('\n') && DeTable::parse(&format!("x = {typed}")).is_ok() {
-        readings.push(typed.to_owned());
-    }
-    // Quotes, brackets and braces are TOML or nothing.
-    if typed.starts_with(['"', '\'', '[', '{']) {
-        return readings;
-    }
-    let number = |text: &str| text.trim().parse().ok().map(|number: f64| Value::Float(number).to_string());
-    let text = |text: &str| Value::String(text.to_owned()).to_string();
-    let list = |items: Vec<String>| format!("[{}]", items.join(", "));
-    readings.extend(number(typed));
-    readings.push(text(typed));
-    let items = || typed.split(',').map(str::trim);
-    readings.extend(items().map(number).collect::<Option<Vec<_>>>().map(list));
-    readings.push(list(items().map(text).collect()));
-    readings
 }

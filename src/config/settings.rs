@@ -1,4 +1,4 @@
-//! What one job needs to know besides its part and its pattern. Lengths in mm, angles in rad.
+//! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
 use crate::formats::Pace;
@@ -11,7 +11,7 @@ use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
 
-/// All settings of one job; [`Default`] is what holds without any file or option.
+/// All settings of one job; [`Default`] is used without any file or option.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JobSettings {
     /// How the part's file is read and seen.
@@ -22,7 +22,7 @@ pub struct JobSettings {
     pub placement: Placement,
     /// How the drawing is bent.
     pub correction: CorrectionSettings,
-    /// Where the part stands under the laser.
+    /// Where the part is under the laser.
     pub fixture: Fixture,
     /// The lens and its limits.
     pub optics: Optics,
@@ -33,8 +33,8 @@ pub struct JobSettings {
 }
 
 impl JobSettings {
-    /// The scan head: its axis stands where the settings put it, else in the middle of the field, else at the marking
-    /// software's zero.
+    /// The scan head: its axis is where the settings place it, else in the middle of the field, else at the marking software's
+    /// zero.
     pub fn scan_head(&self) -> ScanHead {
         let middle = self.field.map_or(Vector2::zeros(), |field| field.extents().center());
         ScanHead { lens: self.optics.lens, axis: self.optics.axis.unwrap_or(middle.into()) }
@@ -48,9 +48,9 @@ pub struct PartSettings {
     pub facing: Facing,
     /// Turn of the view about the laser's axis, counter-clockwise, rad.
     pub roll: f64,
-    /// Unit of the file's numbers; `None` takes what the format and the producer say.
+    /// Unit of the file's numbers; `None` uses what the format and the producer suggest.
     pub unit: Option<LengthUnit>,
-    /// Axis of the file that points up; `None` takes what the format and the producer say.
+    /// Axis of the file that points up; `None` uses what the format and the producer suggest.
     pub up: Option<UpAxis>,
     /// How noise is taken out of a scan; a mesh has none.
     pub smoothing: Smoothing,
@@ -74,18 +74,17 @@ impl Default for PartSettings {
 /// How the pattern's file is read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatternSettings {
-    /// Unit of a drawing that names none; `None` takes mm, or inches where the file hints at them.
+    /// Unit of a drawing that names none; `None` uses mm, or inches where the file suggests them.
     pub unit_if_unitless: Option<DrawingUnit>,
-    /// The layers that are marked, compared without regard to case; `None` for all. Other layers are carried along
-    /// without counting as ink.
+    /// The ink layers, which are marked, compared without regard to case; `None` for all. Other layers are carried along.
     pub ink_layers: Option<Vec<String>>,
     /// Size and threshold of a drawing that is a picture.
     pub picture: RasterOptions,
     /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
     pub joining_tolerance: f64,
-    /// Leaves the drawing as it is, with warnings in place of repairs.
+    /// Keeps the drawing unchanged, with warnings in place of repairs.
     pub strict: bool,
-    /// What is done when the drawing shows ink on an ink layer that cannot be taken over.
+    /// What is done when visible ink on an ink layer cannot be read.
     pub losses: Losses,
 }
 
@@ -99,7 +98,7 @@ impl Default for PatternSettings {
 }
 
 impl PatternSettings {
-    /// What the reader of drawings is told.
+    /// The options of the reader of drawings.
     pub fn options(&self) -> PatternOptions {
         PatternOptions {
             unit_if_unitless: self.unit_if_unitless,
@@ -111,12 +110,12 @@ impl PatternSettings {
         }
     }
 
-    /// Whether what lies on the layer counts as ink.
+    /// Whether the layer is an ink layer.
     pub fn counts_as_ink(&self, layer: &str) -> bool {
         self.ink_layers.as_ref().is_none_or(|names| names.iter().any(|name| is_same_layer(name, layer)))
     }
 
-    /// The ink layers that are none of the given ones.
+    /// The ink layers that are not among the given ones.
     pub fn ink_layers_missing_in(&self, layers: &[&str]) -> Vec<&str> {
         let is_missing = |name: &&str| !layers.iter().any(|layer| is_same_layer(name, layer));
         self.ink_layers.iter().flatten().map(String::as_str).filter(is_missing).collect()
@@ -131,7 +130,7 @@ fn is_same_layer(one: &str, other: &str) -> bool {
 /// Where the pattern lands on the part.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Placement {
-    /// Where the anchor lands in the view, mm; `None` leaves it where it was drawn.
+    /// Where the anchor is placed in the view, mm; `None` for where it was drawn.
     pub place: Option<ViewPoint>,
     /// The point of the drawing that is placed and turned about.
     pub anchor: Anchor,
@@ -158,13 +157,13 @@ pub struct CorrectionSettings {
     pub method: Method,
     /// Where lengths are kept first.
     pub weighting: Weighting,
-    /// What `floater` makes of a vertex's neighbours.
+    /// How `floater` weights a vertex's neighbours.
     pub floater_weights: FloaterWeights,
     /// How fine `mapping-domain` is.
     pub mapping_domain: MappingDomainOptions,
-    /// How many times as much the lengths of lines count under [`Weighting::Ink`].
+    /// Weight of the lengths of lines under [`Weighting::Ink`]; 1 is usual.
     pub length_weight: f64,
-    /// How many times as much angles count under [`Weighting::Ink`].
+    /// Weight of angles under [`Weighting::Ink`]; 1 is usual.
     pub angle_weight: f64,
     /// Greatest distance between the corrected polyline and the true curve, mm.
     pub tolerance: f64,
@@ -175,7 +174,7 @@ pub struct CorrectionSettings {
 }
 
 impl CorrectionSettings {
-    /// What [`Self::length_weight`] and [`Self::angle_weight`] may be.
+    /// The range of [`Self::length_weight`] and [`Self::angle_weight`].
     pub const WEIGHTS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 }
 
@@ -214,7 +213,7 @@ pub struct Optics {
     pub axis: Option<FieldPoint>,
     /// Whole range of heights that is in focus, mm; `None` leaves it unchecked.
     pub focus_depth: Option<f64>,
-    /// What is said about the angle between the beam and the surface's normal.
+    /// Limits of the angle between the beam and the surface's normal.
     pub incidence: IncidenceLimits,
 }
 
@@ -242,7 +241,7 @@ pub struct Field {
     pub width: f64,
     /// Extent in y, mm.
     pub height: f64,
-    /// Where its zero lies.
+    /// Where its zero is.
     pub origin: FieldOrigin,
 }
 
@@ -262,7 +261,7 @@ impl Field {
 pub struct Output {
     /// Its DXF version.
     pub dxf: DxfVersion,
-    /// Whether comments (group code 999) say which program and SKU it comes from.
+    /// Whether comments (group code 999) name the program and the SKU.
     pub comments: bool,
 }
 

@@ -11,8 +11,8 @@ use crate::reason::Reason;
 ///
 /// It starts with a letter, a digit or `_`, holds no path separator, no `@` and nothing that some file system
 /// forbids, and has at most 100 characters, so it is a plain file name everywhere. Two names that differ only in
-/// case, or in how accents are composed, are the same SKU, because half of the world's file systems cannot tell them
-/// apart; the spelling is kept for people, [`Sku::key`] is what folders and comparisons use.
+/// case, or in how accents are composed, are the same SKU, because many file systems treat them as one name. The spelling is
+/// kept for people; folders and comparisons use [`Sku::key`].
 #[derive(Debug, Clone)]
 pub struct Sku {
     name: String,
@@ -25,10 +25,10 @@ pub enum BadSku {
     /// Nothing is left before the extension or the `@`.
     #[error("the SKU name is empty")]
     Empty,
-    /// More characters than file systems take together with suffixes.
+    /// More characters than file systems accept together with suffixes.
     #[error("the SKU name has {0} characters, more than {limit}", limit = Sku::LONGEST)]
     TooLong(usize),
-    /// A first character that hides a file, reads like an option, or is used by isomark itself.
+    /// A first character that hides a file, looks like an option, or is used by isomark itself.
     #[error("the SKU name `{0}` does not start with a letter, a digit or `_`")]
     Start(String),
     /// A character that leads out of the folder or that some file system forbids.
@@ -39,7 +39,7 @@ pub enum BadSku {
         /// The first forbidden character.
         character: char,
     },
-    /// A dot or a space at the end, which Windows drops without a word.
+    /// A dot or a space at the end, which Windows drops silently.
     #[error("the SKU name `{0}` ends in a dot or a space")]
     End(String),
     /// A device name of Windows, such as `CON` or `COM1`.
@@ -112,7 +112,7 @@ impl BadSku {
     /// The reason that people are shown.
     pub fn reason(&self) -> Reason {
         let remedy = "Rename it: a SKU starts with a letter, a digit or `_`, and has no / \\ : * ? \" < > | @, \
-                      no dot or space at its end, at most 100 characters, and is no Windows device name.";
+                      no dot or space at its end, at most 100 characters, and is not a Windows device name.";
         Reason::new("sku-name", format!("{self}."), remedy)
     }
 }

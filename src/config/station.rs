@@ -1,5 +1,6 @@
-//! One laser with its folders, its field and what holds for all its jobs.
+//! One laser with its folders, its field and the settings of all its jobs.
 
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
@@ -25,7 +26,7 @@ pub struct Station {
     pub name: String,
     /// The file it was read from.
     pub file: PathBuf,
-    /// Where drops come from and results go to.
+    /// The folders of drops and results.
     pub folders: FolderPaths,
     /// How drops are noticed.
     pub watch: Watch,
@@ -35,7 +36,7 @@ pub struct Station {
     pub retention: Retention,
     /// The log file, if there is one.
     pub log: Option<LogSettings>,
-    /// What holds for every SKU that has no file of its own.
+    /// The settings of every SKU without its own file.
     pub settings: JobSettings,
 }
 
@@ -46,13 +47,13 @@ pub struct FolderPaths {
     pub hot: PathBuf,
     /// Where the marking software imports from; only whole corrected drawings ever appear there.
     pub import: PathBuf,
-    /// Where originals go once they are done, one folder per SKU.
+    /// The originals of finished drops, one folder per SKU.
     pub archive: PathBuf,
-    /// Where originals go that cannot be done, with the reason beside them.
+    /// The originals of rejected drops, with the reason beside them.
     pub rejected: PathBuf,
     /// Where fitted surfaces are kept.
     pub cache: PathBuf,
-    /// Where the report and the preview of each delivered drawing lie, one folder per SKU.
+    /// Report and preview of each delivered drawing, one folder per SKU.
     pub reports: PathBuf,
     /// Where the SKUs' settings are read from.
     pub skus: PathBuf,
@@ -61,8 +62,8 @@ pub struct FolderPaths {
 }
 
 impl FolderPaths {
-    /// The folders that a station file names though it is wrong elsewhere; of a text that cannot be understood, what
-    /// stands above the mistake counts. `None` when that is not enough.
+    /// The folders that a station file names although it is wrong elsewhere. Of a text that cannot be parsed, only the lines
+    /// above the mistake are used. `None` when they are not enough.
     pub fn of_broken(file: &Path, overrides: &Overrides) -> Option<Self> {
         let whole = read(file).ok()?;
         let resolved = |text: &str| -> Result<Self, ConfigError> {
@@ -78,7 +79,7 @@ impl FolderPaths {
             .ok()
     }
 
-    /// Why nothing can be delivered into the import folder now, if that is so.
+    /// Why nothing can be delivered into the import folder now; `None` if it can.
     pub fn import_trouble(&self) -> Option<Reason> {
         let import = self.import.display();
         let (code, what, remedy) = if self.import.is_dir() {
@@ -88,28 +89,27 @@ impl FolderPaths {
             ("import-is-file", what, "Name the folder that the marking software imports from.")
         } else {
             let what = format!("The import folder {import} does not exist.");
-            let remedy =
-                "Make it or connect its share; isomark never makes it, and drawings wait until it is there.";
+            let remedy = "Make the folder or connect its share. isomark never makes it; drawings wait until it exists.";
             ("import-missing", what, remedy)
         };
         Some(Reason::new(code, what, remedy))
     }
 }
 
-/// How drops are noticed, and when they count as whole.
+/// How drops are noticed, and when they are complete.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Watch {
-    /// How long a file's size and time must stand still before it is read, unless its writer was seen to close it.
+    /// How long a file must not change before it is read, unless its writer was seen to close it.
     pub settle: Duration,
     /// The same for a file whose format has no end mark, so that half of it looks whole; never more than `incomplete`.
     pub open_ended: Duration,
     /// Time between two listings of the hot folder.
     pub rescan: Duration,
-    /// How long a file that stands still but ends too early is waited for before it is rejected.
+    /// How long the station waits for the rest of an incomplete file before it is rejected.
     pub incomplete: Duration,
     /// What notices new files between two listings.
     pub backend: Backend,
-    /// Number of jobs done side by side; `None` for as many as the machine has processors.
+    /// Number of jobs done in parallel; `None` for as many as the machine has processors.
     pub jobs: Option<usize>,
 }
 
@@ -132,22 +132,22 @@ pub struct DeliverySettings {
     pub verify: Verify,
 }
 
-/// Which written drawings a second reader reads back from their files and holds against what was meant.
+/// Which written drawings a second reader reads back from their files and compares with the intended ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verify {
     /// Every one.
     Always,
     /// None.
     Never,
-    /// Those that take no longer than so many vertices of one polyline.
+    /// Those that take no longer than this number of vertices of one polyline.
     UpTo(usize),
 }
 
 impl Verify {
-    /// So many vertices are read back within 20 ms: 17 ms where they were measured.
+    /// This number of vertices is read back within 20 ms: measured 17 ms.
     pub const VERTICES: usize = 35_000;
 
-    /// Whether a drawing is read back that takes as long as so many vertices
+    /// Whether a drawing is read back that takes as long as this number of vertices
     /// ([`readback_work`](crate::formats::pattern::readback_work)).
     pub fn applies_to(self, vertices: usize) -> bool {
         match self {
@@ -182,7 +182,7 @@ impl DeliverySettings {
     /// The path of a drawing in the import folder, as BeamServer knows it.
     pub fn path_for_server(&self, import: &Path, name: &str) -> PathBuf {
         match &self.server_folder {
-            // The server's system may not be ours, so the separator is taken from the setting.
+            // The server may run on another system, so the separator is taken from the setting.
             Some(folder) if folder.ends_with(['/', '\\']) => format!("{folder}{name}").into(),
             Some(folder) if folder.contains('\\') => format!("{folder}\\{name}").into(),
             Some(folder) => format!("{folder}/{name}").into(),
@@ -191,7 +191,7 @@ impl DeliverySettings {
     }
 }
 
-/// How long what is done is kept; `None` for ever.
+/// How long files of finished drops are kept; `None` without limit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Retention {
     /// Reports and their pictures.
@@ -200,7 +200,8 @@ pub struct Retention {
     pub archive: Option<Duration>,
     /// Rejected drops with their reasons.
     pub rejected: Option<Duration>,
-    /// Size of all three together above which the oldest go earlier, bytes; of what is kept for ever, nothing goes.
+    /// Size of all three together above which the oldest files are removed earlier, bytes; files that are kept without limit
+    /// are not removed.
     pub largest: Option<u64>,
 }
 
@@ -219,7 +220,7 @@ const DAY: u64 = 86_400;
 pub struct LogSettings {
     /// The file.
     pub file: PathBuf,
-    /// Size at which a new one is begun, bytes.
+    /// Size at which a new file is started, bytes.
     pub largest: u64,
     /// Number of older ones that are kept, as `<file>.1`, `<file>.2` …
     pub keep: usize,
@@ -275,7 +276,7 @@ impl Station {
             return Err(ConfigError::Contradiction {
                 spot: text.spot(&name.span()),
                 what: "The station has no readable name.".into(),
-                remedy: "Give it the name that people use for it, on one line.".into(),
+                remedy: "Give it a name on one line.".into(),
             });
         }
         let mut settings = JobSettings::default();
@@ -300,7 +301,7 @@ impl Station {
 }
 
 impl JobSettings {
-    /// These settings with those that stand beside a pattern: where it goes, which of its layers count, and the method.
+    /// These settings with those of a file beside a pattern: its place, its ink layers, and the method.
     ///
     /// # Errors
     /// When anything in the text is wrong; see [`ConfigError`].
@@ -418,7 +419,7 @@ struct LaserKeys {
     delivery: DeliveryKeys,
 }
 
-/// What of a station file can be used though the rest is wrong.
+/// The part of a station file that is used although the rest is wrong.
 #[derive(Deserialize)]
 struct OnlyFolders {
     folders: FolderKeys,
@@ -463,28 +464,29 @@ impl FolderKeys {
             (name, normal(&base.join(path)), given.unwrap_or(&self.hot).span())
         });
         for (name, path, span) in &all {
-            for (other, other_path, _) in all[..2].iter().filter(|(other, ..)| other != name) {
+            for (other, other_path, other_span) in all[..2].iter().filter(|(other, ..)| other != name) {
                 let [inner, outer] = [path, other_path].map(|path| comparable(path));
                 // Everything in the hot folder is a drop and everything in the import folder is marked.
                 let what = if inner.starts_with(&outer) {
-                    format!("The folder `{name}` lies in the folder `{other}` or is the same.")
-                // What is archived or rejected goes into folders of its SKU's name, and that could be this one's.
+                    format!("The folder `{name}` is in the folder `{other}` or is the same.")
+                // Archived and rejected files go into folders named after their SKU, and a SKU may have this name.
                 } else if outer.starts_with(&inner) && !["hot", "import", "skus"].contains(name) {
-                    format!("The folder `{name}` holds the folder `{other}`.")
+                    format!("The folder `{name}` contains the folder `{other}`.")
                 } else {
                     continue;
                 };
                 let remedy = format!("Choose a folder beside {}.", other_path.display());
-                return Err(ConfigError::Contradiction { spot: text.spot(span), what, remedy });
+                let spot = text.spot(later(span, other_span));
+                return Err(ConfigError::Contradiction { spot, what, remedy });
             }
             let twin = all
                 .iter()
                 .find(|(other, other_path, _)| other != name && comparable(other_path) == comparable(path));
-            if let Some((other, ..)) = twin {
+            if let Some((other, _, other_span)) = twin {
                 return Err(ConfigError::Contradiction {
-                    spot: text.spot(span),
+                    spot: text.spot(later(span, other_span)),
                     what: format!("The folders `{name}` and `{other}` are the same."),
-                    remedy: "Give each its own folder.".into(),
+                    remedy: "Give each of them a separate folder.".into(),
                 });
             }
         }
@@ -493,8 +495,13 @@ impl FolderKeys {
     }
 }
 
-/// Refuses what on Windows depends on the drive or the folder that the program was started in (`C:laser`, `\laser`):
-/// another command would look elsewhere.
+/// The later one of two places; an option of the command line is later than the file.
+fn later<'a>(one: &'a Range<usize>, other: &'a Range<usize>) -> &'a Range<usize> {
+    if other.start > one.start { other } else { one }
+}
+
+/// Refuses a path that on Windows depends on the drive or the folder in which the program was started (`C:laser`,
+/// `\laser`): another command would use another folder.
 fn refuse_half_absolute(text: &SettingsText, given: &Spanned<PathBuf>) -> Result<(), ConfigError> {
     let path = given.get_ref();
     let begins_absolute = matches!(path.components().next(), Some(Component::Prefix(_) | Component::RootDir));
@@ -508,8 +515,8 @@ fn refuse_half_absolute(text: &SettingsText, given: &Spanned<PathBuf>) -> Result
     })
 }
 
-/// The path by which folders are told apart: links are followed as far as it is there, and Windows knows no upper and
-/// lower case.
+/// The path by which folders are compared: links are followed as far as the path exists, and on Windows case does not
+/// matter.
 fn comparable(path: &Path) -> PathBuf {
     let full = std::path::absolute(path).unwrap_or_else(|_| path.into());
     let there = full.ancestors().find_map(|folder| Some((folder, std::fs::canonicalize(folder).ok()?)));
@@ -550,7 +557,7 @@ impl WatchKeys {
     fn check(&self, text: &SettingsText) -> Result<Watch, ConfigError> {
         let mut watch = Watch { backend: self.backend, ..Watch::default() };
         if self.backend == Backend::Poll {
-            // Without events the listing alone decides how soon a drop is seen.
+            // Without events only the listing shows new drops.
             watch.rescan = Duration::from_secs(1);
         }
         if let Some(settle) = &self.settle_ms {
@@ -602,7 +609,7 @@ impl DeliveryKeys {
             if !matches!(port, Some((host, Ok(_))) if !host.is_empty()) {
                 return Err(ConfigError::Contradiction {
                     spot: text.spot(&address.span()),
-                    what: "`delivery.address` is no address.".into(),
+                    what: "`delivery.address` is not a valid address.".into(),
                     remedy: "Give the host and the port, such as \"127.0.0.1:11350\".".into(),
                 });
             }

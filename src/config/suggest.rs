@@ -1,4 +1,4 @@
-//! What a misspelt name was probably meant to be.
+//! The known name that a misspelt name probably means.
 
 use strsim::osa_distance;
 
@@ -8,7 +8,7 @@ pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
     quoted.join(", ")
 }
 
-/// The name that differs least from `given`, if it differs in less than half of its letters.
+/// The name nearest to `given`, if it differs in at most half of its letters.
 pub(super) fn nearest<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Option<&'a str> {
     let given = given.to_lowercase();
     let distances =

@@ -1,4 +1,4 @@
-//! What station files say, and what is said about mistakes in them.
+//! Station files, and the errors for mistakes in them.
 
 use std::path::Path;
 use std::time::Duration;
@@ -40,7 +40,7 @@ fn a_short_file_is_enough_and_paths_start_at_it() {
 }
 
 #[test]
-fn files_speak_degrees_and_settings_hold_radians() {
+fn files_have_degrees_and_settings_have_radians() {
     let more = "[fixture]\nz_mm = -2\nrotation_deg = 90\n[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300\n\
                 lens_distance_y_mm = 285\naxis_mm = [3, -2]\nincidence_warn_deg = 45\n[placement]\nanchor = [1, 2.5]\nplace_mm = [0, 3]\n\
                 rotate_deg = 180\n[part]\nfacing = [0, -2, 0]\nunit = \"inch\"";
@@ -69,13 +69,13 @@ fn a_sku_overrides_key_by_key() {
     assert!(matches!(error, ConfigError::UnknownKey { .. }), "{error}");
 }
 
-/// The text after [`NEEDED`] (whose last line is 9), what is said, and where.
+/// The text after [`NEEDED`] (whose last line is 9), the error, and its place.
 const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[watch]\nsetle_ms = 1", "There is no key `setle_ms` here. Did you mean `settle_ms`?", 11, 1),
     ("[pattern]\nwidth_mm = 0", "`pattern.width_mm` cannot be 0 mm. Give a number from 0.01", 11, 12),
     (
         "[optics]\naxis_mm = [0, 0]",
-        "The axis of a telecentric lens changes nothing. Set `kind = \"perspective\"`, or remove `axis_mm`.",
+        "The axis of a telecentric lens has no effect. Set `kind = \"perspective\"`, or remove `axis_mm`.",
         11,
         11,
     ),
@@ -108,7 +108,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[pattern]\nink_layers = []", "nothing would be marked", 11, 14),
     ("[optics]\nlens_distance_x_mm = 300", "has no lens distance", 11, 22),
     ("[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300", "`lens_distance_y_mm` is missing", 11, 8),
-    ("[optics]\nincidence_warn_deg = 5", "do not rise", 11, 22),
+    ("[optics]\nincidence_warn_deg = 5", "are not in rising order", 11, 22),
     ("[output]\ndxf = \"R2004\"", "Did you mean `R2000`?", 11, 7),
     ("[watch]\nrescan_s = 0", "cannot be 0 s", 11, 12),
     ("[output]\ncomments = \"\\i\"", "forward slashes", 11, 14),
@@ -124,9 +124,9 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[retention]\narchive_days = \"never\"", "or false to keep everything", 11, 16),
     ("[retention]\nrejected_days = true", "neither a number of days nor false", 11, 17),
     ("[retention]\nmax_gb = -1", "cannot be -1 GB", 11, 10),
-    ("[part]\ndiameter_mm = 73", "has its sizes from there", 11, 15),
+    ("[part]\ndiameter_mm = 73", "has its sizes from the file", 11, 15),
     ("[part]\nshape = \"cylinder\"\nlength_mm = 9", "`diameter_mm` is missing", 11, 9),
-    ("[part]\nshape = \"cone\"\ndiameter_mm = 9\nend_diameter_mm = 9\nlength_mm = 9", "that differ", 11, 9),
+    ("[part]\nshape = \"cone\"\ndiameter_mm = 9\nend_diameter_mm = 9\nlength_mm = 9", "must differ", 11, 9),
     (
         "[part]\nshape = \"cylinder\"\ndiameter_mm = 9\nlength_mm = 9\naxis = \"z\"",
         "names no direction",
@@ -134,13 +134,13 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         8,
     ),
     ("[part]\nshape = \"cylinder\"\ndiameter_mm = 9\nlength_mm = 9\nup = \"z\"", "no file is read", 14, 6),
-    ("[correction]\nmapping_domain_intervals = 7", "takes them in pairs", 11, 28),
+    ("[correction]\nmapping_domain_intervals = 7", "needs an even number", 11, 28),
     ("[correction]\nmapping_domain_grid = 1", "cannot be 1", 11, 23),
     ("[correction]\nmapping_domain_as_printed = [\"simpson\"]", "not one of the choices", 11, 30),
 ];
 
 #[test]
-fn drawings_are_read_back_as_the_settings_say() {
+fn drawings_are_read_back_as_the_settings_state() {
     let applies = |text: &str| {
         let verify = with(&format!("[delivery]\n{text}")).unwrap().delivery.verify;
         [1, 35_000, 35_001, 10_000_000].map(|vertices| verify.applies_to(vertices))
@@ -153,7 +153,7 @@ fn drawings_are_read_back_as_the_settings_say() {
 }
 
 #[test]
-fn only_reports_and_rejected_drops_go_unless_the_settings_say_more() {
+fn only_reports_and_rejected_drops_are_removed_by_default() {
     let days = |days: u64| Some(Duration::from_secs(days * 86_400));
     let given = |text: &str| {
         let Retention { reports, archive, rejected, largest } =
@@ -166,7 +166,7 @@ fn only_reports_and_rejected_drops_go_unless_the_settings_say_more() {
 }
 
 #[test]
-fn a_sku_changes_one_size_of_a_figure_or_goes_back_to_a_mesh() {
+fn a_sku_changes_one_size_of_a_primitive_or_uses_a_mesh_again() {
     let station = with(
         "[part]\nshape = \"cone\"\ndiameter_mm = 60\nend_diameter_mm = 85\nlength_mm = 120\naxis = \"x\"",
     )
@@ -178,12 +178,12 @@ fn a_sku_changes_one_size_of_a_figure_or_goes_back_to_a_mesh() {
     let error = sku("[part]\nshape = \"cylinder\"").unwrap_err();
     assert!(
         error.to_string().contains("`diameter_mm` is missing"),
-        "a cone's sizes are none of a cylinder: {error}"
+        "a cone's sizes are not those of a cylinder: {error}"
     );
 }
 
 #[test]
-fn mistakes_are_told_with_place_and_remedy() {
+fn mistakes_are_reported_with_place_and_remedy() {
     for (more, words, line, column) in MISTAKES {
         let error = with(more).expect_err(more);
         let reason = error.reason();
@@ -195,7 +195,7 @@ fn mistakes_are_told_with_place_and_remedy() {
 }
 
 #[test]
-fn what_is_needed_is_asked_for() {
+fn missing_keys_are_named() {
     let error = parse(&NEEDED.replace("import = \"../import\"\n", "")).unwrap_err();
     assert!(matches!(&error, ConfigError::Missing { key, .. } if key == "import"), "{error}");
     let error = parse("").unwrap_err();
@@ -227,9 +227,9 @@ fn a_link_to_the_hot_folder_is_the_hot_folder() {
 fn folders_keep_out_of_each_other() {
     for (folders, words) in [
         ("import = \"drop/hot\"", "is the same"),
-        ("import = \"drop/hot/../hot/./x\"", "`import` lies in the folder `hot`"),
-        ("import = \"i\"\nreports = \"i/reports\"", "`reports` lies in the folder `import`"),
-        ("import = \"i\"\narchive = \".\"", "`archive` holds the folder `hot`"),
+        ("import = \"drop/hot/../hot/./x\"", "`import` is in the folder `hot`"),
+        ("import = \"i\"\nreports = \"i/reports\"", "`reports` is in the folder `import`"),
+        ("import = \"i\"\narchive = \".\"", "`archive` contains the folder `hot`"),
         ("import = \"i\"\nreports = \"a\"\narchive = \"a\"", "are the same"),
     ] {
         let error = parse(&NEEDED.replace("import = \"../import\"", folders)).expect_err(folders);
@@ -238,7 +238,7 @@ fn folders_keep_out_of_each_other() {
 }
 
 #[test]
-fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
+fn a_broken_edit_keeps_the_previous_settings_and_is_reported_once() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("station.toml");
     let sku: Sku = "Can-500".parse().unwrap();
@@ -277,7 +277,7 @@ fn a_broken_edit_keeps_the_old_settings_and_is_told_once() {
 }
 
 #[test]
-fn a_sku_file_that_was_never_right_has_no_older_settings() {
+fn a_sku_file_that_was_never_valid_has_no_previous_settings() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("station.toml");
     fs_err::write(&file, NEEDED).unwrap();
@@ -293,9 +293,9 @@ fn a_sku_file_that_was_never_right_has_no_older_settings() {
     assert_eq!(live.complaints().count(), 0);
 }
 
-/// Editors and copies empty a file before they write it, and half a file may be good settings.
+/// Editors and copies empty a file before they write it, and half a file may be valid settings.
 #[test]
-fn settings_that_may_still_be_written_do_not_count_yet() {
+fn settings_that_may_still_be_written_are_not_used_yet() {
     let folder = tempfile::tempdir().unwrap();
     let [file, sku_file] = ["station.toml", "skus/can.toml"].map(|name| folder.path().join(name));
     let sku: Sku = "can".parse().unwrap();
@@ -327,7 +327,7 @@ fn settings_that_may_still_be_written_do_not_count_yet() {
     }
     assert_eq!(live.take_events().len(), 3);
 
-    // The station's own file holds up all jobs as long.
+    // Meanwhile the station's own file holds up all jobs.
     write(&file, &NEEDED.replace("L1", "L2"), 1);
     live.refresh();
     assert!(live.station().name == "L1" && is_saved(&mut live));
@@ -336,7 +336,7 @@ fn settings_that_may_still_be_written_do_not_count_yet() {
     assert!(live.station().name == "L2" && !is_saved(&mut live));
 }
 
-/// A station that is started a moment after its files were made judges them when they have stood still.
+/// A station that is started a moment after its files were made checks them when they have settled.
 #[test]
 fn a_sku_file_that_was_there_at_the_start_did_not_change() {
     let folder = tempfile::tempdir().unwrap();
@@ -355,7 +355,7 @@ fn a_sku_file_that_was_there_at_the_start_did_not_change() {
     live.refresh_skus();
     let turn = live.job(&"can".parse().unwrap()).unwrap().placement.rotate.to_degrees();
     assert_eq!((turn.round(), live.take_events().len()), (90.0, 0));
-    // One that is made later is news, and so is one that went and comes back.
+    // A file that is made later is news, and so is one that was removed and is back.
     fs_err::write(&late, "[placement]\nrotate_deg = 90").unwrap();
     age(&late, 6);
     live.refresh_skus();
@@ -373,7 +373,7 @@ fn a_sku_file_that_was_there_at_the_start_did_not_change() {
 /// An editor that saves, a checkout or a share that drops for a moment must not turn a SKU's settings into the
 /// station's.
 #[test]
-fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
+fn sku_settings_that_vanish_for_a_moment_are_kept() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("station.toml");
     let sku: Sku = "can".parse().unwrap();
@@ -389,9 +389,12 @@ fn sku_settings_that_vanish_for_a_moment_stay_in_force() {
     for expected in [1, 0] {
         live.refresh_skus();
         assert!(is_turned(&mut live));
-        assert_eq!(live.take_events().len(), expected, "the missing folder is told once");
+        assert_eq!(live.take_events().len(), expected, "the missing folder is reported once");
     }
-    assert!(LiveSettings::open(&file).unwrap().job(&sku).is_err(), "a job waits when nothing older is known");
+    assert!(
+        LiveSettings::open(&file).unwrap().job(&sku).is_err(),
+        "a job waits when no previous settings are known"
+    );
     fs_err::rename(&away, &skus).unwrap();
     live.refresh_skus();
     assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_)]));
@@ -422,7 +425,7 @@ fn the_folders_of_a_broken_station_file_are_known() {
 }
 
 #[test]
-fn a_sku_file_that_was_never_right_is_an_error_for_its_jobs_only() {
+fn a_sku_file_that_was_never_valid_is_an_error_for_its_jobs_only() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("station.toml");
     fs_err::write(&file, NEEDED).unwrap();
@@ -668,7 +671,7 @@ fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_
             "perspective",
             "`lens_distance_x_mm` is missing. Give `lens_distance_x_mm` of the same table, too.",
         ),
-        ("optics.axis_mm", "[0, 0]", "telecentric lens changes nothing"),
+        ("optics.axis_mm", "[0, 0]", "telecentric lens has no effect"),
         ("folders.reports", "drop/hot", "in the folder `hot`"),
         ("station.name", "", "no readable name"),
     ] {

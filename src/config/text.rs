@@ -1,14 +1,14 @@
-//! The text of settings: from spans to lines and columns, from the parser's words to typed errors.
+//! The text of settings: from spans to lines and columns, from the parser's messages to typed errors.
 
 use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 use super::error::{ConfigError, Excerpt, Spot};
-use super::keys::Numbers;
 use super::overrides::Overrides;
 
 /// Settings as they were read: a file, options of the command line, or a file with options that override it.
@@ -41,7 +41,7 @@ impl SettingsText {
         Self { pieces: Vec::new() }.with(overrides)
     }
 
-    /// The same text with settings of the command line in place of its own.
+    /// The same text with settings of the command line, which replace those of the text.
     pub(super) fn with(mut self, overrides: &Overrides) -> Self {
         for (option, text) in overrides.texts() {
             // One more, because a span may start at the end of its text.
@@ -146,6 +146,20 @@ impl SettingsText {
                 ConfigError::Syntax { spot, message: in_plain_words(message), backslash }
             }
         }
+    }
+}
+
+/// As many numbers as a direction or a point has, no more and no fewer.
+#[derive(Clone, Copy)]
+pub(super) struct Numbers<const COUNT: usize>(pub(super) [f64; COUNT]);
+
+impl<'de, const COUNT: usize> Deserialize<'de> for Numbers<COUNT> {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        // Read as an array, the numbers behind the last one would be dropped.
+        let numbers = Vec::deserialize(from).ok().and_then(|numbers| numbers.try_into().ok());
+        let example =
+            if COUNT == 2 { "two numbers, such as [12.5, -3]" } else { "three numbers, such as [1, 0, 0.5]" };
+        numbers.map(Self).ok_or_else(|| serde::de::Error::custom(format!("expected {example}")))
     }
 }
 

@@ -134,8 +134,8 @@ impl Corrector for PipelineCorrector {
     }
 
     fn follow(&self, station: &Station) {
-        let pipeline = Pipeline::new(Some(Cache::new(&station.folders.cache)));
-        *self.pipeline.lock().unwrap_or_else(PoisonError::into_inner) = pipeline;
+        let mut pipeline = self.pipeline.lock().unwrap_or_else(PoisonError::into_inner);
+        *pipeline = pipeline.clone().with_cache(Some(Cache::new(&station.folders.cache)));
     }
 
     fn restore_part(

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern};
+use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern, Step};
 use super::{checks, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
@@ -81,14 +81,17 @@ impl Pipeline {
         methods: &[Method],
     ) -> Result<Evaluation, PipelineError> {
         let mut clock = Clock::start();
-        let placed = self.place(input, &learned.kept, settings, &mut clock)?;
-        let compared = methods.iter().flat_map(|method| variants(*method, &settings.correction));
-        let rows = compared
-            .map(|(variant, correction)| {
-                let settings = JobSettings { correction, ..settings.clone() };
-                row(learned, &placed, variant, &settings, &mut clock)
-            })
-            .collect();
+        let steps = self.observer.steps(input.name);
+        let placed = self.place(input, &learned.kept, settings, &steps, &mut clock)?;
+        let compared: Vec<_> =
+            methods.iter().flat_map(|method| variants(*method, &settings.correction)).collect();
+        let (of, mut rows) = (compared.len(), Vec::new());
+        for (index, (variant, correction)) in compared.into_iter().enumerate() {
+            let settings = JobSettings { correction, ..settings.clone() };
+            let name = label(&settings, &variant);
+            steps.at(Step::Method { number: index + 1, of, name: &name });
+            rows.push(row(learned, &placed, variant, &settings, &mut clock));
+        }
         let mut timings = learned.timings.clone();
         timings.append(&mut clock.laps);
         Ok(Evaluation {
@@ -133,6 +136,12 @@ fn variants(method: Method, given: &CorrectionSettings) -> Vec<(String, Correcti
     }
 }
 
+/// The name of a method with its choice.
+fn label(settings: &JobSettings, variant: &str) -> String {
+    let name = settings.correction.method.name();
+    if variant.is_empty() { name.to_owned() } else { format!("{name}, {variant}") }
+}
+
 fn row(
     learned: &LearnedPart,
     placed: &PlacedPattern,
@@ -144,7 +153,7 @@ fn row(
     let PlacedPattern { placed: pattern, placing, ink, .. } = placed;
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
     let name = settings.correction.method.name();
-    let label = if variant.is_empty() { name.to_owned() } else { format!("{name}, {variant}") };
+    let label = label(settings, &variant);
     clock.lap("measure");
     let map = LengthTrueMap::find(surface, pattern, is_ink, placing.place, &method(settings));
     clock.lap(&format!("map {label}"));

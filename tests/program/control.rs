@@ -59,7 +59,11 @@ fn an_uncertain_delivery_is_shown_and_repeated_on_request() {
         assert!(output.err.contains("isomark retry station.toml trough.dxf"), "{}", output.err);
         assert!(station.import().is_empty());
         let output = station.desk.isomark(&["status", "station.toml"]);
-        assert!(output.out.contains("uncertain whether delivered: 1\n  trough.dxf, "), "{}", output.out);
+        assert!(
+            output.out.contains("uncertain (may or may not be delivered): 1\n  trough.dxf, "),
+            "{}",
+            output.out
+        );
         assert_eq!(status(&station)["uncertain"]["first"][0]["drop"], "trough.dxf");
         let output = station.desk.isomark(&["retry", "station.toml"]);
         assert!(output.code == 0 && output.err.contains("--uncertain"), "{output:?}");
@@ -85,7 +89,9 @@ fn a_station_is_set_up_checked_and_works() {
         assert!(typed.as_ref().is_ok_and(|typed| typed.status.success()), "{check}: {typed:?}");
     }
     let output = desk.isomark(&["check", "line 1/station.toml"]);
-    assert!(output.code == 0 && output.out.contains("1 SKU file are right"), "{output:?}");
+    assert!(output.code == 0 && output.out.contains("1 SKU file are valid"), "{output:?}");
+    // Nobody imports from the folder that `init` made, unless somebody chose it.
+    assert!(output.out.contains("station's own import folder: set `import`"), "{output:?}");
     desk.write("line 1/hot/trough.obj", PART);
     fs::copy(drawing("square"), desk.path("line 1/hot/trough.dxf")).unwrap();
     // An OBJ has no end mark, so the file must be old enough.
@@ -94,11 +100,11 @@ fn a_station_is_set_up_checked_and_works() {
     drop(part);
     let output = desk.isomark(&["watch", "line 1/station.toml", "--once"]);
     assert!(output.code == 0 && output.out.starts_with("1 delivered"), "{output:?}");
-    // Edited files are not changed.
+    // Edited files are kept.
     let edited = desk.text("line 1/station.toml").replace("Laser 1", "Laser 7");
     desk.write("line 1/station.toml", &edited);
     let output = desk.isomark(&["init", "line 1"]);
-    assert!(output.code == 0 && output.out.starts_with("stays"), "{output:?}");
+    assert!(output.code == 0 && output.out.starts_with("kept"), "{output:?}");
     assert_eq!(desk.text("line 1/station.toml"), edited);
 }
 
@@ -129,7 +135,7 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     station.desk.write("archive", "a file in the way");
     let output = check();
     assert!(output.out.is_empty(), "{output:?}");
-    output.refused(3, &["The archive folder ", "cannot be written", "remedy: Let the user"]);
+    output.refused(3, &["The archive folder ", "cannot be written", "remedy: Give the user"]);
 }
 
 /// The station has no older settings to use.
@@ -177,14 +183,14 @@ fn a_station_is_asked_from_another_terminal() {
     assert_eq!(now["waiting"]["first"][0]["reason"]["code"], "waits-for-part");
     assert_eq!(now["rejections"][0]["reason"]["code"], "unknown-kind");
     station.kill();
-    assert!(ask(&station).out.contains("does not run; it ended without a word after 20"));
+    assert!(ask(&station).out.contains("does not run; it ended unexpectedly after 20"));
     let now = status(&station);
     assert_eq!((&now["running"], &now["state"]), (&false.into(), &"ended-silently".into()));
     station.once();
     let output = ask(&station).out;
-    assert!(output.contains("does not run; it was stopped at 20"), "{output}");
-    // Including drops that were rejected before.
-    assert!(output.contains(" 0 rejected (0), ") && output.contains("1 rejected drop lies in "), "{output}");
+    assert!(output.contains("does not run; stopped at 20"), "{output}");
+    // Whenever they were rejected.
+    assert!(output.contains(" 0 rejected (0), ") && output.contains("1 rejected drop is in "), "{output}");
     assert_eq!(status(&station)["state"], "stopped");
 }
 
@@ -199,6 +205,14 @@ fn rejected_drops_are_tried_again() {
     fs::remove_file(station.path("skus/trough.toml")).unwrap();
     let retry = |arguments: &[&str]| station.desk.isomark(&[&["retry", "station.toml"], arguments].concat());
     retry(&["cup.dxf"]).refused(3, &["There is no rejected drop cup.dxf in"]);
+    // One that waits is tried, too, though not alone.
+    station.copy_into(&drawing("square"), "cup@1.dxf");
+    let output = retry(&["cup@1.dxf"]);
+    assert!(
+        output.code == 0 && output.out.starts_with("cup@1.dxf waits; everything that waits will be"),
+        "{output:?}"
+    );
+    fs::remove_file(station.path("hot/cup@1.dxf")).unwrap();
     let output = retry(&["trough.dxf"]);
     assert!(output.code == 0 && output.out == "trough.dxf is back in the hot folder\n", "{output:?}");
     assert!(station.once().out.starts_with("1 delivered"));

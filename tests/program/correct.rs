@@ -347,6 +347,16 @@ fn a_replaced_drawing_is_compared_with_the_new_one() {
     let output =
         desk.isomark(&["correct", &part, &drawing, "--facing", "-y", "--place", "0,60", "-o", "out.dxf"]);
     assert!(output.err.contains("changed: all 6 paths moved by 2.50 mm down"), "{}", output.err);
+    // A drawing of another pattern or SKU, or of another program, is only replaced.
+    let other = fs_err::read(crate::desk::drawing("circle")).unwrap();
+    desk.write("out.dxf", &other);
+    assert_eq!(desk.correct(&part, &drawing, CAN).get("changes"), None);
+    desk.write("abc-2.dxf", fs_err::read(&drawing).unwrap());
+    assert_eq!(desk.correct(&part, "abc-2.dxf", "--facing -y --place 0,62.5").get("changes"), None);
+    assert_eq!(desk.correct(&part, "abc-2.dxf", "--facing -y --place 0,60 --sku b").get("changes"), None);
+    // Without comments nobody can tell.
+    let report = desk.correct(&part, &drawing, "--facing -y --place 0,62.5 --set output.comments=false");
+    assert_eq!(report["changes"]["lines"], serde_json::json!(["all 6 paths moved by 2.50 mm up"]));
 }
 
 #[test]

@@ -20,7 +20,7 @@ fn a_part_in_an_unsupported_format_is_refused_as_a_part() {
     for name in ["can.step", "can.STP", "can.3mf", "can.FCStd", "can.iges"] {
         let bytes: &[u8] = if name.ends_with("3mf") { b"PK\x03\x04abc" } else { b"ISO-10303-21;\nHEADER;\n" };
         desk.write(name, bytes);
-        let words = ["cannot be read as a part", name, ".glb, .gltf, .obj, .stl"];
+        let words = ["is in a format that isomark does not read", name, ".glb, .gltf, .obj, .stl"];
         desk.isomark(&["inspect", name]).refused(1, &words);
         desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
     }
@@ -48,8 +48,10 @@ fn the_fitted_surface_is_written_for_cad() {
     let height = |part: &Value| [part["size_mm"][2].as_f64().unwrap()];
     assert_near(&height(&front), &height(&whole), 2.0);
 
-    desk.isomark(&["inspect", &can, "--surface", "front.iges"])
-        .refused(2, &["front.iges", "names no format", "remedy: Let the name end in .step or .obj"]);
+    desk.isomark(&["inspect", &can, "--surface", "front.iges"]).refused(
+        2,
+        &["front.iges", "is not a format of surfaces", "remedy: Give the file the ending .step or .obj"],
+    );
     desk.isomark(&["inspect", &can, "--surface", "no/front.step"]).refused(3, &["no folder", "remedy"]);
     assert_eq!(desk.isomark(&["inspect", &drawing("abc"), "--surface", "x.step"]).code, 2);
 }
@@ -94,7 +96,7 @@ fn an_implausible_size_causes_a_warning() {
         "unusual size",
         "2 paths were drawn twice in the same place, and the copies were removed (first: LINE 8C)",
         "1 outline is open",
-        "NOT TAKEN  3DFACE 95 on layer 0",
+        "SKIPPED    3DFACE 95 on layer 0",
     ] {
         assert!(text.contains(words), "{words}:\n{text}");
     }

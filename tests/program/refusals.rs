@@ -226,11 +226,14 @@ fn results_never_replace_input_files() {
         desk.write(name, fs_err::read(source).unwrap());
     }
     let job = |results: &[&str]| desk.isomark(&[&["correct", "mouse.glb", "abc.dxf"], results].concat());
-    job(&["-o", "abc.dxf"]).refused(2, &["`--out` names abc.dxf, which is read", "remedy: Give `--out`"]);
-    job(&["-o", "./mouse.glb"]).refused(2, &["which is read"]);
-    job(&["-o", "x.dxf", "--preview", "abc.dxf"]).refused(2, &["`--preview`", "which is read"]);
+    job(&["-o", "abc.dxf"])
+        .refused(2, &["`--out` names abc.dxf, which is also read", "remedy: Give `--out`"]);
+    job(&["-o", "./mouse.glb"]).refused(2, &["which is also read"]);
+    job(&["-o", "x.dxf", "--preview", "abc.dxf"]).refused(2, &["`--preview`", "which is also read"]);
+    job(&["-o", "x.dxf", "--preview", "mouse.png"])
+        .refused(2, &["SVG", "mouse.png", "remedy: Give the file the ending .svg"]);
     job(&["-o", "x.dxf", "--report", "x.dxf"]).refused(2, &["`--out` and `--report` name the same file"]);
-    desk.isomark(&["inspect", "mouse.glb", "--surface", "mouse.glb"]).refused(2, &["which is read"]);
+    desk.isomark(&["inspect", "mouse.glb", "--surface", "mouse.glb"]).refused(2, &["which is also read"]);
     assert_eq!(desk.read("mouse.glb"), fs_err::read(part(MOUSE)).unwrap());
     assert_eq!(desk.read("abc.dxf"), fs_err::read(drawing("abc")).unwrap());
 }
@@ -255,8 +258,15 @@ fn an_evaluation_without_any_map_is_refused() {
 fn files_of_other_kinds() {
     let desk = Desk::new();
     desk.write("part.step", "ISO-10303-21;");
-    correct(&desk, "part.step", &drawing("abc"), "")
-        .refused(1, &["part.step", "remedy: Export the part or scan as .glb, .gltf, .obj, .stl, .ply"]);
+    correct(&desk, "part.step", &drawing("abc"), "").refused(
+        1,
+        &[
+            "part.step",
+            "does not read",
+            "remedy: Export the part or scan as .glb, .gltf, .obj, .stl, .ply",
+            "FreeCAD",
+        ],
+    );
     desk.write("logo.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>");
     correct(&desk, &part(MOUSE), "logo.svg", "")
         .refused(1, &["logo.svg", "not a DXF", "remedy: Export the drawing as DXF"]);
@@ -295,7 +305,7 @@ fn missing_files_and_folders() {
     let out = |path: &str| desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "-o", path]);
     out("no/folder/out.dxf").refused(3, &["There is no folder no/folder", "remedy: Make the folder"]);
     desk.write("results/old.dxf", "");
-    out("results").refused(3, &["The folder results is named where a file is meant", "remedy: Name a file"]);
+    out("results").refused(3, &["results is a folder; a file is needed", "remedy: Name a file"]);
 }
 
 #[cfg(unix)]

@@ -65,7 +65,7 @@ fn files_are_kept_for_their_time_and_status_shows_it() {
     assert_eq!(kept["bytes"], size("archive") + size("rejected") + size("reports"));
     let output = station.desk.isomark(&["status", "station.toml"]);
     assert!(
-        output.out.contains("originals for ever, rejected drops for 365 days, reports for 365 days"),
+        output.out.contains("originals without limit, rejected drops for 365 days, reports for 365 days"),
         "{output:?}"
     );
 }

@@ -264,7 +264,6 @@ fn a_setting_is_given_once_and_where_it_has_an_effect() {
 fn a_station_is_checked_with_the_settings_of_the_command_line() {
     let desk = Desk::new();
     desk.write("station.toml", STATION);
-    desk.write("hot/x", "");
     desk.write("elsewhere/x", "");
     let check = |settings: &[&str]| {
         let set = settings.iter().flat_map(|setting| ["--set", setting]);
