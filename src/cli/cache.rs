@@ -15,7 +15,7 @@ use crate::reason::Reason;
 pub(super) struct CacheArguments {
     #[command(subcommand)]
     verb: Verb,
-    /// The station whose cache is meant; default: the user's own.
+    /// The station whose cache is used. Default: the user's cache.
     #[arg(long, value_name = "FILE", global = true)]
     station: Option<PathBuf>,
     /// The folder of the cache.
@@ -25,15 +25,15 @@ pub(super) struct CacheArguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Lists what is kept, a line each; `*` marks the part last learned for its SKU.
+    /// Lists the kept surfaces, one per line; `*` marks the part last learned for its SKU.
     List,
     /// Reads every entry and its checksum; exit code 1 if one is damaged.
     Verify {
-        /// Removes damaged entries; their surfaces are fitted again when they are needed.
+        /// Removes damaged entries; isomark fits their surfaces again when they are needed.
         #[arg(long)]
         repair: bool,
     },
-    /// Forgets SKUs.
+    /// Removes the surfaces of SKUs.
     Remove {
         /// The SKUs.
         #[arg(required = true)]

@@ -100,7 +100,7 @@ impl JobArguments {
     }
 
     /// Reads the settings, then the part and the drawing. `overrides` holds the settings of options that only one command
-    /// has; `useless` gives the reason why the command has no use for a setting.
+    /// has; `useless` gives the reason why a setting has no effect in the command.
     pub(super) fn prepare(
         &self,
         mut overrides: Overrides,

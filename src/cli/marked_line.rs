@@ -4,7 +4,6 @@ use std::io::IsTerminal;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
-use super::outcome::tell_drawn;
 use crate::config::{ConfigError, Spot};
 use crate::printable::on_one_line;
 
@@ -36,11 +35,11 @@ impl MarkedLine {
         })
     }
 
-    /// Writes the line to people on standard error; in colour on a terminal.
-    pub(super) fn tell(&self) {
+    /// The line as it is drawn on standard error; in colour on a terminal.
+    pub(super) fn for_standard_error(&self) -> String {
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let styled = std::io::stderr().is_terminal() && !no_colour;
-        tell_drawn(&self.drawn(if styled { Renderer::styled() } else { Renderer::plain() }));
+        self.drawn(if styled { Renderer::styled() } else { Renderer::plain() })
     }
 
     fn drawn(&self, renderer: Renderer) -> String {

@@ -48,7 +48,7 @@ impl Failure {
     pub(super) fn tell(&self) {
         tell(&format!("isomark: {}", self.reason));
         if let Some(line) = &self.line {
-            line.tell();
+            tell_drawn(&line.for_standard_error());
         }
     }
 
@@ -113,7 +113,7 @@ pub(super) fn tell(text: &str) {
 }
 
 /// Writes to people on standard error what is drawn for a terminal, with its colours.
-pub(super) fn tell_drawn(text: &str) {
+fn tell_drawn(text: &str) {
     let _ = in_place_of_line(|| writeln!(std::io::stderr().lock(), "{text}"));
 }
 

@@ -38,7 +38,7 @@ mod systemd {
 
     use sd_notify::NotifyState::{Ready, Status, Stopping, Watchdog};
 
-    use super::Pulse;
+    use crate::hotfolder::Pulse;
 
     pub(super) fn watchdog() -> Option<Duration> {
         sd_notify::watchdog_enabled()
@@ -58,7 +58,7 @@ mod systemd {
 mod systemd {
     use std::time::Duration;
 
-    use super::Pulse;
+    use crate::hotfolder::Pulse;
 
     pub(super) fn watchdog() -> Option<Duration> {
         None

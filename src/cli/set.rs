@@ -5,11 +5,12 @@ use clap::Args;
 use super::outcome::Failure;
 use crate::config::Overrides;
 
-/// A command's way to give any setting.
+/// The option that gives any setting.
 #[derive(Debug, Args)]
 pub(super) struct SetArguments {
-    /// Gives a setting by the name it has in a settings file, such as `correction.tolerance_mm=0.02` or `part.unit=inch`; may
-    /// be repeated. It overrides the settings files. Giving a setting twice, here and by its own option, is refused.
+    /// Gives a setting by its name in a settings file, such as `correction.tolerance_mm=0.02` or `part.unit=inch`, in place of
+    /// the file's value; may be repeated. In a station, a SKU's file still overrides it, and relative paths start at the
+    /// station's file. Giving a setting twice is refused.
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = parse_pair)]
     set: Vec<(String, String)>,
 }
@@ -22,7 +23,7 @@ fn parse_pair(text: &str) -> Result<(String, String), String> {
 }
 
 impl SetArguments {
-    /// Adds what was typed. `useless` gives the reason why the command has no use for a setting.
+    /// Adds the settings that were typed. `useless` gives the reason why a setting has no effect in the command.
     pub(super) fn add_to(
         &self,
         overrides: &mut Overrides,
@@ -85,7 +86,7 @@ pub(super) fn add_list(
     Ok(())
 }
 
-/// Why a single job has no use for a setting.
+/// Why a setting has no effect in a single job.
 pub(super) fn useless_to_a_job(name: &str) -> Option<&'static str> {
     match name.split_once('.').map_or(name, |(table, _)| table) {
         _ if name == "delivery.verify" => None,
@@ -96,7 +97,7 @@ pub(super) fn useless_to_a_job(name: &str) -> Option<&'static str> {
     }
 }
 
-/// Why a comparison of methods has no use for a setting.
+/// Why a setting has no effect in a comparison of methods.
 pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
     match (name, name.split_once('.').map_or(name, |(table, _)| table)) {
         ("correction.method", _) => Some("`--method` names the methods to compare"),
@@ -114,7 +115,7 @@ pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
     }
 }
 
-/// Why a look at a file has no use for a setting.
+/// Why a setting has no effect in a look at a file.
 pub(super) fn useless_to_an_inspection(name: &str) -> Option<&'static str> {
     const SIZES: &[&str] =
         &["part.shape", "part.diameter_mm", "part.end_diameter_mm", "part.length_mm", "part.axis"];

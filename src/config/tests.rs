@@ -458,8 +458,11 @@ fn paths_are_absolute_or_relative_to_their_file() {
     }
 }
 
+/// Names and values of settings, as people type them.
+type Typed = &'static [(&'static str, &'static str)];
+
 /// Every setting with a value that is not the usual one, as people type it, and what else it needs.
-const SETTINGS: &[(&str, &str, &[(&str, &str)])] = &[
+const SETTINGS: &[(&str, &str, Typed)] = &[
     ("correction.angle_weight", "2", &[]),
     ("correction.floater_weights", "mean-value", &[]),
     ("correction.length_weight", "0.5", &[]),
@@ -558,13 +561,12 @@ const SETTINGS: &[(&str, &str, &[(&str, &str)])] = &[
     ("watch.settle_ms", "100", &[]),
 ];
 
-const PERSPECTIVE: &[(&str, &str)] = &[
+const PERSPECTIVE: Typed = &[
     ("optics.kind", "perspective"),
     ("optics.lens_distance_x_mm", "300"),
     ("optics.lens_distance_y_mm", "300"),
 ];
-const CYLINDER: &[(&str, &str)] =
-    &[("part.shape", "cylinder"), ("part.diameter_mm", "73"), ("part.length_mm", "180")];
+const CYLINDER: Typed = &[("part.shape", "cylinder"), ("part.diameter_mm", "73"), ("part.length_mm", "180")];
 
 fn given<'a>(settings: impl IntoIterator<Item = &'a (&'a str, &'a str)>) -> Result<Overrides, ConfigError> {
     let mut overrides = Overrides::default();
@@ -672,7 +674,7 @@ fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_
             "`lens_distance_x_mm` is missing. Give `lens_distance_x_mm` of the same table, too.",
         ),
         ("optics.axis_mm", "[0, 0]", "telecentric lens has no effect"),
-        ("folders.reports", "drop/hot", "in the folder `hot`"),
+        ("folders.reports", "drop/hot", "`hot` and `reports` are the same"),
         ("station.name", "", "no readable name"),
     ] {
         let error = with_given(NEEDED, &[(name, value)]).expect_err(name);

@@ -75,9 +75,11 @@ impl fmt::Display for Progress<'_> {
     }
 }
 
+type Observe = dyn Fn(Progress<'_>) + Send + Sync;
+
 /// Called at the beginning of each step, by the thread that does it.
 #[derive(Clone, Default)]
-pub(super) struct Observer(Option<Arc<dyn Fn(Progress<'_>) + Send + Sync>>);
+pub(super) struct Observer(Option<Arc<Observe>>);
 
 impl Observer {
     pub(super) fn new(observe: impl Fn(Progress<'_>) + Send + Sync + 'static) -> Self {
