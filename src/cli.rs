@@ -13,6 +13,7 @@ mod correct;
 mod demo;
 mod diff;
 mod evaluate;
+mod explain;
 mod inspect;
 mod job;
 mod log;
@@ -59,6 +60,8 @@ enum Command {
     Inspect(inspect::InspectArguments),
     /// Describes what changed between two drawings.
     Diff(diff::DiffArguments),
+    /// Explains a code of a reason or notice: what it means and what to do.
+    Explain(explain::ExplainArguments),
     /// Lists, verifies and removes fitted surfaces.
     Cache(cache::CacheArguments),
     /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
@@ -89,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Init(arguments) => (check::init(&arguments), false),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
+        Command::Explain(arguments) => (explain::run(&arguments), arguments.json),
         Command::Cache(arguments) => (cache::run(&arguments), false),
         Command::Demo(arguments) => (demo::run(&arguments), false),
     };
@@ -130,3 +134,6 @@ fn tell_mistake(error: &clap::Error) {
         Ok(_) => tell(error.to_string().trim_end()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,8 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::printable::on_one_line;
 
+mod code;
+mod codes;
 #[cfg(feature = "station")]
 mod shell;
+
+pub use code::{Code, CodeKind};
 
 #[cfg(feature = "station")]
 pub(crate) use shell::quoted;
@@ -171,6 +175,16 @@ impl std::fmt::Display for Reason {
 }
 
 impl Reason {
+    /// The same as text, with the command that explains the code.
+    pub fn to_text(&self) -> String {
+        // These two are clear from their text.
+        let is_plain = ["environment", "usage"].contains(&self.code.as_str());
+        match Code::named(&self.code).filter(|_| !is_plain) {
+            Some(Code { code, .. }) => format!("{self}\n  more:   isomark explain {code}"),
+            None => self.to_string(),
+        }
+    }
+
     /// The whole reason on one line: what is wrong, then place and number in brackets, then the remedy.
     pub fn on_one_line(&self) -> String {
         let place = (!self.place.is_unknown()).then(|| self.place.to_string());

@@ -46,7 +46,7 @@ impl Failure {
 
     /// Writes the failure to people on standard error.
     pub(super) fn tell(&self) {
-        tell(&format!("isomark: {}", self.reason));
+        tell(&format!("isomark: {}", self.reason.to_text()));
         if let Some(line) = &self.line {
             tell_drawn(&line.for_standard_error());
         }

@@ -10,11 +10,19 @@ pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
 
 /// The name nearest to `given`, if it differs in at most half of its letters.
 pub(super) fn nearest<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Option<&'a str> {
+    near(given, names).into_iter().next()
+}
+
+/// The names that differ from `given` in less than half of their letters, the nearest first.
+pub(crate) fn near<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Vec<&'a str> {
     let given = given.to_lowercase();
-    let distances =
-        names.iter().map(|name| (osa_distance(&given, &name.as_ref().to_lowercase()), name.as_ref()));
-    let (distance, name) = distances.min_by_key(|(distance, _)| *distance)?;
-    (distance * 2 <= name.chars().count()).then_some(name)
+    let mut near: Vec<(usize, &str)> = names
+        .iter()
+        .map(|name| (osa_distance(&given, &name.as_ref().to_lowercase()), name.as_ref()))
+        .filter(|(distance, name)| distance * 2 <= name.chars().count())
+        .collect();
+    near.sort_by_key(|(distance, _)| *distance);
+    near.into_iter().map(|(_, name)| name).collect()
 }
 
 #[cfg(test)]

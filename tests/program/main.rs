@@ -23,5 +23,6 @@ mod station;
 mod control;
 mod demo;
 mod evaluate;
+mod explain;
 mod losses;
 mod names;

@@ -316,6 +316,8 @@ fn invalid_files_are_rejected_with_a_reason_and_the_station_continues() {
         let json: serde_json::Value =
             serde_json::from_slice(&station.desk.read(&format!("rejected/{name}.reason.json"))).unwrap();
         assert_eq!(json["drop"], name);
+        let more = format!("\n  more:   isomark explain {}\n", json["code"].as_str().unwrap());
+        assert!(text.contains(&more), "{text}");
         assert!(code.is_empty() || json["code"] == code, "{json:#}");
     }
     assert_eq!(station.desk.read("rejected/mouse.glb"), glb[..4000], "the original must be unchanged");

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 mod circles;
+mod codes;
 
 pub use circles::Modules;
 
@@ -22,7 +23,29 @@ pub fn is_word(c: char) -> bool {
 
 /// The source with comments, string and character literals replaced by blanks; line numbers do not change.
 pub fn without_comments_and_texts(source: &str) -> Vec<char> {
+    read(source).0
+}
+
+/// A text in the source, without its quotation marks.
+pub struct Text {
+    /// Where it starts, in characters.
+    pub at: usize,
+    pub text: String,
+}
+
+/// The texts of the source, without those of items that are compiled for tests only.
+pub fn texts(source: &str) -> Vec<Text> {
+    const MARK: char = '\u{1}';
+    let (mut code, mut texts) = read(source);
+    texts.iter().for_each(|text| code[text.at] = MARK);
+    let code = without_tests(&code);
+    texts.retain(|text| code[text.at] == MARK);
+    texts
+}
+
+fn read(source: &str) -> (Vec<char>, Vec<Text>) {
     let source: Vec<char> = source.chars().collect();
+    let mut texts = Vec::new();
     let at = |index: usize| source.get(index).copied().unwrap_or('\0');
     let mut code = Vec::with_capacity(source.len());
     let mut index = 0;
@@ -69,10 +92,17 @@ pub fn without_comments_and_texts(source: &str) -> Vec<char> {
             }
         };
         let end = end.min(source.len());
+        if let Some(quote) =
+            (index..end).find(|&at| source[at] == '"').filter(|_| !matches!(at(index), '/' | '\''))
+        {
+            let text: String = source[quote + 1..end].iter().collect();
+            let text = text.trim_end_matches('#').trim_end_matches('"').to_owned();
+            texts.push(Text { at: index, text });
+        }
         code.extend(source[index..end].iter().map(|&c| if c == '\n' { '\n' } else { ' ' }));
         index = end;
     }
-    code
+    (code, texts)
 }
 
 /// The code with every item that is compiled only for tests replaced by blanks.

@@ -221,8 +221,9 @@ pub(crate) fn reject(
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
     let text = format!(
-        "{} was rejected.\n\n{reason}\n\nTo try again, correct the file and drop it again, or move it back unchanged.\n",
-        on_one_line(&drop)
+        "{} was rejected.\n\n{}\n\nTo try again, correct the file and drop it again, or move it back unchanged.\n",
+        on_one_line(&drop),
+        reason.to_text()
     );
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;

@@ -1,0 +1,1337 @@
+//! The list of codes. `tests/sources/codes.rs` compares it with the sources: every code that the program uses
+//! is here, and nothing else.
+
+use super::code::{Code, CodeKind};
+
+const fn reason([code, meaning, explanation, remedy]: [&'static str; 4]) -> Code {
+    Code { code, kind: CodeKind::Reason, meaning, explanation, remedy }
+}
+
+const fn notice([code, meaning, explanation, remedy]: [&'static str; 4]) -> Code {
+    Code { code, kind: CodeKind::Notice, meaning, explanation, remedy }
+}
+
+const fn both([code, meaning, explanation, remedy]: [&'static str; 4]) -> Code {
+    Code { code, kind: CodeKind::Both, meaning, explanation, remedy }
+}
+
+impl Code {
+    /// All codes, sorted.
+    pub const ALL: &'static [Self] = CODES;
+}
+
+const CODES: &[Code] = &[
+    reason([
+        "archive-changed",
+        "The original in the archive differs from the drawing that was delivered.",
+        "isomark corrects a delivered drawing again from its original in the archive. Before it does, it compares \
+         the original with the hash of the drawing it delivered. Somebody replaced or edited the file in the \
+         archive.",
+        "Drop the drawing that is to be marked into the hot folder again. Leave the files in the archive \
+         unchanged.",
+    ]),
+    notice([
+        "axis-assumed",
+        "The file does not state which axis points up, so isomark chose one.",
+        "glTF has Y up by its standard, Blender writes OBJ with Y up, FreeCAD with Z up; STL, PLY and lists of \
+         points state no axis. The message gives the axis and why it was chosen. As a note the choice is certain; \
+         as a warning it is a guess, and a wrong guess shows the laser another side of the part.",
+        "Look at the part in the preview or with `isomark inspect`. If it is on its side, set `up = \"y\"` or `up \
+         = \"z\"` under [part], or `--part-up`.",
+    ]),
+    reason([
+        "beamserver-answer",
+        "BeamServer gave an answer that does not fit the command.",
+        "The program at `delivery.address` answered with text that is no answer to the command, or listed more \
+         elements than any project has. Usually another program listens on that port, or the version of \
+         BeamConstruct is not supported. The drawing waits and isomark tries again.",
+        "Check that `delivery.address` and the port in BeamConstruct's settings agree, and that BeamServer runs \
+         there. Then wait, or run `isomark retry STATION.toml`.",
+    ]),
+    reason([
+        "beamserver-busy",
+        "BeamServer is busy with another drawing.",
+        "Several jobs deliver to one BeamServer, which takes one drawing after the other. This drawing had to \
+         wait longer than usual.",
+        "Wait: isomark tries again. If it happens often, check whether BeamServer answers slowly.",
+    ]),
+    reason([
+        "beamserver-lost",
+        "The imported drawing cannot be identified in BeamConstruct.",
+        "After the import exactly one new element must have the drawing's name. isomark found none or more than \
+         one, so it cannot verify the size. It does not import again, because that would only add copies.",
+        "Remove in BeamConstruct what was imported, then drop the drawing again. If it happens with every \
+         drawing, this version of BeamConstruct names imported elements differently: report it, and use `kind = \
+         \"folder\"` under [delivery] until then.",
+    ]),
+    reason([
+        "beamserver-path",
+        "BeamServer accepts only ASCII paths, and this path has other characters.",
+        "The path is made of the import folder (or `delivery.server_folder`) and the drawing's name, and is sent \
+         to BeamServer in ASCII.",
+        "Name the SKU, the drawing and the folder with the letters a to z, digits, `-` and `_` only.",
+    ]),
+    reason([
+        "beamserver-refused",
+        "BeamServer refused a command with an ERROR.",
+        "The message contains the command and the two numbers of the error. Usually BeamServer cannot read the \
+         file because it knows the import folder under another name, or BeamConstruct shows a dialog. The drawing \
+         waits and isomark tries again.",
+        "Let BeamServer read the import folder, or set `delivery.server_folder` to its own name for that folder. \
+         Look at BeamConstruct for open dialogs.",
+    ]),
+    reason([
+        "beamserver-silent",
+        "BeamServer did not answer in time.",
+        "The connection was made, but no whole answer arrived within `delivery.answer_s`, or the connection was \
+         closed. BeamServer may be starting, marking, or blocked by a dialog; it serves one program at a time. \
+         The drawing waits and isomark tries again.",
+        "Wait if BeamServer is restarting or busy. Otherwise raise `delivery.answer_s` and close other programs \
+         that are connected to BeamServer.",
+    ]),
+    reason([
+        "beamserver-size",
+        "BeamConstruct shows the imported drawing at another size than the file has.",
+        "isomark compares the width and height in BeamConstruct with those of the corrected drawing. They differ, \
+         so the lengths on the part would be wrong. isomark removed the element in BeamConstruct and rejected the \
+         drop.",
+        "Set BeamConstruct's DXF import to unit mm, without scaling and without fitting to the field. Then drop \
+         the drawing again.",
+    ]),
+    reason([
+        "beamserver-unreachable",
+        "No connection to BeamServer is possible.",
+        "Nothing accepts connections at `delivery.address`: BeamServer is not running, the address or port is \
+         wrong, or a firewall blocks it. The drawing waits and isomark tries again.",
+        "Start BeamServer, correct `delivery.address`, and allow the port in the firewall.",
+    ]),
+    both([
+        "cache-damaged",
+        "A stored surface is damaged and is not used.",
+        "Every entry of the cache has a checksum, and this one does not match: the disk failed, or something else \
+         changed the file. No drawing is made from it. As a notice, the part was fitted again. As a reason, \
+         `correct --sku` had no part to fit, or `cache verify` found the entry.",
+        "Run `isomark cache verify --repair` to remove damaged entries. With `correct`, name the part before the \
+         drawing. If it happens again, check the disk.",
+    ]),
+    reason([
+        "cache-unusable",
+        "The folder of stored surfaces cannot be read or written.",
+        "The cache's disk is full, its share is not connected, or its permissions changed. The drop waits and \
+         isomark tries again.",
+        "Check that `folders.cache` exists, can be written by the user that runs the station, and has free space.",
+    ]),
+    notice([
+        "clipped-whole",
+        "The drawing clips block references to a boundary, and isomark marks them whole.",
+        "The DXF file uses XCLIP: the drawing program shows only what is inside the boundary. isomark does not \
+         apply clipping, so lines outside it are marked, too.",
+        "Explode the clipped blocks in the drawing program, trim what must not be marked, and export again.",
+    ]),
+    notice([
+        "code-page-unknown",
+        "The drawing names a code page that isomark does not know.",
+        "DXF files older than R2007 store texts and layer names in a code page. isomark reads letters beyond \
+         ASCII as UTF-8 or Windows-1252, so accents and other scripts may be wrong. Lines and curves are not \
+         affected.",
+        "Export the drawing as DXF R2007 or newer. If texts are marked, check them in the preview.",
+    ]),
+    notice([
+        "colours-replaced",
+        "True colours were replaced by the nearest colours of the table.",
+        "The output format R12 (`output.dxf`) has only the 255 numbered AutoCAD colours. Two colours of the \
+         drawing may have become the same, and the marking software may then assign the same parameters to both.",
+        "Use `dxf = \"R2000\"` under [output] if the marking software reads it, or use numbered colours in the \
+         drawing.",
+    ]),
+    reason([
+        "companion-missing",
+        "The part needs a file that is not in the hot folder.",
+        "A `.gltf` file stores its geometry in `.bin` files beside it. Without them the part cannot be read. The \
+         part waits for `watch.incomplete_s` and is then rejected.",
+        "Drop the named file beside the part, or export the part as `.glb`, which is one file.",
+    ]),
+    reason([
+        "companion-short",
+        "A file that the part needs is not complete.",
+        "The `.bin` file beside a `.gltf` is shorter than the part states, or is still being written. The part \
+         waits for `watch.incomplete_s` and is then rejected.",
+        "Copy the named file again, or export the part as `.glb`, which is one file.",
+    ]),
+    notice([
+        "contours-closed",
+        "Nearly closed outlines were closed.",
+        "The ends of an outline were closer together than `joining_mm` under [pattern]. The report lists the \
+         places and the widest gap. Closed contours can be filled by the marking software.",
+        "Nothing to do if the gaps are rounding. Set a smaller `joining_mm`, or `strict = true`, to keep the gaps.",
+    ]),
+    notice([
+        "copies-removed",
+        "Paths that were drawn twice in the same place were removed once.",
+        "A line that is in the drawing twice would be marked twice, deeper and darker. The report lists the \
+         places.",
+        "Nothing to do if they are mistakes. Set `strict = true` under [pattern] (`--strict`) to mark them twice \
+         on purpose.",
+    ]),
+    reason([
+        "correction-overtaken",
+        "Something changed while isomark corrected this drawing again.",
+        "A new part of the SKU arrived, or the original in the archive changed, during a correction that `isomark \
+         retry` asked for. The result was discarded.",
+        "Wait: isomark tries again. With `watch --once`, run `isomark retry STATION.toml` again.",
+    ]),
+    reason([
+        "cut-short",
+        "The file ends too early.",
+        "The file did not grow for `watch.incomplete_s` and is still not complete: the copy or the export was \
+         interrupted.",
+        "Export or copy the file again. Copy under a name that ends in `.tmp` and rename the file when it is \
+         complete.",
+    ]),
+    notice([
+        "dashed-whole",
+        "Dashed or dotted lines are marked as solid lines.",
+        "The drawing assigns a line type with gaps to these lines. A line type is only a way of display in DXF: \
+         the file contains the whole line, and the laser marks it whole.",
+        "Explode the line type in the drawing program (for example with FLATTEN or EXPLODE of the express tools) \
+         if the gaps must be marked.",
+    ]),
+    reason([
+        "drawings-uncertain",
+        "It is not known whether some drawings were delivered.",
+        "The station stopped while it delivered a drawing, and the drawing is not in the import folder now. \
+         Either the marking software has taken it, or it never arrived. `watch --once` reports this with exit \
+         code 3.",
+        "Run `isomark status STATION.toml` to see which drawings these are, and check in the marking software. If \
+         they did not arrive, run `isomark retry STATION.toml --uncertain`.",
+    ]),
+    notice([
+        "drawn-twice",
+        "Paths are in the drawing twice and will be marked twice.",
+        "The drawing was read strictly, so the copies stay. Lines that are marked twice get deeper and darker.",
+        "Remove the copies in the drawing program, or leave out `strict` to let isomark remove them.",
+    ]),
+    reason([
+        "drops-rejected",
+        "`watch --once` rejected at least one drop.",
+        "The station has processed everything in the hot folder, and some files were rejected. Their reasons are \
+         in the rejected folder.",
+        "Read the `.reason.txt` beside each file in the rejected folder, correct the file and drop it again.",
+    ]),
+    notice([
+        "empty-pieces-removed",
+        "Pieces without length were removed.",
+        "Lines from a point to the same point mark nothing, but can make a laser fire at one spot. Points (POINT \
+         entities) are kept. The report lists the places.",
+        "Nothing to do. Draw spots that are to be marked as points.",
+    ]),
+    reason([
+        "ends-isomark",
+        "isomark crashed each time it processed this file.",
+        "The process ended several times during this job without a message. The usual cause is a lack of memory: \
+         the system ends the process. The file was rejected to keep the station running.",
+        "Export the file with fewer triangles or lines, or give the computer more memory. If the file is small, \
+         it is a defect of isomark: keep the file and report it.",
+    ]),
+    notice([
+        "ends-not-joined",
+        "Ends of lines were not joined because more than two meet at one point.",
+        "Loose pieces are joined to contours where exactly two ends meet. At a branch it is not clear which two \
+         belong together, so all ends stay loose. Everything is still marked.",
+        "Nothing to do, unless a filled contour is missing. Then join the pieces in the drawing program.",
+    ]),
+    reason([
+        "environment",
+        "A file or folder cannot be read or written.",
+        "The operating system reported an error: the file does not exist, permissions are missing, the disk is \
+         full, or a share is not connected. The input itself may be valid. The exit code is 3; trying again later \
+         may help.",
+        "Check that the named file or folder exists, that you may read or write it, and that the disk has free \
+         space.",
+    ]),
+    notice([
+        "extra-point",
+        "Polylines begin with a point at (0, 0) that their point count does not include.",
+        "Old FreeCAD exporters write this extra point. The drawing was read strictly, so the point stays and a \
+         line from the origin is marked.",
+        "Leave out `strict` to let isomark remove the point, or export with a newer FreeCAD.",
+    ]),
+    notice([
+        "extra-point-removed",
+        "A superfluous first point at (0, 0) was removed from polylines.",
+        "Old FreeCAD exporters write a first point that the polyline's own point count does not include. With it, \
+         a line from the origin would be marked. The report lists the polylines.",
+        "Check in the preview that the outlines are right.",
+    ]),
+    reason([
+        "file-too-large",
+        "The file is larger than a hot folder accepts.",
+        "The limit protects the station's memory. The number in the reason is the size of the file or of a file \
+         that it needs.",
+        "Export the part with fewer triangles, or the drawing with fewer points.",
+    ]),
+    reason([
+        "file-unreadable",
+        "The file in the hot folder cannot be read.",
+        "Another program keeps the file open without sharing it, or the user that runs the station has no \
+         permission to read it. The drop waits and isomark tries again.",
+        "Close the program that uses the file, or give the station's user permission to read it. isomark then \
+         reads it without further action.",
+    ]),
+    reason([
+        "file-unsteady",
+        "The file changed while isomark read it.",
+        "A program is still writing the file. The drop waits and is read again when it no longer changes.",
+        "Nothing. If it happens often, write the file under a name that ends in `.tmp` and rename it when it is \
+         complete.",
+    ]),
+    notice([
+        "fills-outlined",
+        "Filled areas are written as outlines.",
+        "HATCH and SOLID entities become closed contours. The corrected drawing contains no hatch lines, because \
+         hatching belongs to the marking software.",
+        "Assign a hatch to the closed contours in the marking software if the areas are to be filled.",
+    ]),
+    reason([
+        "folder-missing",
+        "A folder of the station cannot be created.",
+        "isomark creates the folders of a station at the start, except the import folder. Creating this one \
+         failed.",
+        "Create the folder yourself, or change the named key under [folders] in the station's file.",
+    ]),
+    reason([
+        "folder-trouble",
+        "A folder of the station cannot be used.",
+        "The folder is full, read-only, not connected, or the permissions changed. The drop waits and isomark \
+         tries again.",
+        "Check that the folder exists, can be written by the user that runs the station, and has free space. The \
+         job then continues without further action.",
+    ]),
+    reason([
+        "folder-unreadable",
+        "The hot folder cannot be listed.",
+        "`isomark check` tried to list the folder as the current user and failed.",
+        "Let the user that runs the station read the folder, or name another one under [folders].",
+    ]),
+    reason([
+        "folder-unwritable",
+        "A folder of the station cannot be written.",
+        "`isomark check` tried to create a file there as the current user and failed. The station may run as \
+         another user.",
+        "Let the user that runs the station write into the folder, or name another one under [folders].",
+    ]),
+    notice([
+        "font-replaced",
+        "Texts are drawn in another font than the drawing asks for.",
+        "isomark has no fonts of the system, only its own. The letters have other shapes and widths, so the text \
+         may be longer or shorter than in the drawing program.",
+        "Convert texts to outlines in the drawing program if their appearance matters.",
+    ]),
+    notice([
+        "glb-trailing-bytes",
+        "The GLB file has bytes after its end.",
+        "The header of the file states a smaller length than the file has. The part itself is complete; the rest \
+         was ignored.",
+        "Nothing to do if the part looks right. Export it again if the file was edited or joined by another tool.",
+    ]),
+    reason([
+        "hot-folder-held",
+        "Another station takes drops from the same hot folder.",
+        "Two stations that share a hot folder would take files from each other. This station stops.",
+        "Stop the other station, or give each station its own `hot` and `state` folders.",
+    ]),
+    reason([
+        "import-is-file",
+        "The import folder is a file.",
+        "`folders.import` must name the folder that the marking software imports from.",
+        "Correct `folders.import` in the station's file.",
+    ]),
+    reason([
+        "import-missing",
+        "The import folder does not exist.",
+        "isomark never creates the import folder, because a folder that is not connected must not be replaced by \
+         an empty one. Drawings wait until the folder is available.",
+        "Create the folder, or connect its share. Then nothing else is necessary.",
+    ]),
+    reason([
+        "import-other",
+        "The import folder is another one than when the delivery was interrupted.",
+        "The station stopped while it delivered this drawing. Now the path of the import folder leads to another \
+         folder or another share, so isomark cannot find out whether the drawing arrived.",
+        "Connect the share with the former import folder. Or check there whether the drawing arrived, and drop it \
+         again if it did not.",
+    ]),
+    notice([
+        "inclined",
+        "The beam meets the part at an angle that is worth knowing.",
+        "Under the ink the surface is inclined to the beam by more than `incidence_note_deg` under [optics]. \
+         Marks get slightly wider and paler there.",
+        "Nothing to do. Place the drawing where the part faces the laser if the mark must look even.",
+    ]),
+    notice([
+        "ink-layer-missing",
+        "The settings name an ink layer that the drawing does not have.",
+        "`ink_layers` under [pattern] selects the layers whose lengths are kept. A layer with this name is not in \
+         the drawing; often the name is misspelt or the drawing uses another template.",
+        "Compare `ink_layers` with the layers in the message, and correct one of them.",
+    ]),
+    both([
+        "ink-lost",
+        "The drawing shows ink that cannot be marked.",
+        "Visible entities on ink layers are of a kind that cannot be converted to lines, such as letters that no \
+         font has, pictures or 3D solids. A mark without them would be incomplete. As a reason, the drawing is \
+         rejected. As a notice, `isomark inspect` reports that a job would reject it.",
+        "Convert the listed entities to curves in the drawing program, or hide their layer. To mark the drawing \
+         without them, set `losses = \"warn\"` under [pattern] (`--losses warn`).",
+    ]),
+    reason([
+        "internal-error",
+        "A defect in isomark stopped this job.",
+        "The program detected a state that must not occur and ended this job. The station continues with the \
+         other drops.",
+        "Keep the file and report it together with the message.",
+    ]),
+    notice([
+        "last-line-open",
+        "The last line of the file has no line break.",
+        "Text formats such as OBJ and lists of points have no end mark. A file that was cut inside its last line \
+         can look like this, and then its last entry is wrong.",
+        "Compare the file's size with the original. Nothing to do if the program always writes the file this way.",
+    ]),
+    notice([
+        "layers-renamed",
+        "Layers have other names in the corrected drawing.",
+        "The output format cannot store these names: R12 allows only short plain names. The message lists the old \
+         and the new names.",
+        "Assign the parameters of the marking software to the new names, or use `dxf = \"R2000\"` under [output].",
+    ]),
+    reason([
+        "log-is-folder",
+        "The log file is a folder.",
+        "`log.file` in the station's file must name a file.",
+        "Name a file, for example `log/station.log`.",
+    ]),
+    reason([
+        "map-folded",
+        "The drawing would lie folded over itself on the part.",
+        "The part curves so strongly under the drawing that no map without folds was found. The coordinate in the \
+         reason is the place of the fold.",
+        "Make the drawing smaller, or place it where the part is less strongly curved.",
+    ]),
+    reason([
+        "map-not-found",
+        "No map that keeps the lengths was found.",
+        "The search for the map failed: the part is too steep or too rough under the drawing, or the equations \
+         could not be solved.",
+        "Place the drawing where the part is less steep, or make it smaller. Export a rough part again with a \
+         smaller deviation.",
+    ]),
+    notice([
+        "map-unsettled",
+        "The search for the best map stopped early.",
+        "After the last step the map still moved. The part is rough under the drawing, and a map with smaller \
+         length errors may exist. The report's lengths are those of the delivered map.",
+        "Look at the length error in the report. If it is too large, export the part with a smaller deviation, or \
+         place the drawing elsewhere.",
+    ]),
+    reason([
+        "mesh-buffer-missing",
+        "A `.bin` file that the part names cannot be read.",
+        "A `.gltf` file stores its geometry in other files beside it.",
+        "Put the named file into the part's folder, or export the part as `.glb`, which is one file.",
+    ]),
+    reason([
+        "mesh-buffer-name",
+        "The part names a buffer by something else than a plain file name.",
+        "isomark reads only files in the part's own folder. Paths to other folders and web addresses are refused.",
+        "Put the `.bin` file beside the part and name it there without a path, or export the part as `.glb`.",
+    ]),
+    reason([
+        "mesh-buffer-short",
+        "A buffer of the part is shorter than the part states.",
+        "The `.bin` file (or the binary part of the `.glb`) was cut while it was copied, or belongs to another \
+         version of the part.",
+        "Copy the files again after the export has ended, or export the part as `.glb`.",
+    ]),
+    reason([
+        "mesh-coordinate-not-finite",
+        "A vertex has a coordinate that is not a number.",
+        "The file contains NaN or infinity. Some modelling programs write this for broken vertices. The reason \
+         names the vertex or the line.",
+        "Remove the broken vertices in the modelling program (in Blender: Mesh > Clean Up) and export again.",
+    ]),
+    reason([
+        "mesh-coordinate-too-far",
+        "A vertex is too far from the origin.",
+        "No part on a marking table is that large. Usually the unit is wrong, or a stray vertex is far from the \
+         part.",
+        "Delete stray vertices. If the whole size is wrong, set the unit with `unit` under [part] or \
+         `--part-unit`.",
+    ]),
+    reason([
+        "mesh-data-beyond-buffer",
+        "The part's data reach beyond the end of their buffer.",
+        "An accessor or buffer view of the glTF file needs more bytes than there are. The file is damaged, or its \
+         exporter is defective.",
+        "Export the part again. If it happens again, export as OBJ instead.",
+    ]),
+    reason([
+        "mesh-data-missing",
+        "A part of the geometry has no data.",
+        "Usually the data are compressed with Draco or meshopt, which isomark does not read.",
+        "Export without mesh compression.",
+    ]),
+    reason([
+        "mesh-data-type",
+        "The geometry is stored in a number format that glTF does not allow here.",
+        "For example, positions must be 32-bit floating-point numbers. Mesh quantization stores them as integers.",
+        "Export without mesh quantization and without compression.",
+    ]),
+    reason([
+        "mesh-data-uri",
+        "Data inside the glTF file are not valid base64.",
+        "The file contains its buffers as text, and this text is damaged.",
+        "Export the part again, as `.glb`.",
+    ]),
+    reason([
+        "mesh-empty",
+        "The file contains no triangle with an area.",
+        "Usually only sketches, lines or points were exported, the part was hidden, or FreeCAD without a window \
+         exported a shape that was not meshed. The message names the likely cause.",
+        "Select the solid or the mesh before the export and check that it is visible. In FreeCAD scripts, mesh \
+         the shape first (`MeshPart.meshFromShape`).",
+    ]),
+    reason([
+        "mesh-extension-unsupported",
+        "The file requires a glTF extension that isomark does not read.",
+        "Extensions such as Draco compression change how the geometry is stored.",
+        "Export without the extension named in the reason.",
+    ]),
+    reason([
+        "mesh-header-invalid",
+        "The header of the file cannot be used.",
+        "A PLY file needs the vertex properties x, y and z in its header; a list of points needs columns that can \
+         be recognised. The reason gives the line and the problem.",
+        "Export the scan again as PLY, or write one point per line as `x y z`.",
+    ]),
+    reason([
+        "mesh-index-out-of-range",
+        "A face refers to a vertex or normal that does not exist.",
+        "The file is damaged, or was edited by hand.",
+        "Export the part again.",
+    ]),
+    reason([
+        "mesh-json-invalid",
+        "The JSON of the glTF file cannot be read.",
+        "The reason gives line and column. The file is damaged, or its exporter is defective.",
+        "Export the part again. If it happens again, export as OBJ instead.",
+    ]),
+    reason([
+        "mesh-line-invalid",
+        "A line of the file cannot be understood.",
+        "Common causes are a comma as decimal sign, a coordinate that is missing, or a damaged file. The reason \
+         gives the line and the problem.",
+        "Correct the line, or export the part again with a point as decimal sign.",
+    ]),
+    reason([
+        "mesh-node-cycle",
+        "The nodes of the glTF file form a circle.",
+        "A node is its own descendant, or belongs to two parents. glTF forbids both, because the position of the \
+         part would be ambiguous.",
+        "Export the part again as `.glb`.",
+    ]),
+    reason([
+        "mesh-reference-broken",
+        "An entry of the glTF file refers to another one that does not exist.",
+        "The file is damaged, or was edited by hand.",
+        "Export the part again. If it happens again, export as OBJ instead.",
+    ]),
+    reason([
+        "mesh-refused",
+        "The file passed all checks but still cannot be parsed.",
+        "The parser found a mistake that isomark's own checks do not cover. The message contains the parser's \
+         words.",
+        "Export the part as `.glb` instead.",
+    ]),
+    reason([
+        "mesh-too-large",
+        "The part has more triangles, vertices or points than isomark processes.",
+        "The limit protects the memory. No marking needs such a fine mesh.",
+        "Reduce the mesh (decimate it, or export with a larger deviation), or thin out the scan.",
+    ]),
+    reason([
+        "mesh-transform-invalid",
+        "The position, rotation or scale of a node is not finite.",
+        "The glTF file contains a transform with NaN or infinity.",
+        "Apply the object's transform in the modelling program (in Blender: Object > Apply > All Transforms) and \
+         export again.",
+    ]),
+    reason([
+        "mesh-truncated",
+        "The part file is cut off before its end.",
+        "The file is shorter than its header states, or its last line is incomplete: the export or copy was \
+         interrupted, or has not ended yet. In the hot folder the file waits for `watch.incomplete_s` before it \
+         is rejected.",
+        "Wait until the export has ended, then copy the file again.",
+    ]),
+    reason([
+        "mesh-version-unsupported",
+        "The file is not glTF 2.",
+        "isomark reads glTF version 2 only.",
+        "Export the part as glTF 2 (`.glb`) or OBJ.",
+    ]),
+    reason([
+        "mesh-wrong-format",
+        "The content of the file does not match its extension.",
+        "The file was probably renamed, or something else was saved under this name. The reason gives the first \
+         bytes.",
+        "Export the part as GLB, glTF, OBJ, STL or PLY and keep the extension that the program writes.",
+    ]),
+    reason([
+        "name-character",
+        "The file's name contains a character that not every file system can store.",
+        "The corrected drawing gets the same name, and the marking computer could not store it.",
+        "Rename the file without \\ : * ? \" < > | and without control characters.",
+    ]),
+    reason([
+        "name-reserved",
+        "The file's name is reserved for isomark's own notes.",
+        "isomark stores a note under this name in the archive of each SKU.",
+        "Give the scan another name.",
+    ]),
+    reason([
+        "name-too-long",
+        "The file's name is too long.",
+        "Reports, previews and notes get longer names that begin with this one, and file systems limit the length.",
+        "Give the file a shorter name.",
+    ]),
+    reason([
+        "name-unreadable",
+        "The file's name is not readable text.",
+        "The name contains bytes that are not valid text in the system's encoding, or leads out of the hot folder.",
+        "Rename the file with plain letters and digits.",
+    ]),
+    notice([
+        "nearly-closed",
+        "Outlines are open by a small gap.",
+        "The gap is larger than `joining_mm` under [pattern], so the outline stays open. The marking software \
+         cannot fill it. The message names the widest gap.",
+        "Close the outlines in the drawing program if they are meant as contours, or raise `joining_mm`.",
+    ]),
+    reason([
+        "newer-done",
+        "The rejected file was not put back because a newer one of the same name was delivered.",
+        "`isomark retry` moves rejected files back into the hot folder. This one would replace a newer drawing or \
+         part.",
+        "Move the file from the rejected folder yourself if it is to replace the newer one.",
+    ]),
+    reason([
+        "newer-elsewhere",
+        "Another station has learned a newer part for this SKU.",
+        "The stations share one cache of surfaces. This station wanted to fit its own archived part again, but \
+         the cache contains a newer part.",
+        "Drop the newer part at this station, too. The reason gives its name.",
+    ]),
+    reason([
+        "no-cone",
+        "The part cannot be unrolled as a cone.",
+        "The method `cone` was chosen, but under the drawing the part is not a cone, too little of the part is \
+         under the drawing, or the anchor is beside the cone or on its apex. The message gives the cause.",
+        "Use the method `auto` or `isometric`, or place the drawing on the conical part.",
+    ]),
+    reason([
+        "no-cylinder",
+        "The part cannot be unrolled as a cylinder.",
+        "The method `cylinder` was chosen, but under the drawing the part is flat or no cylinder, too little of \
+         the part is under the drawing, or the anchor is beside the cylinder. The message gives the cause.",
+        "Use the method `auto` or `isometric`, or place the drawing on the cylindrical part.",
+    ]),
+    reason([
+        "no-ink",
+        "Nothing in the drawing is on the ink layers.",
+        "`ink_layers` under [pattern] names layers without any lines.",
+        "Name layers of the drawing in `ink_layers`, or leave it out to use all layers. The reason lists the \
+         layers.",
+    ]),
+    reason([
+        "no-mapping-domain",
+        "The comparison method `mapping-domain` found no map.",
+        "The drawing reaches beyond the part, or the anchor cannot be reached on the surface. This method exists \
+         only for comparison.",
+        "Use the method `auto` or `isometric`, or place the drawing on the part.",
+    ]),
+    reason([
+        "no-parametrisation",
+        "The comparison method `floater` found no map.",
+        "The part has no outline that can be mapped to a square, the drawing reaches beyond it, or the equations \
+         could not be solved. This method exists only for comparison.",
+        "Use the method `auto` or `isometric`, or place the drawing on the part.",
+    ]),
+    notice([
+        "no-true-figure",
+        "The part differs from the cylinder or cone that the settings ask for.",
+        "The method `cylinder` or `cone` was chosen. Under the drawing the part is up to the stated distance from \
+         the fitted cylinder or cone, so lengths can be wrong.",
+        "Use the method `auto`, which chooses cylinder or cone only where the part is exact enough.",
+    ]),
+    both([
+        "normals-contradict-facets",
+        "The part's normals contradict its facets, so the surface between its vertices is not known well enough.",
+        "Smooth shading beside a flat side does this: the normals describe a bulge that the facets do not have. \
+         The number is the height by which the real surface may differ. As a warning the job continues; above \
+         `max_residual_mm` under [correction] the drawing is rejected.",
+        "Export the part from CAD with its own normals or with a smaller deviation. In Blender, use a finer bevel \
+         or shade the part flat. Raise `max_residual_mm` only if this error is acceptable.",
+    ]),
+    notice([
+        "normals-estimated",
+        "The curvature between the vertices is estimated.",
+        "The file has no normals, or normals that only repeat or average the flat facets. isomark estimates the \
+         curved surface from the neighbouring facets. With coarse meshes this is less accurate than the exact \
+         normals of a CAD export.",
+        "Export from CAD as GLB, which contains the exact normals, or with a smaller deviation, if the lengths \
+         must be more accurate.",
+    ]),
+    reason([
+        "not-a-file",
+        "The drop is a link or a device, not a file.",
+        "isomark does not follow links out of the hot folder.",
+        "Drop the file itself.",
+    ]),
+    notice([
+        "not-flat",
+        "The drawing is not flat.",
+        "Its z coordinates differ. isomark uses the view from above, so sloping lines are shorter in the mark \
+         than in the file.",
+        "Flatten the drawing in the drawing program (set all z to 0) and check its lengths.",
+    ]),
+    notice([
+        "not-length-true",
+        "The chosen method is for comparison and does not keep lengths.",
+        "`mapping-domain`, `floater` and `none` exist to be compared with. The message gives the largest change \
+         of a length.",
+        "Use the method `auto` for products.",
+    ]),
+    reason([
+        "not-rejected",
+        "There is no rejected drop of this name.",
+        "`isomark retry STATION.toml NAME` looks for the name in the rejected folder. The drop is still in the \
+         hot folder, was never rejected, or has another name.",
+        "Give the name that the file had in the hot folder; the first line of its `.reason.txt` states it. For \
+         drops that wait in the hot folder, run `isomark retry STATION.toml` without a name.",
+    ]),
+    reason([
+        "not-returned",
+        "The rejected file cannot be moved back into the hot folder.",
+        "Another file of that name is in the hot folder, or the permissions do not allow it.",
+        "Let the station process the file in the hot folder first, or run the command as the user that runs the \
+         station.",
+    ]),
+    notice([
+        "not-taken",
+        "Some entities of the drawing are not marked.",
+        "They are of a kind that cannot be converted to lines, are hidden, or draw nothing. The message lists the \
+         kinds, layers and causes; the report lists all. It is a warning if something that the file draws is \
+         missing in the mark.",
+        "Check the list. Convert what must be marked to curves in the drawing program.",
+    ]),
+    reason([
+        "off-surface",
+        "The drawing is not completely on the part.",
+        "Part of the drawing is beyond the part's outline, over a hole or an edge, or on a side that is too steep \
+         to mark. The reason gives the place and the extents of part and drawing as the laser sees them.",
+        "Move the drawing (`place_mm`, `--place`), make it smaller, or check `facing`. If the sizes differ by a \
+         large factor, check the units of part and drawing, and delete stray lines.",
+    ]),
+    notice([
+        "out-of-focus",
+        "The ink spans more height than the focus depth.",
+        "The highest and lowest point under the ink differ by more than `focus_depth_mm` under [optics]. Marks \
+         are wider and paler at the ends of this range.",
+        "Set the focus to the height in the message to share the blur, or mark the drawing in several jobs.",
+    ]),
+    reason([
+        "outside-field",
+        "The corrected drawing reaches beyond the marking field.",
+        "The field is the working area under [field] in the station's settings. The number is the overhang in mm.",
+        "Move the drawing (`place_mm`, `--place`), or move the part with [fixture].",
+    ]),
+    reason([
+        "overtaken",
+        "An older file was written again after a newer file of the same name had arrived.",
+        "The file in the hot folder waits, because it would replace the newer one.",
+        "Drop the file again if it is to replace the newer one. Otherwise remove it.",
+    ]),
+    reason([
+        "part-above-lens",
+        "The part reaches above the lens.",
+        "A perspective lens (`optics.kind`) sees no point at or above its own centre. The height of the part or \
+         of the fixture cannot be right.",
+        "Check `z_mm` under [fixture] and the lens distances under [optics].",
+    ]),
+    reason([
+        "part-format-unknown",
+        "The file is a part in a format that isomark does not read.",
+        "CAD formats such as STEP or IGES contain exact surfaces, which isomark does not read; it reads meshes \
+         and scans.",
+        "Export the part as GLB, glTF, OBJ, STL or PLY, or a scan as PLY or list of points.",
+    ]),
+    reason([
+        "part-not-needed",
+        "The settings give this part by its sizes, so no file is read for it.",
+        "`shape` under [part] is \"cylinder\" or \"cone\" for this SKU.",
+        "Remove the part file. Or set `shape = \"mesh\"` in the SKU's settings to use the file.",
+    ]),
+    reason([
+        "part-rejected",
+        "The newest part of this SKU was rejected, and its older shape is not used.",
+        "A drawing on the older shape could be wrong on the products that are made now. The drawing waits.",
+        "Drop a valid part of this SKU. Or remove the rejected part from the rejected folder to continue with the \
+         older shape.",
+    ]),
+    both([
+        "part-too-thin",
+        "The part is too thin as the laser sees it.",
+        "Its width or height in the view is almost zero. Usually the unit is wrong or `facing` names an edge of a \
+         thin part.",
+        "Check the part's unit (`unit` under [part], `--part-unit`) and `facing`.",
+    ]),
+    both([
+        "part-without-surface",
+        "Hardly any of the side that faces the laser can be marked.",
+        "Almost all of the part is steeper than the limit as the laser sees it. Usually `facing` names another \
+         side, or the up axis is wrong.",
+        "Check `facing` and `up` under [part], and look at the preview.",
+    ]),
+    reason([
+        "pattern-group-code",
+        "A group code of the DXF file cannot be read.",
+        "DXF consists of pairs of a group code and a value. At this place the order is broken: the file is \
+         damaged, or was edited by hand.",
+        "Export the drawing again.",
+    ]),
+    reason([
+        "pattern-not-dxf",
+        "The file is not a DXF file.",
+        "The reason states what the content looks like, for example DWG, PDF or SVG. A drawing is recognised by \
+         its content, not by its name.",
+        "Export the drawing as DXF (R12 to R2018, text or binary), or save a picture as PNG or BMP.",
+    ]),
+    reason([
+        "pattern-nothing-to-mark",
+        "The drawing contains nothing that can be marked.",
+        "It is empty, contains only entities that cannot be converted to lines, or everything is hidden. Inkscape \
+         leaves out live text, for example. The remedy in the reason fits the cause that was found.",
+        "Convert texts and solids to curves, show their layers, and export again. With a picture, check the \
+         threshold (`threshold_percent`, `--threshold`).",
+    ]),
+    reason([
+        "pattern-number",
+        "A number in the DXF file cannot be read.",
+        "Common causes are a comma as decimal sign, NaN, or a damaged file. The reason gives the line and the \
+         entity.",
+        "Export the drawing again with a point as decimal sign, or delete the entity.",
+    ]),
+    reason([
+        "pattern-out-of-range",
+        "An entity is too far from the origin.",
+        "A stray entity is far away, or the drawing has map coordinates or another unit.",
+        "Delete the stray entity, or move the drawing near the origin and check its unit.",
+    ]),
+    reason([
+        "pattern-recursive-block",
+        "A block contains itself.",
+        "The drawing program would expand it without end.",
+        "Explode the block in the drawing program, or purge the drawing, and export again.",
+    ]),
+    reason([
+        "pattern-too-large",
+        "The drawing file is larger than isomark reads.",
+        "The limit protects the memory.",
+        "Export only what is to be marked, with fewer points.",
+    ]),
+    reason([
+        "pattern-too-many",
+        "The drawing expands to more pieces than can be processed.",
+        "Nested blocks, dense hatches or arrays multiply their content. The reason names the entity at which the \
+         limit was reached.",
+        "Simplify the drawing, or mark it in several jobs.",
+    ]),
+    reason([
+        "pattern-truncated",
+        "The drawing file is cut off before its end.",
+        "A DXF file ends with EOF and a picture with its end mark. The export or copy was interrupted, or has not \
+         ended yet. In the hot folder the file waits for `watch.incomplete_s` before it is rejected.",
+        "Wait until the export has ended, then copy the file again.",
+    ]),
+    notice([
+        "picture-animated",
+        "Only the first frame of an animated picture is marked.",
+        "The file contains several frames.",
+        "Save the frame that is to be marked as a plain PNG.",
+    ]),
+    reason([
+        "picture-damaged",
+        "The picture cannot be decoded.",
+        "The file is damaged, or uses a variant of the format that isomark does not read.",
+        "Open it in a picture program and save it as PNG.",
+    ]),
+    notice([
+        "picture-ground",
+        "Most of the picture is marked, its border, too.",
+        "Dark pixels are marked. In a light drawing on a dark ground that is the ground.",
+        "Use `invert = true` under [pattern] (`--invert`) if the ground must stay blank.",
+    ]),
+    notice([
+        "picture-hard-edges",
+        "The picture has hard edges without shades of grey.",
+        "Outlines that slant follow the squares of the pixels and are accurate to about half a pixel only. A \
+         picture with smooth (anti-aliased) edges gives more accurate outlines.",
+        "Export the picture with anti-aliasing or with more pixels, or use DXF, if the outlines must be smoother.",
+    ]),
+    notice([
+        "picture-resolution",
+        "The size comes from a resolution that many programs write without being asked.",
+        "72 or 96 pixels per inch are usual defaults of programs, so the size in mm may be accidental.",
+        "Check the size in the report. Set `width_mm` under [pattern] (`--width`) if it is wrong.",
+    ]),
+    notice([
+        "picture-shades",
+        "Much of the picture is neither dark nor light.",
+        "isomark marks outlines at a threshold. It does not convert shades to dots (halftone), so a photograph \
+         loses its shades.",
+        "Use a picture in black and white. Change `threshold_percent` (`--threshold`) to move the border between \
+         dark and light.",
+    ]),
+    reason([
+        "picture-size",
+        "The picture has no size in mm.",
+        "A picture consists of pixels, and this file does not state a resolution (dpi).",
+        "Set `width_mm` under [pattern] or `--width`, or export the picture with its resolution.",
+    ]),
+    notice([
+        "picture-specks",
+        "Many outlines are specks of a few pixels.",
+        "Usually these are noise of a scan or artefacts of JPEG compression. Each one is marked.",
+        "Clean the picture, or change `threshold_percent` (`--threshold`).",
+    ]),
+    notice([
+        "picture-stretched",
+        "The picture is stretched to the given size.",
+        "`width_mm` and `height_mm` have another ratio than the picture.",
+        "Give only one of them to keep the ratio.",
+    ]),
+    reason([
+        "picture-too-large",
+        "The picture has more pixels than isomark reads.",
+        "The limit protects the memory. A laser spot is far larger than such a pixel.",
+        "Export the picture with fewer pixels; 600 per inch are enough.",
+    ]),
+    notice([
+        "picture-turned",
+        "The picture was rotated or mirrored as its file states.",
+        "Cameras and phones store the orientation beside the pixels (Exif). isomark shows the picture as other \
+         programs do.",
+        "Check the orientation in the preview.",
+    ]),
+    notice([
+        "pieces-joined",
+        "Loose pieces were joined to contours and lines.",
+        "Many programs export an outline as separate lines and arcs. Ends that are closer than `joining_mm` under \
+         [pattern] were joined. The report lists the places.",
+        "Nothing to do. Set `strict = true` (`--strict`) or `joining_mm = 0` to keep the pieces separate.",
+    ]),
+    reason([
+        "readback-differs",
+        "The written drawing differs from what isomark meant to write.",
+        "A second, independent reader checks the written file before it is delivered. It found another vertex, \
+         layer, colour or unit. Nothing was delivered.",
+        "Check the disk, the network and the computer's memory, then try again. If the same drawing is refused \
+         again, it is a defect of isomark: keep the drawing and report it.",
+    ]),
+    reason([
+        "scan-empty",
+        "The scan contains no points.",
+        "The file is empty, or all its points are marked as missing.",
+        "Check that the scanner has seen the part, and export the scan again.",
+    ]),
+    notice([
+        "scan-noisy",
+        "The points of the scan scatter widely.",
+        "The scatter is that of a depth camera, about ten times that of a scanner for parts. Lengths can be wrong \
+         by as much as the message states.",
+        "Use a more accurate scanner or average several scans, if the lengths must be more accurate.",
+    ]),
+    both([
+        "scan-not-smoothed",
+        "The scan could not be smoothed.",
+        "The equations for the smooth surface could not be solved with these points.",
+        "Set `smoothing = \"low-pass\"` under [part] for this part, or scan it again.",
+    ]),
+    notice([
+        "scan-points-dropped",
+        "Many points of the scan were dropped as outliers.",
+        "Points far from the surface of their neighbours are not used. More than a tenth of the scan was dropped.",
+        "Check the surface in the preview. Scan again without reflections, dust spray or the table in view, if \
+         something is missing.",
+    ]),
+    notice([
+        "scan-points-missing",
+        "The scan contains points that are marked as missing.",
+        "Scanners write NaN or (0, 0, 0) for directions in which they saw nothing. These points were left out.",
+        "Nothing to do, unless the part has holes where it was not seen.",
+    ]),
+    notice([
+        "scan-rounded",
+        "Smoothing rounded an edge of the scan.",
+        "The smoothed surface departs from the points by more than noise explains, usually at an edge. The \
+         message gives the place.",
+        "Place the drawing beside the edge, or smooth less (`smoothing` and `low_pass_mm` under [part]).",
+    ]),
+    notice([
+        "scan-smoothed",
+        "The surface was fitted through the points of a scan.",
+        "The message states how many points were used, how far they scatter, and which wavelengths were smoothed.",
+        "Nothing to do. `smoothing` under [part] changes it.",
+    ]),
+    both([
+        "scan-too-few-points",
+        "The scan has too few points that face the laser.",
+        "If the points have normals, those that face away from the laser are not used.",
+        "Scan the part with closer points, and check `facing` under [part].",
+    ]),
+    both([
+        "scan-without-area",
+        "The points of the scan form only a line or a spot as the laser sees them.",
+        "Usually `facing` or the order of the columns is wrong, or the file contains a single profile.",
+        "Check `facing`, the unit and the order of the columns. Scan an area, not a line.",
+    ]),
+    both([
+        "scan-without-surface",
+        "The points of the scan do not form a surface.",
+        "Neighbouring points jump in height everywhere. Usually the unit or `facing` is wrong, the points are too \
+         far apart, or the order of the columns is wrong.",
+        "Check the part's unit and `facing`, or scan with closer points.",
+    ]),
+    reason([
+        "settings-being-saved",
+        "The settings are being saved at the moment.",
+        "The settings file changed a moment ago and may not be complete. Jobs wait until it is stable.",
+        "Nothing: isomark reads the file again in a moment.",
+    ]),
+    reason([
+        "settings-choice",
+        "The side that faces the laser has an unknown name.",
+        "The library function `Settings::facing` accepts `+z`, `-z`, `+x`, `-x`, `+y`, `-y`, or a direction as \
+         three numbers.",
+        "Name a side such as `-y`.",
+    ]),
+    reason([
+        "settings-contradiction",
+        "A setting is valid alone, but not here or not together with another one.",
+        "The message names the settings and the conflict.",
+        "Follow the remedy of the reason; the sample in `watch-config/station.toml` explains each key.",
+    ]),
+    reason([
+        "settings-missing-key",
+        "A required key is missing in the settings.",
+        "The reason names the table and the key.",
+        "Add the key; the sample in `watch-config/station.toml` explains it.",
+    ]),
+    reason([
+        "settings-out-of-range",
+        "A number in the settings is outside its range.",
+        "The reason gives the key, the number and the limit.",
+        "Give a number in the range that the remedy states, in the unit that the key's name ends with.",
+    ]),
+    reason([
+        "settings-syntax",
+        "The settings are not valid TOML, or a value has the wrong type.",
+        "Common mistakes are missing quotes around text, quotes around numbers, and backslashes in Windows paths.",
+        "Correct the line. Write paths with forward slashes, or in single quotes: 'C:\\laser\\import'.",
+    ]),
+    reason([
+        "settings-twice",
+        "Two settings files are for the same SKU.",
+        "SKU names that differ only in upper and lower case, or in how accents are composed, are the same SKU. \
+         Only one of the files is used.",
+        "Keep one of the two files.",
+    ]),
+    reason([
+        "settings-unknown-choice",
+        "A value in the settings is none of the choices.",
+        "The value is misspelt, or belongs to another key or version. The remedy lists the choices.",
+        "Use one of the listed names.",
+    ]),
+    reason([
+        "settings-unknown-key",
+        "A key in the settings is unknown at this place.",
+        "The key is misspelt, is in the wrong table, or belongs to another version. isomark refuses unknown keys \
+         because a misspelt limit would have no effect.",
+        "Correct or remove the key. The remedy names the nearest known one.",
+    ]),
+    reason([
+        "settings-unreadable",
+        "A settings file cannot be read.",
+        "The file does not exist, may not be read, or is not UTF-8 text.",
+        "Check the path and the permissions, and save the file as UTF-8.",
+    ]),
+    reason([
+        "share-missing",
+        "A folder of the station was on a share or disk that is not mounted now.",
+        "Only the empty mount point is available. Files written there would be hidden as soon as the share is \
+         mounted again, so isomark waits.",
+        "Mount the share or disk. If the folder is meant to be on the local disk from now on, remove the file \
+         that the remedy names.",
+    ]),
+    reason([
+        "sidecar-late",
+        "The settings of a drawing arrived after the drawing was delivered.",
+        "A `<name>.toml` beside `<name>.dxf` applies only to a drawing that is processed after it. This drawing \
+         was delivered without these settings.",
+        "Drop the drawing again. In future, drop the settings before the drawing.",
+    ]),
+    reason([
+        "sidecar-no-file",
+        "The settings beside the drawing are a folder or a link.",
+        "isomark does not follow links.",
+        "Put a file there, or remove it.",
+    ]),
+    reason([
+        "sidecar-settling",
+        "The settings beside the drawing may still be written.",
+        "The drawing waits until its `<name>.toml` no longer changes.",
+        "Nothing: isomark looks at the file again.",
+    ]),
+    reason([
+        "sidecar-too-large",
+        "The settings beside the drawing are too large.",
+        "A file with a few settings is never this large; it is probably another file with the extension `.toml`.",
+        "Write only the settings of this drawing into the file.",
+    ]),
+    notice([
+        "size-implausible",
+        "The part's size is implausible.",
+        "Its longest side is outside the range of products on a marking table. Usually the unit is wrong.",
+        "Set the unit of the file with `unit` under [part] or `--part-unit`.",
+    ]),
+    notice([
+        "size-unconfirmed",
+        "The part may be ten times too large.",
+        "build123d exports a part ten times too large if its unit is set to CM. The size alone does not show \
+         whether this is such a file.",
+        "Compare the size with the real part. If it is wrong, export with the unit MM, or set `unit = \"dm\"` \
+         under [part].",
+    ]),
+    notice([
+        "size-unusual",
+        "The drawing has an unusual size.",
+        "It is far smaller or larger than usual marks. Usually the unit is wrong, or a stray entity is far from \
+         the drawing.",
+        "Check the unit (`unit_if_unitless` under [pattern], `--pattern-unit`) and delete stray entities.",
+    ]),
+    reason([
+        "sku-name",
+        "The SKU's name is not valid.",
+        "The name becomes a folder and a file name on every system. It must begin with a letter, a digit or `_`, \
+         must not contain / \\ : * ? \" < > | @, must not end with a dot or space, and must have at most 100 \
+         characters.",
+        "Rename the file. The part of the name before `@` (or before the extension) is the SKU.",
+    ]),
+    reason([
+        "sku-unknown",
+        "No surface is stored for this SKU under these settings.",
+        "`correct --sku` without a part needs a surface that was fitted before with the same part settings (unit, \
+         facing, smoothing and others).",
+        "Name the part before the drawing. Its surface is stored from then on.",
+    ]),
+    reason([
+        "station-held",
+        "The station is already running.",
+        "Another process has the lock in the state folder. The message names the process, if it is known.",
+        "Stop that process first. A second station needs its own `hot` and `state` folders.",
+    ]),
+    reason([
+        "station-journal",
+        "The station's journal cannot be read or written.",
+        "The journal in `folders.state` records which drops were delivered. Without it a drop could be lost or \
+         delivered twice, so the station stops.",
+        "Let the user that runs the station read and write `folders.state`, and free space on its disk.",
+    ]),
+    reason([
+        "station-lock",
+        "The station's lock cannot be taken.",
+        "The lock file in `folders.state` cannot be created or locked. Some network shares do not support locks.",
+        "Let the user that runs the station write into `folders.state`, and choose a folder on a local disk.",
+    ]),
+    notice([
+        "steep",
+        "The beam meets the part at a steep angle.",
+        "Under the ink the surface is inclined to the beam by more than `incidence_warn_deg` under [optics]. \
+         Marks get paler and wider there. The message gives the place.",
+        "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
+    ]),
+    reason([
+        "still-settling",
+        "The file may still be written, or its turn has not come.",
+        "isomark reads a file when it has not changed for `watch.settle_ms`, or when its writer has closed it.",
+        "Nothing: isomark looks at the file again.",
+    ]),
+    notice([
+        "stretch-remains",
+        "Some lengths stay wrong because no map can keep all of them.",
+        "The part is curved in two directions at the stated place. A flat drawing cannot lie on such a surface \
+         without stretch. The map distributes the stretch as well as possible.",
+        "Make the drawing smaller, split it into several jobs, or place it where the part is less curved. \
+         `length_weight` and `angle_weight` under [correction] change what is kept first.",
+    ]),
+    both([
+        "surface-fit-failed",
+        "No surface could be fitted to the part.",
+        "The equations of the fit could not be solved for the side that faces the laser.",
+        "Export the part with a finer mesh, or mark another side.",
+    ]),
+    reason([
+        "surface-gone",
+        "The surface of the SKU was removed from the cache during the job.",
+        "Somebody cleared the cache, or another station replaced the surface. The drawing waits while the part is \
+         fitted again from the archive.",
+        "Wait. If the part is not in the archive any more, drop it again.",
+    ]),
+    notice([
+        "surface-loose",
+        "The fitted surface differs notably from the part under the ink.",
+        "The distance is above a fifth of `max_residual_mm` under [correction], so the job continues. An edge, a \
+         groove or a coarse mesh is near the stated place.",
+        "Export a finer mesh, or place the drawing beside the edge, if the lengths must be more accurate.",
+    ]),
+    reason([
+        "surface-not-met",
+        "The fitted surface differs too much from the part under the drawing.",
+        "An edge, a groove or a coarse mesh is under the drawing, and the smooth surface cannot follow it within \
+         `max_residual_mm` under [correction].",
+        "Place the drawing beside the edge, export a finer mesh, or raise `max_residual_mm` if the error is \
+         acceptable.",
+    ]),
+    reason([
+        "takes-long",
+        "The job takes longer than a quick attempt may.",
+        "isomark first tries small jobs quickly, so that they do not wait for large ones. This job is large and \
+         is done without a limit later.",
+        "Wait until it is done.",
+    ]),
+    notice([
+        "texts-drawn",
+        "Texts were converted to the outlines or strokes of their letters.",
+        "The laser marks lines, not texts. The corrected drawing contains the letters as curves.",
+        "Check the texts in the preview.",
+    ]),
+    reason([
+        "too-much-ink",
+        "The drawing's lines are too long to be marked.",
+        "All lines together are so long that marking would take hours. Usually the unit is wrong, or areas are \
+         filled with single lines.",
+        "Check the drawing's unit. Draw filled areas as HATCH or as closed outlines and let the marking software \
+         fill them.",
+    ]),
+    reason([
+        "too-steep",
+        "The beam would meet the part at too steep an angle.",
+        "Under the ink the surface is inclined to the beam by more than `incidence_refuse_deg` under [optics]. \
+         The reason gives the angle and the place.",
+        "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
+    ]),
+    notice([
+        "trailing-bytes",
+        "The STL file has bytes after its last facet.",
+        "The header states fewer facets than the file could contain. Some programs append their own data. The \
+         bytes were ignored.",
+        "Nothing to do if the part looks complete.",
+    ]),
+    notice([
+        "unit-assumed",
+        "The file does not state its unit reliably, so isomark chose one.",
+        "The message gives the unit and why it was chosen. As a note the choice is certain or usual; as a warning \
+         it is a guess. A wrong unit makes part or drawing too large or too small by a large factor.",
+        "Check the size with `isomark inspect`. Set `unit` under [part] (`--part-unit`) for a part, or \
+         `unit_if_unitless` under [pattern] (`--pattern-unit`) for a drawing.",
+    ]),
+    notice([
+        "unit-pixels",
+        "Inkscape wrote the drawing without a unit, so its numbers are probably pixels.",
+        "Inkscape exports 96 units per inch when the document's unit is px. Read as mm, the drawing is almost \
+         four times too large.",
+        "Set `unit_if_unitless = \"px\"` under [pattern] (`--pattern-unit px`), or set the document's unit to mm \
+         in Inkscape and export again.",
+    ]),
+    notice([
+        "unit-setting-unused",
+        "The drawing states its unit, so the setting for drawings without one is not used.",
+        "`unit_if_unitless` applies only to drawings that state no unit.",
+        "Nothing to do if the drawing's own unit is right.",
+    ]),
+    reason([
+        "unknown-kind",
+        "The file is neither a part nor a drawing.",
+        "The hot folder accepts parts, scans, DXF drawings and pictures, and the files that belong to them. The \
+         extension decides.",
+        "Export the part as GLB, glTF, OBJ, STL, PLY or a list of points, and the drawing as DXF, PNG or BMP.",
+    ]),
+    reason([
+        "usage",
+        "The command line is wrong.",
+        "An option, a value or a combination of both is not valid, or a required argument is missing. The exit \
+         code is 2.",
+        "Run `isomark help` or `isomark COMMAND --help`.",
+    ]),
+    reason([
+        "waits-for-part",
+        "The drop waits for a part.",
+        "A drawing needs the fitted surface of its SKU, and no part of that SKU is known or complete yet. A file \
+         that belongs to a part, such as a texture or a `.bin`, waits for the part that names it.",
+        "Drop the part under the SKU's name. Remove the waiting file if nothing needs it.",
+    ]),
+    reason([
+        "waits-for-pattern",
+        "The settings wait for the drawing of the same name.",
+        "A `<name>.toml` in the hot folder applies to `<name>.dxf`, which has not arrived.",
+        "Drop the drawing, or remove the settings.",
+    ]),
+    reason([
+        "waits-for-turn",
+        "The file is complete and waits for its turn.",
+        "Large jobs are done one after the other, so that small ones are not delayed.",
+        "Nothing: it is done after the large jobs before it.",
+    ]),
+    notice([
+        "weights-unused",
+        "Weights are set that have no effect.",
+        "`length_weight` and `angle_weight` under [correction] apply to `weighting = \"ink\"` only.",
+        "Remove the weights, or set `weighting = \"ink\"`.",
+    ]),
+    notice([
+        "wide-lines",
+        "Polylines with a width are marked as filled outlines.",
+        "The width in the drawing is real ink: the laser marks its outline, and the marking software fills it.",
+        "Set the width to 0 in the drawing program if a single line is meant.",
+    ]),
+    notice([
+        "winding-contradicts",
+        "The part's surface has only one side, like a Möbius strip.",
+        "The triangles cannot all be oriented alike, so near the stated place it is not known which side is \
+         outside.",
+        "Repair the mesh (in Blender: Mesh > Normals > Recalculate Outside), or keep the ink away from that place.",
+    ]),
+    notice([
+        "winding-made-alike",
+        "Triangles that ran the other way round than their neighbours were reversed.",
+        "The file has no normals that show the outside, so isomark oriented the triangles like their neighbours.",
+        "Nothing to do if the part looks right. In Blender, use Recalculate Outside before the export.",
+    ]),
+    notice([
+        "without-length",
+        "Pieces of the drawing have no length.",
+        "The drawing was read strictly, so they stay. They mark nothing, but can make a laser fire at one spot.",
+        "Delete them in the drawing program, or leave out `strict` to let isomark remove them.",
+    ]),
+];
