@@ -48,6 +48,7 @@ pub struct CacheKey(String);
 
 /// The origin of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PartOrigin {
     /// The part file's name.
     pub file: String,

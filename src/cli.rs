@@ -15,6 +15,7 @@ mod diff;
 mod evaluate;
 mod explain;
 mod inspect;
+mod schema;
 mod job;
 mod log;
 mod marked_line;
@@ -62,6 +63,8 @@ enum Command {
     Diff(diff::DiffArguments),
     /// Explains a code of a reason or notice: what it means and what to do.
     Explain(explain::ExplainArguments),
+    /// Prints the JSON Schema of a document that isomark writes.
+    Schema(schema::SchemaArguments),
     /// Lists, verifies and removes fitted surfaces.
     Cache(cache::CacheArguments),
     /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
@@ -93,6 +96,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
         Command::Explain(arguments) => (explain::run(&arguments), arguments.json),
+        Command::Schema(arguments) => (schema::run(&arguments), false),
         Command::Cache(arguments) => (cache::run(&arguments), false),
         Command::Demo(arguments) => (demo::run(&arguments), false),
     };

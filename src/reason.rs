@@ -22,6 +22,7 @@ pub const SCHEMA: &str = "isomark.reason/1";
 
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Reason {
     /// Stable name for machines, in kebab case, such as `mesh-truncated`.
     pub code: String,
@@ -39,6 +40,7 @@ pub struct Reason {
 
 /// A place in a file or on a part; unknown fields are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Place {
     /// The file's name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -65,6 +67,7 @@ pub struct Place {
 
 /// A number with its unit, and the limit it was compared with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Quantity {
     /// What was measured, such as `incidence angle`.
     pub name: String,
@@ -79,6 +82,7 @@ pub struct Quantity {
 
 /// Something that was assumed, repaired, skipped or found unusual; the job continues.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Notice {
     /// Stable name for machines, in kebab case, such as `unit-assumed`.
     pub code: String,
@@ -90,6 +94,7 @@ pub struct Notice {
 
 /// How much attention a [`Notice`] deserves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
     /// Worth knowing, nothing to do.
@@ -100,7 +105,8 @@ pub enum Severity {
 
 /// The JSON form of a reason: the schema, the path of the rejected file, and the reason's fields.
 #[derive(Serialize)]
-struct ReasonFile<'a> {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ReasonFile<'a> {
     schema: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     drop: Option<&'a str>,
@@ -153,9 +159,11 @@ impl Reason {
         self
     }
 
-    /// Adds the deciding number.
+    /// Adds the deciding number; one that is not finite is left out, because JSON has no word for it.
     pub fn with_number(mut self, name: &str, value: f64, unit: &str, limit: Option<f64>) -> Self {
-        self.number = Some(Quantity { name: name.into(), value, unit: unit.into(), limit });
+        let limit = limit.filter(|limit| limit.is_finite());
+        let quantity = Quantity { name: name.into(), value, unit: unit.into(), limit };
+        self.number = Some(quantity).filter(|_| value.is_finite());
         self
     }
 }

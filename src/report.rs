@@ -26,6 +26,7 @@ const MAX_CHANGES: usize = 5;
 
 /// The report of a delivered job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
@@ -58,6 +59,7 @@ pub struct Report {
 
 /// The part and its surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PartReport {
     /// File and hash.
     #[serde(flatten)]
@@ -78,6 +80,7 @@ pub struct PartReport {
 
 /// Distance between the fitted surface and the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ResidualReport {
     /// Largest, mm.
     #[serde(rename = "largest_mm")]
@@ -101,6 +104,7 @@ pub struct ResidualReport {
 
 /// The drawing as it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PatternReport {
     /// The file's name.
     pub file: String,
@@ -119,6 +123,7 @@ pub struct PatternReport {
 
 /// The placement of the drawing in the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PlacementReport {
     /// Direction, in the part's frame, that faces the laser.
     pub facing: [f64; 3],
@@ -134,6 +139,7 @@ pub struct PlacementReport {
 
 /// The map of the drawing onto the part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "method", rename_all = "kebab-case")]
 pub enum MapReport {
     /// The map with the smallest strain.
@@ -196,6 +202,7 @@ pub enum MapReport {
 
 /// The weights of the map with the smallest strain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
@@ -207,6 +214,7 @@ pub struct WeightsReport {
 
 /// The accuracy of the drawing on the part, measured on the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Quality {
     /// Without the correction; absent if the drawing would then not be completely on the part.
     pub before: Option<DistortionReport>,
@@ -216,6 +224,7 @@ pub struct Quality {
 
 /// The results of [`Distortion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DistortionReport {
     /// e_l, mm.
     pub length_error_mm: f64,
@@ -247,6 +256,7 @@ pub struct DistortionReport {
 
 /// The part under the ink, as the beam reaches it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ExposureReport {
     /// Largest angle between beam and surface normal, degrees.
     pub incidence_deg: f64,
@@ -260,6 +270,7 @@ pub struct ExposureReport {
 
 /// The corrected drawing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct OutputReport {
     /// BLAKE3 hash of the file, in hexadecimal.
     pub blake3: String,
@@ -280,6 +291,7 @@ pub struct OutputReport {
 
 /// The differences between the drawing and the one it replaces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ChangesReport {
     /// Number of paths in the older drawing.
     pub old_paths: usize,
@@ -293,6 +305,7 @@ pub struct ChangesReport {
 
 /// The time of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Timing {
     /// The stage.
     pub stage: String,

@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
+mod schemas;
+
 /// A shallow trough.
 const PART: &str =
     "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\nf 1 2 5 4\nf 2 3 6 5\n";
@@ -296,6 +298,7 @@ impl Station {
 impl Drop for Station {
     fn drop(&mut self) {
         self.kill();
+        schemas::check_below(self.folder.path());
     }
 }
 

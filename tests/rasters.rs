@@ -14,6 +14,8 @@ use isomark::geometry::space::{Extents, FlatPoint};
 use nalgebra::Vector2;
 use serde_json::Value;
 
+mod schemas;
+
 fn file(name: &str) -> Vec<u8> {
     fs::read(format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
@@ -459,7 +461,7 @@ fn a_picture_is_corrected_like_the_drawing_it_was_made_from() {
         let (code, out, err) = isomark(folder.path(), &arguments);
         assert_eq!(code, 0, "{err}");
         let bytes = fs::read(folder.path().join("out.dxf")).unwrap();
-        (serde_json::from_str(&out).unwrap(), read(&bytes, &PatternOptions::default()).unwrap().pattern)
+        (schemas::document(&out), read(&bytes, &PatternOptions::default()).unwrap().pattern)
     };
     let drawing = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/patterns/abc.dxf");
     let (of_picture, picture) = correct(LETTERS, &[]);
@@ -524,4 +526,5 @@ fn pictures_in_the_hot_folder_become_dxf_drawings() {
     let reason = fs::read_to_string(path("rejected/mouse@white.png.reason.txt")).unwrap();
     assert!(reason.contains("threshold of 40 %"), "{reason}");
     assert!(path("hot/mouse@half.png").exists(), "it may still be written");
+    schemas::check_below(folder.path());
 }

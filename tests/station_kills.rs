@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
+mod schemas;
+
 const SKUS: [&str; 3] = ["trough", "Gutter", "rinne"];
 const VARIANTS: usize = 8;
 
@@ -405,6 +407,7 @@ impl Drop for Harness {
             let _ = program.kill();
             let _ = program.wait();
         }
+        schemas::check_below(self.folder.path());
     }
 }
 

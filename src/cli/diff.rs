@@ -28,7 +28,8 @@ pub(super) struct DiffArguments {
 const SCHEMA: &str = "isomark.diff/1";
 
 #[derive(Serialize)]
-struct Document<'a> {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct Document<'a> {
     schema: &'static str,
     #[serde(flatten)]
     diff: &'a DrawingDiff,

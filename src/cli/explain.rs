@@ -24,6 +24,7 @@ pub(super) struct ExplainArguments {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct Document {
     /// [`SCHEMA`].
     schema: &'static str,

@@ -4,14 +4,71 @@
 use std::path::Path;
 
 use fs_err as fs;
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, SchemaGenerator};
+use serde_json::{Value, json};
 
-use crate::reason::{Code, CodeKind};
+use super::{diff, explain, schema};
+use crate::formats::mesh::PartFacts;
+use crate::formats::pattern::PatternFacts;
+use crate::hotfolder::status::Status;
+use crate::pipeline::Evaluation;
+use crate::reason::{Code, CodeKind, ReasonFile};
+use crate::report::Report;
 
 const COMMAND: &str = "cargo test --lib write_generated_files -- --ignored";
 
 /// Each file with its content.
 fn generated() -> Vec<(String, String)> {
-    vec![("plugins/codes.md".into(), codes())]
+    let schemas = schema::DOCUMENTS.iter().map(|document| {
+        let schema = serde_json::to_string_pretty(&schema_of(document.name)).unwrap();
+        (format!("plugins/schemas/{}.schema.json", document.name), schema + "\n")
+    });
+    schemas.chain([("plugins/codes.md".into(), codes())]).collect()
+}
+
+/// The schema of a document, from its type.
+fn schema_of(name: &str) -> Value {
+    match name {
+        "report" => document::<Report>(name),
+        "reason" => document::<ReasonFile<'_>>(name),
+        "part" => document::<PartFacts>(name),
+        "pattern" => document::<PatternFacts>(name),
+        "evaluate" => document::<Evaluation>(name),
+        "diff" => document::<diff::Document<'_>>(name),
+        "status" => document::<Status>(name),
+        "codes" => document::<explain::Document>(name),
+        _ => panic!("no type makes the document {name}"),
+    }
+}
+
+/// What is written is described, so that a field which is always there is required.
+fn document<T: JsonSchema>(name: &str) -> Value {
+    let generator = SchemaGenerator::new(SchemaSettings::draft2020_12().for_serialize());
+    let mut schema = generator.into_root_schema_for::<T>().to_value();
+    let name = format!("isomark.{name}/1");
+    without_links(&mut schema);
+    schema["title"] = name.as_str().into();
+    schema["properties"]["schema"] =
+        json!({ "description": "Name and version of this form.", "const": name });
+    let required = schema["required"].as_array_mut().unwrap();
+    required.retain(|field| field != "schema");
+    required.insert(0, "schema".into());
+    schema
+}
+
+/// Takes the links of Rust's documentation out of the descriptions.
+fn without_links(schema: &mut Value) {
+    match schema {
+        Value::Object(fields) => fields.iter_mut().for_each(|(key, value)| match value {
+            Value::String(text) if key == "description" => {
+                *text = text.replace("[`", "`").replace("`]", "`").replace('\n', " ");
+            }
+            _ => without_links(value),
+        }),
+        Value::Array(items) => items.iter_mut().for_each(without_links),
+        _ => {}
+    }
 }
 
 /// The codes as a page.
@@ -65,5 +122,15 @@ fn write_generated_files() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(&file);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, content).unwrap();
+    }
+}
+
+#[test]
+fn every_document_is_in_the_table_for_integrators() {
+    let table = include_str!("../../plugins/README.md");
+    for schema::Document { name, .. } in schema::DOCUMENTS {
+        let row = table.lines().find(|line| line.starts_with(&format!("| `isomark.{name}/1` |")));
+        let link = format!("| [`{name}`](schemas/{name}.schema.json) |");
+        assert!(row.is_some_and(|row| row.ends_with(&link)), "{name}");
     }
 }

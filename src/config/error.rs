@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::suggest::{listed, nearest};
-use crate::reason::{Place, Quantity, Reason};
+use crate::reason::{Place, Reason};
 
 /// A mistake in a settings file or in a setting of the command line.
 #[derive(Debug)]
@@ -139,7 +139,7 @@ impl ConfigError {
         reason.place = self.place();
         if let Self::OutOfRange { key, value, low, high, unit, .. } = self {
             let limit = Some(if *value < *low { *low } else { *high });
-            reason.number = Some(Quantity { name: key.clone(), value: *value, unit: (*unit).into(), limit });
+            return reason.with_number(key, *value, unit, limit);
         }
         reason
     }

@@ -57,6 +57,7 @@ pub fn text_changes(old: &str, new: &str) -> Vec<String> {
 /// The differences between an old and a new drawing. [`Display`](std::fmt::Display) gives a few lines, with similar
 /// changes combined.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DrawingDiff {
     /// The tolerance of the comparison, mm.
     pub tolerance: f64,
@@ -73,6 +74,7 @@ pub struct DrawingDiff {
 
 /// One change of one path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "change", rename_all = "kebab-case")]
 pub enum Change {
     /// The path is only in the new drawing.
@@ -147,6 +149,7 @@ pub enum Change {
 
 /// The direction of a move; it is diagonal if both components are large enough (see [`Direction::of`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 #[expect(missing_docs, reason = "the names are self-explanatory")]
 pub enum Direction {

@@ -17,6 +17,7 @@ pub struct DiffPath {
 
 /// The kind of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum DiffKind {
     /// A single spot.
@@ -29,6 +30,7 @@ pub enum DiffKind {
 
 /// The properties that identify a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PathNote {
     /// The layer's name.
     pub layer: String,

@@ -11,6 +11,7 @@ use serde::Serialize;
 /// assert_eq!(code.meaning, "The part file is cut off before its end.");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct Code {
     /// The code, in kebab case.
@@ -27,6 +28,7 @@ pub struct Code {
 
 /// What has a code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CodeKind {

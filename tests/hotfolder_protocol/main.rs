@@ -21,6 +21,8 @@ use isomark::reason::{Place, Reason};
 
 #[cfg(unix)]
 mod held_open;
+#[path = "../schemas/mod.rs"]
+mod schemas;
 mod side_by_side;
 mod uncertain;
 
@@ -268,6 +270,10 @@ impl Drop for Line {
         if let Some(running) = self.running.take() {
             let _ = running.join();
         }
+        // The corrector of these tests writes reports of its own kind.
+        for folder in ["rejected", "state"] {
+            schemas::check_below(&self.path(folder));
+        }
     }
 }
 
@@ -441,8 +447,7 @@ fn an_invalid_drop_is_rejected_and_the_station_continues() {
     line.drop("can@3.dxf", "good");
     line.waits_for_empty_hot();
     assert_eq!(line.import(), ["can@3.dxf"]);
-    let json: serde_json::Value =
-        serde_json::from_str(&line.text("rejected/can@1.dxf.reason.json").unwrap()).unwrap();
+    let json: serde_json::Value = schemas::document(line.text("rejected/can@1.dxf.reason.json").unwrap());
     assert_eq!(json["schema"], "isomark.reason/1");
     assert_eq!(json["drop"], "can@1.dxf");
     assert_eq!(json["code"], "asked");
@@ -464,8 +469,7 @@ fn a_drawing_that_differs_in_its_file_is_never_delivered() {
     line.waits_for_empty_hot();
     assert_eq!(line.import(), [""; 0]);
     assert_eq!(files(&line.path("archive")), ["can/can.glb", "can/current-part.txt"]);
-    let reason: serde_json::Value =
-        serde_json::from_str(&line.text("rejected/can.dxf.reason.json").unwrap()).unwrap();
+    let reason: serde_json::Value = schemas::document(line.text("rejected/can.dxf.reason.json").unwrap());
     assert_eq!(
         (&reason["code"], &reason["place"]["line"], &reason["place"]["file"]),
         (&"readback-differs".into(), &7.into(), &"can.dxf".into())

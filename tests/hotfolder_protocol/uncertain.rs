@@ -29,7 +29,7 @@ fn ends_before_the_rename(line: &Line) {
 }
 
 fn uncertain(line: &Line) -> Vec<String> {
-    let status: Value = serde_json::from_str(&line.text("state/status.json").unwrap()).unwrap();
+    let status: Value = crate::schemas::document(line.text("state/status.json").unwrap());
     let drawings = status["uncertain"]["first"].as_array().unwrap().iter();
     drawings.map(|drawing| drawing["name"].as_str().unwrap().to_owned()).collect()
 }

@@ -6,6 +6,8 @@ use std::time::Duration;
 use fs_err as fs;
 use serde_json::Value;
 
+use crate::schemas;
+
 /// A path of `tests/data/parts`.
 pub fn part(name: &str) -> String {
     format!("{}/tests/data/parts/{name}", env!("CARGO_MANIFEST_DIR"))
@@ -43,11 +45,15 @@ impl Desk {
     }
 
     pub fn read(&self, relative: &str) -> Vec<u8> {
-        fs::read(self.path(relative)).unwrap()
+        let bytes = fs::read(self.path(relative)).unwrap();
+        if schemas::is_document(relative.as_ref()) {
+            schemas::document(&bytes);
+        }
+        bytes
     }
 
     pub fn text(&self, relative: &str) -> String {
-        fs::read_to_string(self.path(relative)).unwrap()
+        String::from_utf8(self.read(relative)).unwrap()
     }
 
     pub fn write(&self, relative: &str, bytes: impl AsRef<[u8]>) {
@@ -76,6 +82,10 @@ impl Desk {
         };
         assert!(!output.err.contains('\u{1b}') && !output.out.contains('\u{1b}'), "colour codes: {output:?}");
         assert!(!output.err.contains("panicked"), "{output:?}");
+        let asks = |option: &str| arguments.iter().any(|argument| argument.as_ref() == option);
+        if asks("--json") && !asks("--help") {
+            schemas::document(&output.out);
+        }
         output
     }
 
@@ -93,6 +103,12 @@ impl Desk {
         let report: Value = serde_json::from_str(&output.out).unwrap();
         assert_eq!(report["schema"], "isomark.report/1");
         report
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        schemas::check_below(self.root());
     }
 }
 

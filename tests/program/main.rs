@@ -11,12 +11,15 @@
 mod desk;
 #[path = "../ezdxf/mod.rs"]
 mod ezdxf;
+#[path = "../schemas/mod.rs"]
+mod schemas;
 
 mod correct;
 mod simulated_laser;
 mod refusals;
 mod settings;
 mod retention;
+mod schema;
 mod cache;
 mod inspect_and_diff;
 mod station;

@@ -13,6 +13,8 @@ use fs_err as fs;
 mod disks;
 #[cfg(target_os = "linux")]
 mod flushes;
+#[path = "../schemas/mod.rs"]
+mod schemas;
 mod together;
 
 const SETTINGS: &str = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
@@ -103,7 +105,7 @@ impl Station {
 
     fn reason(&self, name: &str) -> String {
         let path = self.path("rejected").join(format!("{name}.reason.json"));
-        let reason: serde_json::Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        let reason = schemas::document(fs::read(path).unwrap());
         reason["code"].as_str().unwrap().to_owned()
     }
 }
@@ -114,6 +116,7 @@ impl Drop for Station {
             let _ = program.kill();
             let _ = program.wait();
         }
+        schemas::check_below(self.folder.path());
     }
 }
 

@@ -37,6 +37,7 @@ impl Shape {
 
 /// What was found in a part file, and how it was interpreted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PartFacts {
     /// The format of the bytes, which may differ from the file name's ending; absent for a primitive from the settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -72,6 +73,7 @@ pub struct PartFacts {
 
 /// The quality of a file's normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum NormalsFound {
     /// The file has none.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A format that parts can be read from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum MeshFormat {
     /// glTF 2 as text, with its buffers in files beside it or embedded.

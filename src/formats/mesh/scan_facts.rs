@@ -6,6 +6,7 @@ use crate::geometry::surface::scan::{ScanQuality, ScanRegion, Smoothing};
 
 /// What was found in the points of a scan, and how they were processed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ScanFacts {
     /// Number of measured points.
     pub points: usize,
@@ -27,6 +28,7 @@ pub struct ScanFacts {
 
 /// One surface of a scan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ScanSurface {
     /// Number of points that it was fitted to.
     pub points: usize,

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// The unit of a part file's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum LengthUnit {
     /// 1 mm.
     #[serde(rename = "mm")]
@@ -28,6 +29,7 @@ pub enum LengthUnit {
 
 /// The axis of a part file that points up in the designer's model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// +Y up, as glTF requires.
@@ -38,6 +40,7 @@ pub enum UpAxis {
 
 /// A value that was decided, and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "Decision_{T}"))]
 pub struct Decision<T> {
     /// What was decided.
     pub value: T,

@@ -10,6 +10,7 @@ use crate::reason::Notice;
 
 /// What the file states, and what was assumed, repaired and skipped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PatternFacts {
     /// The program that wrote the file, if known.
     pub producer: Option<String>,
@@ -43,6 +44,7 @@ pub struct PatternFacts {
 
 /// A picture and how it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RasterFacts {
     /// Columns and rows of pixels.
     pub pixels: [usize; 2],
@@ -65,6 +67,7 @@ pub struct RasterFacts {
 
 /// A layer of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LayerFacts {
     /// Its colour: an index of the AutoCAD colour table or `#rrggbb`.
     pub color: String,
@@ -76,6 +79,7 @@ pub struct LayerFacts {
 
 /// Something that was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Repair {
     /// What was repaired, with its number.
     #[serde(flatten)]
@@ -89,6 +93,7 @@ pub struct Repair {
 
 /// Where something was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RepairPlace {
     /// Type of the entity, or of the first one if there are several, such as `LINE`.
     pub entity: String,
@@ -108,6 +113,7 @@ pub struct RepairPlace {
 
 /// An entity that is not in the pattern.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Skipped {
     /// Its type, such as `MTEXT`.
     pub entity: String,

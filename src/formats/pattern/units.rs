@@ -9,6 +9,7 @@ use crate::reason::Notice;
 
 /// The length of one unit of a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "&'static str")]
 pub enum DrawingUnit {
     /// 1e-6 mm.

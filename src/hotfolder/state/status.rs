@@ -32,6 +32,7 @@ const ERRORS: usize = 20;
 
 /// A station as it was at one moment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Status {
     /// [`SCHEMA`].
     pub schema: String,
@@ -74,6 +75,7 @@ pub struct Status {
 
 /// How long reports, archived originals and rejected drops are kept, and the result of the last pass over the folders.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Kept {
     /// When that pass was, in universal time.
     pub at: String,
@@ -104,6 +106,7 @@ pub struct Kept {
 
 /// The state of a station, as seen from outside.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
     /// It is running and writes its status.
@@ -119,6 +122,7 @@ pub enum State {
 
 /// Counts since the start, and of the last hour.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Done {
     /// Corrected drawings delivered.
     pub delivered: u64,
@@ -134,6 +138,7 @@ pub struct Done {
 
 /// A job that is being done.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct UnderWay {
     /// The drop, relative to the hot folder.
     pub drop: String,
@@ -143,6 +148,7 @@ pub struct UnderWay {
 
 /// The first entries of a list, and how many there are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "Listed_{T}"))]
 pub struct Listed<T> {
     /// How many there are.
     pub count: usize,
@@ -152,6 +158,7 @@ pub struct Listed<T> {
 
 /// A drop that waits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Waits {
     /// The drop, relative to the hot folder.
     pub drop: String,
@@ -161,6 +168,7 @@ pub struct Waits {
 
 /// A delivered drawing that is outdated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct OutdatedDrawing {
     /// Its name in the import folder.
     pub name: String,
@@ -171,6 +179,7 @@ pub struct OutdatedDrawing {
 /// A drawing that may not have been delivered: the station was interrupted, and the import folder contains neither the
 /// drawing nor its temporary file. Either an importer took it, or somebody removed the temporary file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct UncertainDrawing {
     /// Its name in the import folder.
     pub name: String,
@@ -191,6 +200,7 @@ impl From<&Delivered> for UncertainDrawing {
 
 /// A drop that was rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Rejection {
     /// When.
     pub at: String,
