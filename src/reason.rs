@@ -54,7 +54,8 @@ pub struct Place {
     /// Offset in a binary file, in bytes from its start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub byte: Option<u64>,
-    /// The item in the file, such as `LWPOLYLINE 2F`, `mesh "Solid", primitive 3` or `station.folders.hot`.
+    /// The item in the file, such as `LWPOLYLINE 2F`, `mesh "Solid", primitive 3` or `station.folders.hot`; or the option of the
+    /// command line.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub item: Option<String>,
     /// The layer of the drawing.

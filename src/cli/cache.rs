@@ -1,4 +1,4 @@
-//! `isomark cache`: looks after the fitted surfaces.
+//! `isomark cache`: lists, verifies and removes fitted surfaces.
 
 use std::path::PathBuf;
 

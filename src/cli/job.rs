@@ -89,7 +89,7 @@ pub(super) struct Job<'a> {
     pub(super) drawing: Vec<u8>,
     /// Which written drawings are read back.
     pub(super) verify: Verify,
-    /// Shows what is done as long as it lives.
+    /// Shows the current step as long as it lives.
     pub(super) progress: ProgressLine,
 }
 

@@ -14,12 +14,12 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).map_err(|error| file_trouble("read", path, &error))
 }
 
-/// Writes a file that the user named, whole or not at all.
+/// Writes a file that the user named, completely or not at all.
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
     write_with(path, |folder, name| crate::files::write_whole(folder, name, bytes))
 }
 
-/// The same, if `check` accepts what is read of the flushed file before it gets its name.
+/// The same, if `check` accepts the flushed file, read again before it gets its name.
 pub(super) fn write_file_if(
     path: &Path,
     bytes: &[u8],

@@ -1,4 +1,4 @@
-//! The line on a terminal that shows what is done while a person waits.
+//! The line on a terminal that shows the current step while a person waits.
 //!
 //! It is shown on standard error if that is a terminal, after one second of work, and is drawn again in its place. All
 //! other output clears it first, so nothing is written behind it.
@@ -25,7 +25,7 @@ fn line() -> MutexGuard<'static, Line> {
     LINE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Shows what is done until it is dropped.
+/// Shows the current step until it is dropped.
 pub(super) struct ProgressLine(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl ProgressLine {
@@ -48,7 +48,7 @@ impl ProgressLine {
         Self(thread.ok().map(|thread| (ends, thread)))
     }
 
-    /// What a pipeline tells of its steps.
+    /// Receives the steps of a pipeline.
     pub(super) fn observer(&self) -> impl Fn(Progress<'_>) + Send + Sync + 'static {
         let is_shown = self.0.is_some();
         move |progress| {
@@ -96,11 +96,11 @@ fn columns() -> usize {
     size.map_or(COLUMNS, |(terminal_size::Width(columns), _)| columns.into())
 }
 
-/// What is shown.
+/// The state of the line.
 struct Line {
     /// The files that are worked on, each with its step; the one that began first is shown.
     jobs: Vec<(String, String)>,
-    /// What is on the terminal now, and the columns it takes.
+    /// The text on the terminal now, and the columns it takes.
     drawn: String,
     columns_drawn: usize,
 }

@@ -1,5 +1,4 @@
-//! What a service manager such as systemd is told: that the station is ready, alive, about to end. Elsewhere than on Unix
-//! there is none.
+//! Notifications to a service manager such as systemd: the station is ready, is alive, is about to end. Only on Unix.
 
 use std::time::{Duration, Instant};
 

@@ -47,7 +47,7 @@ impl SetArguments {
     }
 }
 
-/// Adds the settings that options of their own give: each option with its setting and what was typed.
+/// Adds the settings of the options that stand for one: each option with its setting and the typed value.
 pub(super) fn add_options(
     overrides: &mut Overrides,
     options: &[(&str, &str, Option<&String>)],

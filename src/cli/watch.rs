@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
         tell(&format!("isomark: warning: Ctrl-C will not stop the station cleanly: {error}"));
     }
     let mut pipeline = Pipeline::new(Some(Cache::new(&settings.station().folders.cache)));
-    // Nobody sits and waits for a station that runs on.
+    // A station that keeps running has its log instead.
     let progress = arguments.once.then(ProgressLine::start);
     if let Some(progress) = &progress {
         pipeline = pipeline.observed(progress.observer());

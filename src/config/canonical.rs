@@ -12,8 +12,8 @@
 //! change, and the text with them. Numbers are the 16 hexadecimal digits of their IEEE 754 double, lengths in mm, angles in rad;
 //! names that people choose follow their length in bytes.
 //!
-//! Any other change to a text that somebody's settings give makes stations deliver their archives again. If it has to be,
-//! [`VERSION`] is raised with it: drawings that were delivered under an older form are then taken as up to date.
+//! Any other change to these texts makes stations deliver their archives again. If it is necessary, raise [`VERSION`] with it:
+//! drawings that were delivered under an older form are then treated as up to date.
 
 use std::fmt::Write;
 
@@ -47,8 +47,8 @@ pub fn primitive(primitive: &Primitive) -> String {
     text.0
 }
 
-/// What shapes a corrected drawing, besides part and pattern. Left out is what only decides whether there is one and what
-/// only shows in its report: the drawing that was delivered would be the same. So is the fit, as the program's version is.
+/// What shapes a corrected drawing, besides part and pattern. Settings that only decide whether there is a drawing, or only
+/// change its report, are left out: the delivered drawing would be the same. The fit is left out like the program's version.
 pub fn drawing(settings: &JobSettings) -> String {
     let JobSettings {
         part,
@@ -186,7 +186,7 @@ impl Text {
         let Fixture { x, y, z, rotation } = fixture;
         self.number("fixture.x_mm", *x, 0.0);
         self.number("fixture.y_mm", *y, 0.0);
-        // Under a telecentric lens height shifts nothing.
+        // Under a telecentric lens height has no effect.
         if *lens != Lens::Telecentric {
             self.number("fixture.z_mm", *z, 0.0);
         }
@@ -196,7 +196,7 @@ impl Text {
     fn optics(&mut self, optics: &Optics, settings: &JobSettings) {
         let Optics {
             lens,
-            // As the scan head has it, in the middle of the field perhaps.
+            // The scan head gives it, perhaps as the middle of the field.
             axis: _,
             // It makes the report warn.
             focus_depth: _,
@@ -244,7 +244,7 @@ impl Text {
     }
 
     fn numbers<const COUNT: usize>(&mut self, key: &str, values: [f64; COUNT]) {
-        // The sum makes zero of minus zero, which is the same place.
+        // The sum turns minus zero into zero, which is the same place.
         let digits = values.map(|value| format!("{:016x}", (value + 0.0).to_bits()));
         self.word(key, Some(digits.join(" ")));
     }

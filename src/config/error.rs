@@ -39,7 +39,7 @@ pub enum ConfigError {
         /// The keys that exist here.
         allowed: Vec<String>,
     },
-    /// A name that is none of the choices.
+    /// A name that is not one of the choices.
     UnknownChoice {
         /// Where.
         spot: Spot,
@@ -99,7 +99,7 @@ pub enum Spot {
     Option(String),
 }
 
-/// A line of a settings file, and what of it is wrong.
+/// A line of a settings file, and its wrong part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Excerpt {
     /// The line without its end.

@@ -1,4 +1,4 @@
-//! SKU names, checked once so that none can lead out of the folders.
+//! SKU names, checked once so that none leads out of the folders.
 
 use std::cmp::Ordering;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::reason::Reason;
 
 /// The name of a product.
 ///
-/// It starts with a letter, a digit or `_`, holds no path separator, no `@` and nothing that some file system
+/// It starts with a letter, a digit or `_`, contains no path separator, no `@` and nothing that some file system
 /// forbids, and has at most 100 characters, so it is a plain file name everywhere. Two names that differ only in
 /// case, or in how accents are composed, are the same SKU, because many file systems treat them as one name. The spelling is
 /// kept for people; folders and comparisons use [`Sku::key`].
@@ -88,8 +88,8 @@ impl FromStr for Sku {
     }
 }
 
-/// The name as file systems compare names that do not tell upper from lower case, nor `é` from `e` with an accent:
-/// equal for names that are one file there.
+/// The name as file systems compare it that ignore case and how accents are composed: equal for names of the same file
+/// there.
 pub(crate) fn fold(name: &str) -> String {
     name.nfc().collect::<String>().to_lowercase()
 }

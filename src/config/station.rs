@@ -45,7 +45,7 @@ pub struct Station {
 pub struct FolderPaths {
     /// Where designers drop parts and patterns.
     pub hot: PathBuf,
-    /// Where the marking software imports from; only whole corrected drawings ever appear there.
+    /// Where the marking software imports from; only complete corrected drawings appear there.
     pub import: PathBuf,
     /// The originals of finished drops, one folder per SKU.
     pub archive: PathBuf,
@@ -215,7 +215,7 @@ impl Default for Retention {
 /// Length of a day, s.
 const DAY: u64 = 86_400;
 
-/// A log file that is kept small.
+/// A log file of limited size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogSettings {
     /// The file.
@@ -356,7 +356,7 @@ impl JobSettings {
 /// Whether a setting of the command line holds a value of the right kind. Its range is not checked.
 pub(super) fn is_of_its_kind(text: &SettingsText) -> Result<(), ConfigError> {
     match text.parse::<StationKeys>() {
-        // One setting alone is never a whole station.
+        // One setting alone is never a complete station.
         Ok(_) | Err(ConfigError::Missing { .. }) => Ok(()),
         Err(error) => Err(error),
     }
@@ -364,7 +364,7 @@ pub(super) fn is_of_its_kind(text: &SettingsText) -> Result<(), ConfigError> {
 
 /// The tables of a station's file, or the keys of one of them.
 pub(super) fn keys_of(table: Option<&str>) -> Vec<String> {
-    // The parser answers an unknown key with all that it knows.
+    // The error for an unknown key lists all known ones.
     let text = table.map_or("\"\" = 0".into(), |table| format!("{table}.\"\" = 0"));
     match SettingsText::new(Path::new(""), &text).parse::<StationKeys>() {
         Err(ConfigError::UnknownKey { allowed, .. }) => allowed,
@@ -375,7 +375,7 @@ pub(super) fn keys_of(table: Option<&str>) -> Vec<String> {
 /// The text of a settings file.
 pub(super) fn read(file: &Path) -> Result<String, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: file.into(), source };
-    // Not through fs-err: the error names its file itself.
+    // Not through fs-err: the error already names its file.
     std::fs::read_to_string(file).map_err(unreadable)
 }
 

@@ -1,4 +1,4 @@
-//! Settings as they are typed on the command line: their names are looked up, and their values understood.
+//! Settings as they are typed on the command line: looks up their names and interprets their values.
 
 use std::sync::OnceLock;
 
@@ -34,7 +34,7 @@ impl Overrides {
                     self.0.extend(alone.0);
                     return Ok(());
                 }
-                // The names to choose from are the best help.
+                // An error that lists the choices helps most.
                 Err(error @ ConfigError::UnknownChoice { .. }) => return Err(error),
                 Err(error) => {
                     first_error.get_or_insert(error);
@@ -89,14 +89,14 @@ fn known<'a>(option: &str, name: &'a str) -> Result<(&'a str, &'a str), ConfigEr
     Err(ConfigError::UnknownKey { spot: Spot::Option(option.into()), key: name.into(), allowed })
 }
 
-/// What a typed value may mean, as values in TOML, the likeliest first.
+/// The possible meanings of a typed value in TOML, the likeliest first.
 fn readings(typed: &str) -> Vec<String> {
     let mut readings = Vec::new();
-    // More than one setting is no value.
+    // A text with more than one setting is not a value.
     if DeTable::parse(&format!("x = {typed}")).is_ok_and(|table| table.get_ref().len() == 1) {
         readings.push(typed.to_owned());
     }
-    // Quotes, brackets and braces are TOML or nothing.
+    // A value that starts with a quote, bracket or brace must be TOML.
     if typed.starts_with(['"', '\'', '[', '{']) {
         return readings;
     }

@@ -1,9 +1,9 @@
-//! What a pipeline is doing, for whoever shows it to a person who waits.
+//! The steps of a pipeline, for a program that shows them to a waiting person.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// What a pipeline has come to.
+/// An event in the work of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Progress<'a> {
