@@ -177,7 +177,7 @@ fn a_drawing_wider_than_the_field() {
     correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml").refused(
         1,
         &[
-            "the field only x -10.0 to 10.0",
+            "the field x -10.0 to 10.0",
             "abc.dxf",
             "overhang 9.",
             "mm (limit 0 mm)",

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::desk::{Desk, Said, drawing, number, numbers, part};
+use crate::desk::{Desk, Output, drawing, number, numbers, part};
 
 const MOUSE: &str = "mouse/fc020-gui.glb";
 
@@ -58,7 +58,7 @@ const OTHERS: &[&str] = &[
     "--cone",
 ];
 
-fn correct(desk: &Desk, options: &[&str]) -> Said {
+fn correct(desk: &Desk, options: &[&str]) -> Output {
     let (mouse, abc) = (part(MOUSE), drawing("abc"));
     let inputs = if options.iter().any(|option| option.contains("cylinder")) {
         vec![&abc]
@@ -76,9 +76,9 @@ fn correct(desk: &Desk, options: &[&str]) -> Said {
 }
 
 /// Code, words, number and remedy of a refusal.
-fn refusal(said: &Said) -> [Value; 4] {
-    assert_eq!(said.code, 2, "{said:?}");
-    let reason: Value = serde_json::from_str(&said.out).unwrap();
+fn refusal(output: &Output) -> [Value; 4] {
+    assert_eq!(output.code, 2, "{output:?}");
+    let reason: Value = serde_json::from_str(&output.out).unwrap();
     ["code", "what", "number", "remedy"].map(|key| reason[key].clone())
 }
 
@@ -128,8 +128,8 @@ fn an_option_and_its_setting_have_one_range() {
             continue;
         }
         if *option == "--pattern-unit" {
-            for said in [&by_option, &by_set, &by_file] {
-                assert!(refusal(said)[1].as_str().unwrap().contains("furlong"), "{said:?}");
+            for output in [&by_option, &by_set, &by_file] {
+                assert!(refusal(output)[1].as_str().unwrap().contains("furlong"), "{output:?}");
             }
         } else {
             assert_eq!(refusal(&by_option), refusal(&by_set), "{option}");
@@ -211,8 +211,8 @@ fn the_command_line_overrides_the_station_and_its_skus() {
     );
     assert_eq!(report["output"]["dxf"], "R12");
     // The field is the station's, with one side from the command line.
-    let said = correct(&desk, &["--station", "station.toml", "--set", "field.width_mm=20"]);
-    said.refused(1, &["field only x -10.0 to 10.0"]);
+    let output = correct(&desk, &["--station", "station.toml", "--set", "field.width_mm=20"]);
+    output.refused(1, &["the field x -10.0 to 10.0"]);
     // Without a station it needs both sides.
     correct(&desk, &["--set", "field.width_mm=20"])
         .refused(2, &["`height_mm` is missing", "where:  --set field.width_mm=20"]);
@@ -256,8 +256,8 @@ fn a_setting_is_given_once_and_where_it_has_an_effect() {
     let inspect = |setting: &str| desk.isomark(&["inspect", &part(MOUSE), "--set", setting]);
     inspect("placement.rotate_deg=3").refused(2, &["uses `part` and `pattern`"]);
     inspect("part.shape=cone").refused(2, &["reads a file"]);
-    let said = inspect("part.unit=cm");
-    assert!(said.code == 0 && said.out.contains("cm"), "{said:?}");
+    let output = inspect("part.unit=cm");
+    assert!(output.code == 0 && output.out.contains("cm"), "{output:?}");
 }
 
 #[test]
@@ -270,13 +270,16 @@ fn a_station_is_checked_with_the_settings_of_the_command_line() {
         desk.isomark(&["check", "station.toml"].into_iter().chain(set).collect::<Vec<_>>())
     };
     check(&[]).refused(2, &["import folder import does not exist"]);
-    let said = check(&["folders.import=elsewhere", "station.name=Line 2"]);
-    assert!(said.code == 0 && said.out.starts_with("Line 2: ") && said.out.contains("elsewhere"), "{said:?}");
+    let output = check(&["folders.import=elsewhere", "station.name=Line 2"]);
+    assert!(
+        output.code == 0 && output.out.starts_with("Line 2: ") && output.out.contains("elsewhere"),
+        "{output:?}"
+    );
     check(&["watch.jobs=1"])
         .refused(2, &["`watch.jobs` cannot be 1 jobs", "where:  --set watch.jobs=1", "from 2 to 64 jobs"]);
     check(&["folders.import=hot"]).refused(2, &["where:  --set folders.import=hot"]);
-    let said = desk.isomark(&["watch", "station.toml", "--once", "--set", "folders.import=elsewhere"]);
-    assert_eq!(said.code, 0, "{said:?}");
+    let output = desk.isomark(&["watch", "station.toml", "--once", "--set", "folders.import=elsewhere"]);
+    assert_eq!(output.code, 0, "{output:?}");
     desk.isomark(&["watch", "station.toml", "--once", "--set", "watch.settle=1"])
         .refused(2, &["Did you mean `watch.settle_ms`?"]);
 }
