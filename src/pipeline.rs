@@ -365,7 +365,7 @@ impl Pipeline {
         let mut clock = Clock::start();
         let part = &learned.kept;
         let surface = &part.surface;
-        let is_ink = |layer: &str| settings.pattern.is_ink_as_ink(layer);
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let steps = self.observer.steps(input.name);
         let PlacedPattern { facts, placing, placed, ink } =
@@ -490,7 +490,7 @@ impl Pipeline {
             })?;
         clock.lap("read pattern");
         steps.at(Step::Place);
-        let is_ink = |layer: &str| settings.pattern.is_ink_as_ink(layer);
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
@@ -601,7 +601,7 @@ pub(crate) fn unknown_part_format(name: &str) -> Reason {
     let export = format!("Export the part or scan as {}", MeshFormat::ENDINGS);
     let (what, remedy) = if mesh::is_unread_part(name) {
         (
-            format!("\"{name}\" is in a format that isomark does not read."),
+            format!("\"{name}\" cannot be read as a part: isomark does not read this format."),
             format!(
                 "{export}, with a deviation of at most 0.01 mm; a program that opens it, such as FreeCAD, does that."
             ),

@@ -73,7 +73,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("fs_err", &["files", "config", "cache", "front", "hotfolder", "cli"]),
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["files", "config", "pipeline", "hotfolder", "cli"]),
-    // Besides the station's own threads, one that draws the progress line.
+    // In the command line, only for the line that shows progress.
     ("std::thread", &["hotfolder", "cli"]),
     // In the hot folder, only for the process ID in the lock file.
     ("std::process", &["hotfolder", "cli", "main"]),

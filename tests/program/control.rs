@@ -189,7 +189,7 @@ fn a_station_is_asked_from_another_terminal() {
     station.once();
     let output = ask(&station).out;
     assert!(output.contains("does not run; stopped at 20"), "{output}");
-    // Whenever they were rejected.
+    // Including drops that were rejected before.
     assert!(output.contains(" 0 rejected (0), ") && output.contains("1 rejected drop is in "), "{output}");
     assert_eq!(status(&station)["state"], "stopped");
 }

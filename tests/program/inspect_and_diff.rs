@@ -20,7 +20,8 @@ fn a_part_in_an_unsupported_format_is_refused_as_a_part() {
     for name in ["can.step", "can.STP", "can.3mf", "can.FCStd", "can.iges"] {
         let bytes: &[u8] = if name.ends_with("3mf") { b"PK\x03\x04abc" } else { b"ISO-10303-21;\nHEADER;\n" };
         desk.write(name, bytes);
-        let words = ["is in a format that isomark does not read", name, ".glb, .gltf, .obj, .stl"];
+        let words =
+            ["cannot be read as a part: isomark does not read this format", name, ".glb, .gltf, .obj, .stl"];
         desk.isomark(&["inspect", name]).refused(1, &words);
         desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
     }
