@@ -49,6 +49,7 @@ pub struct CacheKey(String);
 /// The origin of a surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PartOrigin {
     /// The part file's name.
     pub file: String,
@@ -69,6 +70,7 @@ pub struct CachedSurface {
 
 /// The result of a cache lookup.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Lookup {
     /// The surface.
     Hit(Box<CachedSurface>),
@@ -80,6 +82,7 @@ pub enum Lookup {
 
 /// One entry, as `isomark cache list` shows it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CacheEntry {
     /// The SKU's folder name.
     pub sku: String,
@@ -96,6 +99,7 @@ pub struct CacheEntry {
 /// Whether an entry can be used.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum EntryState {
     /// It can be used.
     Good {
@@ -142,12 +146,14 @@ struct Sidecar {
 impl CacheKey {
     /// The key of a part (its hash, see [`PartOrigin`]) under settings as
     /// [`canonical::surface`](crate::config::canonical::surface) writes them.
+    #[must_use]
     pub fn new(part_blake3: &str, settings: &str) -> Self {
         let text = format!("isomark fit {VERSION}\n{part_blake3}\n{settings}");
         Self(blake3::hash(text.as_bytes()).to_hex()[..32].to_owned())
     }
 
     /// The key as text.
+    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -160,6 +166,7 @@ impl Cache {
     }
 
     /// The folder of the cache.
+    #[must_use]
     pub fn root(&self) -> &Path {
         &self.root
     }

@@ -127,6 +127,7 @@ pub struct Corrector {
 
 impl Corrector {
     /// A corrector that keeps nothing on disk.
+    #[must_use]
     pub fn new() -> Self {
         Self { pipeline: Pipeline::new(None) }
     }
@@ -192,16 +193,19 @@ pub struct Correction(pipeline::Corrected);
 
 impl Correction {
     /// The corrected drawing, a DXF file.
+    #[must_use]
     pub fn dxf(&self) -> &[u8] {
         &self.0.dxf
     }
 
     /// The report: the accuracy of lengths, areas and angles, facts about the input, and notices.
+    #[must_use]
     pub fn report(&self) -> &Report {
         &self.0.report
     }
 
     /// A picture of the part with the drawing before and after, as SVG.
+    #[must_use]
     pub fn picture(&self) -> Vec<u8> {
         self.0.preview.as_ref().map(|picture| preview::svg(picture).into()).unwrap_or_default()
     }
@@ -221,6 +225,7 @@ pub enum Error {
 
 impl Error {
     /// The reason for people, with its code, its place and what to do.
+    #[must_use]
     pub fn reason(&self) -> Reason {
         match self {
             Self::Rejected(reason) => reason.clone(),
@@ -263,19 +268,16 @@ fn named_content(path: &Path) -> Result<(String, Vec<u8>), Error> {
     Ok((name, fs_err::read(path).map_err(Error::Environment)?))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn all_types_of_the_front_door_can_be_sent_to_other_threads() {
-        fn is_send_and_sync<T: Send + Sync>() {}
-        is_send_and_sync::<Part>();
-        is_send_and_sync::<Drawing>();
-        is_send_and_sync::<Settings>();
-        is_send_and_sync::<Corrector>();
-        is_send_and_sync::<Surface>();
-        is_send_and_sync::<Correction>();
-        is_send_and_sync::<Error>();
-    }
-}
+/// Everything here can be sent to other threads and shared between them; the build fails otherwise.
+const _: () = {
+    const fn is_send_and_sync<T: Send + Sync>() {}
+    is_send_and_sync::<Part>();
+    is_send_and_sync::<Drawing>();
+    is_send_and_sync::<Settings>();
+    is_send_and_sync::<Corrector>();
+    is_send_and_sync::<Surface>();
+    is_send_and_sync::<Correction>();
+    is_send_and_sync::<Error>();
+    is_send_and_sync::<Report>();
+    is_send_and_sync::<Reason>();
+};

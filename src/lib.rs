@@ -51,6 +51,10 @@
 //! (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no threads and no folder
 //! watching.
 //!
+//! Errors, reports and settings may get more variants and fields in a minor version. Match errors with a `_` arm, and make
+//! settings from their `Default`: `let mut settings = JobSettings::default(); settings.placement.rotate = 0.1;`. All types
+//! of the front door are `Send` and `Sync`.
+//!
 //! # An example with the inner modules
 //!
 //! On a can of radius 30 mm, 15 mm of a line cover an angle of 0.5 rad, so the laser must mark x = 30·sin 0.5 mm.

@@ -80,6 +80,7 @@ pub struct PatternInput<'a> {
 
 /// A surface ready for patterns.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct LearnedPart {
     /// The surface with its origin.
     pub kept: CachedSurface,
@@ -95,6 +96,7 @@ pub struct LearnedPart {
 
 /// A corrected drawing with its report.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Corrected {
     /// The DXF file.
     pub dxf: Vec<u8>,
@@ -111,6 +113,7 @@ pub struct Corrected {
 
 impl Corrected {
     /// Whether a drawing of this size is to be read back under these settings.
+    #[must_use]
     pub fn is_to_be_read_back(&self, verify: Verify) -> bool {
         verify.applies_to(pattern::readback_work(&self.drawing, self.profile))
     }
@@ -129,6 +132,7 @@ impl Corrected {
 
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PipelineError {
     /// The input is rejected; trying again gives the same result.
     #[error("{0}")]
@@ -158,22 +162,26 @@ pub struct Pipeline {
 
 impl Pipeline {
     /// A pipeline that keeps surfaces in `cache`, or keeps none.
+    #[must_use]
     pub fn new(cache: Option<Cache>) -> Self {
         Self { cache, fit: FitOptions::default(), pace: Pace::Any, observer: Observer::default() }
     }
 
     /// The same pipeline with another cache.
+    #[must_use]
     pub fn with_cache(self, cache: Option<Cache>) -> Self {
         Self { cache, ..self }
     }
 
     /// The same pipeline with `observe` called at the beginning of every step, by the thread that does it.
+    #[must_use]
     pub fn observed(self, observe: impl Fn(Progress<'_>) + Send + Sync + 'static) -> Self {
         Self { observer: Observer::new(observe), ..self }
     }
 
     /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as the content
     /// of the files turns out to be too much work.
+    #[must_use]
     pub fn at(self, pace: Pace) -> Self {
         Self { pace, ..self }
     }
@@ -536,6 +544,7 @@ impl Placing {
 }
 
 /// Name and version of the program.
+#[must_use]
 pub fn program() -> String {
     format!("isomark {}", env!("CARGO_PKG_VERSION"))
 }

@@ -16,6 +16,7 @@ pub fn on_one_line(text: &str) -> String {
 }
 
 /// The same for a text of several lines: its line breaks are kept.
+#[must_use]
 pub fn on_lines(text: &str) -> String {
     escaped(text, |letter| letter != '\n' && is_nonprinting(letter))
 }
@@ -37,6 +38,7 @@ fn is_nonprinting(letter: char) -> bool {
 
 /// Whether the character has neither shape nor width: joiners, direction marks, embeddings, overrides and isolates,
 /// soft hyphens, tags, byte order marks (Unicode, chapter 23, "Special areas and format characters").
+#[must_use]
 pub fn is_invisible(letter: char) -> bool {
     matches!(
         letter,

@@ -23,6 +23,7 @@ pub const SCHEMA: &str = "isomark.reason/1";
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Reason {
     /// Stable name for machines, in kebab case, such as `mesh-truncated`.
     pub code: String,
@@ -41,6 +42,7 @@ pub struct Reason {
 /// A place in a file or on a part; unknown fields are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Place {
     /// The file's name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -69,6 +71,7 @@ pub struct Place {
 /// A number with its unit, and the limit it was compared with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Quantity {
     /// What was measured, such as `incidence angle`.
     pub name: String,
@@ -84,6 +87,7 @@ pub struct Quantity {
 /// Something that was assumed, repaired, skipped or found unusual; the job continues.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Notice {
     /// Stable name for machines, in kebab case, such as `unit-assumed`.
     pub code: String,
@@ -97,6 +101,7 @@ pub struct Notice {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Severity {
     /// Worth knowing, nothing to do.
     Note,
@@ -145,12 +150,14 @@ impl Reason {
     }
 
     /// Adds the file's name, unless one is already known.
+    #[must_use]
     pub fn in_file(mut self, file: impl Into<String>) -> Self {
         self.place.file.get_or_insert(file.into());
         self
     }
 
     /// Adds a place.
+    #[must_use]
     pub fn at(mut self, place: Place) -> Self {
         let file = self.place.file.take();
         self.place = place;
@@ -161,6 +168,7 @@ impl Reason {
     }
 
     /// Adds the deciding number; one that is not finite is left out, because JSON has no word for it.
+    #[must_use]
     pub fn with_number(mut self, name: &str, value: f64, unit: &str, limit: Option<f64>) -> Self {
         let limit = limit.filter(|limit| limit.is_finite());
         let quantity = Quantity { name: name.into(), value, unit: unit.into(), limit };
@@ -185,6 +193,7 @@ impl std::fmt::Display for Reason {
 
 impl Reason {
     /// The same as text, with the command that explains the code.
+    #[must_use]
     pub fn to_text(&self) -> String {
         // These two are clear from their text.
         let is_plain = ["environment", "usage"].contains(&self.code.as_str());
@@ -206,6 +215,7 @@ impl Reason {
 
 impl Place {
     /// Whether nothing is known about the place.
+    #[must_use]
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
     }

@@ -27,6 +27,7 @@ const MAX_CHANGES: usize = 5;
 /// The report of a delivered job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
@@ -60,6 +61,7 @@ pub struct Report {
 /// The part and its surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PartReport {
     /// File and hash.
     #[serde(flatten)]
@@ -81,6 +83,7 @@ pub struct PartReport {
 /// Distance between the fitted surface and the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ResidualReport {
     /// Largest, mm.
     #[serde(rename = "largest_mm")]
@@ -105,6 +108,7 @@ pub struct ResidualReport {
 /// The drawing as it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PatternReport {
     /// The file's name.
     pub file: String,
@@ -124,6 +128,7 @@ pub struct PatternReport {
 /// The placement of the drawing in the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PlacementReport {
     /// Direction, in the part's frame, that faces the laser.
     pub facing: [f64; 3],
@@ -141,6 +146,7 @@ pub struct PlacementReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "method", rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum MapReport {
     /// The map with the smallest strain.
     Isometric {
@@ -203,6 +209,7 @@ pub enum MapReport {
 /// The weights of the map with the smallest strain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
@@ -215,6 +222,7 @@ pub struct WeightsReport {
 /// The accuracy of the drawing on the part, measured on the sampled part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Quality {
     /// Without the correction; absent if the drawing would then not be completely on the part.
     pub before: Option<DistortionReport>,
@@ -225,6 +233,7 @@ pub struct Quality {
 /// The results of [`Distortion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct DistortionReport {
     /// e_l, mm.
     pub length_error_mm: f64,
@@ -257,6 +266,7 @@ pub struct DistortionReport {
 /// The part under the ink, as the beam reaches it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ExposureReport {
     /// Largest angle between beam and surface normal, degrees.
     pub incidence_deg: f64,
@@ -271,6 +281,7 @@ pub struct ExposureReport {
 /// The corrected drawing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct OutputReport {
     /// BLAKE3 hash of the file, in hexadecimal.
     pub blake3: String,
@@ -292,6 +303,7 @@ pub struct OutputReport {
 /// The differences between the drawing and the one it replaces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ChangesReport {
     /// Number of paths in the older drawing.
     pub old_paths: usize,
@@ -306,6 +318,7 @@ pub struct ChangesReport {
 /// The time of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Timing {
     /// The stage.
     pub stage: String,
@@ -315,6 +328,7 @@ pub struct Timing {
 
 impl PartReport {
     /// The report of a surface.
+    #[must_use]
     pub fn new(
         origin: PartOrigin,
         facts: PartFacts,
@@ -347,6 +361,7 @@ impl PartReport {
 
 impl MapReport {
     /// The report of a map; `weights` are those of an isometric map.
+    #[must_use]
     pub fn new(map: &LengthTrueMap, weights: WeightsReport) -> Self {
         match map {
             LengthTrueMap::Isometric(map) => {
@@ -398,6 +413,7 @@ impl MapReport {
     }
 
     /// The method's name, as on the command line.
+    #[must_use]
     pub fn method(&self) -> &'static str {
         match self {
             Self::Isometric { .. } => "isometric",
@@ -452,6 +468,7 @@ impl From<&Exposure> for ExposureReport {
 }
 
 /// Left, bottom, right, top.
+#[must_use]
 pub fn corners(extents: &Extents) -> [f64; 4] {
     [extents.min.x, extents.min.y, extents.max.x, extents.max.y]
 }
@@ -466,6 +483,7 @@ impl Report {
     }
 
     /// One line for the log.
+    #[must_use]
     pub fn headline(&self) -> String {
         let (after, before) = (&self.quality.after, self.quality.before.as_ref());
         let before = before.map_or(String::new(), |before| format!("{:.3} -> ", before.length_error_mm));
@@ -479,6 +497,7 @@ impl Report {
     }
 
     /// One paragraph for people: the job, its accuracy, and what to check.
+    #[must_use]
     pub fn summary(&self) -> String {
         let after = &self.quality.after;
         let before = self.quality.before.as_ref();

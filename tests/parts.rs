@@ -250,11 +250,11 @@ fn reference_surfaces_without_producer_are_millimetres_with_z_up() {
 
 #[test]
 fn settings_override_the_file() {
-    let options = MeshOptions { unit: Some(Metre), up: Some(Y), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(Metre).with_up(Y);
     let on_its_side = read_with("assembly/occ8-coarse.glb", &options).unwrap();
     assert!((on_its_side.facts.size[1] - 35.501).abs() < 1e-3, "{:?}", on_its_side.facts.size);
     assert_eq!(on_its_side.facts.up.why, "the settings say so");
-    let options = MeshOptions { unit: Some(LengthUnit::Centimetre), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(LengthUnit::Centimetre);
     let inflated = read_with("can/fc020-coarse-mesh.obj", &options).unwrap();
     assert!((inflated.facts.size[2] - 1150.0).abs() < 1e-6);
 }
@@ -267,7 +267,7 @@ fn a_part_in_decimetres_is_read_as_metres_with_a_notice() {
     let notice = facts.notices.iter().find(|notice| notice.code == "size-unconfirmed").unwrap();
     assert_eq!(notice.severity, Severity::Note);
     assert!(notice.message.contains("1150.0 mm") && notice.message.contains("unit MM"), "{}", notice.message);
-    let options = MeshOptions { unit: Some(LengthUnit::Decimetre), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(LengthUnit::Decimetre);
     assert!((read_with("can/build123d-cm.gltf", &options).unwrap().facts.size[2] - 115.0).abs() < 1e-4);
     assert!(read("can/build123d.glb").facts.notices.iter().all(|notice| notice.code != "size-unconfirmed"));
 }

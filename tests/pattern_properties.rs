@@ -64,7 +64,7 @@ proptest! {
     #[test]
     fn written_drawings_are_read_back(drawing in drawing()) {
         // A repair would join paths that meet by chance.
-        let options = PatternOptions { strict: true, ..PatternOptions::default() };
+        let options = PatternOptions::default().strictly(true);
         for profile in [DxfProfile::R2000, DxfProfile::R12] {
             let file = write(&drawing, profile);
             prop_assert!(is_complete(&file));

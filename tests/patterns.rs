@@ -176,7 +176,8 @@ fn units_come_from_the_header_or_else_from_the_settings() {
     let guessed = reading("ink12-logo_px-r14");
     let notice = guessed.facts.notices.iter().find(|notice| notice.code == "unit-pixels").unwrap();
     assert!(notice.message.contains("58.000 x 28.000") && notice.message.contains("25.4/96"));
-    let options = PatternOptions { unit_if_unitless: "px".parse().ok(), ..PatternOptions::default() };
+    let mut options = PatternOptions::default();
+    options.unit_if_unitless = "px".parse().ok();
     let in_pixels = read(&bytes("ink12-logo_px-r14"), &options).unwrap();
     assert!((in_pixels.facts.size[0] - 58.0).abs() < 0.001 && (in_pixels.facts.size[1] - 28.0).abs() < 0.001);
     assert!(!has_notice(&in_pixels, "unit-pixels", Severity::Warning));
@@ -229,7 +230,7 @@ fn loose_pieces_become_contours_in_drawing_order() {
     assert_eq!(read.facts.entities["LINE"]["ShapeString"], 113);
     assert_eq!(read.facts.entities["SPLINE"]["ShapeString"], 172);
     assert!(read.facts.repairs[0].notice.message.starts_with("285 loose pieces were joined to 25 contours"));
-    let apart = PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() };
+    let apart = PatternOptions::default().with_joining_tolerance(0.0);
     assert_eq!(reading_with("fc020-text-cpp-r14", &apart).pattern.paths.len(), 285);
 }
 
@@ -261,7 +262,7 @@ fn defects_are_repaired_and_every_place_is_listed() {
 
 #[test]
 fn strict_reading_changes_nothing_and_warns() {
-    let strict = PatternOptions { strict: true, ..PatternOptions::default() };
+    let strict = PatternOptions::default().strictly(true);
     let read = reading_with("ez-defects", &strict);
     for code in ["drawn-twice", "without-length", "nearly-closed"] {
         assert!(has_notice(&read, code, Severity::Warning), "{code}");
@@ -404,7 +405,8 @@ fn drawings_that_take_long_are_refused_at_a_quick_pace() {
         drawing(&hatch(&family(0.1, &[0.0, -0.12]), 1), ""),
         drawing(&text, ""),
     ];
-    let quick = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
+    let mut quick = PatternOptions::default();
+    quick.pace = Pace::Quick;
     for heavy in heavy {
         assert_eq!(read(heavy.as_bytes(), &quick), Err(PatternReadError::TakesLong), "{heavy:.300}");
         assert_ne!(read(heavy.as_bytes(), &PatternOptions::default()), Err(PatternReadError::TakesLong));
@@ -529,7 +531,7 @@ fn a_spline_marked_as_closed_is_a_contour_even_beside_other_ends() {
         .collect();
     let knots: String = (0..11).map(|knot| format!("40\n{}\n", 0.1 * f64::from(knot))).collect();
     let spline = format!("0\nSPLINE\n8\n0\n70\n11\n71\n3\n72\n11\n73\n7\n74\n0\n{knots}{points}");
-    let strict = PatternOptions { strict: true, ..PatternOptions::default() };
+    let strict = PatternOptions::default().strictly(true);
     let reading = read(drawing(&spline, "").as_bytes(), &strict).unwrap();
     assert!(reading.pattern.paths[0].shape.is_closed());
     // A line that starts at its seam does not matter.
@@ -728,7 +730,7 @@ fn rounded_full_turns_are_full_turns() {
     }
     for (entity, [width, height]) in drawn {
         for strict in [false, true] {
-            let options = PatternOptions { strict, ..PatternOptions::default() };
+            let options = PatternOptions::default().strictly(strict);
             // Directly, and mirrored and rotated inside a block.
             let alone = drawing(&entity, "");
             let mirrored = drawing(&insert("B", "41\n-1\n42\n1\n50\n180\n"), &block("B", &entity));
@@ -757,7 +759,7 @@ fn short_arcs_stay_short() {
         ("100000", "90", "90.0004", 1e5 * 0.0004f64.to_radians()),
         ("10", "0.001", "0", 10.0 * 359.999f64.to_radians()),
     ] {
-        let options = PatternOptions { strict: true, ..PatternOptions::default() };
+        let options = PatternOptions::default().strictly(true);
         let file = drawing(&arc(radius, start, end, ""), "");
         let read = read(file.as_bytes(), &options).unwrap();
         let [path] = read.pattern.paths.as_slice() else { panic!("{:?}", read.pattern.paths) };
@@ -901,10 +903,9 @@ fn square_with_gap(gap: &str) -> String {
 fn a_gap_within_rounding_does_not_open_a_contour() {
     use isomark::geometry::ink::Ink;
     let inked = |reading: &PatternReading| Ink::sample(&reading.pattern, |_| true, 0.25, 0.1).area();
-    for options in [
-        PatternOptions { strict: true, ..PatternOptions::default() },
-        PatternOptions { joining_tolerance: 0.0, ..PatternOptions::default() },
-    ] {
+    for options in
+        [PatternOptions::default().strictly(true), PatternOptions::default().with_joining_tolerance(0.0)]
+    {
         for gap in ["0", "1e-15", "-1e-15", "0.0000009"] {
             let read = read(drawing(&square_with_gap(gap), "").as_bytes(), &options).unwrap();
             assert!(read.facts.notices.iter().all(|notice| notice.code != "nearly-closed"), "{gap}");

@@ -25,7 +25,7 @@ fn picture(name: &str) -> Vec<u8> {
 }
 
 fn options(picture: RasterOptions) -> PatternOptions {
-    PatternOptions { picture, ..PatternOptions::default() }
+    PatternOptions::default().with_picture(picture)
 }
 
 fn try_read(bytes: &[u8], picture: RasterOptions) -> Result<(Pattern, PatternFacts), PatternReadError> {
@@ -197,7 +197,7 @@ fn modules_of_a_code_are_squares() {
     let is_dark = |x: usize, y: usize| (x * 7 + y * 5 + x * y).is_multiple_of(3);
     for (module, side) in [(1, 10.0), (4, 0.2), (4, 10.0)] {
         let code = |x: usize, y: usize| f64::from(is_dark(x / module, y / module));
-        let size = RasterOptions { width: Some(side), ..RasterOptions::default() };
+        let size = RasterOptions::default().with_width(side);
         let (pattern, _) = try_read(&bmp(21 * module, 21 * module, code), size).unwrap();
         let (pixel, modules) = (side / (21 * module) as f64, 21 * 21);
         let dark = (0..modules).filter(|index| is_dark(index % 21, index / 21)).count();
@@ -317,7 +317,7 @@ fn all_variants_of_a_picture_file_give_the_same_drawing() {
         assert!(facts.unit_why.contains("300.0 pixels per inch"), "{name}: {}", facts.unit_why);
     }
     // Pixels twice as high as wide, without a resolution: one side is enough to get both.
-    let wide = RasterOptions { width: Some(24.0), ..RasterOptions::default() };
+    let wide = RasterOptions::default().with_width(24.0);
     let (pattern, facts) = try_read(&picture("pixels-not-square.png"), wide).unwrap();
     assert_is_figure("pixels-not-square.png", &pattern, 1.0);
     assert!(!codes(&facts).contains(&"picture-stretched"));
@@ -325,7 +325,11 @@ fn all_variants_of_a_picture_file_give_the_same_drawing() {
 
 #[test]
 fn the_size_comes_from_the_settings_or_the_file_and_is_never_guessed() {
-    let size = |width, height| RasterOptions { width, height, ..RasterOptions::default() };
+    let size = |width, height| {
+        let mut options = RasterOptions::default();
+        (options.width, options.height) = (width, height);
+        options
+    };
     for name in ["no-size.png", "no-size.bmp"] {
         let error = try_read(&picture(name), size(None, None)).unwrap_err();
         assert_eq!(error, PatternReadError::PictureWithoutSize { pixels: [24, 18] });
@@ -349,7 +353,8 @@ fn the_size_comes_from_the_settings_or_the_file_and_is_never_guessed() {
 
 #[test]
 fn pictures_without_an_outline_are_refused_with_a_remedy() {
-    let inverted = RasterOptions { inverted: true, ..RasterOptions::default() };
+    let mut inverted = RasterOptions::default();
+    inverted.inverted = true;
     // A higher threshold marks lighter pixels.
     for (name, words, change) in [
         ("all-white.png", "lighter than the threshold of 50 %", "raise `--threshold`"),

@@ -30,8 +30,7 @@ fn ball() -> (FittedSurface, View, Point3<f64>) {
 fn triangles_lie_on_the_part_and_face_the_laser() {
     let (surface, view, middle) = ball();
     let bytes = write(&surface, &view, "ball.glb", SurfaceFormat::Obj);
-    let options =
-        MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
     let reading = mesh::read(&bytes, MeshFormat::Obj, &options, &BTreeMap::new()).unwrap();
     let mesh = reading.shape.mesh().unwrap();
     assert!(mesh.triangles().len() > 10_000, "{}", mesh.triangles().len());

@@ -32,7 +32,8 @@ fn every_sample_loads() {
 fn the_annotated_station_shows_the_defaults() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("watch-config/station.toml");
     let station = Station::load(&file).unwrap();
-    let expected = JobSettings { field: station.settings.field, ..JobSettings::default() };
+    let mut expected = JobSettings::default();
+    expected.field = station.settings.field;
     assert_eq!(station.settings, expected);
     assert_eq!(station.watch, Watch::default());
     assert_eq!(station.delivery, DeliverySettings::default());

@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|bytes: &[u8]| {
     let _ = is_complete(bytes);
     for strict in [false, true] {
-        match read(bytes, &PatternOptions { strict, ..PatternOptions::default() }) {
+        match read(bytes, &PatternOptions::default().strictly(strict)) {
             Ok(reading) => {
                 assert!(!reading.pattern.paths.is_empty());
                 assert!(reading.facts.extents.iter().all(|edge| edge.is_finite()));

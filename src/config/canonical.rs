@@ -33,6 +33,7 @@ use crate::geometry::surface::scan::Smoothing;
 pub const VERSION: u32 = 2;
 
 /// What shapes the surface that is fitted to a part, besides the part itself.
+#[must_use]
 pub fn surface(settings: &PartSettings, fit: &FitOptions) -> String {
     let mut text = Text::default();
     text.part(settings);
@@ -41,6 +42,7 @@ pub fn surface(settings: &PartSettings, fit: &FitOptions) -> String {
 }
 
 /// What shapes a cylinder or cone that is given by its sizes.
+#[must_use]
 pub fn primitive(primitive: &Primitive) -> String {
     let mut text = Text::default();
     text.primitive(primitive);
@@ -49,6 +51,7 @@ pub fn primitive(primitive: &Primitive) -> String {
 
 /// What shapes a corrected drawing, besides part and pattern. Settings that only decide whether there is a drawing, or only
 /// change its report, are left out: the delivered drawing would be the same. The fit is left out like the program's version.
+#[must_use]
 pub fn drawing(settings: &JobSettings) -> String {
     let JobSettings {
         part,

@@ -11,6 +11,7 @@ use crate::geometry::surface::scan;
 
 /// A name that is not one of the choices.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct UnknownChoice {
     /// What was to be chosen, such as `method`.
     pub what: &'static str,
@@ -37,6 +38,7 @@ macro_rules! choices {
     ($(#[$about:meta])* $kind:ident, $what:literal { $($(#[$meta:meta])* $variant:ident = $name:literal,)+ }) => {
         $(#[$about])*
         #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[non_exhaustive]
         pub enum $kind {
             $($(#[$meta])* #[serde(rename = $name)] $variant,)+
         }
@@ -179,6 +181,7 @@ choices! {
 
 impl Smoothing {
     /// The smoothing with the wavelength of the low pass, mm; without one, that of the thesis.
+    #[must_use]
     pub fn with_wavelength(self, wavelength: Option<f64>) -> scan::Smoothing {
         match self {
             Self::Auto => scan::Smoothing::Auto,

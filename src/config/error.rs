@@ -8,6 +8,7 @@ use crate::reason::{Place, Reason};
 
 /// A mistake in a settings file or in a setting of the command line.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// The file cannot be opened or is not UTF-8.
     Unreadable {
@@ -110,6 +111,7 @@ pub struct Excerpt {
 
 impl ConfigError {
     /// The file that is wrong; `None` for an option of the command line.
+    #[must_use]
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::Unreadable { file, .. } | Self::BeingSaved { file } => Some(file),
@@ -134,6 +136,7 @@ impl ConfigError {
     }
 
     /// The reason that people are shown.
+    #[must_use]
     pub fn reason(&self) -> Reason {
         let mut reason = Reason::new(self.code(), self.what(), self.remedy());
         reason.place = self.place();

@@ -36,6 +36,7 @@ pub struct LiveSettings {
 
 /// What was noticed in the files.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum SettingsEvent {
     /// The station file changed and is used.
     StationChanged {
@@ -112,11 +113,13 @@ impl LiveSettings {
     }
 
     /// Uses every text at once, without waiting for it to settle: the files are read only once.
+    #[must_use]
     pub fn at_once(self) -> Self {
         Self { at_once: true, ..self }
     }
 
     /// The station as it is used now.
+    #[must_use]
     pub fn station(&self) -> &Station {
         &self.station
     }

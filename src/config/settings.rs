@@ -13,6 +13,7 @@ use nalgebra::Vector2;
 
 /// All settings of one job; [`Default`] is used without any file or option.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct JobSettings {
     /// How the part's file is read and seen.
     pub part: PartSettings,
@@ -35,6 +36,7 @@ pub struct JobSettings {
 impl JobSettings {
     /// The scan head: its axis is where the settings place it, else in the middle of the field, else at the marking software's
     /// zero.
+    #[must_use]
     pub fn scan_head(&self) -> ScanHead {
         let middle = self.field.map_or(Vector2::zeros(), |field| field.extents().center());
         ScanHead { lens: self.optics.lens, axis: self.optics.axis.unwrap_or(middle.into()) }
@@ -43,6 +45,7 @@ impl JobSettings {
 
 /// How the part's file is read and from which side it is seen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PartSettings {
     /// The side of the part that faces the laser.
     pub facing: Facing,
@@ -73,6 +76,7 @@ impl Default for PartSettings {
 
 /// How the pattern's file is read.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PatternSettings {
     /// Unit of a drawing that names none; `None` uses mm, or inches where the file suggests them.
     pub unit_if_unitless: Option<DrawingUnit>,
@@ -99,6 +103,7 @@ impl Default for PatternSettings {
 
 impl PatternSettings {
     /// The options of the reader of drawings.
+    #[must_use]
     pub fn options(&self) -> PatternOptions {
         PatternOptions {
             unit_if_unitless: self.unit_if_unitless,
@@ -111,6 +116,7 @@ impl PatternSettings {
     }
 
     /// Whether the layer is an ink layer.
+    #[must_use]
     pub fn counts_as_ink(&self, layer: &str) -> bool {
         self.ink_layers.as_ref().is_none_or(|names| names.iter().any(|name| is_same_layer(name, layer)))
     }
@@ -129,6 +135,7 @@ fn is_same_layer(one: &str, other: &str) -> bool {
 
 /// Where the pattern lands on the part.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Placement {
     /// Where the anchor is placed in the view, mm; `None` for where it was drawn.
     pub place: Option<ViewPoint>,
@@ -140,6 +147,7 @@ pub struct Placement {
 
 /// The point of the drawing that is placed and turned about.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Anchor {
     /// The centre of the drawing's extents.
     #[default]
@@ -152,6 +160,7 @@ pub enum Anchor {
 
 /// How the drawing is bent, and how exactly.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CorrectionSettings {
     /// The method.
     pub method: Method,
@@ -206,6 +215,7 @@ impl FromIterator<Slip> for AsPrinted {
 
 /// The lens and the limits of what it can mark.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Optics {
     /// How the lens projects.
     pub lens: Lens,
@@ -219,6 +229,7 @@ pub struct Optics {
 
 /// Limits of the angle between the beam and the surface's normal, rad, in rising order.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct IncidenceLimits {
     /// Above it the report notes the angle.
     pub note: f64,
@@ -247,6 +258,7 @@ pub struct Field {
 
 impl Field {
     /// The area in field coordinates, mm.
+    #[must_use]
     pub fn extents(&self) -> Extents {
         let size = Vector2::new(self.width, self.height);
         match self.origin {
@@ -258,6 +270,7 @@ impl Field {
 
 /// How the corrected file is written.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Output {
     /// Its DXF version.
     pub dxf: DxfVersion,

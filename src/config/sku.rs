@@ -21,6 +21,7 @@ pub struct Sku {
 
 /// Why a text is not a SKU name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum BadSku {
     /// Nothing is left before the extension or the `@`.
     #[error("the SKU name is empty")]
@@ -52,11 +53,13 @@ impl Sku {
     pub const LONGEST: usize = 100;
 
     /// The name as it was first written.
+    #[must_use]
     pub fn as_str(&self) -> &str {
         &self.name
     }
 
     /// The name in lower case: equal for equal SKUs, and a safe file name.
+    #[must_use]
     pub fn key(&self) -> &str {
         &self.key
     }
@@ -110,6 +113,7 @@ fn is_reserved_by_windows(name: &str) -> bool {
 
 impl BadSku {
     /// The reason that people are shown.
+    #[must_use]
     pub fn reason(&self) -> Reason {
         let remedy = "Rename it: a SKU starts with a letter, a digit or `_`, and has no / \\ : * ? \" < > | @, \
                       no dot or space at its end, at most 100 characters, and is not a Windows device name.";

@@ -21,6 +21,7 @@ use crate::reason::Reason;
 
 /// A station, validated.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Station {
     /// What people call it.
     pub name: String,
@@ -42,6 +43,7 @@ pub struct Station {
 
 /// The folders of a station; relative paths in the file are relative to the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct FolderPaths {
     /// Where designers drop parts and patterns.
     pub hot: PathBuf,
@@ -64,6 +66,7 @@ pub struct FolderPaths {
 impl FolderPaths {
     /// The folders that a station file names although it is wrong elsewhere. Of a text that cannot be parsed, only the lines
     /// above the mistake are used. `None` when they are not enough.
+    #[must_use]
     pub fn of_broken(file: &Path, overrides: &Overrides) -> Option<Self> {
         let whole = read(file).ok()?;
         let resolved = |text: &str| -> Result<Self, ConfigError> {
@@ -80,6 +83,7 @@ impl FolderPaths {
     }
 
     /// Why nothing can be delivered into the import folder now; `None` if it can.
+    #[must_use]
     pub fn import_trouble(&self) -> Option<Reason> {
         let import = self.import.display();
         let (code, what, remedy) = if self.import.is_dir() {
@@ -98,6 +102,7 @@ impl FolderPaths {
 
 /// How drops are noticed, and when they are complete.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Watch {
     /// How long a file must not change before it is read, unless its writer was seen to close it.
     pub settle: Duration,
@@ -115,6 +120,7 @@ pub struct Watch {
 
 /// How results reach the marking software.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct DeliverySettings {
     /// By folder alone, or with BeamServer.
     pub kind: DeliveryKind,
@@ -134,6 +140,7 @@ pub struct DeliverySettings {
 
 /// Which written drawings a second reader reads back from their files and compares with the intended ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verify {
     /// Every one.
     Always,
@@ -149,6 +156,7 @@ impl Verify {
 
     /// Whether a drawing is read back that takes as long as this number of vertices
     /// ([`readback_work`](crate::formats::pattern::readback_work)).
+    #[must_use]
     pub fn applies_to(self, vertices: usize) -> bool {
         match self {
             Self::Always => true,
@@ -180,6 +188,7 @@ impl Default for DeliverySettings {
 
 impl DeliverySettings {
     /// The path of a drawing in the import folder, as BeamServer knows it.
+    #[must_use]
     pub fn path_for_server(&self, import: &Path, name: &str) -> PathBuf {
         match &self.server_folder {
             // The server may run on another system, so the separator is taken from the setting.
@@ -193,6 +202,7 @@ impl DeliverySettings {
 
 /// How long files of finished drops are kept; `None` without limit.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Retention {
     /// Reports and their pictures.
     pub reports: Option<Duration>,
@@ -217,6 +227,7 @@ const DAY: u64 = 86_400;
 
 /// A log file of limited size.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LogSettings {
     /// The file.
     pub file: PathBuf,

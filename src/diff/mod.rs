@@ -44,6 +44,7 @@ pub const TOLERANCE: f64 = 0.001;
 /// let lines = isomark::diff::text_changes("a = 1\nb = 2\n", "a = 1\nb = 3\n");
 /// assert_eq!(lines, ["- b = 2", "+ b = 3"]);
 /// ```
+#[must_use]
 pub fn text_changes(old: &str, new: &str) -> Vec<String> {
     let diff = similar::TextDiff::from_lines(old, new);
     let changed = diff.iter_all_changes().filter_map(|change| match change.tag() {
@@ -58,6 +59,7 @@ pub fn text_changes(old: &str, new: &str) -> Vec<String> {
 /// changes combined.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct DrawingDiff {
     /// The tolerance of the comparison, mm.
     pub tolerance: f64,
@@ -76,6 +78,7 @@ pub struct DrawingDiff {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "change", rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Change {
     /// The path is only in the new drawing.
     Added {
@@ -167,6 +170,7 @@ pub enum Direction {
 ///
 /// Comparing in the opposite direction gives the same pairs: added paths become removed paths. If many equal paths were
 /// shuffled, several descriptions are correct; the result is always the same one.
+#[must_use]
 pub fn compare(old: &[DiffPath], new: &[DiffPath], tolerance: f64) -> DrawingDiff {
     let tolerance = if tolerance.is_finite() && tolerance > 1e-9 { tolerance } else { 1e-9 };
     let outlines = [old, new].map(|paths| paths.iter().map(|path| Outline::of(path, tolerance)).collect());
@@ -206,6 +210,7 @@ pub fn compare(old: &[DiffPath], new: &[DiffPath], tolerance: f64) -> DrawingDif
 }
 
 /// The paths of a drawing for a comparison, flattened to 0.001 mm; colours by layer are resolved.
+#[must_use]
 pub fn paths_of(pattern: &Pattern) -> Vec<DiffPath> {
     let paths = pattern.paths.iter().map(|path| {
         let layer = pattern.layers.get(path.layer);
@@ -285,6 +290,7 @@ fn changes(old: &Outline<'_>, new: &Outline<'_>, found: Found, tolerance: f64) -
 
 impl Change {
     /// The changed path: the new one if it was added, otherwise the old one.
+    #[must_use]
     pub fn what(&self) -> &PathNote {
         match self {
             Self::Added { what }
@@ -301,6 +307,7 @@ impl Change {
 
 impl Direction {
     /// The direction of a step (x to the right, y up); a component of less than a tenth of the other is ignored.
+    #[must_use]
     pub fn of([x, y]: [f64; 2]) -> Self {
         let (is_level, is_upright) = (y.abs() < 0.1 * x.abs(), x.abs() < 0.1 * y.abs());
         match (x >= 0.0, y >= 0.0) {

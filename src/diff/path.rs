@@ -31,6 +31,7 @@ pub enum DiffKind {
 /// The properties that identify a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PathNote {
     /// The layer's name.
     pub layer: String,

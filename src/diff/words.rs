@@ -26,6 +26,7 @@ impl Display for DrawingDiff {
 
 impl DrawingDiff {
     /// The changes as text, one line for each group of similar changes; empty if nothing changed.
+    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut lines = self.moved();
         lines.extend(self.reshaped());

@@ -12,6 +12,7 @@ pub enum Pace {
 
 impl Pace {
     /// Whether this amount of work is allowed; [`Quick`](Self::Quick) allows at most `quick_limit`.
+    #[must_use]
     pub fn allows(self, work: usize, quick_limit: usize) -> bool {
         self == Self::Any || work <= quick_limit
     }

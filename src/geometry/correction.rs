@@ -43,6 +43,7 @@ pub struct Projection<'a> {
 /// The part reaches up to the lens, where no beam can reach it.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the part is as high as the lens at ({:.3}, {:.3}) mm", at.x, at.y)]
+#[non_exhaustive]
 pub struct AboveLens {
     /// The point of the view.
     pub at: ViewPoint,
@@ -275,6 +276,7 @@ impl Junctions {
 
 /// The part under the ink, as the beam reaches it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Exposure {
     /// Number of samples checked.
     pub samples: usize,

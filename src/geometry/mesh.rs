@@ -16,6 +16,7 @@ pub struct TriMesh {
 
 /// Why a set of triangles is not a valid mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MeshError {
     /// No triangle has an area above zero.
     #[error("the part has no triangle with an area above zero")]

@@ -43,6 +43,7 @@ pub struct NormalEquations<const COMPONENTS: usize> {
 
 /// Why the equations could not be solved.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SolveError {
     /// The matrix is not positive definite: the data do not determine the control points.
     #[error("the data do not determine the {unknowns} unknowns of the fit")]

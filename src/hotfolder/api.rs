@@ -138,6 +138,7 @@ pub struct Delivery {
 
 /// Why a job was not done.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum JobError {
     /// The drop cannot be processed; it is moved to the rejected folder with the reason.
     Rejected(Reason),
@@ -169,6 +170,7 @@ pub enum Mode {
 
 /// A sign of life from a station to the program that started it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Pulse {
     /// It accepts drops from now on.
     Ready,
@@ -180,6 +182,7 @@ pub enum Pulse {
 
 /// What was done, and what is left in the hot folder.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Tally {
     /// Number of corrected drawings put into the import folder.
     pub delivered: u64,
@@ -199,6 +202,7 @@ pub struct Tally {
 
 /// A drop that is left in the hot folder.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Waiting {
     /// Its path in the hot folder, with `/`.
     pub drop: String,
@@ -210,6 +214,7 @@ pub struct Waiting {
 
 /// What a drop waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WaitsFor {
     /// The rest of its content, or a file that it names.
     Rest,

@@ -41,6 +41,7 @@ pub(crate) fn warn_if_not_noted(noted: std::io::Result<()>) {
 
 /// Why a station cannot start or continue.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StationError {
     /// A folder of the station cannot be created.
     #[error("the {purpose} folder cannot be created: {source}")]

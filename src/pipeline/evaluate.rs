@@ -17,6 +17,7 @@ pub const EVALUATION_SCHEMA: &str = "isomark.evaluate/1";
 /// The accuracy of each method for a drawing on a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Evaluation {
     /// [`EVALUATION_SCHEMA`].
     pub schema: String,
@@ -47,6 +48,7 @@ pub struct Evaluation {
 /// One method in one variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct EvaluationRow {
     /// The method's name, as in the settings.
     pub method: String,

@@ -145,7 +145,8 @@ impl Corrector for StandIn {
                     _ => {
                         let reason =
                             Reason::new("readback-differs", "As requested.", "Ask for something else.");
-                        let place = Place { line: Some(7), ..Place::default() };
+                        let mut place = Place::default();
+                        place.line = Some(7);
                         Err(JobError::Rejected(reason.at(place)))
                     }
                 }),

@@ -247,7 +247,7 @@ fn drawing() -> String {
 /// The polylines of a delivered drawing, mm of the field.
 fn delivered(dxf: &[u8]) -> Vec<Vec<Point2<f64>>> {
     let point = |at: FlatPoint| Point2::from(at.coords());
-    let reading = read(dxf, &PatternOptions { strict: true, ..PatternOptions::default() }).unwrap();
+    let reading = read(dxf, &PatternOptions::default().strictly(true)).unwrap();
     let path = |path: &isomark::geometry::pattern::Path| {
         let segments = path.shape.segments();
         let starts = segments.iter().map(|segment| point(segment.start()));

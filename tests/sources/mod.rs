@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 mod circles;
 mod codes;
+mod growth;
 
 pub use circles::Modules;
 

@@ -148,8 +148,7 @@ fn area_vector(points: &[Point3<f64>], polygon: &[usize]) -> Vector3<f64> {
 }
 
 fn read_bar(text: &str) -> PartReading {
-    let options =
-        MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
     read("bar.obj", text.as_bytes(), &options)
 }
 

@@ -56,8 +56,7 @@ fn stl(mesh: &TriMesh, percent: usize) -> Vec<u8> {
 }
 
 fn read(name: &str, bytes: &[u8]) -> PartReading {
-    let options =
-        MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
     mesh::read(bytes, MeshFormat::from_name(name).unwrap(), &options, &BTreeMap::new()).unwrap()
 }
 

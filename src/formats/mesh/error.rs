@@ -10,6 +10,7 @@ use super::MeshFormat;
 
 /// Why a part file cannot be read.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MeshReadError {
     /// A binary file is shorter than its header states.
     #[error("the {format} file is cut off: it has {actual} of {declared} bytes")]
@@ -234,6 +235,7 @@ pub enum MeshReadError {
 
 /// Where a vertex or face is in its file.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum VertexPlace {
     /// In a primitive of a glTF file.
     Gltf {
@@ -260,6 +262,7 @@ pub enum VertexPlace {
 
 /// The likely cause of a part file without triangles.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EmptyCause {
     /// An OpenCASCADE program such as FreeCAD exported a shape without meshing it first.
     NeverMeshed,
@@ -288,6 +291,7 @@ fn all_missing(missing: usize) -> String {
 
 impl MeshReadError {
     /// The error as a reason: code, sentence, place, number and remedy. The caller adds the file's name.
+    #[must_use]
     pub fn reason(&self) -> Reason {
         let reason = Reason::new(self.code(), self.to_string(), self.remedy()).at(self.place());
         match self {
@@ -318,6 +322,7 @@ impl MeshReadError {
     }
 
     /// Whether the file ends too early, so that it may still be being written.
+    #[must_use]
     pub fn is_cut_short(&self) -> bool {
         matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
     }

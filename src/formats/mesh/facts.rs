@@ -9,6 +9,7 @@ use crate::reason::{Notice, Severity};
 
 /// A part with the facts about its file.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PartReading {
     /// The part, mm, +Z up.
     pub shape: Shape,
@@ -18,6 +19,7 @@ pub struct PartReading {
 
 /// What a part is made of.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Shape {
     /// Triangles.
     Mesh(TriMesh),
@@ -27,6 +29,7 @@ pub enum Shape {
 
 impl Shape {
     /// The mesh, unless it is a scan.
+    #[must_use]
     pub fn mesh(&self) -> Option<&TriMesh> {
         match self {
             Self::Mesh(mesh) => Some(mesh),
@@ -38,6 +41,7 @@ impl Shape {
 /// What was found in a part file, and how it was interpreted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PartFacts {
     /// The format of the bytes, which may differ from the file name's ending; absent for a primitive from the settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,6 +79,7 @@ pub struct PartFacts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum NormalsFound {
     /// The file has none.
     None,
@@ -108,6 +113,7 @@ pub struct Buffer {
 
 impl PartFacts {
     /// Whether the unit of the file's numbers may be wrong: it comes from the settings, or it is a guess.
+    #[must_use]
     pub fn has_doubtful_unit(&self) -> bool {
         let is_doubt = |notice: &Notice| {
             notice.code == "size-implausible"

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum MeshFormat {
     /// glTF 2 as text, with its buffers in files beside it or embedded.
     Gltf,
@@ -36,6 +37,7 @@ const UNREAD: [&str; 31] = [
 /// use isomark::formats::mesh::is_unread_part;
 /// assert!(is_unread_part("can.STEP") && !is_unread_part("can.glb") && !is_unread_part("can.dxf"));
 /// ```
+#[must_use]
 pub fn is_unread_part(file_name: &str) -> bool {
     file_name.rsplit_once('.').is_some_and(|(_, ending)| UNREAD.contains(&&*ending.to_ascii_lowercase()))
 }
@@ -45,6 +47,7 @@ impl MeshFormat {
     pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
 
     /// Whether an incomplete file can be recognised; a file of mere lines looks complete after any line.
+    #[must_use]
     pub fn has_end_mark(self) -> bool {
         !matches!(self, Self::Obj | Self::Xyz)
     }
@@ -56,6 +59,7 @@ impl MeshFormat {
     /// assert_eq!(MeshFormat::from_name("can.GLB"), Some(MeshFormat::Glb));
     /// assert_eq!(MeshFormat::from_name("can.dxf"), None);
     /// ```
+    #[must_use]
     pub fn from_name(file_name: &str) -> Option<Self> {
         let (_, ending) = file_name.rsplit_once('.')?;
         match ending.to_ascii_lowercase().as_str() {

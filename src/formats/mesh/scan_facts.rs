@@ -7,6 +7,7 @@ use crate::geometry::surface::scan::{ScanQuality, ScanRegion, Smoothing};
 /// What was found in the points of a scan, and how they were processed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ScanFacts {
     /// Number of measured points.
     pub points: usize,
@@ -29,6 +30,7 @@ pub struct ScanFacts {
 /// One surface of a scan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ScanSurface {
     /// Number of points that it was fitted to.
     pub points: usize,
@@ -71,6 +73,7 @@ impl ScanFacts {
 
 impl ScanFacts {
     /// One sentence for people.
+    #[must_use]
     pub fn summary(&self) -> String {
         let mut text = format!(
             "a surface was fitted to {} of {} points {:.2} mm apart",

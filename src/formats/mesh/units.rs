@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The unit of a part file's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub enum LengthUnit {
     /// 1 mm.
     #[serde(rename = "mm")]
@@ -53,6 +54,7 @@ const SETTINGS: &str = "the settings say so";
 /// A setting's value that is not a unit or an axis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("\"{word}\" is not one of {expected}")]
+#[non_exhaustive]
 pub struct UnknownWord {
     /// The word as written.
     pub word: String,
@@ -62,6 +64,7 @@ pub struct UnknownWord {
 
 impl LengthUnit {
     /// Length of the unit, mm.
+    #[must_use]
     pub fn in_mm(self) -> f64 {
         match self {
             Self::Millimetre => 1.0,

@@ -165,6 +165,7 @@ impl EntityName {
 
 impl PatternReadError {
     /// Whether the file ends too early, so that it may still be being written.
+    #[must_use]
     pub fn is_cut_short(&self) -> bool {
         matches!(self, Self::Truncated { .. } | Self::PictureTruncated { .. })
     }

@@ -11,6 +11,7 @@ use crate::reason::Notice;
 /// What the file states, and what was assumed, repaired and skipped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PatternFacts {
     /// The program that wrote the file, if known.
     pub producer: Option<String>,
@@ -45,6 +46,7 @@ pub struct PatternFacts {
 /// A picture and how it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct RasterFacts {
     /// Columns and rows of pixels.
     pub pixels: [usize; 2],
@@ -68,6 +70,7 @@ pub struct RasterFacts {
 /// A layer of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct LayerFacts {
     /// Its colour: an index of the AutoCAD colour table or `#rrggbb`.
     pub color: String,
@@ -80,6 +83,7 @@ pub struct LayerFacts {
 /// Something that was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Repair {
     /// What was repaired, with its number.
     #[serde(flatten)]
@@ -94,6 +98,7 @@ pub struct Repair {
 /// Where something was repaired.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct RepairPlace {
     /// Type of the entity, or of the first one if there are several, such as `LINE`.
     pub entity: String,
@@ -114,6 +119,7 @@ pub struct RepairPlace {
 /// An entity that is not in the pattern.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Skipped {
     /// Its type, such as `MTEXT`.
     pub entity: String,

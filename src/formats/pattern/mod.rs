@@ -37,6 +37,7 @@ pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, Pa
 }
 
 /// Whether the bytes are complete up to the end mark of their format, so that the file is fully written.
+#[must_use]
 pub fn is_complete(bytes: &[u8]) -> bool {
     RasterFormat::of(bytes).map_or_else(|| dxf::scan::is_complete(bytes), |format| format.is_complete(bytes))
 }
@@ -47,11 +48,13 @@ pub fn is_complete(bytes: &[u8]) -> bool {
 /// use isomark::formats::pattern::is_drawing;
 /// assert!(is_drawing("can@date.DXF") && is_drawing("can@logo.png") && !is_drawing("can.glb"));
 /// ```
+#[must_use]
 pub fn is_drawing(file_name: &str) -> bool {
     ending(file_name).is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
 /// Whether a file of this name is a picture.
+#[must_use]
 pub fn is_picture(file_name: &str) -> bool {
     ending(file_name).is_some_and(|ending| ENDINGS[1..].contains(&ending.as_str()))
 }

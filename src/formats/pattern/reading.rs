@@ -12,6 +12,7 @@ const USUAL_SIZE: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
 
 /// Options for reading a drawing.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PatternOptions {
     /// Unit of drawings whose header states none. If this is none too: inches if `$MEASUREMENT` is imperial, else mm.
     pub unit_if_unitless: Option<DrawingUnit>,
@@ -41,8 +42,29 @@ impl Default for PatternOptions {
     }
 }
 
+impl PatternOptions {
+    /// The same, read strictly or not.
+    #[must_use]
+    pub fn strictly(self, strict: bool) -> Self {
+        Self { strict, ..self }
+    }
+
+    /// The same with this way of reading a picture.
+    #[must_use]
+    pub fn with_picture(self, picture: RasterOptions) -> Self {
+        Self { picture, ..self }
+    }
+
+    /// The same with this distance below which ends are joined, mm.
+    #[must_use]
+    pub fn with_joining_tolerance(self, joining_tolerance: f64) -> Self {
+        Self { joining_tolerance, ..self }
+    }
+}
+
 /// A drawing with the facts about its file.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PatternReading {
     /// The drawing, mm.
     pub pattern: Pattern,

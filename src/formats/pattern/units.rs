@@ -69,16 +69,19 @@ const ALL: [(DrawingUnit, &str, f64); 15] = [
 
 impl DrawingUnit {
     /// The length of one unit, mm.
+    #[must_use]
     pub fn in_mm(self) -> f64 {
         ALL[self as usize].2
     }
 
     /// The sign, such as `mm` or `in`.
+    #[must_use]
     pub fn sign(self) -> &'static str {
         ALL[self as usize].1
     }
 
     /// The unit for a code of `$INSUNITS` (DXF Reference, HEADER); `None` for 0 and for units too large for products.
+    #[must_use]
     pub fn from_insunits(code: i64) -> Option<Self> {
         Some(match code {
             // 21, 22, 23 and 24 are the US survey units, 2e-6 longer than the others.

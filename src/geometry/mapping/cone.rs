@@ -28,6 +28,7 @@ pub struct ConeFit {
 
 /// Why no cone was found under the drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConeError {
     /// There are too few points of the part under the drawing.
     #[error(transparent)]

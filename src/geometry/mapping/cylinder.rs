@@ -28,6 +28,7 @@ pub struct CylinderFit {
 
 /// Why no cylinder was found under the drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CylinderError {
     /// There are too few points of the part under the drawing.
     #[error(transparent)]

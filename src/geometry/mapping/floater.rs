@@ -29,6 +29,7 @@ pub enum FloaterWeights {
 
 /// Why the part could not be mapped to the square for a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FloaterError {
     /// There is no surface at the middle of the part or at the anchor.
     #[error("there is no surface at the anchor ({:.2}, {:.2}) mm", at.x, at.y)]

@@ -49,6 +49,7 @@ pub struct Iteration {
 
 /// Why no map was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum IsometricError {
     /// The search did not converge.
     #[error("the length-true map did not converge in {} steps; the last step still moved it by {:.4} mm",

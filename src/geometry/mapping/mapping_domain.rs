@@ -75,6 +75,7 @@ impl AsPrinted {
 
 /// Why no mapping domain was found for a drawing.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MappingDomainError {
     /// The drawing does not fit into the domain.
     #[error("the point ({:.2}, {:.2}) mm of the placed drawing is outside the mapping domain: x from {:.1} to {:.1} \

@@ -28,6 +28,7 @@ use super::surface::fit::FittedSurface;
 
 /// The method by which the map is found.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Method {
     /// [`Method::Cylinder`] or [`Method::Cone`] if the part matches one within the tolerance, otherwise
     /// [`Method::Isometric`].
@@ -61,6 +62,7 @@ impl Method {
 
 /// A map from the placed drawing to the view, chosen for one drawing on one surface.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum LengthTrueMap {
     /// Found by [`IsometricMap::solve`].
     Isometric(IsometricMap),
@@ -78,6 +80,7 @@ pub enum LengthTrueMap {
 
 /// Why there is no map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MapError {
     /// The free-form map could not be found.
     #[error(transparent)]

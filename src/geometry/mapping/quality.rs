@@ -14,6 +14,7 @@ pub const SQUARE: f64 = 0.2;
 ///
 /// The sums are those of Chuang, Shape correction for laser marking, 2023, equations 5.1 and 5.2.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Distortion {
     /// e_l: sum over all pieces of the lines of |length on the part − length drawn|, mm.
     pub length_error: f64,

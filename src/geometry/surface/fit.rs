@@ -28,6 +28,7 @@ const MIN_NODES: usize = 64;
 
 /// How the surface is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FitOptions {
     /// The residual that 95 % of the nodes should stay below, mm. If it is exceeded, the number of spans is doubled,
     /// but only the control points near a larger residual are moved, which takes two to three times as long.
@@ -60,6 +61,7 @@ pub struct FittedSurface {
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Residual {
     /// Largest distance, mm.
     pub max: f64,
@@ -75,6 +77,7 @@ pub struct Residual {
 
 /// Why no surface could be fitted.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FitError {
     /// Too little of the part faces the laser.
     #[error("only {nodes} of {all} sampled points of the part are tilted less than {} degrees to the laser",

@@ -42,6 +42,7 @@ pub struct SmoothedScan {
 
 /// Measurements of the quality of a scan.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ScanQuality {
     /// Number of points.
     pub points: usize,
@@ -61,6 +62,7 @@ pub struct ScanQuality {
 
 /// One surface of a scan.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ScanRegion {
     /// Number of points used for it.
     pub points: usize,

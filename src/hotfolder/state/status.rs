@@ -33,6 +33,7 @@ const ERRORS: usize = 20;
 /// A station as it was at one moment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Status {
     /// [`SCHEMA`].
     pub schema: String,
@@ -76,6 +77,7 @@ pub struct Status {
 /// How long reports, archived originals and rejected drops are kept, and the result of the last pass over the folders.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Kept {
     /// When that pass was, in universal time.
     pub at: String,
@@ -108,6 +110,7 @@ pub struct Kept {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum State {
     /// It is running and writes its status.
     Running,
@@ -123,6 +126,7 @@ pub enum State {
 /// Counts since the start, and of the last hour.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Done {
     /// Corrected drawings delivered.
     pub delivered: u64,
@@ -139,6 +143,7 @@ pub struct Done {
 /// A job that is being done.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct UnderWay {
     /// The drop, relative to the hot folder.
     pub drop: String,
@@ -159,6 +164,7 @@ pub struct Listed<T> {
 /// A drop that waits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Waits {
     /// The drop, relative to the hot folder.
     pub drop: String,
@@ -169,6 +175,7 @@ pub struct Waits {
 /// A delivered drawing that is outdated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct OutdatedDrawing {
     /// Its name in the import folder.
     pub name: String,
@@ -180,6 +187,7 @@ pub struct OutdatedDrawing {
 /// drawing nor its temporary file. Either an importer took it, or somebody removed the temporary file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct UncertainDrawing {
     /// Its name in the import folder.
     pub name: String,
@@ -201,6 +209,7 @@ impl From<&Delivered> for UncertainDrawing {
 /// A drop that was rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Rejection {
     /// When.
     pub at: String,

@@ -168,6 +168,7 @@ impl std::fmt::Display for PathPlace {
 
 impl ReadbackError {
     /// The difference as a reason: code, sentence, place, number and remedy.
+    #[must_use]
     pub fn reason(&self) -> Reason {
         let what = format!("The written file does not match the corrected drawing: {self}.");
         let remedy = "Check the disk, the network and the memory of this computer, then try again. If the same drawing \
@@ -222,6 +223,7 @@ pub fn read_back(file: &[u8], drawing: &MarkingDrawing, profile: DxfProfile) -> 
 /// The work of [`read_back`] for a drawing, in vertices of a long R2000 polyline, each about 0.5 µs
 /// (`benches/stages.rs`). It is proportional to the groups in the file: such a vertex has two, a vertex in R12 five, an
 /// entity or a single line eight.
+#[must_use]
 pub fn readback_work(drawing: &MarkingDrawing, profile: DxfProfile) -> usize {
     let groups = drawing.paths.iter().map(|path| match (path.shape.points().len(), profile) {
         (vertices, DxfProfile::R2000) => 8 + 2 * vertices,

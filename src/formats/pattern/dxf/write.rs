@@ -57,6 +57,7 @@ pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
 
 /// Warnings about data that the profile cannot represent: layer names that must change, and true colours that become
 /// the nearest colours of the table.
+#[must_use]
 pub fn losses(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<Notice> {
     let mut losses = Vec::new();
     let names = plain_layer_names(&drawing.layers, profile);

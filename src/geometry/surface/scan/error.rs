@@ -4,6 +4,7 @@ use crate::geometry::normal_equations::SolveError;
 
 /// Why a scan gives no surface.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ScanError {
     /// There are too few points.
     #[error("only {points} points of the scan face the laser; a surface needs {needed}")]
