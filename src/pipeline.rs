@@ -249,7 +249,13 @@ impl Pipeline {
             let kept = CachedSurface { origin, ..kept };
             return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
         }
-        let options = MeshOptions { unit: settings.unit, up: settings.up, pace: self.pace };
+        let options = MeshOptions {
+            unit: settings.unit,
+            up: settings.up,
+            normals: settings.normals,
+            bridge: settings.bridge,
+            pace: self.pace,
+        };
         steps.at(Step::Read);
         let mut reading =
             mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
@@ -597,6 +603,9 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         triangles: 0,
         vertices: 0,
         normals: NormalsFound::Smooth,
+        normals_used: None,
+        normals_missing: 0,
+        noise: None,
         bodies: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),

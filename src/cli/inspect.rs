@@ -13,7 +13,9 @@ use super::progress::ProgressLine;
 use super::set::{SetArguments, add_options, useless_to_an_inspection};
 use crate::config::{JobSettings, Losses, Overrides, PartSettings};
 use crate::formats;
-use crate::formats::mesh::{self, MeshFormat, MeshOptions, NormalsFound, PartFacts, PartReading, Shape};
+use crate::formats::mesh::{
+    self, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
+};
 use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
@@ -73,8 +75,13 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     at(Step::Read);
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
-            let options =
-                MeshOptions { unit: settings.part.unit, up: settings.part.up, ..MeshOptions::default() };
+            let options = MeshOptions {
+                unit: settings.part.unit,
+                up: settings.part.up,
+                normals: settings.part.normals,
+                bridge: settings.part.bridge,
+                ..MeshOptions::default()
+            };
             let part = read_part(&arguments.file)?;
             let mut reading = mesh::read(&part.bytes, format, &options, &part.siblings)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
@@ -191,7 +198,10 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
     line(&mut text, "format", &facts.format.map_or("none".to_owned(), |format| format.to_string()));
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
     match facts.triangles {
-        0 => scan_lines(&mut text, facts),
+        0 => {
+            line(&mut text, "scan", &format!("{} points", facts.vertices));
+            scan_lines(&mut text, facts);
+        }
         triangles => mesh_lines(&mut text, facts, triangles),
     }
     for (label, names) in
@@ -221,19 +231,37 @@ fn surface_line(text: &mut String, surface: &FittedSurface) {
 
 fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {
     line(text, "mesh", &format!("{triangles} triangles, {} vertices", facts.vertices));
-    let normals = match facts.normals {
+    let found = match facts.normals {
         NormalsFound::Smooth => "follow the surface",
-        NormalsFound::FacetsOnly => "only repeat the facets; isomark estimates better ones from the mesh",
-        NormalsFound::Averaged => {
-            "average the facets, as smooth shading does; isomark estimates better ones from the mesh"
-        }
-        NormalsFound::None => "none; isomark estimates them from the mesh",
+        NormalsFound::FacetsOnly => "only repeat the facets",
+        NormalsFound::Averaged => "average the facets, as smooth shading does",
+        NormalsFound::None => "none",
     };
-    line(text, "normals", normals);
+    let used = match facts.normals_used {
+        Some(NormalsUsed::Estimated) if facts.normals == NormalsFound::None => {
+            "; they are estimated from the mesh".into()
+        }
+        Some(NormalsUsed::Estimated) => "; better ones are estimated from the mesh".into(),
+        Some(NormalsUsed::Mixed) => format!(
+            "; of {} vertices {} have none, which are estimated from the mesh",
+            facts.vertices, facts.normals_missing
+        ),
+        Some(NormalsUsed::Facets) => "; the flat facets are marked".into(),
+        Some(NormalsUsed::Smoothed) => "; the vertices are smoothed as a scan".into(),
+        Some(NormalsUsed::File) | None => String::new(),
+    };
+    line(text, "normals", &format!("{found}{used}"));
+    if let Some(noise) = &facts.noise {
+        let said = format!(
+            "{:.4} mm at vertices {:.2} mm apart; it turns normals by about {:.1} deg",
+            noise.noise_mm, noise.spacing_mm, noise.normals_off_deg
+        );
+        line(text, "noise", &said);
+    }
+    scan_lines(text, facts);
 }
 
 fn scan_lines(text: &mut String, facts: &PartFacts) {
-    line(text, "scan", &format!("{} points", facts.vertices));
     let Some(scan) = &facts.scan else { return };
     line(text, "used", &format!("{} ({} hidden, {} outliers)", scan.used, scan.hidden, scan.dropped));
     line(text, "spacing", &format!("{:.3} mm, sampled every {:.3} mm", scan.spacing_mm, scan.grid_step_mm));

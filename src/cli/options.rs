@@ -15,6 +15,14 @@ pub(super) struct MeaningArguments {
     /// Axis of the part's file that points up: z or y. Default: as format and producer suggest.
     #[arg(long, value_name = "AXIS", help_heading = "Part and drawing")]
     part_up: Option<String>,
+    /// What the surface follows between the vertices of a mesh: auto (default), file (the normals of the file), facets (the
+    /// flat triangles) or estimate (normals estimated from the triangles).
+    #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
+    normals: Option<String>,
+    /// Widest gap that is bridged, mm, 0 to 100: a hole in a mesh where triangles are missing, or a gap in a scan. Default:
+    /// one or two missing triangles, up to 2 mm.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
+    bridge: Option<String>,
     /// Unit of a drawing that names none: mm, in, px and others. Default: mm, or inches where the drawing suggests them.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<String>,
@@ -45,7 +53,7 @@ impl MeaningArguments {
     /// Adds the settings that were typed.
     pub(super) fn add_to(&self, overrides: &mut Overrides) -> Result<(), Failure> {
         // The settings have one spelling.
-        let [unit, up] = [&self.part_unit, &self.part_up]
+        let [unit, up, normals] = [&self.part_unit, &self.part_up, &self.normals]
             .map(|typed| typed.as_ref().map(|typed| typed.to_ascii_lowercase()));
         let percent = self.threshold.as_ref().map(|typed| typed.trim().trim_end_matches('%').to_owned());
         add_options(
@@ -53,6 +61,8 @@ impl MeaningArguments {
             &[
                 ("--part-unit", "part.unit", unit.as_ref()),
                 ("--part-up", "part.up", up.as_ref()),
+                ("--normals", "part.normals", normals.as_ref()),
+                ("--bridge", "part.bridge_mm", self.bridge.as_ref()),
                 ("--pattern-unit", "pattern.unit_if_unitless", self.pattern_unit.as_ref()),
                 ("--width", "pattern.width_mm", self.width.as_ref()),
                 ("--height", "pattern.height_mm", self.height.as_ref()),

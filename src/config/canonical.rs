@@ -21,6 +21,7 @@ use super::choices::{DxfVersion, FloaterWeights, Method, Vertices, Weighting};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
 };
+use crate::formats::mesh::NormalsChoice;
 use crate::formats::pattern::RasterOptions;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens};
@@ -80,13 +81,15 @@ struct Text(String);
 
 impl Text {
     fn part(&mut self, settings: &PartSettings) {
-        let PartSettings { facing, roll, unit, up, smoothing, primitive } = settings;
+        let PartSettings { facing, roll, unit, up, normals, bridge, smoothing, primitive } = settings;
         if *facing != Facing::TOP {
             self.numbers("part.facing", facing.direction().into());
         }
         self.number("part.roll_rad", *roll, 0.0);
         self.word("part.unit", unit.map(|unit| unit.to_string()));
         self.word("part.up", up.map(|up| up.to_string()));
+        self.word("part.normals", (*normals != NormalsChoice::Auto).then_some(normals));
+        self.optional("part.bridge_mm", *bridge);
         match smoothing {
             Smoothing::Auto => {}
             Smoothing::LowPass { wavelength } => self.numbers("part.low_pass_mm", [*wavelength]),

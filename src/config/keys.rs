@@ -13,7 +13,7 @@ use super::choices::{
 use super::error::ConfigError;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings};
 use super::text::{Numbers, SettingsText};
-use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
@@ -27,6 +27,8 @@ const FARTHEST: f64 = 10_000.0;
 /// Gaps that may be joined, mm.
 const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
+/// Widths of gaps that may be bridged, mm.
+const BRIDGE: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 /// Wavelengths of a low pass, mm.
 const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 
@@ -48,6 +50,8 @@ pub(super) struct PartKeys {
     roll_deg: Option<Spanned<f64>>,
     unit: Option<Spanned<LengthUnit>>,
     up: Option<Spanned<UpAxis>>,
+    normals: Option<Spanned<NormalsChoice>>,
+    bridge_mm: Option<Spanned<f64>>,
     smoothing: Option<Spanned<Smoothing>>,
     low_pass_mm: Option<Spanned<f64>>,
     shape: Option<Spanned<PartShape>>,
@@ -158,7 +162,7 @@ impl PartKeys {
                 what: format!(
                     "The part is a {primitive} given by its sizes; no file is read or turned for it."
                 ),
-                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `unit`, `up`, `smoothing`, `low_pass_mm`."
+                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `unit`, `up`, `normals`, `bridge_mm`, `smoothing`, `low_pass_mm`."
                     .into(),
             });
         }
@@ -183,6 +187,10 @@ impl PartKeys {
         }
         to.part.unit = self.unit.map(Spanned::into_inner).or(to.part.unit);
         to.part.up = self.up.map(Spanned::into_inner).or(to.part.up);
+        to.part.normals = self.normals.map(Spanned::into_inner).unwrap_or(to.part.normals);
+        if let Some(widest) = &self.bridge_mm {
+            to.part.bridge = Some(text.number("part.bridge_mm", widest, BRIDGE, "mm")?);
+        }
         let before = match to.part.smoothing {
             scan::Smoothing::LowPass { wavelength } => Some(wavelength),
             scan::Smoothing::Auto | scan::Smoothing::None => None,
@@ -216,6 +224,8 @@ impl PartKeys {
             self.roll_deg.as_ref().map(Spanned::span),
             self.unit.as_ref().map(Spanned::span),
             self.up.as_ref().map(Spanned::span),
+            self.normals.as_ref().map(Spanned::span),
+            self.bridge_mm.as_ref().map(Spanned::span),
             self.smoothing.as_ref().map(Spanned::span),
             self.low_pass_mm.as_ref().map(Spanned::span),
         ];

@@ -2,7 +2,7 @@
 
 use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
 use crate::formats::Pace;
-use crate::formats::mesh::{LengthUnit, UpAxis};
+use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
@@ -55,7 +55,12 @@ pub struct PartSettings {
     pub unit: Option<LengthUnit>,
     /// Axis of the file that points up; `None` uses what the format and the producer suggest.
     pub up: Option<UpAxis>,
-    /// How noise is taken out of a scan; a mesh has none.
+    /// What the surface between the vertices of a mesh follows.
+    pub normals: NormalsChoice,
+    /// The widest gap that is bridged, mm: a hole in a mesh where triangles are missing, or a gap between the points of a scan;
+    /// `None` bridges one or two missing triangles, and a few missing points.
+    pub bridge: Option<f64>,
+    /// How noise is taken out of a scan, and of a mesh that is as noisy as one.
     pub smoothing: Smoothing,
     /// The cylinder or cone that the part is, in the laser's view; `None` takes the part from a file.
     pub primitive: Option<Primitive>,
@@ -68,6 +73,8 @@ impl Default for PartSettings {
             roll: 0.0,
             unit: None,
             up: None,
+            normals: NormalsChoice::Auto,
+            bridge: None,
             smoothing: Smoothing::Auto,
             primitive: None,
         }

@@ -11,7 +11,18 @@ pub struct TriMesh {
     positions: Vec<Point3<f64>>,
     normals: Vec<Vector3<f64>>,
     triangles: Vec<[u32; 3]>,
-    normals_only_shade: bool,
+    meaning: Meaning,
+}
+
+/// What the normals of a mesh, or the lack of them, stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Meaning {
+    /// The surface that the mesh samples.
+    Surface,
+    /// Its edges only.
+    Shading,
+    /// Nothing: the part is its facets.
+    Facets,
 }
 
 /// Why a set of triangles is not a valid mesh.
@@ -88,7 +99,7 @@ impl TriMesh {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
-        Ok(Self { positions, normals, triangles, normals_only_shade: false })
+        Ok(Self { positions, normals, triangles, meaning: Meaning::Surface })
     }
 
     /// Vertex positions, mm.
@@ -104,7 +115,7 @@ impl TriMesh {
     /// The same mesh, with its normals marked as shading normals: averages of facets from smooth shading, which show
     /// the edges of the part but not its curvature.
     pub fn with_shading_normals(self) -> Self {
-        Self { normals_only_shade: true, ..self }
+        Self { meaning: Meaning::Shading, ..self }
     }
 
     /// The same mesh with the winding of some of its triangles reversed; one flag for each triangle.
@@ -116,7 +127,39 @@ impl TriMesh {
 
     /// Whether the normals show only the edges of the part, not its curvature.
     pub fn normals_only_shade(&self) -> bool {
-        self.normals_only_shade
+        self.meaning == Meaning::Shading
+    }
+
+    /// The same mesh as a part that is exactly its flat facets.
+    pub fn with_flat_facets(self) -> Self {
+        Self { meaning: Meaning::Facets, normals: Vec::new(), ..self }
+    }
+
+    /// Whether the part is exactly its facets.
+    pub fn is_facetted(&self) -> bool {
+        self.meaning == Meaning::Facets
+    }
+
+    /// The same mesh with nothing known of its normals.
+    pub fn without_normals(self) -> Self {
+        Self { meaning: Meaning::Surface, normals: Vec::new(), ..self }
+    }
+
+    /// The same mesh with more triangles over its vertices.
+    pub(super) fn with_added(mut self, triangles: &[[u32; 3]]) -> Self {
+        self.triangles.extend(triangles);
+        self
+    }
+
+    /// A unit normal for each vertex: that of the facets round it, each as large as it is; zero without facets.
+    pub fn facet_normals(&self) -> Vec<Vector3<f64>> {
+        let mut sums = vec![Vector3::zeros(); self.positions.len()];
+        for &triangle in &self.triangles {
+            let [a, b, c] = self.corners(triangle);
+            let across = (b - a).cross(&(c - a));
+            triangle.iter().for_each(|&vertex| sums[vertex as usize] += across);
+        }
+        sums.iter().map(|sum| sum.try_normalize(0.0).unwrap_or_else(Vector3::zeros)).collect()
     }
 
     /// Triangles, three vertex indices each.

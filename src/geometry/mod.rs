@@ -7,6 +7,8 @@ pub mod mesh;
 pub mod point_cloud;
 mod adjacency;
 pub mod winding;
+pub mod noise;
+pub mod holes;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

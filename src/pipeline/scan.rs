@@ -2,10 +2,12 @@
 
 use super::checks;
 use crate::config::PartSettings;
-use crate::formats::mesh::{PartFacts, ScanFacts, ScanSurface, Shape};
-use crate::geometry::height_field::FacingPart;
+use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField};
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::View;
-use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+use crate::geometry::surface::fit::{FitError, FitOptions, FittedSurface};
 use crate::geometry::surface::scan::{ScanError, SmoothedScan};
 use crate::reason::{Notice, Reason};
 
@@ -15,6 +17,10 @@ const NOTABLE_NOISE: f64 = 0.5;
 const NOTABLE_DEPARTURE: f64 = 0.05;
 /// A share of dropped points above this is worth a warning.
 const NOTABLE_LOSS: f64 = 0.1;
+/// Steps along the longer side of a part at which it is held against its smoothed vertices.
+const COVERAGE_STEPS: f64 = 64.0;
+/// Share of its surface that these must cover; they end before its rims.
+const COVERED: f64 = 0.75;
 
 /// The fitted surface of a shape. Measurements of a scan are added to `facts`, with notices.
 ///
@@ -28,17 +34,66 @@ pub fn surface_of(
 ) -> Result<FittedSurface, Reason> {
     let view = View::new(settings.facing, settings.roll);
     let fitted = match shape {
+        Shape::Mesh(mesh) if facts.normals_used == Some(NormalsUsed::Smoothed) => {
+            noisy_mesh(mesh, facts, settings, fit)
+        }
         Shape::Mesh(mesh) => FittedSurface::of_part(&FacingPart::new(mesh, &view), fit),
         Shape::Scan(cloud) => {
-            let scan = SmoothedScan::new(cloud, &view, settings.smoothing)
+            let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge)
                 .map_err(|error| scan_reason(&error, settings))?;
-            let found = ScanFacts::new(&scan.quality, settings.smoothing);
-            facts.notices.extend(notices(&found));
-            facts.scan = Some(found);
-            FittedSurface::of_field(scan.field)
+            fit_scan(scan, facts, settings)
         }
     };
     fitted.map_err(|error| checks::fit_reason(&error, settings))
+}
+
+fn fit_scan(
+    scan: SmoothedScan,
+    facts: &mut PartFacts,
+    settings: &PartSettings,
+) -> Result<FittedSurface, FitError> {
+    let found = ScanFacts::new(&scan.quality, settings.smoothing);
+    facts.notices.extend(notices(&found));
+    facts.scan = Some(found);
+    FittedSurface::of_field(scan.field)
+}
+
+/// The surface of a mesh whose vertices scatter: that of the points of a scan, as long as it covers what the mesh does.
+fn noisy_mesh(
+    mesh: &TriMesh,
+    facts: &mut PartFacts,
+    settings: &PartSettings,
+    fit: &FitOptions,
+) -> Result<FittedSurface, FitError> {
+    let view = View::new(settings.facing, settings.roll);
+    let part = FacingPart::new(mesh, &view);
+    let cloud = PointCloud::new(mesh.positions().to_vec(), mesh.facet_normals());
+    let scan = SmoothedScan::bridged(&cloud, &view, settings.smoothing, settings.bridge).ok();
+    match scan.filter(|scan| covers(&scan.field, &part)) {
+        Some(scan) => fit_scan(scan, facts, settings),
+        None => {
+            facts.normals_used = Some(NormalsUsed::Estimated);
+            let text = "the vertices of the noisy mesh are too sparse to be smoothed as a scan, so its normals are estimated";
+            facts.notices.push(Notice::warning("mesh-not-smoothed", text.to_owned()));
+            FittedSurface::of_part(&part, fit)
+        }
+    }
+}
+
+/// Whether there is surface nearly everywhere that a part has any.
+fn covers(field: &HeightField, part: &FacingPart) -> bool {
+    let size = part.extents().size();
+    let step = size.x.max(size.y) / COVERAGE_STEPS;
+    if !(step > 0.0) {
+        return false;
+    }
+    let sampled = part.sample(&Grid::over(&part.extents(), step)).field;
+    let (mut all, mut covered) = (0usize, 0usize);
+    for (column, row, _) in sampled.surface_nodes() {
+        all += 1;
+        covered += usize::from(field.is_surface(sampled.position(column, row)));
+    }
+    covered as f64 >= COVERED * all as f64
 }
 
 fn notices(facts: &ScanFacts) -> Vec<Notice> {

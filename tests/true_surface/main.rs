@@ -8,6 +8,9 @@
 mod edges;
 mod exact_maps;
 mod forms;
+mod choice;
+mod holes;
+mod noise;
 mod shading;
 mod winding;
 

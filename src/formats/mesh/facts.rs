@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
 use crate::geometry::mesh::TriMesh;
+use crate::geometry::noise::Noise;
 use crate::geometry::point_cloud::PointCloud;
 use crate::reason::{Notice, Severity};
 
@@ -61,6 +62,15 @@ pub struct PartFacts {
     pub vertices: usize,
     /// The quality of the file's normals.
     pub normals: NormalsFound,
+    /// What the surface between the vertices follows; absent for a scan and for a part that is given by its sizes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normals_used: Option<NormalsUsed>,
+    /// Number of vertices without a normal in the file, if the normals of the others are used.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub normals_missing: usize,
+    /// The scatter of a mesh's vertices, where it misleads the normals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<MeshNoise>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.
@@ -93,6 +103,37 @@ pub enum NormalsFound {
     Smooth,
 }
 
+/// What the surface between the vertices of a mesh follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub enum NormalsUsed {
+    /// The file's normals.
+    File,
+    /// Normals that are estimated from the facets.
+    Estimated,
+    /// The file's normals, and estimated ones where it has none.
+    Mixed,
+    /// The flat facets themselves.
+    Facets,
+    /// None: the vertices are smoothed as the points of a scan.
+    Smoothed,
+}
+
+/// The scatter of a mesh's vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct MeshNoise {
+    /// Standard deviation of the vertices from a smooth surface, mm.
+    pub noise_mm: f64,
+    /// Mean distance between neighbouring vertices, mm.
+    pub spacing_mm: f64,
+    /// About how far the normals of such vertices lean from those of the surface, deg.
+    pub normals_off_deg: f64,
+}
+
 /// The files beside a part that it refers to.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct NamedFiles {
@@ -121,6 +162,34 @@ impl PartFacts {
         };
         self.format.is_some() && (self.unit.is_by_settings() || self.notices.iter().any(is_doubt))
     }
+}
+
+impl MeshNoise {
+    pub(super) fn new(noise: &Noise) -> Self {
+        let normals_off_deg = (noise.deviation / noise.spacing).atan().to_degrees();
+        Self { noise_mm: noise.deviation, spacing_mm: noise.spacing, normals_off_deg }
+    }
+
+    pub(super) fn notice(&self, used: NormalsUsed) -> Notice {
+        let Self { noise_mm, spacing_mm, normals_off_deg } = self;
+        let consequence = match used {
+            NormalsUsed::Smoothed => {
+                "so the part is smoothed as a scan, and sharp edges are rounded; `normals = \"estimate\"` follows every vertex"
+            }
+            NormalsUsed::Facets | NormalsUsed::File | NormalsUsed::Estimated | NormalsUsed::Mixed => {
+                "and lengths can be as wrong as that; `normals = \"auto\"` smooths the part as a scan"
+            }
+        };
+        let message = format!(
+            "the mesh is noisy: its vertices, {spacing_mm:.2} mm apart, scatter by {noise_mm:.4} mm about a smooth surface, \
+             which turns normals by about {normals_off_deg:.1} deg, {consequence}"
+        );
+        Notice::warning("mesh-noisy", message)
+    }
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl NormalsFound {

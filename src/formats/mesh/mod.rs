@@ -30,9 +30,9 @@ mod normals;
 mod clues;
 
 pub use error::{EmptyCause, MeshReadError, VertexPlace};
-pub use facts::{Buffer, NamedFiles, NormalsFound, PartFacts, PartReading, Shape};
+pub use facts::{Buffer, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape};
 pub use format::{MeshFormat, is_unread_part};
-pub use options::MeshOptions;
+pub use options::{MeshOptions, NormalsChoice};
 pub use scan_facts::{ScanFacts, ScanSurface};
 pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 

@@ -4,9 +4,14 @@ use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, Corners};
 use super::error::EmptyCause;
-use super::{MeshOptions, MeshReadError, NormalsFound, PartFacts, PartReading, Shape};
+use super::{
+    MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed, PartFacts, PartReading,
+    Shape,
+};
 use crate::formats::Pace;
+use crate::geometry::holes::{self, Bridge};
 use crate::geometry::mesh::{MeshError, TriMesh};
+use crate::geometry::noise;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading;
 use crate::geometry::winding::{self, Winding};
@@ -75,24 +80,27 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
-        let (shape, winding) = match self.is_scan {
-            true => (Shape::Scan(PointCloud::new(self.positions, self.normals)), Winding::default()),
+        let mut understood = Understood::default();
+        let shape = match self.is_scan {
+            true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
             false => {
-                let mesh = TriMesh::new(self.positions, self.normals, self.triangles);
-                let (mesh, winding) = winding::made_alike(mesh.map_err(|error| match error {
-                    MeshError::BadCoordinate { coordinate, .. } => MeshReadError::TooFar { coordinate },
-                    _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
-                })?);
-                (Shape::Mesh(mesh), winding)
+                let mesh =
+                    TriMesh::new(self.positions, self.normals, self.triangles).map_err(
+                        |error| match error {
+                            MeshError::BadCoordinate { coordinate, .. } => {
+                                MeshReadError::TooFar { coordinate }
+                            }
+                            _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
+                        },
+                    )?;
+                let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options);
+                understood = found;
+                Shape::Mesh(mesh)
             }
         };
-        let shape = match shape {
-            Shape::Mesh(mesh) if shading::only_shade(&mesh) => {
-                self.normals_found = NormalsFound::Averaged;
-                Shape::Mesh(mesh.with_shading_normals())
-            }
-            shape => shape,
-        };
+        if understood.used == Some(NormalsUsed::Smoothed) && options.pace == Pace::Quick {
+            return Err(MeshReadError::TakesLong);
+        }
         let (size, triangles, vertices) = match &shape {
             Shape::Mesh(mesh) => (mesh.size(), mesh.triangles().len(), mesh.positions().len()),
             Shape::Scan(cloud) => (cloud.size(), 0, cloud.points().len()),
@@ -101,10 +109,9 @@ impl RawPart {
             return Err(MeshReadError::NoPoints { missing: self.missing });
         }
         self.notices.extend(verdict.notices);
-        self.notices.extend(winding_notices(&winding, triangles));
-        if !self.is_scan {
-            self.notices.extend(self.normals_found.notice());
-        }
+        self.notices.extend(understood.notices(triangles));
+        let is_estimated = matches!(understood.used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed));
+        self.notices.extend(self.normals_found.notice().filter(|_| is_estimated));
         let facts = PartFacts {
             format: Some(self.clues.format),
             producer: self.clues.producer,
@@ -114,6 +121,9 @@ impl RawPart {
             triangles,
             vertices,
             normals: self.normals_found,
+            normals_used: understood.used,
+            normals_missing: understood.missing,
+            noise: understood.noise,
             bodies: self.bodies,
             materials: self.materials,
             skipped: self.skipped,
@@ -122,6 +132,92 @@ impl RawPart {
         };
         Ok(PartReading { shape, facts })
     }
+}
+
+/// What was found of a mesh, and what its surface follows.
+#[derive(Default)]
+struct Understood {
+    winding: Winding,
+    bridges: Vec<Bridge>,
+    noise: Option<MeshNoise>,
+    used: Option<NormalsUsed>,
+    /// Vertices without a normal, where others have one.
+    missing: usize,
+    /// Whether the settings ask for normals that the file does not have.
+    lacks_normals: bool,
+}
+
+/// The mesh whose triangles run alike, with small holes bridged and normals that mean what the options ask for.
+fn understood_mesh(mesh: TriMesh, found: &mut NormalsFound, options: &MeshOptions) -> (TriMesh, Understood) {
+    let (mesh, winding) = winding::made_alike(mesh);
+    let (mesh, bridges) = holes::bridged(mesh, options.bridge);
+    let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
+    if shading::only_shade(&mesh) {
+        *found = NormalsFound::Averaged;
+    }
+    let is_missing = |normal: &&Vector3<f64>| **normal == Vector3::zeros();
+    let missing = mesh.normals().iter().filter(is_missing).count();
+    let of_file = match missing {
+        0 => NormalsUsed::File,
+        _ => NormalsUsed::Mixed,
+    };
+    let used = match (options.normals, *found) {
+        (NormalsChoice::Facets, _) | (NormalsChoice::File, NormalsFound::FacetsOnly) => NormalsUsed::Facets,
+        (NormalsChoice::Auto, _) if noise.is_some() => NormalsUsed::Smoothed,
+        (NormalsChoice::Estimate, _) | (_, NormalsFound::None | NormalsFound::FacetsOnly) => {
+            NormalsUsed::Estimated
+        }
+        (NormalsChoice::Auto, NormalsFound::Averaged) => NormalsUsed::Estimated,
+        (NormalsChoice::Auto, NormalsFound::Smooth) => of_file,
+        (NormalsChoice::File, NormalsFound::Averaged | NormalsFound::Smooth) => of_file,
+    };
+    let understood = Understood {
+        winding,
+        bridges,
+        noise,
+        used: Some(used),
+        missing: if used == NormalsUsed::Mixed { missing } else { 0 },
+        lacks_normals: options.normals == NormalsChoice::File && *found == NormalsFound::None,
+    };
+    let mesh = match (used, *found, options.normals) {
+        (NormalsUsed::Facets, ..) => mesh.with_flat_facets(),
+        (NormalsUsed::Estimated, _, NormalsChoice::Estimate) => mesh.without_normals(),
+        (NormalsUsed::Estimated | NormalsUsed::Smoothed, NormalsFound::Averaged, _) => {
+            mesh.with_shading_normals()
+        }
+        _ => mesh,
+    };
+    (mesh, understood)
+}
+
+impl Understood {
+    /// What a person should know of it; the part has so many `triangles`.
+    fn notices(&self, triangles: usize) -> impl Iterator<Item = Notice> {
+        let lacking = self.lacks_normals.then(|| {
+            let message =
+                "the settings ask for the file's normals, and it has none: they are estimated from the mesh";
+            Notice::warning("normals-missing", message)
+        });
+        let noisy = self.noise.zip(self.used).map(|(noise, used)| noise.notice(used));
+        winding_notices(&self.winding, triangles)
+            .chain(bridge_notice(&self.bridges))
+            .chain(lacking)
+            .chain(noisy)
+    }
+}
+
+fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {
+    let Bridge { at, width, sides } = bridges.first()?;
+    let holes = match bridges.len() {
+        1 => "a hole in the mesh was bridged, where triangles are missing:".to_owned(),
+        count => format!("{count} holes in the mesh were bridged, where triangles are missing; the widest:"),
+    };
+    let message = format!(
+        "{holes} {width:.2} mm wide with {sides} sides, at ({:.2}, {:.2}, {:.2}) mm of the part; `bridge_mm = 0` leaves holes \
+         open",
+        at.x, at.y, at.z
+    );
+    Some(Notice::note("hole-bridged", message))
 }
 
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {

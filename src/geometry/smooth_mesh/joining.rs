@@ -35,7 +35,11 @@ impl SmoothMesh {
     /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; at
     /// right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        if mesh.is_facetted() {
+            return Self::of_facets(mesh, view);
+        }
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
         let corners = mesh.triangles();
@@ -158,6 +162,22 @@ impl SmoothMesh {
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
         smooth
+    }
+
+    /// Every facet flat and by itself.
+    fn of_facets(mesh: &TriMesh, view: &View) -> Self {
+        let facets = mesh.triangles().iter().map(|&corners| mesh.corners(corners).map(|at| view.point(at)));
+        let facets: Vec<[Point3<f64>; 3]> = facets.collect();
+        let count = facets.len() as u32;
+        Self {
+            positions: facets.iter().flatten().copied().collect(),
+            normals: facets.iter().flat_map(|&facet| [facet_normal(facet); 3]).collect(),
+            triangles: (0..count).map(|facet| [3 * facet, 3 * facet + 1, 3 * facet + 2]).collect(),
+            regions: (0..count).collect(),
+            continued: vec![NONE; facets.len() * 3],
+            doubts: Vec::new(),
+            creases: Vec::new(),
+        }
     }
 
     /// Makes the summed normals unit vectors; where there is none it is estimated.

@@ -25,9 +25,11 @@ mod penalised;
 
 /// Maximum number of steps of the height field along its longer side, the same as for a mesh.
 const MAX_STEPS: f64 = 512.0;
-/// A node needs points in all four quadrants within this distance, in units of the point spacing: gaps are bridged, but
-/// rims are not extended.
+/// A node needs points in all four quadrants within this distance, in units of the point spacing, if no
+/// width of gaps is given: gaps are bridged, but rims are not extended.
 const REACH: f64 = 3.5;
+/// The same distance is at most this many nodes, which limits the time.
+const MAX_REACH: f64 = 40.0;
 /// A node this close to a point needs no other points, in units of the point spacing.
 const AT_POINT: f64 = 0.5;
 
@@ -89,6 +91,19 @@ impl SmoothedScan {
     /// # Errors
     /// When there are too few points, when they are in one line, or when they form no surface; see [`ScanError`].
     pub fn new(cloud: &PointCloud, view: &View, smoothing: Smoothing) -> Result<Self, ScanError> {
+        Self::bridged(cloud, view, smoothing, None)
+    }
+
+    /// The same with gaps bridged that are up to `widest` mm wide; `None` bridges those of a few points.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn bridged(
+        cloud: &PointCloud,
+        view: &View,
+        smoothing: Smoothing,
+        widest: Option<f64>,
+    ) -> Result<Self, ScanError> {
         let faces_away =
             |at: usize| cloud.normals().get(at).is_some_and(|&normal| view.vector(normal).z < 0.0);
         let points = cloud.points().iter().enumerate().filter(|(at, _)| !faces_away(*at));
@@ -101,7 +116,8 @@ impl SmoothedScan {
             Ok((region, smoothed))
         };
         let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;
-        let field = sampled(&surfaces, &seen.cells);
+        let reach = widest.unwrap_or(REACH * seen.cells.spacing());
+        let field = sampled(&surfaces, &seen.cells, reach);
         let regions = surfaces.iter().map(|(region, smoothed)| ScanRegion::new(region, smoothed, smoothing));
         let regions: Vec<ScanRegion> = regions.collect();
         let used = regions.iter().map(|region| region.points).sum();
@@ -136,8 +152,8 @@ impl ScanRegion {
     }
 }
 
-/// The height field of all surfaces: nodes that have points of a surface on all sides.
-fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
+/// The height field of all surfaces: nodes that have points of a surface on all sides, within `reach` mm.
+fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, reach: f64) -> HeightField {
     let used = |(region, smoothed): &(Region, Smoothed)| {
         let points = region.points.iter().zip(&smoothed.is_used);
         points.filter(|(_, is_used)| **is_used).map(|(point, _)| point.coords.xy()).collect::<Vec<_>>()
@@ -156,11 +172,11 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
     let mut nodes = vec![Node::Empty; columns * rows];
     let mut owners = vec![usize::MAX; columns * rows];
     let mut sides = vec![0u8; columns * rows];
-    let spacing = cells.spacing();
+    let [reach, at_point] = [(reach / step).clamp(1.0, MAX_REACH), AT_POINT * cells.spacing() / step];
     for (owner, ((_, smoothed), points)) in surfaces.iter().zip(&placed).enumerate() {
         sides.fill(0);
         for point in points {
-            mark_sides(&mut sides, (point - origin) / step, [columns, rows], spacing / step);
+            mark_sides(&mut sides, (point - origin) / step, [columns, rows], [reach, at_point]);
         }
         for (index, _) in sides.iter().enumerate().filter(|(_, sides)| **sides == 0b1111) {
             let at = origin + Vector2::new((index % columns) as f64, (index / columns) as f64) * step;
@@ -181,8 +197,12 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells) -> HeightField {
 
 /// Marks, at the nodes round a point (in steps of the grid), the quadrant in which the point is: one bit for each
 /// quadrant.
-fn mark_sides(sides: &mut [u8], point: Vector2<f64>, [columns, rows]: [usize; 2], spacing: f64) {
-    let reach = (REACH * spacing).max(1.0);
+fn mark_sides(
+    sides: &mut [u8],
+    point: Vector2<f64>,
+    [columns, rows]: [usize; 2],
+    [reach, at_point]: [f64; 2],
+) {
     let range = |at: f64, count: usize| {
         let from = (at - reach).ceil().max(0.0) as usize;
         let to = ((at + reach).floor() + 1.0).clamp(0.0, count as f64) as usize;
@@ -193,7 +213,7 @@ fn mark_sides(sides: &mut [u8], point: Vector2<f64>, [columns, rows]: [usize; 2]
             let away = point - Vector2::new(column as f64, row as f64);
             let distance = away.norm();
             let side = &mut sides[row * columns + column];
-            if distance <= AT_POINT * spacing {
+            if distance <= at_point {
                 *side = 0b1111;
             } else if distance <= reach {
                 let (is_right, is_up) = (away.x >= 0.0, away.y >= 0.0);
