@@ -44,6 +44,7 @@ use crate::report::{
 use crate::report::{PlacementReport, Quality, Report, Timing};
 
 mod scan;
+mod causes;
 mod checks;
 mod evaluate;
 mod preview;
@@ -421,7 +422,7 @@ impl Pipeline {
         let map_report = MapReport::new(&map, weights(&settings.correction));
         checks::unrolled(&map, &mut notices);
         checks::settled(sku, &map, settings, &mut notices);
-        checks::quality(&map, &after, &mut notices);
+        checks::quality(&map, &after, part, &ink.extents, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let profile = profile(settings);
         let dxf = pattern::write(&drawing, profile);
@@ -606,6 +607,7 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         normals_used: None,
         normals_missing: 0,
         noise: None,
+        one_sided_at_mm: None,
         bodies: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),

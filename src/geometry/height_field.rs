@@ -133,6 +133,20 @@ impl FacingPart {
         self.extents
     }
 
+    /// The mean distance between neighbouring vertices of the side that faces the laser, mm in the view, as if equilateral
+    /// triangles covered it.
+    pub fn spacing(&self) -> f64 {
+        let (mut area, mut count) = (0.0, 0usize);
+        for triangle in 0..self.mesh.triangles.len() {
+            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
+            let doubled = (b - a).perp(&(c - a));
+            if doubled > 0.0 {
+                (area, count) = (area + doubled / 2.0, count + 1);
+            }
+        }
+        (area / count.max(1) as f64 * 4.0 / 3f64.sqrt()).sqrt()
+    }
+
     /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
         let hits = self.hits(grid);

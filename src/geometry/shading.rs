@@ -38,6 +38,44 @@ const VOTE_SHARE: f64 = 0.25;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
 const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
+/// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
+const UNRELATED: f64 = 0.2;
+/// The share of a part's area with unrelated normals above which none of its normals is trusted.
+pub const WILD: f64 = 0.3;
+
+/// The part's normals that are unrelated to its facets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WildNormals {
+    /// Share of the part's area.
+    pub share: f64,
+    /// The first place, mm.
+    pub at: Point3<f64>,
+}
+
+/// Whether a mesh has normals that are unrelated to its facets; `None` if most of them fit. The orientation of the triangles
+/// must follow the normals.
+pub fn wild_normals(mesh: &TriMesh) -> Option<WildNormals> {
+    if mesh.normals().is_empty() {
+        return None;
+    }
+    let (mut area, mut unrelated, mut first) = (0.0, 0.0, None);
+    for &triangle in mesh.triangles() {
+        let [a, b, c] = mesh.corners(triangle);
+        let across = (b - a).cross(&(c - a));
+        let size = across.norm();
+        for vertex in triangle {
+            let normal = mesh.normals()[vertex as usize];
+            area += size;
+            if normal != Vector3::zeros() && normal.dot(&across) < UNRELATED * size {
+                unrelated += size;
+                first.get_or_insert(mesh.positions()[vertex as usize]);
+            }
+        }
+    }
+    let share = unrelated / area;
+    first.filter(|_| share > WILD).map(|at| WildNormals { share, at })
+}
+
 /// A facet, seen from one of its corners.
 struct Facet {
     corner: usize,

@@ -1,8 +1,9 @@
 //! The checks of a job: every reason for rejection and every warning, with its number and remedy.
 
+use super::causes::Cause;
 use super::{
-    CachedSurface, CorrectionSettings, Distortion, Exposure, FittedSurface, Ink, JobSettings, LengthTrueMap,
-    Method, PartSettings, Pattern, PatternFacts, Sku, Weighting,
+    CachedSurface, CorrectionSettings, Distortion, Exposure, Ink, JobSettings, LengthTrueMap, Method,
+    PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
 use crate::config::Losses;
 use crate::geometry::correction::AboveLens;
@@ -319,7 +320,7 @@ pub(super) fn exposure(
     focus(seen, settings, notices);
     field(seen, settings)?;
     doubt(seen, settings, notices)?;
-    residual(seen, &part.surface, settings, notices)
+    residual(seen, part, settings, notices)
 }
 
 fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
@@ -409,32 +410,37 @@ fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> 
 
 fn residual(
     seen: &Exposure,
-    surface: &FittedSurface,
+    part: &CachedSurface,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
     let (largest, limit) = (seen.max_difference, settings.correction.max_residual);
     let at = seen.max_difference_at;
+    if largest <= limit / 5.0 {
+        return Ok(());
+    }
+    let cause = Cause::of_misfit(part, at);
     if largest > limit {
         return Err(Reason::new(
             "surface-not-met",
-            "The fitted surface does not match the part under the drawing: there is an edge, a groove or a coarse \
-             mesh.",
-            "Place the drawing away from the edge, export a finer mesh, or raise `max_residual_mm`.",
+            format!("The fitted surface does not match the part under the drawing: {}.", cause.clause()),
+            format!("{} Or raise `max_residual_mm`.", cause.remedy()),
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("distance to the part", largest, "mm", Some(limit)));
     }
-    if largest > limit / 5.0 {
-        notices.push(Notice::warning(
-            "surface-loose",
-            format!(
-                "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm \
-                 (up to {:.4} mm on the whole side)",
-                at.x, at.y, surface.residual.max
-            ),
-        ));
-    }
+    notices.push(Notice::warning(
+        "surface-loose",
+        format!(
+            "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm (up to {:.4} mm on the whole \
+             side): {}. {}",
+            at.x,
+            at.y,
+            part.surface.residual.max,
+            cause.clause(),
+            cause.remedy()
+        ),
+    ));
     Ok(())
 }
 
@@ -486,7 +492,13 @@ pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.
-pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec<Notice>) {
+pub(super) fn quality(
+    map: &LengthTrueMap,
+    after: &Distortion,
+    part: &CachedSurface,
+    drawn: &Extents,
+    notices: &mut Vec<Notice>,
+) {
     if map.is_for_comparison() {
         notices.push(Notice::warning(
             "not-length-true",
@@ -498,14 +510,17 @@ pub(super) fn quality(map: &LengthTrueMap, after: &Distortion, notices: &mut Vec
         ));
     } else if after.max_stretch > NOTABLE_STRETCH {
         let at = after.max_stretch_at;
+        let length = drawn.size().max();
+        let cause = Cause::of_stretch(part, map.point(at), after.max_stretch, length);
         notices.push(Notice::warning(
             "stretch-remains",
             format!(
-                "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: the part is \
-                 curved in both directions there, and no map can keep all lengths",
+                "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: {}. {}",
                 at.x,
                 at.y,
-                after.max_stretch * 100.0
+                after.max_stretch * 100.0,
+                cause.clause(),
+                cause.remedy()
             ),
         ));
     }

@@ -9,7 +9,7 @@ use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::View;
 use crate::geometry::surface::fit::{FitError, FitOptions, FittedSurface};
 use crate::geometry::surface::scan::{ScanError, SmoothedScan};
-use crate::reason::{Notice, Reason};
+use crate::reason::{Notice, Place, Reason};
 
 /// Noise above this is worth a warning, mm: typical of depth cameras; scanners made for parts have a tenth of it.
 const NOTABLE_NOISE: f64 = 0.5;
@@ -32,6 +32,9 @@ pub fn surface_of(
     settings: &PartSettings,
     fit: &FitOptions,
 ) -> Result<FittedSurface, Reason> {
+    if let Some(at) = facts.one_sided_at_mm {
+        return Err(one_sided(at));
+    }
     let view = View::new(settings.facing, settings.roll);
     let fitted = match shape {
         Shape::Mesh(mesh) if facts.normals_used == Some(NormalsUsed::Smoothed) => {
@@ -122,6 +125,16 @@ fn notices(facts: &ScanFacts) -> Vec<Notice> {
         notices.push(Notice::warning("scan-points-dropped", text));
     }
     notices
+}
+
+/// Nobody knows which side of a Möbius strip is its outside.
+fn one_sided(at: [f64; 3]) -> Reason {
+    Reason::new(
+        "winding-contradicts",
+        "The part has only one side, as a Möbius strip: its triangles cannot all run alike.",
+        "Repair the mesh where its sides meet (in Blender: Mesh, Normals, Recalculate Outside shows it), and export it again.",
+    )
+    .at(Place { coordinate: Some(at.to_vec()), ..Place::default() })
 }
 
 fn scan_reason(error: &ScanError, settings: &PartSettings) -> Reason {

@@ -8,9 +8,11 @@
 mod edges;
 mod exact_maps;
 mod forms;
+mod causes;
 mod choice;
 mod holes;
 mod noise;
+mod waves;
 mod shading;
 mod winding;
 

@@ -68,6 +68,9 @@ pub struct PartFacts {
     /// Number of vertices without a normal in the file, if the normals of the others are used.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub normals_missing: usize,
+    /// Where a mesh has only one side, as a Möbius strip, in the part frame, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub one_sided_at_mm: Option<[f64; 3]>,
     /// The scatter of a mesh's vertices, where it misleads the normals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<MeshNoise>,

@@ -93,7 +93,7 @@ impl RawPart {
                             _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
                         },
                     )?;
-                let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options);
+                let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options)?;
                 understood = found;
                 Shape::Mesh(mesh)
             }
@@ -124,6 +124,7 @@ impl RawPart {
             normals_used: understood.used,
             normals_missing: understood.missing,
             noise: understood.noise,
+            one_sided_at_mm: understood.winding.contradiction.map(|at| at.coords.into()),
             bodies: self.bodies,
             materials: self.materials,
             skipped: self.skipped,
@@ -148,12 +149,20 @@ struct Understood {
 }
 
 /// The mesh whose triangles run alike, with small holes bridged and normals that mean what the options ask for.
-fn understood_mesh(mesh: TriMesh, found: &mut NormalsFound, options: &MeshOptions) -> (TriMesh, Understood) {
+fn understood_mesh(
+    mesh: TriMesh,
+    found: &mut NormalsFound,
+    options: &MeshOptions,
+) -> Result<(TriMesh, Understood), MeshReadError> {
     let (mesh, winding) = winding::made_alike(mesh);
     let (mesh, bridges) = holes::bridged(mesh, options.bridge);
     let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
     if shading::only_shade(&mesh) {
         *found = NormalsFound::Averaged;
+    } else if matches!(options.normals, NormalsChoice::Auto | NormalsChoice::File)
+        && let Some(wild) = shading::wild_normals(&mesh)
+    {
+        return Err(MeshReadError::WildNormals { percent: wild.share * 100.0, at: wild.at.coords.into() });
     }
     let is_missing = |normal: &&Vector3<f64>| **normal == Vector3::zeros();
     let missing = mesh.normals().iter().filter(is_missing).count();
@@ -187,7 +196,7 @@ fn understood_mesh(mesh: TriMesh, found: &mut NormalsFound, options: &MeshOption
         }
         _ => mesh,
     };
-    (mesh, understood)
+    Ok((mesh, understood))
 }
 
 impl Understood {

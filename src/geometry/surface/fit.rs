@@ -23,6 +23,9 @@ const EDGE_REACH: usize = 1;
 /// The same at the cliffs of measured height fields, where nodes next to a cliff mix heights from both sides.
 const CLIFF_REACH: usize = 2;
 
+/// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
+const RESOLVED: f64 = 1.0;
+
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
 
@@ -35,7 +38,7 @@ pub struct FitOptions {
     pub tolerance: f64,
     /// Spans along the longer side at the start.
     pub first_spans: usize,
-    /// Maximum number of spans along the longer side; it limits time and memory.
+    /// Spans along the longer side from which on they are not doubled again; it limits time and memory.
     pub most_spans: usize,
 }
 
@@ -132,13 +135,19 @@ impl FittedSurface {
         let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
         let mut nurbs = data.fit()?;
         let mut residual = data.p95(&nurbs);
-        while residual > options.tolerance && spans * 2 <= options.most_spans {
+        let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
+        while residual > options.tolerance && spans < options.most_spans {
+            // The last doubling takes as long as all before it, and helps only parts with finer detail.
+            if spans * 2 > options.most_spans && !is_fine(samples.field.step()) {
+                break;
+            }
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
             let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
             nurbs = data.correct(nurbs.halved(), options.tolerance)?;
             let before = std::mem::replace(&mut residual, data.p95(&nurbs));
-            if before < 2.0 * residual {
+            // Facets do not get smoother. Detail that is finer than the samples shows only after they resolve it.
+            if before < 2.0 * residual && !is_fine(samples.field.step()) {
                 break;
             }
         }

@@ -5,3 +5,4 @@ pub mod nurbs;
 pub mod closest;
 pub mod fit;
 pub mod scan;
+mod kinks;
