@@ -24,15 +24,17 @@ const LEAST_PATCHES: usize = 150;
 const USABLE: f64 = 0.5;
 /// A neighbourhood rises by less than this share of its radius above its tangent plane; else an edge runs through it.
 const FLAT: f64 = 0.5;
-/// Vertices are independent of their neighbours below this correlation: the fit itself makes that of noise -0.1.
+/// Correlations of independent neighbours: the fit itself makes that of noise -0.14; in waves that the vertices hardly resolve
+/// neighbours are opposite.
 const INDEPENDENT: [f64; 2] = [-0.23, -0.03];
-/// The median of deviations is 0.67 of their root mean square in a normal distribution, 0.87 in an even one; where some vertices are pressed in, as by
-/// an engraving, the others deviate less.
+/// The median of deviations is 0.67 of their root mean square in a normal distribution, 0.87 in an even one; where some
+/// vertices are pressed in, as by an engraving, the others deviate less.
 const NORMAL: [f64; 2] = [0.64, 0.84];
 /// Of noise the upper quartile of all neighbourhoods is below so many times the lower one.
 const ALIKE: f64 = 1.7;
-/// Noise is more than this share of the height of an arc between neighbours.
-const BEYOND_SAG: f64 = 0.6;
+/// Noise is more than so many times the height of an arc between neighbours: by less the vertices of remeshed parts leave the
+/// surface that was remeshed.
+const BEYOND_SAG: f64 = 1.25;
 /// Scatter below this share of the distance between vertices leaves normals as they are.
 const MISLEADS: f64 = 0.003;
 /// Beyond this share of that distance the facets are meant to be seen.

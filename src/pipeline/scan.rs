@@ -1,5 +1,7 @@
 //! From a part's shape to its surface; a scan is smoothed first, and its facts record how.
 
+use nalgebra::Vector3;
+
 use super::checks;
 use crate::config::PartSettings;
 use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
@@ -70,7 +72,11 @@ fn noisy_mesh(
 ) -> Result<FittedSurface, FitError> {
     let view = View::new(settings.facing, settings.roll);
     let part = FacingPart::new(mesh, &view);
-    let cloud = PointCloud::new(mesh.positions().to_vec(), mesh.facet_normals());
+    let normals = mesh.facet_normals();
+    // Vertices of no facet are strays.
+    let vertices = mesh.positions().iter().zip(normals).filter(|(_, normal)| *normal != Vector3::zeros());
+    let (positions, normals) = vertices.map(|(at, normal)| (*at, normal)).unzip();
+    let cloud = PointCloud::new(positions, normals);
     let scan = SmoothedScan::bridged(&cloud, &view, settings.smoothing, settings.bridge).ok();
     match scan.filter(|scan| covers(&scan.field, &part)) {
         Some(scan) => fit_scan(scan, facts, settings),

@@ -177,7 +177,8 @@ impl MeshNoise {
         let Self { noise_mm, spacing_mm, normals_off_deg } = self;
         let consequence = match used {
             NormalsUsed::Smoothed => {
-                "so the part is smoothed as a scan, and sharp edges are rounded; `normals = \"estimate\"` follows every vertex"
+                "so its vertices are smoothed as the points of a scan, where they are dense enough, and sharp edges are rounded; \
+                 `normals = \"estimate\"` follows every vertex"
             }
             NormalsUsed::Facets | NormalsUsed::File | NormalsUsed::Estimated | NormalsUsed::Mixed => {
                 "and lengths can be as wrong as that; `normals = \"auto\"` smooths the part as a scan"
