@@ -1,46 +1,46 @@
-//! Why a surface is not met, or a stretch remains, at a place: what an operator reads, and what helps.
+//! The causes of a misfit or of a remaining stretch at a place: what an operator reads, and what helps.
 
 use super::CachedSurface;
 use crate::formats::mesh::{NormalsUsed, PartFacts};
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::fit::FittedSurface;
 
-/// A doubt of the normals above this, mm, is a cause.
+/// Minimum doubt about the surface, mm, that is named as a cause.
 const NOTABLE_DOUBT: f64 = 0.005;
-/// Kinks of facets turn by less than this, rad; the angle of an edge is larger.
+/// Kinks between facets of a smooth surface have smaller angles than this, rad; those of an edge are larger.
 const OF_FACETS: f64 = 12.0 * std::f64::consts::PI / 180.0;
-/// Facets so many times as long as the distance between samples are coarse.
+/// Facets are coarse if they are at least this many times as long as the distance between samples.
 const COARSE: f64 = 4.0;
-/// A surface whose Gauss curvature stretches a drawing of this size by at least this share of what remains is the cause.
+/// The Gaussian curvature is the cause if it explains at least this share of the remaining stretch.
 const EXPLAINED: f64 = 0.5;
-/// The stretch that is left on a part of Gauss curvature K under ink 2·b long is about this times K·b².
+/// The stretch that remains on a part of Gaussian curvature K, under ink of length 2·b, is about this times K·b².
 const STRETCH_OF_CURVATURE: f64 = 0.3;
 
 /// Why the surface is uncertain, or lengths change, at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cause {
-    /// The vertices of the mesh scatter by so much, mm.
+    /// The vertices of the mesh scatter by this standard deviation, mm.
     Noise(f64),
     /// The surface ends beside it.
     Hole,
-    /// An edge or a ridge that turns by so much, rad.
+    /// An edge or a ridge with this angle, rad.
     Crease(f64),
-    /// The facets are so long, mm, and nothing tells how the part bends between their corners.
+    /// The facets have this length, mm, and the shape between their vertices is not known.
     Facets(f64),
-    /// The part is curved both ways.
+    /// The part is curved in both directions.
     Curvature,
-    /// The part bends within a few samples, that are so far apart, mm.
+    /// The part bends within a few samples, which are this far apart, mm.
     Detail(f64),
 }
 
 impl Cause {
-    /// Why the fitted surface leaves the part at a place of the view.
+    /// Why the fitted surface differs from the part at a place of the view.
     pub(super) fn of_misfit(part: &CachedSurface, at: ViewPoint) -> Self {
         let step = part.surface.field.step();
         Self::of_the_part(part, at).unwrap_or(Self::Detail(step))
     }
 
-    /// Why a line changes its length by a share, at a place of the view, in a drawing so many mm long.
+    /// Why a line changes its length by `stretch`, at a place of the view, in a drawing that is `length` mm long.
     pub(super) fn of_stretch(part: &CachedSurface, at: ViewPoint, stretch: f64, length: f64) -> Self {
         let explained =
             STRETCH_OF_CURVATURE * gauss_curvature(&part.surface, at).abs() * (length / 2.0).powi(2);
@@ -73,17 +73,16 @@ impl Cause {
             Self::Noise(noise) => format!("the vertices of the mesh scatter by {noise:.4} mm"),
             Self::Hole => "the surface ends there, at a hole, a rim or a cliff".into(),
             Self::Crease(angle) => {
-                format!(
-                    "an edge or a ridge of the part runs there and turns it by {:.0} deg",
-                    angle.to_degrees()
-                )
+                format!("the part has an edge or a ridge of {:.0} deg there", angle.to_degrees())
             }
             Self::Facets(length) => {
                 format!(
-                    "the facets of the mesh, about {length:.1} mm long, are too coarse to show the surface between them"
+                    "the facets of the mesh, about {length:.1} mm long, are too coarse to determine the surface between them"
                 )
             }
-            Self::Curvature => "the part is curved both ways there, and no map can keep all lengths".into(),
+            Self::Curvature => {
+                "the part is curved in both directions there, and no map can keep all lengths".into()
+            }
             Self::Detail(step) => {
                 format!("the part bends there within a few samples, which are {step:.2} mm apart")
             }
@@ -99,7 +98,7 @@ impl Cause {
             Self::Hole => {
                 "Move the drawing away from there, or close the hole (`bridge_mm` bridges small ones)."
             }
-            Self::Crease(_) => "Place the drawing beside the edge.",
+            Self::Crease(_) => "Place the drawing away from the edge.",
             Self::Facets(_) => {
                 "Export the part with a deviation of 0.05 mm, as GLB from CAD, or apply the Subdivision modifier in Blender."
             }
@@ -111,7 +110,7 @@ impl Cause {
     }
 }
 
-/// About how long the sides of a mesh's triangles are: as if they covered the box round the part evenly, mm.
+/// The approximate side length of the triangles, mm, as if they covered the part's box evenly.
 fn facet_length(facts: &PartFacts) -> Option<f64> {
     let [x, y, z] = facts.size;
     let area = 2.0 * (x * y + y * z + z * x);

@@ -133,12 +133,12 @@ fn notices(facts: &ScanFacts) -> Vec<Notice> {
     notices
 }
 
-/// Nobody knows which side of a Möbius strip is its outside.
+/// The reason for a part like a Möbius strip, which has no outside.
 fn one_sided(at: [f64; 3]) -> Reason {
     Reason::new(
         "winding-contradicts",
-        "The part has only one side, as a Möbius strip: its triangles cannot all run alike.",
-        "Repair the mesh where its sides meet (in Blender: Mesh, Normals, Recalculate Outside shows it), and export it again.",
+        "The part has only one side, like a Möbius strip: its triangles cannot all be oriented alike.",
+        "Repair the mesh where its sides meet (in Blender, Mesh > Normals > Recalculate Outside shows the place), and export it again.",
     )
     .at(Place { coordinate: Some(at.to_vec()), ..Place::default() })
 }

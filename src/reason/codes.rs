@@ -334,6 +334,14 @@ const CODES: &[Code] = &[
          was ignored.",
         "Nothing to do if the part looks right. Export it again if the file was edited or joined by another tool.",
     ]),
+    notice([
+        "hole-bridged",
+        "Small holes in the mesh, where triangles are missing, were bridged.",
+        "Exporters and repair tools sometimes lose a triangle. isomark continues the surface across a hole of at most \
+         a few sides and at most the width of `bridge_mm` (by default one or two missing triangles, up to 2 mm). \
+         The message gives the widest hole and its place.",
+        "Check that the place is not a real hole. `bridge_mm = 0` under [part] (`--bridge 0`) leaves all holes open.",
+    ]),
     reason([
         "hot-folder-held",
         "Another station takes drops from the same hot folder.",
@@ -540,6 +548,23 @@ const CODES: &[Code] = &[
          part would be ambiguous.",
         "Export the part again as `.glb`.",
     ]),
+    notice([
+        "mesh-noisy",
+        "The vertices of the mesh scatter so much that its normals mislead.",
+        "The mesh was measured, and its vertices are not on a smooth surface. Vertices that are close together and a \
+         little off tilt the surface between them by degrees, which changes lengths on the part. With `normals = \
+         \"auto\"` isomark smooths such a mesh like a scan; sharp edges are then rounded.",
+        "Export the part from CAD, or smooth the mesh before the export. `normals = \"estimate\"` under [part] (`--normals \
+         estimate`) follows every vertex instead.",
+    ]),
+    reason([
+        "mesh-normals-wild",
+        "The normals in the file are unrelated to the facets of the part.",
+        "A large share of the part has normals that lean more than 78 degrees from their facets. Such normals are \
+         damaged, and nobody can know which of the two is right.",
+        "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export again, or set `normals = \"estimate\"` \
+         under [part] (`--normals estimate`), which takes them from the facets.",
+    ]),
     reason([
         "mesh-reference-broken",
         "An entry of the glTF file refers to another one that does not exist.",
@@ -691,6 +716,13 @@ const CODES: &[Code] = &[
          normals of a CAD export.",
         "Export from CAD as GLB, which contains the exact normals, or with a smaller deviation, if the lengths \
          must be more accurate.",
+    ]),
+    notice([
+        "normals-missing",
+        "The settings ask for the file's normals, but the file has none.",
+        "With `normals = \"file\"` isomark uses the normals of the file. This file has none, so they are estimated from \
+         the facets.",
+        "Export the part with normals, for example as GLB, or remove the setting.",
     ]),
     reason([
         "not-a-file",
@@ -1180,8 +1212,9 @@ const CODES: &[Code] = &[
     notice([
         "stretch-remains",
         "Some lengths stay wrong because no map can keep all of them.",
-        "The part is curved in two directions at the stated place. A flat drawing cannot lie on such a surface \
-         without stretch. The map distributes the stretch as well as possible.",
+        "The message names the place and the cause. Usually the part is curved in two directions there: a flat drawing \
+         cannot lie on such a surface without stretch, and the map distributes it as well as possible. Noise, edges and \
+         coarse facets stretch lines, too.",
         "Make the drawing smaller, split it into several jobs, or place it where the part is less curved. \
          `length_weight` and `angle_weight` under [correction] change what is kept first.",
     ]),
@@ -1201,9 +1234,9 @@ const CODES: &[Code] = &[
     notice([
         "surface-loose",
         "The fitted surface differs notably from the part under the ink.",
-        "The distance is above a fifth of `max_residual_mm` under [correction], so the job continues. An edge, a \
-         groove or a coarse mesh is near the stated place.",
-        "Export a finer mesh, or place the drawing beside the edge, if the lengths must be more accurate.",
+        "The distance is above a fifth of `max_residual_mm` under [correction], so the job continues. The message names \
+         the place and the cause: noise, a hole or rim, an edge or ridge, coarse facets, or detail finer than the samples.",
+        "Follow the remedy in the message if the lengths must be more accurate.",
     ]),
     reason([
         "surface-not-met",
@@ -1315,7 +1348,7 @@ const CODES: &[Code] = &[
         "The width in the drawing is real ink: the laser marks its outline, and the marking software fills it.",
         "Set the width to 0 in the drawing program if a single line is meant.",
     ]),
-    notice([
+    both([
         "winding-contradicts",
         "The part's surface has only one side, like a Möbius strip.",
         "The triangles cannot all be oriented alike, so near the stated place it is not known which side is \

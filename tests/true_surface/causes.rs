@@ -101,7 +101,7 @@ fn a_ridge_is_named_with_its_angle_and_not_taken_for_curvature() {
             loose.split("turns it by ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!((13.0..=21.0).contains(&angle), "{step}: {loose}");
         for notice in &notices {
-            assert!(!notice.message.contains("curved both ways"), "{step}: {}", notice.message);
+            assert!(!notice.message.contains("curved in both directions"), "{step}: {}", notice.message);
         }
         let refused = marked(obj(&roof, &[]), NormalsChoice::Auto, 0.0005).unwrap_err();
         assert!(refused.code == "surface-not-met" && refused.what.contains("a ridge"), "{refused:?}");
@@ -113,7 +113,10 @@ fn bumps_are_named_as_curved_both_ways() {
     let bumps = |x: f64, y: f64| 3.5 * (x / 4.0).sin() * (y / 4.0).sin();
     let notices = marked(obj(&shapes::graph(34.0, 0.5, bumps), &[]), NormalsChoice::Auto, 1.0).unwrap();
     let text = text(&notices, "stretch-remains");
-    assert!(text.contains("curved both ways") && text.contains("Make the drawing smaller"), "{text}");
+    assert!(
+        text.contains("curved in both directions") && text.contains("Make the drawing smaller"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -132,7 +135,7 @@ fn noise_is_named_where_the_settings_keep_it() {
     for code in ["surface-loose", "stretch-remains"] {
         let text = text(&notices, code);
         assert!(text.contains("scatter by 0.04") || text.contains("scatter by 0.05"), "{text}");
-        assert!(text.contains("normals = \"auto\"") && !text.contains("curved both ways"), "{text}");
+        assert!(text.contains("normals = \"auto\"") && !text.contains("curved in both directions"), "{text}");
     }
     let smoothed = marked(obj(&noisy, &[]), NormalsChoice::Auto, 0.1).unwrap();
     assert!(smoothed.iter().any(|notice| notice.code == "mesh-noisy"));

@@ -1,7 +1,7 @@
 //! The length-true map for free-form surfaces: the bicubic B-spline map of the drawing whose image on the surface has
 //! the smallest strain, found by the Gauss–Newton method.
 //!
-//! Where the part is curved both ways, some strain must remain, and the weights decide where. Lines, inked areas and
+//! Where the part is curved in both directions, some strain must remain, and the weights decide where. Lines, inked areas and
 //! their shapes are visible. The empty space between them is not, so it may be distorted: its small weight only keeps
 //! the parts of the drawing in their places.
 
