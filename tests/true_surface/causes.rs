@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use isomark::config::{JobSettings, PartSettings};
+use isomark::config::JobSettings;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsChoice, PartFile, UpAxis,
 };
@@ -35,8 +35,9 @@ fn obj(mesh: &TriMesh, normals: &[Vector3<f64>]) -> Vec<u8> {
 /// The notices of the letters on a part in mm, or why it is refused.
 fn marked(bytes: Vec<u8>, normals: NormalsChoice, limit: f64) -> Result<Vec<Notice>, Reason> {
     let mut settings = JobSettings::default();
-    settings.part =
-        PartSettings { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), normals, ..settings.part };
+    settings.part.unit = Some(LengthUnit::Millimetre);
+    settings.part.up = Some(UpAxis::Z);
+    settings.part.normals = normals;
     settings.correction.max_residual = limit;
     settings.placement.place = Some(isomark::geometry::space::ViewPoint::new(0.0, 0.0));
     let sku = "part".parse().unwrap();
@@ -143,17 +144,13 @@ fn noise_is_named_where_the_settings_keep_it() {
 }
 
 fn read(bytes: &[u8], normals: NormalsChoice) -> Result<mesh::PartReading, MeshReadError> {
-    let options = MeshOptions {
-        unit: Some(LengthUnit::Millimetre),
-        up: Some(UpAxis::Z),
-        normals,
-        ..MeshOptions::default()
-    };
+    let options =
+        MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z).with_normals(normals);
     mesh::read(bytes, MeshFormat::Obj, &options, &BTreeMap::new())
 }
 
 #[test]
-fn what_nobody_can_understand_is_refused_with_its_place() {
+fn meshes_without_a_clear_meaning_are_refused_with_the_place() {
     // Random normals.
     let dome = sheet(2.0, |x, y| 20.0 - (x * x + y * y) / 100.0);
     let mut state = 3u64;

@@ -48,12 +48,8 @@ fn obj(mesh: &TriMesh, normals: &[Vector3<f64>]) -> String {
 }
 
 fn read(text: &str, normals: NormalsChoice) -> PartReading {
-    let options = MeshOptions {
-        unit: Some(LengthUnit::Millimetre),
-        up: Some(UpAxis::Z),
-        normals,
-        ..MeshOptions::default()
-    };
+    let options =
+        MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z).with_normals(normals);
     mesh::read(text.as_bytes(), MeshFormat::Obj, &options, &BTreeMap::new()).unwrap()
 }
 

@@ -45,7 +45,7 @@ fn nearest_middle(edge: f64, at: [f64; 2]) -> [f64; 2] {
 }
 
 fn options(bridge: Option<f64>) -> MeshOptions {
-    MeshOptions { unit: Some(LengthUnit::Millimetre), up: Some(UpAxis::Z), bridge, ..MeshOptions::default() }
+    MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z).with_bridge(bridge)
 }
 
 fn obj(mesh: &TriMesh, has_normals: bool) -> String {

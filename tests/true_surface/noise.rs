@@ -68,12 +68,8 @@ fn read(mesh: &TriMesh, normals: NormalsChoice) -> PartReading {
     for [a, b, c] in mesh.triangles() {
         writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
     }
-    let options = MeshOptions {
-        unit: Some(LengthUnit::Millimetre),
-        up: Some(UpAxis::Z),
-        normals,
-        ..MeshOptions::default()
-    };
+    let options =
+        MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z).with_normals(normals);
     mesh::read(text.as_bytes(), MeshFormat::Obj, &options, &BTreeMap::new()).unwrap()
 }
 
@@ -109,10 +105,8 @@ fn a_noisy_mesh_is_as_good_as_its_vertices_in_a_scan() {
             );
             assert!((found.spacing_mm / edge - 1.0).abs() < 0.25, "{name} {edge}: {found:?}");
             let after = judged(&fitted(&mut reading), height);
-            let mut points = PartReading {
-                shape: Shape::Scan(PointCloud::new(mesh.positions().to_vec(), Vec::new())),
-                facts: reading.facts.clone(),
-            };
+            let mut points = reading.clone();
+            points.shape = Shape::Scan(PointCloud::new(mesh.positions().to_vec(), Vec::new()));
             let best = judged(&fitted(&mut points), height);
             assert!(
                 after.length_error < 1.1 * best.length_error + 0.01

@@ -36,11 +36,24 @@ impl MeshOptions {
     pub fn with_up(self, up: UpAxis) -> Self {
         Self { up: Some(up), ..self }
     }
+
+    /// The same with this choice of what the surface follows between the vertices.
+    #[must_use]
+    pub fn with_normals(self, normals: NormalsChoice) -> Self {
+        Self { normals, ..self }
+    }
+
+    /// The same with holes bridged up to this width, mm; `None` for one or two missing triangles.
+    #[must_use]
+    pub fn with_bridge(self, bridge: Option<f64>) -> Self {
+        Self { bridge, ..self }
+    }
 }
 
 /// What the surface between the vertices of a mesh follows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum NormalsChoice {
     /// The file's normals where they are the surface's, else estimated ones; a noisy mesh is smoothed as a scan.
     #[default]
