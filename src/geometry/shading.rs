@@ -42,6 +42,8 @@ const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 const UNRELATED: f64 = 0.2;
 /// The share of a part's area with unrelated normals above which none of its normals is trusted.
 pub const WILD: f64 = 0.3;
+/// Fewer triangles are no part.
+const LEAST_WILD: usize = 12;
 
 /// The part's normals that are unrelated to its facets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +57,7 @@ pub struct WildNormals {
 /// Whether a mesh has normals that are unrelated to its facets; `None` if most of them fit. The orientation of the triangles
 /// must follow the normals.
 pub fn wild_normals(mesh: &TriMesh) -> Option<WildNormals> {
-    if mesh.normals().is_empty() {
+    if mesh.normals().is_empty() || mesh.triangles().len() < LEAST_WILD {
         return None;
     }
     let (mut area, mut unrelated, mut first) = (0.0, 0.0, None);

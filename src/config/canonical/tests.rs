@@ -12,8 +12,6 @@ part.facing 3fe3333333333333 bfe999999999999a 0000000000000000
 part.roll_rad 3fb999999999999a
 part.unit inch
 part.up y
-part.normals facets
-part.bridge_mm 400c000000000000
 part.low_pass_mm 4004000000000000
 part.diameters_and_length_mm 404e000000000000 4055400000000000 405e000000000000
 part.axis 0000000000000000 3ff0000000000000 0000000000000000
@@ -59,8 +57,8 @@ pub(crate) fn everything() -> JobSettings {
             roll: 0.1,
             unit: Some(LengthUnit::Inch),
             up: Some(UpAxis::Y),
-            normals: NormalsChoice::Facets,
-            bridge: Some(3.5),
+            normals: NormalsChoice::Auto,
+            bridge: None,
             smoothing: Smoothing::LowPass { wavelength: 2.5 },
             primitive: Primitive::new(60.0, 85.0, 120.0, Vector3::y()),
         },
@@ -155,7 +153,8 @@ fn the_names_in_the_text_are_pinned() {
         let text = line(|settings, word| settings.part.normals = word.parse().unwrap(), normals);
         assert_eq!(text, format!("part.normals {normals}\n"));
     }
-    assert_eq!(line(|settings, _| settings.part.normals = NormalsChoice::Auto, ""), "");
+    let text = line(|settings, _| settings.part.bridge = Some(3.5), "");
+    assert_eq!(text, "part.bridge_mm 400c000000000000\n");
     let units = ["nm", "um", "mm", "cm", "dm", "m", "km", "uin", "mil", "in", "ft", "yd", "mi", "px", "pt"];
     for unit in units {
         let text =
