@@ -488,7 +488,7 @@ fn a_picture_is_corrected_like_the_drawing_it_was_made_from() {
     assert!((report["pattern"]["facts"]["size_mm"][0].as_f64().unwrap() - 19.5).abs() < 0.01, "{report:#}");
     let (code, _, err) =
         isomark(folder.path(), &["correct", MOUSE, LETTERS, "--out", "out.dxf", "--width", "0"]);
-    assert!(code == 2 && err.contains("length in mm"), "{err}");
+    assert!(code == 2 && err.contains("from 0.01 to 10000 mm"), "{err}");
     let (code, out, _) = isomark(folder.path(), &["inspect", LETTERS]);
     assert!(code == 0 && out.contains("960 x 336 pixels on 40.00 x 14.00 mm"), "{out}");
     fs::write(folder.path().join("logo.jpg"), b"\xff\xd8\xff\xe0 and so on").unwrap();

@@ -522,6 +522,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("output.comments", "false", &[]),
     ("output.dxf", "R12", &[]),
     ("part.axis", "x", CYLINDER),
+    ("part.bridge_mm", "1", &[]),
     ("part.diameter_mm", "73", &[("part.shape", "cylinder"), ("part.length_mm", "180")]),
     (
         "part.end_diameter_mm",
@@ -531,6 +532,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("part.facing", "-y", &[]),
     ("part.length_mm", "180", &[("part.shape", "cylinder"), ("part.diameter_mm", "73")]),
     ("part.low_pass_mm", "5", &[]),
+    ("part.normals", "facets", &[]),
     ("part.roll_deg", "-90", &[]),
     ("part.shape", "cylinder", &[("part.length_mm", "180"), ("part.diameter_mm", "73")]),
     ("part.smoothing", "none", &[]),

@@ -565,6 +565,13 @@ const CODES: &[Code] = &[
         "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export again, or set `normals = \"estimate\"` \
          under [part] (`--normals estimate`), which takes them from the facets.",
     ]),
+    notice([
+        "mesh-not-smoothed",
+        "The mesh is noisy, but its vertices are too far apart to be smoothed like a scan.",
+        "isomark smooths noisy meshes like scans (see `mesh-noisy`). Here the vertices cover too little of the part for that, \
+         so the normals are estimated from the facets, and the noise remains.",
+        "Export the part from CAD, or export a finer or smoother mesh.",
+    ]),
     reason([
         "mesh-reference-broken",
         "An entry of the glTF file refers to another one that does not exist.",

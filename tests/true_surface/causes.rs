@@ -97,9 +97,12 @@ fn a_ridge_is_named_with_its_angle_and_not_taken_for_curvature() {
         let roof = sheet(step, |x, _| 10.0 - slope * x.abs());
         let notices = warned(&obj(&roof, &[]), NormalsChoice::Auto);
         let loose = text(&notices, "surface-loose");
-        assert!(loose.contains("an edge or a ridge") && loose.contains("beside the edge"), "{step}: {loose}");
+        assert!(
+            loose.contains("an edge or a ridge") && loose.contains("away from the edge"),
+            "{step}: {loose}"
+        );
         let angle: f64 =
-            loose.split("turns it by ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+            loose.split("an edge or a ridge of ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!((13.0..=21.0).contains(&angle), "{step}: {loose}");
         for notice in &notices {
             assert!(!notice.message.contains("curved in both directions"), "{step}: {}", notice.message);
