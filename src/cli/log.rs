@@ -7,11 +7,12 @@ use std::sync::Mutex;
 
 use fs_err as fs;
 use tracing_subscriber::field::MakeExt;
+use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::fmt::FormatFields;
 use tracing_subscriber::fmt::format::debug_fn;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer, fmt as lines};
+use tracing_subscriber::{Layer, fmt as lines};
 
 use super::progress::StandardError;
 use crate::config::LogSettings;
@@ -23,7 +24,10 @@ use crate::printable::on_one_line;
 /// # Errors
 /// When the file cannot be opened.
 pub(super) fn start(file: Option<&LogSettings>) -> std::io::Result<()> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("isomark=info"));
+    let chosen = std::env::var("RUST_LOG").ok().filter(|chosen| !chosen.is_empty());
+    let filter = chosen
+        .and_then(|chosen| chosen.parse().ok())
+        .unwrap_or_else(|| Targets::new().with_target("isomark", LevelFilter::INFO));
     let set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     // A log that cannot be written (full disk, closed pipe) must not end the station.
     let to_people = lines::layer()
