@@ -387,9 +387,10 @@ impl Pipeline {
             self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
+        let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
         let method = method(settings);
         let map = LengthTrueMap::find(surface, &placed, is_ink, placing.place, &method)
-            .map_err(|error| checks::map_reason(&error, placing.place, part, &ink).in_file(input.name))?;
+            .map_err(|error| rejected(checks::map_reason(&error, placing.place, part, &ink)))?;
         clock.lap("map");
 
         let projection =
@@ -397,8 +398,7 @@ impl Pipeline {
         let exposure = projection.expose(&ink);
         let mut notices = learned.notices.clone();
         checks::ink_layers(&placed, settings, &mut notices);
-        checks::exposure(&exposure, part, &ink, settings, &mut notices)
-            .map_err(|reason| reason.in_file(input.name))?;
+        checks::exposure(&exposure, part, &ink, settings, &mut notices).map_err(rejected)?;
         clock.lap("check");
 
         steps.at(Step::Bend);
@@ -408,13 +408,13 @@ impl Pipeline {
         };
         let mut drawing = projection
             .bend(&placed, settings.correction.tolerance, subdivision)
-            .map_err(|error| checks::above_lens(&error).in_file(input.name))?;
+            .map_err(|error| rejected(checks::above_lens(error.at)))?;
         clock.lap("bend");
 
         steps.at(Step::Measure);
         let height = |at: ViewPoint| surface.sampled_height(at);
         let after = quality::measure(&ink, |at| map.point(at), height)
-            .map_err(|at| checks::off_surface(at, part, &ink.extents).in_file(input.name))?;
+            .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
         let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
         clock.lap("measure");
 
@@ -433,7 +433,9 @@ impl Pipeline {
         let preview = with_preview.then(|| {
             steps.at(Step::Preview);
             let title = format!("{sku} · {} · {}", input.name, map_report.method());
-            preview::preview(title, (&placed, &ink), &map, surface, settings, before.as_ref(), &after)
+            let distortions = (before.as_ref(), &after);
+            let residual = exposure.max_difference;
+            preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, residual)
         });
         if with_preview {
             clock.lap("prepare preview");
@@ -509,7 +511,8 @@ impl Pipeline {
         let placing = Placing::new(&pattern, settings);
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
-        let length = checks::reach(&placed, is_ink, part).map_err(rejected)?;
+        let length = checks::reach(&placed, is_ink, part)
+            .map_err(|reason| rejected(checks::doubting_unit(reason, &facts)))?;
         checks::lost_ink(&facts, settings).map_err(rejected)?;
         self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
         let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
@@ -623,7 +626,7 @@ pub(crate) fn unknown_part_format(name: &str) -> Reason {
         (
             format!("\"{name}\" cannot be read as a part: isomark does not read this format."),
             format!(
-                "{export}, with a deviation of at most 0.01 mm; a program that opens it, such as FreeCAD, does that."
+                "{export}, with a deviation of at most 0.1 mm, in a program that opens it, such as FreeCAD."
             ),
         )
     } else {

@@ -248,7 +248,8 @@ impl std::fmt::Display for Quantity {
             write!(out, " {}", self.unit)?;
         }
         if let Some(limit) = self.limit {
-            write!(out, " (limit {} {})", round_for_people(limit), self.unit)?;
+            let gap = if self.unit.is_empty() { "" } else { " " };
+            write!(out, " (limit {}{gap}{})", round_for_people(limit), self.unit)?;
         }
         Ok(())
     }
@@ -280,5 +281,9 @@ fn sentence(mut text: String) -> String {
 }
 
 fn round_for_people(value: f64) -> String {
-    if value == value.trunc() && value.abs() < 1e15 { format!("{value:.0}") } else { format!("{value:.4}") }
+    match value.abs() {
+        size if value == value.trunc() && size < 1e15 => format!("{value:.0}"),
+        size if size < 5e-4 => format!("{value:.2e}"),
+        _ => format!("{value:.4}"),
+    }
 }

@@ -92,7 +92,7 @@ pub struct ResidualReport {
     pub at_mm: [f64; 2],
     /// Root mean square, mm.
     pub rms_mm: f64,
-    /// The value that 95 % of the samples stay below, mm.
+    /// 95th percentile, mm: 95 % of the samples are below it. Not the maximum.
     #[serde(rename = "most_mm")]
     pub p95_mm: f64,
     /// Largest under the ink, mm.
@@ -496,9 +496,14 @@ impl Report {
         format!("{}, length error {before}{:.3} mm{attention}", self.map.method(), after.length_error_mm)
     }
 
-    /// One paragraph for people: the job, its accuracy, and what to check.
+    /// One paragraph for people: the job, its accuracy, what to check, and what changed from the previous drawing.
     #[must_use]
     pub fn summary(&self) -> String {
+        self.summary_replacing("drawing")
+    }
+
+    /// The same for a result that replaced the drawing named `previous`.
+    pub(crate) fn summary_replacing(&self, previous: &str) -> String {
         let after = &self.quality.after;
         let before = self.quality.before.as_ref();
         let from = |value: Option<f64>, digits: usize| {
@@ -532,9 +537,16 @@ impl Report {
                 after.area_mm2,
             );
         }
+        let scan = self.part.facts.scan.as_ref();
+        let measured = match scan.and_then(|scan| scan.surfaces.first()) {
+            Some(surface) => {
+                format!("smoothed scan, whose points scatter by {:.3} mm", surface.noise_mm)
+            }
+            None => "part".to_owned(),
+        };
         text += &format!(
             "largest stretch {} -> {:.3} %, largest angle error {} -> {:.2} deg. Under the ink, the surface is within \
-             {:.4} mm of the part; the beam hits it at up to {:.0} deg.",
+             {:.4} mm of the {measured}. The beam hits it at up to {:.0} deg.",
             from(before.map(|before| before.max_stretch * 100.0), 2),
             after.max_stretch * 100.0,
             from(before.map(|before| before.max_angle_error_deg), 2),
@@ -542,19 +554,22 @@ impl Report {
             self.part.residual.under_ink_mm,
             self.exposure.incidence_deg,
         );
-        if let Some(scan) = &self.part.facts.scan {
-            text += &format!(" The part is a scan: {}.", scan.summary());
+        if let Some(scan) = scan {
+            let what =
+                if self.part.facts.triangles > 0 { "mesh is smoothed as a scan" } else { "part is a scan" };
+            text += &format!(" The {what}: {}.", scan.summary());
         }
         text = on_one_line(&text);
         for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
             text += &format!("\n  warning: {}", on_one_line(&notice.message));
         }
         if let Some(changes) = &self.changes {
+            text += &format!("\n  compared with the previous {}, which was replaced:", on_one_line(previous));
             for line in changes.lines.iter().take(MAX_CHANGES) {
-                text += &format!("\n  changed: {}", on_one_line(line));
+                text += &format!("\n    {}", on_one_line(line));
             }
             if changes.lines.len() > MAX_CHANGES {
-                text += &format!("\n  changed: {} more; see the report", changes.lines.len() - MAX_CHANGES);
+                text += &format!("\n    {} more; see the report", changes.lines.len() - MAX_CHANGES);
             }
         }
         text

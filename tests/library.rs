@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 "#;
 
-/// The profiles of this repository, so that its built dependencies are used again.
+/// The profiles of this repository, so that its built dependencies are used again. The crate itself is built unoptimised,
+/// which is quicker and must not change a byte.
 fn profiles() -> String {
     let manifest = include_str!("../Cargo.toml");
     manifest
@@ -41,7 +42,7 @@ fn ten_lines_without_default_features_give_the_same_bytes_as_the_program() {
     fs::create_dir_all(folder.join("src")).unwrap();
     let manifest = format!(
         "[package]\nname = \"ten-lines\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n[dependencies.isomark]\n\
-         path = '{}'\ndefault-features = false\n{}",
+         path = '{}'\ndefault-features = false\n{}[profile.dev.package.isomark]\nopt-level = 0\n",
         root.display(),
         profiles()
     );

@@ -10,6 +10,7 @@ use super::outcome::{Failure, Outcome, print_json, tell};
 use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
+use crate::formats::pattern::is_dxf;
 use crate::pipeline::PatternInput;
 use crate::preview;
 
@@ -22,7 +23,7 @@ const CORRECTION: &str = "Correction";
 pub(super) struct CorrectArguments {
     #[command(flatten)]
     job: JobArguments,
-    /// The corrected drawing to write.
+    /// The corrected drawing to write; an existing drawing is replaced.
     #[arg(long, short, value_name = "OUT.dxf")]
     out: PathBuf,
     /// How the drawing is bent: auto (exact on cylinders and cones, otherwise isometric), isometric, cylinder, cone; to
@@ -71,10 +72,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
             format!("`--preview` writes an SVG picture, and {} has another ending.", preview.display());
         return Err(Failure::usage(what, "Give the file the ending .svg."));
     }
+    let previous = replaced(&arguments.out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
-    let previous =
-        read_if_there(&arguments.out).map_err(|error| file_trouble("write", &arguments.out, &error))?;
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, arguments.preview.is_some())?;
 
@@ -94,8 +94,21 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     if arguments.json {
         print_json(&json);
     }
-    tell(&corrected.report.summary());
+    tell(&corrected.report.summary_replacing(&name_of(&arguments.out)?));
     Ok(())
+}
+
+/// The drawing that the corrected one replaces, if any. Refuses to replace a file that is not a drawing; an empty file
+/// loses nothing.
+fn replaced(out: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    let previous = read_if_there(out).map_err(|error| file_trouble("write", out, &error))?;
+    if previous.as_ref().is_some_and(|bytes| !bytes.is_empty() && !is_dxf(bytes)) {
+        return Err(Failure::usage(
+            format!("`--out` names {}, which is not a DXF and would be lost.", out.display()),
+            "Give `--out` the name of a DXF file, or remove the file that is there.",
+        ));
+    }
+    Ok(previous)
 }
 
 impl CorrectArguments {

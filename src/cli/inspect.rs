@@ -10,7 +10,7 @@ use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_options, useless_to_an_inspection};
+use super::set::{SetArguments, add_options, refuse_options_of_pictures, useless_to_an_inspection};
 use crate::config::{JobSettings, Losses, Overrides, PartSettings};
 use crate::formats;
 use crate::formats::mesh::{
@@ -111,6 +111,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let settings = settings.pattern;
             let bytes = read_file(&arguments.file)?;
+            refuse_options_of_pictures(&overrides, &name, &bytes)?;
             let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
                 // A drawing is recognised by its bytes, not by its name.
                 PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {
@@ -218,7 +219,7 @@ fn surface_line(text: &mut String, surface: &FittedSurface) {
     let residual = &surface.residual;
     let (across, upwards) = surface.nurbs.knots();
     let text_of_line = format!(
-        "{} x {} spans, within {:.4} mm (95 %), {:.4} mm at most, at ({:.1}, {:.1}) mm of the view",
+        "{} x {} spans, within {:.4} mm (95 %); largest {:.4} mm at ({:.1}, {:.1}) mm of the view, usually at the rim",
         across.spans(),
         upwards.spans(),
         residual.p95,
@@ -297,7 +298,8 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     line(&mut text, "version", &facts.version);
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
     let contours = pattern.paths.iter().filter(|path| path.is_contour()).count();
-    line(&mut text, "to mark", &format!("{} paths, {contours} of them closed", pattern.paths.len()));
+    let plural = if pattern.paths.len() == 1 { "" } else { "s" };
+    line(&mut text, "to mark", &format!("{} path{plural}, {contours} of them closed", pattern.paths.len()));
     for (entity, layers) in &facts.entities {
         let by_layer: Vec<String> =
             layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();

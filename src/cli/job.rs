@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::named_files::{cache_of, read_file, read_part};
+use super::named_files::{cache_of, name_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_list, add_options};
+use super::set::{SetArguments, add_list, add_options, refuse_options_of_pictures};
 use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
 use crate::pipeline::{LearnedPart, Pipeline};
@@ -69,7 +69,7 @@ pub(super) struct JobArguments {
     /// Intervals of Simpson's rule along each of its cells, even, 2 to 1000; default 50.
     #[arg(long, value_name = "INTERVALS", help_heading = COMPARISON, allow_hyphen_values = true)]
     mapping_domain_intervals: Option<String>,
-    /// Slips of the printed algorithms to keep: simpson-weights, diagonal-sums, knot-vectors. Default: all are corrected.
+    /// Errors in the printed algorithms to keep: simpson-weights, diagonal-sums, knot-vectors. Default: all are corrected.
     #[arg(long, value_name = "A,B", help_heading = COMPARISON, value_delimiter = ',')]
     mapping_domain_as_printed: Option<Vec<String>>,
     /// How floater weights a vertex's neighbours: uniform (as in the thesis, default) or mean-value.
@@ -126,10 +126,11 @@ impl JobArguments {
             None => JobSettings::without_station(&of_station)?,
         };
         let settings = settings.with_overrides(&of_job)?;
+        let drawing = read_file(pattern)?;
+        refuse_options_of_pictures(&of_job, &name_of(pattern)?, &drawing)?;
         let cache = cache_of(self.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
         let progress = ProgressLine::start();
         let pipeline = Pipeline::new(Some(cache)).observed(progress.observer());
-        let drawing = read_file(pattern)?;
         let learned = match part {
             Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
             None => recall(&pipeline, &sku, &settings)?,

@@ -9,10 +9,10 @@ use crate::config::{Overrides, Sku};
 /// How a file's numbers are read where the file itself does not state it, or states it wrongly.
 #[derive(Debug, Args)]
 pub(super) struct MeaningArguments {
-    /// Unit of the part's numbers: mm, cm, dm, m or inch. Default: as format and producer suggest.
+    /// Unit of the part's numbers: mm, cm, dm, m or inch. Default: decided by the format and the program that wrote the file.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     part_unit: Option<String>,
-    /// Axis of the part's file that points up: z or y. Default: as format and producer suggest.
+    /// Axis of the part's file that points up: z or y. Default: decided by the format and the program that wrote the file.
     #[arg(long, value_name = "AXIS", help_heading = "Part and drawing")]
     part_up: Option<String>,
     /// What the surface follows between the vertices of a mesh: auto (default), file (the normals of the file), facets (the
@@ -26,7 +26,7 @@ pub(super) struct MeaningArguments {
     /// Unit of a drawing that names none: mm, in, px and others. Default: mm, or inches where the drawing suggests them.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<String>,
-    /// Width of a picture, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) in its file.
+    /// Width of the whole picture with its blank border, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) in its file.
     #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
     width: Option<String>,
     /// Height of a picture, mm, 0.01 to 10000.

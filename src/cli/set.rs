@@ -2,15 +2,16 @@
 
 use clap::Args;
 
-use super::outcome::Failure;
+use super::outcome::{Failure, Outcome};
 use crate::config::Overrides;
+use crate::formats::pattern;
 
 /// The option that gives any setting.
 #[derive(Debug, Args)]
 pub(super) struct SetArguments {
     /// Gives a setting by its name in a settings file, such as `correction.tolerance_mm=0.02` or `part.unit=inch`, in place of
-    /// the file's value; may be repeated. In a station, a SKU's file still overrides it, and relative paths start at the
-    /// station's file. Giving a setting twice is refused.
+    /// the value in any file; may be repeated. For the commands of a station, it replaces the value in the station's file: a
+    /// SKU's file still overrides it, and relative paths start at the station's file. Giving a setting twice is refused.
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = parse_pair)]
     set: Vec<(String, String)>,
 }
@@ -82,6 +83,31 @@ pub(super) fn add_list(
 ) -> Result<(), Failure> {
     if let Some(items) = items {
         overrides.add_list(&format!("{option} {}", items.join(",")), name, items)?;
+    }
+    Ok(())
+}
+
+/// Refuses options that only pictures have, if the drawing `name` is a DXF. Settings in files are for all drawings and are
+/// not checked.
+pub(super) fn refuse_options_of_pictures(overrides: &Overrides, name: &str, drawing: &[u8]) -> Outcome {
+    if !pattern::is_dxf(drawing) {
+        return Ok(());
+    }
+    for (setting, option) in overrides.names() {
+        let (why, remedy) = match setting.as_str() {
+            "pattern.width_mm" | "pattern.height_mm" => {
+                ("is never scaled", "Remove it, or scale the drawing in the drawing program.")
+            }
+            "pattern.threshold_percent" | "pattern.invert" => ("has no pixels", "Remove it."),
+            _ => continue,
+        };
+        // The value of a short option is of no use in the message.
+        let typed =
+            if option.starts_with("--set ") { option } else { option.split(' ').next().unwrap_or(option) };
+        return Err(Failure::usage(
+            format!("`{typed}` has no effect: {name} is a DXF, which {why}."),
+            remedy,
+        ));
     }
     Ok(())
 }

@@ -149,20 +149,14 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         None if arguments.uncertain => Request::Uncertain(None),
         None => Request::Waiting,
     };
-    if let (Request::Outdated(sku), Ok((Some(status), _))) = (&request, status_of(&folders))
-        // A stopped station looks when it starts.
-        && runs
-        && !may_be_outdated(&status, sku.as_ref())
-    {
-        let whose = sku.as_ref().map_or("".into(), |sku| format!(" of {sku}"));
-        tell(&format!(
-            "isomark: warning: the station knows no outdated drawing{whose} yet; `isomark status` lists them"
-        ));
-    }
+    // Read first: the station may answer the request at once. Left in any case: the station may know more by then.
+    let status = status_of(&folders).ok().and_then(|(status, _)| status);
     leave(&request, state)?;
-    if let (Request::Waiting, Ok((Some(status), _))) = (&request, status_of(&folders))
-        && status.uncertain.count > 0
-    {
+    if let Some(nothing) = status.as_ref().and_then(|status| nothing_to_do(&request, status, runs)) {
+        print(&nothing);
+        return Ok(());
+    }
+    if matches!(request, Request::Waiting) && status.is_some_and(|status| status.uncertain.count > 0) {
         tell(
             "isomark: warning: this does not deliver uncertain drawings again: name them, or use `--uncertain`",
         );
@@ -202,6 +196,26 @@ fn waits(waiting: &Listed<Waits>, folders: &FolderPaths, asked: &str) -> bool {
     waiting.first.iter().any(is_listed) || is_there()
 }
 
+/// Why a request has no effect, if the station's status shows that.
+fn nothing_to_do(request: &Request, status: &Status, runs: bool) -> Option<String> {
+    match request {
+        // A stopped station checks its drawings when it starts.
+        Request::Outdated(sku) if runs && !may_be_outdated(status, sku.as_ref()) => {
+            let whose = sku.as_ref().map_or("".into(), |sku| format!(" of {sku}"));
+            Some(format!(
+                "no delivered drawing{whose} is known to be outdated; `isomark status` lists outdated drawings\n"
+            ))
+        }
+        // After a crash, the next start may find uncertain deliveries.
+        Request::Uncertain(None)
+            if status.uncertain.count == 0 && (runs || status.state == State::Stopped) =>
+        {
+            Some("no delivery is uncertain\n".into())
+        }
+        _ => None,
+    }
+}
+
 /// Whether the station may know an outdated drawing of the SKU, or any; its status lists only the first ones.
 fn may_be_outdated(status: &Status, sku: Option<&Sku>) -> bool {
     let Listed { count, first } = &status.outdated;
@@ -227,13 +241,13 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     text.extend(status.troubles.iter().map(|trouble| format!("trouble: {}\n", on_one_line(trouble))));
     let done = &status.done;
     text += &format!(
-        "since {}: {} delivered ({} in the last hour), {} rejected ({}), {} learned\n",
+        "since {}: {} delivered, {} rejected, {} learned; in the last hour {} delivered, {} rejected\n",
         status.since,
         done.delivered,
-        done.delivered_last_hour,
         done.rejected,
-        done.rejected_last_hour,
-        if done.learned == 1 { "1 part".into() } else { format!("{} parts", done.learned) }
+        if done.learned == 1 { "1 part".into() } else { format!("{} parts", done.learned) },
+        done.delivered_last_hour,
+        done.rejected_last_hour
     );
     if let Some(count) = status.in_rejected.filter(|count| *count > 0) {
         let drops = if count == 1 { "drop is" } else { "drops are" };

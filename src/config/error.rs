@@ -192,6 +192,9 @@ impl ConfigError {
                 format!("The value cannot be understood: {message}.")
             }
             Self::Syntax { message, .. } => format!("The settings cannot be understood: {message}."),
+            Self::UnknownKey { key, allowed, .. } if self.is_option() && allowed.contains(key) => {
+                format!("`{key}` is a table, not a setting.")
+            }
             Self::UnknownKey { key, .. } if self.is_option() => format!("There is no setting `{key}`."),
             Self::UnknownKey { key, .. } => format!("There is no key `{key}` here."),
             Self::UnknownChoice { given, .. } => format!("`{given}` is not one of the choices."),
@@ -211,11 +214,17 @@ impl ConfigError {
             Self::Syntax { backslash: true, .. } => {
                 "Write paths with forward slashes, or put them in single quotes: 'C:\\laser\\import'.".into()
             }
+            Self::Syntax { message, .. } if self.is_option() && message.contains("expected ") => {
+                format!("Give {}.", message.rsplit("expected ").next().unwrap_or_default())
+            }
             Self::Syntax { .. } if self.is_option() => {
                 "Give text such as `inch`, a number such as 0.5, `true`, `false`, or a list such as `[1, 2]`."
                     .into()
             }
             Self::Syntax { .. } => "Correct the line: text needs quotes, numbers need none.".into(),
+            Self::UnknownKey { key, allowed, .. } if self.is_option() && allowed.contains(key) => {
+                format!("Name one of its keys, as in `--set {key}.KEY=VALUE`; watch-config/ lists them.")
+            }
             Self::UnknownKey { key: given, allowed, .. } | Self::UnknownChoice { given, allowed, .. } => {
                 match nearest(given, allowed) {
                     Some(name) => format!("Did you mean `{name}`? Known: {}.", listed(allowed)),

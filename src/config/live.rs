@@ -61,8 +61,15 @@ pub enum SettingsEvent {
         /// Whether the previous settings are kept; a SKU's file that was never valid holds up its jobs.
         old_stay: bool,
     },
-    /// A broken file is valid again, as it was before.
+    /// A broken file is valid again. If it differs from the last valid version, another event has the change.
     Mended(PathBuf),
+    /// A SKU's broken file was removed: the station's settings apply to the SKU.
+    BrokenRemoved {
+        /// The SKU.
+        sku: Sku,
+        /// The file.
+        file: PathBuf,
+    },
 }
 
 /// A text as it was read.
@@ -140,7 +147,7 @@ impl LiveSettings {
             Ok(station) => {
                 self.station = station;
                 let old = std::mem::replace(&mut self.station_text, text.clone());
-                self.forgive(&file);
+                self.resolved(&file);
                 self.events.push(SettingsEvent::StationChanged { old, new: text });
             }
             Err(error) => self.complain(error),
@@ -185,15 +192,25 @@ impl LiveSettings {
             .collect();
         for sku in removed {
             let Some(SkuFile { file, text: old, .. }) = self.skus.remove(&sku) else { continue };
-            self.forgive(&file);
+            if self.forgive(&file) {
+                self.events.push(SettingsEvent::BrokenRemoved { sku: sku.clone(), file });
+            }
             self.events.push(SettingsEvent::SkuChanged { sku, old, new: String::new() });
         }
         let station = &self.station.file;
         let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
         let is_used =
             |file: &PathBuf| file == station || found.values().any(|path| path == file) || known(file);
-        self.complaints.retain(|file, _| is_used(file));
+        let unused: Vec<PathBuf> = self.complaints.keys().filter(|file| !is_used(file)).cloned().collect();
         self.new_texts.retain(|file, _| is_used(file));
+        for file in unused {
+            self.complaints.remove(&file);
+            let sku = sku_of(&file).filter(|sku| !found.contains_key(sku) && !self.skus.contains_key(sku));
+            // After a change of the station's settings, the file may be in the former folder.
+            if let Some(sku) = sku.filter(|_| file.parent() == Some(&*folder)) {
+                self.events.push(SettingsEvent::BrokenRemoved { sku, file });
+            }
+        }
         match &mut self.first_files {
             Some(first) => first.retain(|file| found.values().any(|path| path == file) || known(file)),
             None => self.first_files = Some(found.values().cloned().collect()),
@@ -234,7 +251,7 @@ impl LiveSettings {
             }
         }
         let settings = self.station.settings.overridden_by(&file, &text)?;
-        let was_broken = self.forgive(&file);
+        self.resolved(&file);
         let old =
             self.skus.insert(sku.clone(), SkuFile { file: file.clone(), text: text.clone(), missed: false });
         let old = match old {
@@ -244,8 +261,6 @@ impl LiveSettings {
         };
         if old != text {
             self.events.push(SettingsEvent::SkuChanged { sku: sku.clone(), old, new: text });
-        } else if was_broken {
-            self.events.push(SettingsEvent::Mended(file));
         }
         Ok(settings)
     }

@@ -93,7 +93,7 @@ impl FolderPaths {
             ("import-is-file", what, "Name the folder that the marking software imports from.")
         } else {
             let what = format!("The import folder {import} does not exist.");
-            let remedy = "Make the folder or connect its share. isomark never makes it; drawings wait until it exists.";
+            let remedy = "Create the folder or connect its share. `watch` never creates it; drawings wait until it exists.";
             ("import-missing", what, remedy)
         };
         Some(Reason::new(code, what, remedy))

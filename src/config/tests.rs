@@ -291,6 +291,26 @@ fn a_sku_file_that_was_never_valid_has_no_previous_settings() {
     fs_err::remove_file(folder.path().join("skus/can.toml")).unwrap();
     live.refresh_skus();
     assert_eq!(live.complaints().count(), 0);
+    assert!(
+        matches!(&live.take_events()[..], [SettingsEvent::BrokenRemoved { sku, .. }] if sku.as_str() == "can")
+    );
+}
+
+#[test]
+fn a_broken_file_that_is_replaced_by_a_valid_one_is_valid_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::write(&file, NEEDED).unwrap();
+    fs_err::create_dir(folder.path().join("skus")).unwrap();
+    let sku_file = folder.path().join("skus/can.toml");
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
+    live.refresh_skus();
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = ").unwrap();
+    live.refresh_skus();
+    live.take_events();
+    fs_err::write(&sku_file, "[placement]\nrotate_deg = 90").unwrap();
+    live.refresh_skus();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_), SettingsEvent::SkuChanged { .. }]));
 }
 
 /// Editors and copies empty a file before they write it, and half a file may be valid settings.

@@ -204,6 +204,7 @@ impl Projection<'_> {
             steepest_at: ViewPoint::new(0.0, 0.0),
             lowest: f64::INFINITY,
             highest: f64::NEG_INFINITY,
+            highest_at: ViewPoint::new(0.0, 0.0),
             field: Extents::EMPTY,
             max_difference: 0.0,
             max_difference_at: ViewPoint::new(0.0, 0.0),
@@ -230,7 +231,9 @@ impl Projection<'_> {
                 (exposure.steepest, exposure.steepest_at) = (incidence, view);
             }
             exposure.lowest = exposure.lowest.min(landing.z);
-            exposure.highest = exposure.highest.max(landing.z);
+            if landing.z > exposure.highest {
+                (exposure.highest, exposure.highest_at) = (landing.z, view);
+            }
             let difference = self.surface.difference(view).abs();
             if difference > exposure.max_difference {
                 (exposure.max_difference, exposure.max_difference_at) = (difference, view);
@@ -292,6 +295,8 @@ pub struct Exposure {
     pub lowest: f64,
     /// Highest height in the laser's frame, mm.
     pub highest: f64,
+    /// Where that is.
+    pub highest_at: ViewPoint,
     /// The rectangle of the field that is marked, mm.
     pub field: Extents,
     /// Largest distance between the sampled part and the fitted surface, mm.

@@ -317,6 +317,13 @@ impl HeightField {
         })
     }
 
+    /// The bounding rectangle of all nodes on the part, mm, with its walls; the part ends less than a step beyond it.
+    pub fn extents(&self) -> Extents {
+        let on_part = self.nodes.iter().enumerate().filter(|(_, node)| **node != Node::Empty);
+        let columns = self.grid.columns;
+        Extents::of(on_part.map(|(index, _)| self.position(index % columns, index / columns).coords()))
+    }
+
     /// The column and row of the grid cell that contains a point, and the point's place in it, 0 to 1 along x and y.
     pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
         self.grid.cell(at)
@@ -386,6 +393,9 @@ mod tests {
         assert_eq!(node(4.0, 4.0), Node::Surface(0.0));
         assert_eq!(node(2.0, 0.0), Node::Wall(3.0));
         assert_eq!(node(2.5, 0.0), Node::Wall(0.0));
+        // The part measures 10 x 10 mm; its outermost nodes are less than a step inside.
+        let size = field.extents().size();
+        assert!(size.min() > 9.0 - 1e-9 && size.max() < 10.0 + 1e-9, "{size}");
         assert!(!field.is_surface(ViewPoint::new(2.2, 0.0)) && field.is_surface(ViewPoint::new(3.2, 0.0)));
     }
 

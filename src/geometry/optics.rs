@@ -46,6 +46,16 @@ pub enum Lens {
     },
 }
 
+impl Lens {
+    /// The height in the laser's frame that the part must stay below, mm; infinite for a telecentric lens.
+    pub fn height(&self) -> f64 {
+        match self {
+            Self::Telecentric => f64::INFINITY,
+            Self::Perspective { x, y } => x.min(*y),
+        }
+    }
+}
+
 /// The scan head over the field: its lens, and the position of the lens axis in the field.
 ///
 /// The origin of the marking software may be at a corner of the field; the axis does not move with it.
@@ -102,7 +112,8 @@ mod tests {
         // At r = 50 mm, z = 10 mm, L = 300 mm the shift is 1.7 mm.
         let aim = head(300.0, 300.0, [0.0, 0.0]).aim(Point3::new(50.0, 0.0, 10.0)).unwrap();
         assert!((aim.x - 50.0 - 50.0 / 29.0).abs() < 1e-12 && aim.y == 0.0);
-        assert_eq!(head(300.0, 290.0, [0.0, 0.0]).aim(Point3::new(1.0, 1.0, 290.0)), None);
+        let low = head(300.0, 290.0, [0.0, 0.0]);
+        assert_eq!((low.lens.height(), low.aim(Point3::new(1.0, 1.0, 290.0))), (290.0, None));
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod rounds;
 mod threads;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
@@ -145,13 +145,22 @@ pub fn run(
         dispatcher.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
+            let files = if parked == 1 { "processed file is" } else { "processed files are" };
             tracing::info!(
-                "{parked} processed files are kept in case a program still writes to them; the next start checks them"
+                "{parked} {files} kept in case a program still writes to them; the next start checks them. Nothing to do"
             );
         }
         // Dropping the rest of the dispatcher closes the channels, so the threads end.
-        let Dispatcher { drops, tally, stopped, .. } = dispatcher;
+        let Dispatcher { drops, tally, stopped, settings, .. } = dispatcher;
         let (waiting, incomplete) = drops.left();
+        if mode == Mode::UntilStopped && stopped.is_none() {
+            let waits = match waiting.len() + incomplete.len() {
+                0 => "no drop waits".to_owned(),
+                1 => "1 drop waits".to_owned(),
+                count => format!("{count} drops wait"),
+            };
+            tracing::info!("{} stopped; {waits}", settings.station().name);
+        }
         // This includes drawings that the listing filed without a job.
         let uncertain = uncertain_in(&executor.journal()).difference(&known).count() as u64;
         match stopped {
@@ -339,6 +348,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             match event {
                 SettingsEvent::StationChanged { old, new } => {
                     self.settings_changes += 1;
+                    // They may name another folder.
+                    self.rounds.missing = None;
                     tracing::info!("using the changed station settings: {}", changes(&old, &new));
                     if let Err((purpose, _, error)) = filing::prepare(self.folders()) {
                         tracing::warn!("the {purpose} folder cannot be created: {error}");
@@ -372,9 +383,15 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     tracing::error!("{error} Keeping the previous settings.");
                 }
                 SettingsEvent::Broken { error, old_stay: false } => {
-                    tracing::error!("{error} There are no previous settings: drawings of this SKU wait.");
+                    let sku = error.file().and_then(Path::file_stem).unwrap_or_default().to_string_lossy();
+                    tracing::error!(
+                        "{error} Until this file is corrected or removed, the drawings of {sku} wait."
+                    );
                 }
                 SettingsEvent::Mended(file) => tracing::info!("{} is valid again", file.display()),
+                SettingsEvent::BrokenRemoved { sku, file } => {
+                    tracing::info!("{} was removed; using the station's settings for {sku}", file.display());
+                }
             }
         }
     }

@@ -91,9 +91,7 @@ impl PipelineCorrector {
         let residual = &learned.kept.surface.residual;
         let surface = match &learned.kept.facts.scan {
             Some(scan) => scan.summary(),
-            None => {
-                format!("surface within {:.4} mm (95 %), {:.4} mm at most", residual.p95, residual.max)
-            }
+            None => format!("surface within {:.4} mm of 95 % of the part", residual.p95),
         };
         let summary = format!(
             "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",

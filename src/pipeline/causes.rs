@@ -100,11 +100,11 @@ impl Cause {
             }
             Self::Crease(_) => "Place the drawing away from the edge.",
             Self::Facets(_) => {
-                "Export the part with a deviation of 0.05 mm, as GLB from CAD, or apply the Subdivision modifier in Blender."
+                "Export the part with a deviation of at most 0.05 mm, or from CAD as GLB, or apply the Subdivision modifier in Blender."
             }
             Self::Curvature => "Make the drawing smaller, or split it into parts that are placed one by one.",
             Self::Detail(_) => {
-                "Place the drawing where the part is smoother, or mark only that side of it in a part file."
+                "Place the drawing where the part is smoother, or export only the side that is marked."
             }
         }
     }

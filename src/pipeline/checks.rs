@@ -6,7 +6,6 @@ use super::{
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
 use crate::config::Losses;
-use crate::geometry::correction::AboveLens;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -250,26 +249,28 @@ const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part."
 const PLACE_ANCHOR: &str = "Place the anchor on the cylinder or cone, away from its apex (`place_mm` or `anchor`, \
                             `--place` or `--anchor`).";
 
-pub(super) fn above_lens(error: &AboveLens) -> Reason {
-    let place = Place { coordinate: Some(error.at.coords().iter().copied().collect()), ..Place::default() };
+pub(super) fn above_lens(at: ViewPoint) -> Reason {
+    let place = Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() };
     Reason::new(
         "part-above-lens",
-        format!("The part is as high as the lens at ({:.3}, {:.3}) mm.", error.at.x, error.at.y),
+        format!("The part is as high as the lens at ({:.3}, {:.3}) mm.", at.x, at.y),
         "Check the fixture's `z_mm` and the lens distances of the station.",
     )
     .at(place)
 }
 
 pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) -> Reason {
-    let domain = part.surface.nurbs.domain();
-    let what = if domain.contains(at.coords()) {
+    let field = &part.surface.field;
+    let extents = field.extents();
+    // The part ends less than a step beyond its last node.
+    let what = if extents.grown(field.step()).contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
     } else {
         "The drawing extends beyond the part."
     };
     let sides = |extents: &Extents| (extents.max - extents.min).max();
     let unit = &part.facts.unit;
-    let remedy = match sides(drawn) > STRAY * sides(&domain) {
+    let remedy = match sides(drawn) > STRAY * sides(&extents) {
         true if part.facts.has_doubtful_unit() => format!(
             "Check the unit of the part: its numbers are taken as {} because {} (`--part-unit`, `unit` under [part]). \
              If that is correct, check the drawing's unit, and delete stray lines far from the drawing.",
@@ -285,8 +286,8 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
         "off-surface",
         format!(
             "{what} As the laser sees it, the part spans x {} and y {} mm, the drawing x {} and y {} mm.",
-            span(&domain, 0),
-            span(&domain, 1),
+            span(&extents, 0),
+            span(&extents, 1),
             span(drawn, 0),
             span(drawn, 1)
         ),
@@ -299,6 +300,24 @@ fn span(extents: &Extents, axis: usize) -> String {
     format!("{:.1} to {:.1}", extents.min[axis], extents.max[axis])
 }
 
+/// The reason with the drawing's unit as its likely cause first, where the size of the drawing decides and its unit is in
+/// doubt.
+pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
+    let is_by_size = matches!(
+        reason.code.as_str(),
+        "off-surface" | "too-much-ink" | "map-folded" | "too-steep" | "outside-field"
+    );
+    if !(is_by_size && facts.notices.iter().any(|notice| notice.code == "unit-pixels")) {
+        return reason;
+    }
+    let remedy = format!(
+        "Check the drawing's unit: Inkscape wrote none, and the numbers are probably pixels. Set \
+         `unit_if_unitless = \"px\"` under [pattern] (`--pattern-unit px`). {}",
+        reason.remedy
+    );
+    Reason { remedy, ..reason }
+}
+
 /// Rejects ink that cannot be marked, and adds notices for ink that should be checked.
 pub(super) fn exposure(
     seen: &Exposure,
@@ -307,6 +326,15 @@ pub(super) fn exposure(
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
+    let lens = settings.scan_head().lens.height();
+    if seen.highest >= lens {
+        return Err(above_lens(seen.highest_at).with_number(
+            "height of the ink",
+            seen.highest,
+            "mm",
+            Some(lens),
+        ));
+    }
     if let Some((_, at)) = seen.first_off_surface {
         let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
         return Err(off_surface(at, part, &ink.extents).with_number(
@@ -330,13 +358,20 @@ fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>)
     let text =
         format!("the beam hits the part at {degrees:.1} deg to its normal at ({:.2}, {:.2}) mm", at.x, at.y);
     if seen.steepest > limits.refuse {
-        return Err(Reason::new(
-            "too-steep",
-            format!("The beam would hit the part at {degrees:.1} deg to its normal."),
-            "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
-        )
-        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
-        .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
+        let remedy = "Make the drawing narrower, place it where the part faces the laser, or turn the part.";
+        let (what, remedy) = if degrees < 90.0 {
+            (format!("The beam would hit the part at {degrees:.1} deg to its normal."), remedy.to_owned())
+        } else {
+            (
+                format!(
+                    "The beam cannot reach the part: the surface faces away from it, at {degrees:.1} deg to its normal."
+                ),
+                format!("Check the lens distances of the station and the fixture's `z_mm`. {remedy}"),
+            )
+        };
+        return Err(Reason::new("too-steep", what, remedy)
+            .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+            .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
     }
     if seen.steepest > limits.warn {
         notices.push(Notice::warning("steep", format!("{text}; marks are paler and wider there")));

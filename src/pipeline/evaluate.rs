@@ -154,7 +154,7 @@ fn row(
     clock: &mut Clock,
 ) -> EvaluationRow {
     let surface = &learned.kept.surface;
-    let PlacedPattern { placed: pattern, placing, ink, .. } = placed;
+    let PlacedPattern { facts, placed: pattern, placing, ink } = placed;
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
     let name = settings.correction.method.name();
     let label = label(settings, &variant);
@@ -178,7 +178,7 @@ fn row(
                 .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))
         });
     match measured {
-        Err(reason) => EvaluationRow { reason: Some(reason), ..empty },
+        Err(reason) => EvaluationRow { reason: Some(checks::doubting_unit(reason, facts)), ..empty },
         Ok((map, distortion)) => {
             let limit = mapping::Method::EXACT_TOLERANCE;
             let far = map.fit_residual().filter(|residual| *residual > limit);

@@ -18,8 +18,8 @@ pub(super) fn preview(
     map: &LengthTrueMap,
     surface: &FittedSurface,
     settings: &JobSettings,
-    before: Option<&Distortion>,
-    after: &Distortion,
+    (before, after): (Option<&Distortion>, &Distortion),
+    residual_under_ink: f64,
 ) -> Preview {
     let piece = PIECE.max(after.length / MAX_PIECES);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
@@ -46,7 +46,7 @@ pub(super) fn preview(
     summary.push((
         "surface residual".to_owned(),
         format!(
-            "{:.4} mm rms; {:.3} mm at most, at ({:.1}, {:.1})",
+            "{residual_under_ink:.4} mm under the ink; {:.4} mm rms, {:.3} mm at most, at ({:.1}, {:.1})",
             residual.rms, residual.max, residual.at.x, residual.at.y
         ),
     ));

@@ -183,8 +183,8 @@ const CODES: &[Code] = &[
     reason([
         "cut-short",
         "The file ends too early.",
-        "The file did not grow for `watch.incomplete_s` and is still not complete: the copy or the export was \
-         interrupted.",
+        "The file did not change for `watch.incomplete_s`, or for 3 s after its writer closed it, and is still not \
+         complete: the copy or the export was interrupted.",
         "Export or copy the file again. Copy under a name that ends in `.tmp` and rename the file when it is \
          complete.",
     ]),
@@ -357,7 +357,7 @@ const CODES: &[Code] = &[
     reason([
         "import-missing",
         "The import folder does not exist.",
-        "isomark never creates the import folder, because a folder that is not connected must not be replaced by \
+        "`watch` never creates the import folder, because a folder that is not connected must not be replaced by \
          an empty one. Drawings wait until the folder is available.",
         "Create the folder, or connect its share. Then nothing else is necessary.",
     ]),
@@ -602,8 +602,8 @@ const CODES: &[Code] = &[
         "mesh-truncated",
         "The part file is cut off before its end.",
         "The file is shorter than its header states, or its last line is incomplete: the export or copy was \
-         interrupted, or has not ended yet. In the hot folder the file waits for `watch.incomplete_s` before it \
-         is rejected.",
+         interrupted, or has not ended yet. In the hot folder the file waits for `watch.incomplete_s`, or for 3 s \
+         after its writer closed it, and is then rejected.",
         "Wait until the export has ended, then copy the file again.",
     ]),
     reason([
@@ -900,7 +900,8 @@ const CODES: &[Code] = &[
         "pattern-truncated",
         "The drawing file is cut off before its end.",
         "A DXF file ends with EOF and a picture with its end mark. The export or copy was interrupted, or has not \
-         ended yet. In the hot folder the file waits for `watch.incomplete_s` before it is rejected.",
+         ended yet. In the hot folder the file waits for `watch.incomplete_s`, or for 3 s after its writer closed \
+         it, and is then rejected.",
         "Wait until the export has ended, then copy the file again.",
     ]),
     notice([
@@ -1067,8 +1068,8 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "settings-contradiction",
-        "A setting is valid alone, but not here or not together with another one.",
-        "The message names the settings and the conflict.",
+        "A value is not possible here, or contradicts another setting.",
+        "The message names the setting and what is wrong with it.",
         "Follow the remedy of the reason; the sample in `watch-config/station.toml` explains each key.",
     ]),
     reason([

@@ -166,7 +166,7 @@ fn a_station_is_asked_from_another_terminal() {
     station.waits_for("a status", |station| {
         let output = ask(station);
         output.code == 0
-            && output.out.contains("waiting: 1\n  cup.dxf: The pattern waits for a part")
+            && output.out.contains("waiting: 1\n  cup.dxf: The drawing waits for a part")
             && output.out.contains("cup@x.pdf: A .pdf file is neither")
     });
     let id = station.running.as_ref().unwrap().id();
@@ -178,7 +178,14 @@ fn a_station_is_asked_from_another_terminal() {
     fs::remove_dir(station.path("import")).unwrap();
     let troubles = status(&station)["troubles"].to_string();
     assert!(troubles.contains("The import folder ") && troubles.contains("does not exist"), "{troubles}");
+    station.waits_for("a warning", |station| station.log().contains("does not exist"));
     fs::create_dir(station.path("import")).unwrap();
+    station.waits_for("the folder", |station| {
+        station
+            .log()
+            .lines()
+            .any(|line| line.contains("the import folder ") && line.contains(" is available again"))
+    });
     assert_eq!((&now["waiting"]["count"], &now["done"]["rejected"]), (&1.into(), &1.into()));
     assert_eq!(now["waiting"]["first"][0]["reason"]["code"], "waits-for-part");
     assert_eq!(now["rejections"][0]["reason"]["code"], "unknown-kind");
@@ -190,7 +197,8 @@ fn a_station_is_asked_from_another_terminal() {
     let output = ask(&station).out;
     assert!(output.contains("does not run; stopped at 20"), "{output}");
     // Including drops that were rejected before.
-    assert!(output.contains(" 0 rejected (0), ") && output.contains("1 rejected drop is in "), "{output}");
+    let done = ": 0 delivered, 0 rejected, 0 parts learned; in the last hour 0 delivered, 0 rejected\n";
+    assert!(output.contains(done) && output.contains("1 rejected drop is in "), "{output}");
     assert_eq!(status(&station)["state"], "stopped");
 }
 
@@ -205,6 +213,13 @@ fn rejected_drops_are_tried_again() {
     fs::remove_file(station.path("skus/trough.toml")).unwrap();
     let retry = |arguments: &[&str]| station.desk.isomark(&[&["retry", "station.toml"], arguments].concat());
     retry(&["cup.dxf"]).refused(3, &["There is no rejected drop cup.dxf in"]);
+    retry(&["trough@2"]).refused(
+        3,
+        &["There is no rejected drop trough@2 in", "Did you mean `trough@2.dxf`? Give the whole"],
+    );
+    assert_eq!(retry(&["--uncertain"]).out, "no delivery is uncertain\n");
+    let text = station.desk.text("rejected/trough.dxf.reason.txt");
+    assert!(text.ends_with("correct them and run `isomark retry STATION.toml trough.dxf`.\n"), "{text}");
     // One that waits is tried, too, though not alone.
     station.copy_into(&drawing("square"), "cup@1.dxf");
     let output = retry(&["cup@1.dxf"]);
@@ -270,7 +285,11 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     assert!(station.log().contains("+ place_mm = [3, 0]"), "{}", station.log());
     assert_eq!(station.desk.read("import/trough.dxf"), first);
     let retry = |sku: &str| station.desk.isomark(&["retry", "station.toml", "--outdated", sku]);
-    retry("cup").refused(0, &["warning: the station knows no outdated drawing of cup yet"]);
+    let output = retry("cup");
+    assert!(
+        output.code == 0 && output.out.starts_with("no delivered drawing of cup is known to be outdated;"),
+        "{output:?}"
+    );
     let output = retry("trough");
     assert!(output.code == 0 && output.err.is_empty(), "{output:?}");
     station.waits_for("another result", |station| station.desk.read("import/trough.dxf") != first);
@@ -425,6 +444,7 @@ fn settings_beside_a_drawing_apply_only_to_it() {
     assert!(station.path("archive/trough/trough@a.toml").exists());
     let reason = station.desk.text("rejected/trough@c.dxf.reason.txt");
     assert!(reason.contains("line 2") && reason.contains("`place`"), "{reason}");
+    assert!(reason.contains("Its settings, trough@c.toml, are beside this file.\n"), "{reason}");
     assert!(station.path("rejected/trough@c.toml").exists());
 }
 

@@ -346,7 +346,8 @@ fn a_replaced_drawing_is_compared_with_the_new_one() {
     assert_eq!(report["changes"]["lines"], serde_json::json!(["all 6 paths moved by 2.50 mm up"]));
     let output =
         desk.isomark(&["correct", &part, &drawing, "--facing", "-y", "--place", "0,60", "-o", "out.dxf"]);
-    assert!(output.err.contains("changed: all 6 paths moved by 2.50 mm down"), "{}", output.err);
+    let changes = "\n  compared with the previous out.dxf, which was replaced:\n    all 6 paths moved by 2.50 mm down\n";
+    assert!(output.err.contains(changes), "{}", output.err);
     // A drawing of another pattern or SKU, or of another program, is only replaced.
     let other = fs_err::read(crate::desk::drawing("circle")).unwrap();
     desk.write("out.dxf", &other);

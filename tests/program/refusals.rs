@@ -34,7 +34,12 @@ fn damaged_parts() {
     desk.write("cut.glb", &glb[..5000]);
     correct(&desk, "cut.glb", &drawing("abc"), "").refused(
         1,
-        &["cut.glb, byte 5000", "5000 bytes (limit 14484 bytes)", "remedy: Wait until the export"],
+        &[
+            "cut.glb, byte 5000",
+            "has 5000 of 14484 bytes",
+            "number: bytes present 5000\n",
+            "remedy: Wait until the export",
+        ],
     );
 
     let obj = std::fs::read_to_string(part("mouse/fc020-coarse-mesh.obj")).unwrap();
@@ -138,10 +143,22 @@ fn drawings_that_are_not_on_the_part() {
             "remedy: Move",
         ],
     );
-    correct(&desk, &part(MOUSE), &drawing("abc"), "--place 20,0").refused(
+    let beside = correct(&desk, &part(MOUSE), &drawing("abc"), "--place 20,0");
+    beside.refused(
         1,
-        &["part spans x -30", "ink without surface 2", "remedy: Move the drawing (`place_mm`, `--place`)"],
+        &["part spans x -", "ink without surface 2", "remedy: Move the drawing (`place_mm`, `--place`)"],
     );
+    // The extents are those of the part, to a node of the samples, never more.
+    let facts = desk.isomark(&["inspect", &part(MOUSE), "--json"]).out;
+    let facts: serde_json::Value = serde_json::from_str(&facts).unwrap();
+    let (_, spans) = beside.err.split_once("part spans ").unwrap();
+    let (spans, _) = spans.split_once(" mm").unwrap();
+    for (axis, span) in ["x ", " y "].into_iter().zip(spans.split(" and")) {
+        let (low, high) = span.trim_start_matches(axis).split_once(" to ").unwrap();
+        let width = high.parse::<f64>().unwrap() - low.parse::<f64>().unwrap();
+        let size = facts["size_mm"][usize::from(axis == " y ")].as_f64().unwrap();
+        assert!(size - 2.0 < width && width < size + 0.1, "{spans}: {width} of {size}");
+    }
     // The drawing is on the steep side of the can.
     correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--place 33,0").refused(
         1,
@@ -184,6 +201,101 @@ fn a_drawing_wider_than_the_field() {
             "remedy: Move the drawing",
         ],
     );
+}
+
+/// At 20 mm the lens is below the mouse, at 36 mm the beam is too flat to reach its sides.
+#[test]
+fn a_part_that_reaches_the_lens() {
+    let desk = Desk::new();
+    for (distance, words) in [
+        (
+            20,
+            &[
+                "as high as the lens",
+                "height of the ink",
+                "(limit 20 mm)",
+                "remedy: Check the fixture's `z_mm`",
+            ][..],
+        ),
+        (36, &["deg to its normal", "incidence angle", "remedy: Check the lens distances"][..]),
+    ] {
+        desk.write(
+            "station.toml",
+            format!(
+                "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\n\
+                 height_mm = 110\n[optics]\nkind = \"perspective\"\nlens_distance_x_mm = {distance}\n\
+                 lens_distance_y_mm = {distance}\n"
+            ),
+        );
+        let output = correct(&desk, &part(MOUSE), &drawing("abc"), "--place 0,8 --station station.toml");
+        output.refused(1, words);
+        assert!(!output.err.contains("inf"), "{output:?}");
+    }
+}
+
+#[test]
+fn a_drawing_in_pixels_is_refused_with_its_unit_first() {
+    let desk = Desk::new();
+    let (mouse, logo) = (part(MOUSE), drawing("ink12-logo_px-r14"));
+    let unit = "remedy: Check the drawing's unit: Inkscape wrote none, and the numbers are probably pixels. Set \
+                `unit_if_unitless = \"px\"` under [pattern] (`--pattern-unit px`). ";
+    correct(&desk, &mouse, &logo, "").refused(1, &["The drawing extends beyond the part.", unit]);
+    // With a unit that is given, nothing is in doubt.
+    let given = correct(&desk, &mouse, &logo, "--pattern-unit mm");
+    assert!(given.code == 1 && !given.err.contains("Inkscape wrote none"), "{given:?}");
+}
+
+#[test]
+fn options_of_pictures_are_refused_for_a_dxf() {
+    let desk = Desk::new();
+    let (mouse, abc) = (part(MOUSE), drawing("abc"));
+    desk.write("skus/mouse.toml", "[pattern]\nwidth_mm = 30\ninvert = true\n");
+    desk.write(
+        "station.toml",
+        "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\nskus = \"skus\"\n[field]\n\
+         width_mm = 110\nheight_mm = 110\n[pattern]\nthreshold_percent = 40\n",
+    );
+    let scaled = "Remove it, or scale the drawing in the drawing program.";
+    for (options, what, remedy) in [
+        ("--width 20", "`--width` has no effect: abc.dxf is a DXF, which is never scaled.", scaled),
+        ("--height 20", "`--height` has no effect: abc.dxf is a DXF, which is never scaled.", scaled),
+        (
+            "--threshold 40",
+            "`--threshold` has no effect: abc.dxf is a DXF, which has no pixels.",
+            "Remove it.",
+        ),
+        ("--invert", "`--invert` has no effect: abc.dxf is a DXF, which has no pixels.", "Remove it."),
+        ("--set pattern.width_mm=20", "`--set pattern.width_mm=20` has no effect: abc.dxf is a DXF", scaled),
+        ("--set pattern.invert=true", "`--set pattern.invert=true` has no effect", "Remove it."),
+    ] {
+        let options: Vec<&str> = options.split(' ').collect();
+        for command in
+            [&["correct", &mouse, &abc, "-o", "out.dxf"][..], &["evaluate", &mouse, &abc], &["inspect", &abc]]
+        {
+            let output = desk.isomark(&[command, options.as_slice()].concat());
+            output.refused(2, &[what, &format!("remedy: {remedy}")]);
+        }
+        assert!(!desk.path("out.dxf").exists());
+    }
+    // Settings in files are for all drawings.
+    desk.correct(&mouse, &abc, "--place 0,8 --station station.toml --sku mouse");
+}
+
+#[test]
+fn only_a_drawing_is_replaced() {
+    let desk = Desk::new();
+    let job =
+        |out: &str| desk.isomark(&["correct", &part(MOUSE), &drawing("abc"), "--place", "0,8", "-o", out]);
+    for (name, content) in [("notes.txt", "Call the customer.\n"), ("mouse.svg", "<svg/>")] {
+        desk.write(name, content);
+        job(name).refused(2, &[&format!("`--out` names {name}, which is not a DXF"), "remedy: Give `--out`"]);
+        assert_eq!(desk.text(name), content);
+    }
+    desk.write("empty.dxf", "");
+    desk.write("binary.dxf", b"AutoCAD Binary DXF\r\n\x1a\0");
+    for name in ["empty.dxf", "binary.dxf", "new.dxf", "new.dxf"] {
+        job(name).refused(0, &[]);
+    }
 }
 
 #[test]

@@ -367,6 +367,7 @@ fn a_running_station_uses_changed_settings() {
     };
     station.waits_for_empty_hot();
     assert_eq!([method("a"), method("b"), method("c")], ["cylinder", "cylinder", "none"]);
+    assert!(station.log().contains("can.toml is valid again"), "{}", station.log());
 }
 
 #[test]
@@ -462,7 +463,7 @@ fn watch_once_processes_the_drops_in_the_hot_folder() {
         "{}",
         output.out
     );
-    assert!(output.out.contains("cup.dxf: The pattern waits for a part"), "{}", output.out);
+    assert!(output.out.contains("cup.dxf: The drawing waits for a part"), "{}", output.out);
     assert_eq!(station.import(), ["can.dxf"]);
     assert_eq!(files(&station.path("hot")), ["cup.dxf"]);
     // Later only a drawing is dropped: the surface is in the cache.

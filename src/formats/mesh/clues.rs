@@ -239,8 +239,7 @@ impl Clues {
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if self.zeros.clean_backward > 0 {
-            let why = "the glTF standard has Y up, and OpenCASCADE converted the axes (its normals have no negative \
-                       zeros)";
+            let why = "the glTF standard has Y up, and OpenCASCADE converted the axes";
             return (Decision::new(UpAxis::Y, why), Footing::Certain);
         }
         let why = "the glTF standard has Y up; OpenCASCADE programs that do not convert the axes write Z up, and \

@@ -304,11 +304,11 @@ impl MeshReadError {
     pub fn reason(&self) -> Reason {
         let reason = Reason::new(self.code(), self.to_string(), self.remedy()).at(self.place());
         match self {
-            Self::Truncated { declared, actual, .. } | Self::BufferShort { declared, actual, .. } => {
-                reason.with_number("length", *actual as f64, "bytes", Some(*declared as f64))
+            Self::Truncated { actual, .. } | Self::BufferShort { actual, .. } => {
+                reason.with_number("bytes present", *actual as f64, "", None)
             }
-            Self::CutShort { what, declared, actual, .. } => {
-                reason.with_number("count", *actual as f64, what, Some(*declared as f64))
+            Self::CutShort { what, actual, .. } => {
+                reason.with_number(&format!("{what} present"), *actual as f64, "", None)
             }
             Self::DataBeyondBuffer { needed, available, .. } => {
                 reason.with_number("bytes needed", *needed as f64, "bytes", Some(*available as f64))
@@ -515,7 +515,8 @@ mod tests {
         assert_eq!(cut.code, "mesh-truncated");
         assert_eq!(cut.place.byte, Some(512));
         let number = cut.number.unwrap();
-        assert_eq!((number.value, number.limit, number.unit.as_str()), (512.0, Some(900.0), "bytes"));
+        assert_eq!((number.name.as_str(), number.value, number.limit), ("bytes present", 512.0, None));
+        assert!(cut.what.contains("512 of 900 bytes"), "{}", cut.what);
 
         let vertex = VertexPlace::Gltf { mesh: "Can".into(), primitive: 3, vertex: 7 };
         let nan = MeshReadError::NotFinite { vertex, coordinate: [0.0, f64::NAN, 1.0] }.reason();

@@ -184,7 +184,7 @@ impl PatternReadError {
             }
             Self::Truncated { spot } => reason(
                 "pattern-truncated",
-                "Copy or export the file again; it was probably read or cut off while it was being written.",
+                "Copy or export the file again; the copy or export was probably interrupted.",
             )
             .at(spot.place()),
             Self::PictureWithoutSize { .. } => reason(
@@ -202,7 +202,7 @@ impl PatternReadError {
             }
             Self::PictureTruncated { spot, .. } => reason(
                 "pattern-truncated",
-                "Copy or export the file again; it was probably read or cut off while it was being written.",
+                "Copy or export the file again; the copy or export was probably interrupted.",
             )
             .at(spot.place()),
             Self::PictureDamaged { .. } => {

@@ -36,6 +36,12 @@ pub fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, Pa
     }
 }
 
+/// Whether the bytes begin as a DXF file does, text or binary; the rest is not read.
+#[must_use]
+pub fn is_dxf(bytes: &[u8]) -> bool {
+    dxf::scan::begins_a_file(bytes)
+}
+
 /// Whether the bytes are complete up to the end mark of their format, so that the file is fully written.
 #[must_use]
 pub fn is_complete(bytes: &[u8]) -> bool {

@@ -87,13 +87,25 @@ impl<C: Corrector> Dispatcher<'_, C> {
     /// Whether the folders for results and originals are available.
     fn folders_are_there(&mut self) -> bool {
         let folders = self.folders();
-        let trouble =
-            folders.import_trouble().or_else(|| match self.executor.shares.are_there(folders, true) {
-                Err(JobError::Retry(reason)) => Some(reason),
-                _ => None,
-            });
-        if let Some(reason) = &trouble {
-            self.rounds.trouble(reason.on_one_line());
+        let import = folders.import_trouble();
+        let missing = match &import {
+            Some(_) => format!("the import folder {} is", folders.import.display()),
+            None => "the folders for results and originals are".to_owned(),
+        };
+        let trouble = import.or_else(|| match self.executor.shares.are_there(folders, true) {
+            Err(JobError::Retry(reason)) => Some(reason),
+            _ => None,
+        });
+        match &trouble {
+            Some(reason) => {
+                self.rounds.trouble(reason.on_one_line());
+                self.rounds.missing = Some(missing);
+            }
+            None => {
+                if let Some(missing) = self.rounds.missing.take() {
+                    tracing::info!("{missing} available again");
+                }
+            }
         }
         trouble.is_none()
     }

@@ -201,12 +201,13 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let is_late = self.late.take_sidecar(path);
         if let Some(drop) = self.drops.get_mut(path) {
             let reason = if is_late {
-                let what = "The settings arrived too late: their pattern was delivered without them.";
-                let remedy = "Drop the pattern again. Next time drop its settings first.";
+                let what = "The settings arrived too late: their drawing was delivered without them.";
+                let remedy = "Drop the drawing again. The settings file stays in the hot folder until then. Next time drop the \
+                              settings first.";
                 Reason::new("sidecar-late", what, remedy)
             } else if is_sidecar(path) {
-                let what = "The settings wait for the pattern of the same name.";
-                Reason::new("waits-for-pattern", what, "Drop the pattern (again), or remove the file.")
+                let what = "The settings wait for the drawing of the same name.";
+                Reason::new("waits-for-pattern", what, "Drop the drawing, or remove the file.")
             } else {
                 let what = "The file waits for the part that uses it.";
                 Reason::new("waits-for-part", what, "Drop the part, or remove the file if no part needs it.")
@@ -265,7 +266,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
 }
 
 pub(super) fn part_under_way(sku: &Sku) -> Reason {
-    let what = format!("The pattern waits for a part of {sku} that is incomplete or not processed yet.");
+    let what = format!("The drawing waits for a part of {sku} that is incomplete or not processed yet.");
     Reason::new(
         "waits-for-part",
         what,

@@ -11,6 +11,8 @@ pub(super) struct Rounds {
     /// The folder is never listed again before this moment.
     pub(super) rests_until: Moment,
     pub(super) hot_is_missing: bool,
+    /// The folders for results and originals that the last listing did not find, as text for the log.
+    pub(super) missing: Option<String>,
     pub(super) troubles: Vec<String>,
     /// The problems, with the number of the last round that found them. A problem is logged once; if it is resolved and
     /// occurs again, it is logged again.

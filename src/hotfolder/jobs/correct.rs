@@ -88,7 +88,7 @@ impl<C: Corrector> Executor<'_, C> {
         self.finish(&drawing.ready, unfiled)
     }
 
-    /// Makes the pattern wait if there is no surface.
+    /// Makes the drawing wait if there is no surface.
     fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), EarlyEnd> {
         // A primitive is given in the settings, so a rejected part file does not affect it.
         let is_from_file = task.settings.part.primitive.is_none();
@@ -96,7 +96,7 @@ impl<C: Corrector> Executor<'_, C> {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
-            let what = format!("The pattern waits for a part: {sku} has no surface yet.");
+            let what = format!("The drawing waits for a part: {sku} has no surface yet.");
             let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             return Err(EarlyEnd::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
         }
@@ -265,10 +265,12 @@ impl Correction<'_> {
     fn log(&self, how: How, summary: &str, previous: Option<&[u8]>) {
         let Ready { task, sku, name, read, .. } = self.ready;
         let is_for_server = task.station.delivery.kind == DeliveryKind::Beamserver;
-        let for_server = if is_for_server { " for BeamServer" } else { "" };
+        let is_new = matches!(how, How::New | How::Replaced | How::Again);
+        let then = if is_for_server && is_new { "; BeamServer imports it next" } else { "" };
         let took = self.started.elapsed().as_millis();
-        let outcome = describe(how, self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again())));
-        tracing::info!("{name} {outcome}{for_server} ({took} ms): {summary}");
+        let last = self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again()));
+        let outcome = describe(how, last, is_for_server);
+        tracing::info!("{name} {outcome}{then} ({took} ms): {summary}");
         let last = self.last.as_ref();
         if let Some(last) = last
             && !self.is_same_again()
@@ -353,15 +355,19 @@ fn sidecar_of_last(folders: &FolderPaths, sku: &Sku, last: &Delivered) -> Option
 }
 
 /// What happened to a drawing, as text for the log; `last` is the time of the last result, and whether it is the same.
-fn describe(how: How, last: Option<(&str, bool)>) -> String {
+/// A drawing for BeamServer is delivered when BeamServer has imported it.
+fn describe(how: How, last: Option<(&str, bool)>, is_for_server: bool) -> String {
+    let delivered = if is_for_server { "written" } else { "delivered" };
     match (how, last) {
         (How::Replaced, Some((at, false))) => format!("replaced the result of {at} in import"),
         (How::Replaced, _) => "replaced the older drawing in import".into(),
         (How::New, Some((at, true))) => {
-            format!("was already delivered at {at}, is missing in import, and is delivered again")
+            format!("was already delivered at {at}, is missing in import, and is {delivered} again")
         }
-        (How::New, Some((at, false))) => format!("delivered to import after an older result of {at}"),
-        (How::New, None) => "delivered to import".into(),
+        (How::New, Some((at, false))) => {
+            format!("{delivered} to import; the previous result of {at} is no longer there")
+        }
+        (How::New, None) => format!("{delivered} to import"),
         (How::Unchanged, _) => "was already delivered and is unchanged in import".into(),
         (How::Again, _) => "was already delivered and is written to import again".into(),
         (How::BeforeTheCrash(Certainty::Certain), _) => {

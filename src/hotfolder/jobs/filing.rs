@@ -10,8 +10,8 @@
 //! rejected/[<folder>/]<name>.reason.json  and .reason.txt
 //! ```
 //!
-//! SKU folders have the SKU's name in lower case. Companions are beside their part. To try a rejected drop again, move
-//! it back into the hot folder unchanged.
+//! SKU folders have the SKU's name in lower case. Companions are beside their part. `isomark retry` moves a rejected drop
+//! back into the hot folder.
 
 use std::ffi::{OsStr, OsString};
 use std::io;
@@ -27,7 +27,7 @@ use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
 use crate::hotfolder::seen::{Filed, Found, Parking, Stamp, is_sidecar};
 use crate::hotfolder::state::with_slashes;
 use crate::printable::on_one_line;
-use crate::reason::Reason;
+use crate::reason::{Reason, quoted};
 
 /// An original that is moved out of the hot folder.
 pub(crate) struct Original<'a> {
@@ -220,11 +220,7 @@ pub(crate) fn reject(
     };
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
-    let text = format!(
-        "{} was rejected.\n\n{}\n\nTo try again, correct the file and drop it again, or move it back unchanged.\n",
-        on_one_line(&drop),
-        reason.to_text()
-    );
+    let text = reason_text(file_name, &on_one_line(&drop), original, reason);
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
@@ -238,6 +234,23 @@ pub(crate) fn reject(
         return Err(error);
     }
     Ok(place.join(file_name))
+}
+
+/// The text beside a rejected original: the reason, and how to try again.
+fn reason_text(file_name: &OsStr, drop: &str, original: &Original, reason: &Reason) -> String {
+    let beside = original.companions.iter().map(|companion| name_beside(&companion.path, file_name));
+    let settings: String = beside
+        .filter(|name| is_sidecar(Path::new(name)) && is_drawing(&file_name.to_string_lossy()))
+        .map(|name| {
+            format!("Its settings, {}, are beside this file.\n", on_one_line(&name.to_string_lossy()))
+        })
+        .collect();
+    format!(
+        "{drop} was rejected.\n\n{}\n\n{settings}To try again: correct the file and drop it again. If only settings were \
+         wrong, correct them and run `isomark retry STATION.toml {}`.\n",
+        reason.to_text(),
+        quoted(drop)
+    )
 }
 
 /// The place before a free one: the folder itself, or the previous numbered folder in it.

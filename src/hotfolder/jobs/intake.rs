@@ -164,8 +164,8 @@ pub(crate) fn read_needed(part: &Path, named: &[Companion]) -> Result<BTreeMap<S
 fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
     match folders::look(&path).map_err(folder_trouble)? {
         Some(Found::File(stamp)) if stamp.size > LARGEST_SIDECAR => {
-            let what = "The settings file beside the pattern is too large.";
-            let remedy = "Keep only the settings that the pattern needs.";
+            let what = "The settings file beside the drawing is too large.";
+            let remedy = "Keep only the settings that the drawing needs.";
             let reason = Reason::new("sidecar-too-large", what, remedy);
             let (size, limit) = (stamp.size as f64, LARGEST_SIDECAR as f64);
             Err(JobError::Rejected(reason.with_number("size", size, "bytes", Some(limit))))
@@ -175,14 +175,14 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
                 return Err(JobError::Retry(unsteady()));
             };
             let text = String::from_utf8(bytes.clone()).map_err(|_| {
-                let what = "The settings file beside the pattern is not UTF-8 text.";
+                let what = "The settings file beside the drawing is not UTF-8 text.";
                 let reason = Reason::new("settings-unreadable", what, "Save the file as UTF-8.");
                 JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy()))
             })?;
             Ok(Some((Beside { path, stamp, bytes: Some(bytes) }, text)))
         }
         Some(Found::Folder | Found::Other(_)) => {
-            let what = "The settings beside the pattern are a folder or a link, not a file.";
+            let what = "The settings beside the drawing are a folder or a link, not a file.";
             let reason = Reason::new("sidecar-no-file", what, "Replace it with a file, or remove it.");
             Err(JobError::Rejected(reason.in_file(path.file_name().unwrap_or_default().to_string_lossy())))
         }

@@ -1,6 +1,6 @@
 //! Moves rejected drops back into the hot folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -43,11 +43,12 @@ pub fn return_rejected(
     collect(&folders.rejected, 0, &mut reasons)?;
     let order = JournalPositions::read(&folders.state)?;
     // Of a drop that was rejected several times, only the newest version is moved: an older one would replace it.
-    let mut newest = BTreeMap::new();
+    let (mut newest, mut others) = (BTreeMap::new(), BTreeSet::new());
     for reason in reasons {
         let Ok(text) = fs::read(&reason) else { continue };
         let Ok(RejectedDrop { drop }) = serde_json::from_slice(&text) else { continue };
         if wanted.is_some_and(|wanted| !wanted.iter().any(|name| names(name, &drop))) {
+            others.insert(drop);
             continue;
         }
         let line = reason.with_file_name(Path::new(&drop).file_name().unwrap_or_default());
@@ -92,7 +93,19 @@ pub fn return_rejected(
                 Reason::new("not-rejected", what, "Leave out the name to try all waiting drops again.")
             } else {
                 let what = format!("There is no rejected drop {name} in {rejected}.");
-                let remedy = "Use its name in the hot folder: its .reason.txt starts with that name.";
+                let without_ending =
+                    |drop: &&String| names(name, &with_slashes(&Path::new(drop).with_extension("")));
+                let remedy = match others.iter().find(without_ending) {
+                    Some(drop) => {
+                        format!(
+                            "Did you mean `{}`? Give the whole file name with its ending.",
+                            on_one_line(drop)
+                        )
+                    }
+                    None => {
+                        "Use its name in the hot folder: its .reason.txt starts with that name.".to_owned()
+                    }
+                };
                 Reason::new("not-rejected", what, remedy)
             });
         }

@@ -14,7 +14,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use crate::config::Sku;
-use crate::formats::mesh::MeshFormat;
+use crate::formats::mesh::{MeshFormat, is_unread_part};
 use crate::formats::pattern::{is_drawing, is_picture};
 use crate::reason::Reason;
 
@@ -149,7 +149,7 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     }
     let is_part = MeshFormat::from_name(name).is_some();
     if !is_part && !is_drawing(name) {
-        return Err(unknown_kind(&extension));
+        return Err(unknown_kind(name, &extension));
     }
     let sku_name = folder.unwrap_or_else(|| stem.split('@').next().unwrap_or(stem));
     let sku: Sku = sku_name.parse().map_err(|error: crate::config::BadSku| error.reason())?;
@@ -168,16 +168,24 @@ fn names_sku(stem: &str, sku: &Sku) -> bool {
     stem.split('@').next().unwrap_or(stem).parse::<Sku>().as_ref() == Ok(sku)
 }
 
-fn unknown_kind(extension: &str) -> Reason {
-    let what = match extension {
-        "" => "A file without an extension is neither a part nor a pattern.".to_owned(),
-        other => format!("A .{other} file is neither a part nor a pattern."),
+fn unknown_kind(name: &str, extension: &str) -> Reason {
+    let export = format!("Export the part as {}", MeshFormat::ENDINGS);
+    let (what, remedy) = if is_unread_part(name) {
+        (
+            format!("isomark does not read .{extension} files."),
+            format!("{export}, in a program that opens the file, such as FreeCAD."),
+        )
+    } else {
+        let kind = match extension {
+            "" => "file without an extension".to_owned(),
+            other => format!(".{other} file"),
+        };
+        (
+            format!("A {kind} is neither a part nor a drawing."),
+            format!("{export}, and the drawing as .dxf, .png or .bmp."),
+        )
     };
-    Reason::new(
-        "unknown-kind",
-        what,
-        format!("Export the part as {} and the pattern as .dxf, .png or .bmp.", MeshFormat::ENDINGS),
-    )
+    Reason::new("unknown-kind", what, remedy)
 }
 
 fn unreadable_name() -> Reason {
@@ -277,6 +285,11 @@ mod tests {
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
-        assert!(meaning(Path::new("can.step")).unwrap_err().remedy.contains(".glb, .gltf, .obj, .stl"));
+        let unread = meaning(Path::new("can.STEP")).unwrap_err();
+        assert_eq!(unread.what, "isomark does not read .step files.");
+        assert!(unread.remedy.contains(".glb, .gltf, .obj, .stl"));
+        let unknown = meaning(Path::new("can.pdf")).unwrap_err();
+        assert_eq!(unknown.what, "A .pdf file is neither a part nor a drawing.");
+        assert!(unknown.remedy.contains(".glb, .gltf, .obj, .stl") && unknown.remedy.contains(".dxf"));
     }
 }

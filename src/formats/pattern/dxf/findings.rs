@@ -188,8 +188,12 @@ pub(super) fn repairs(
     }
     if let [first, ..] = repaired.without_length.as_slice() {
         let message = format!(
-            "{} without length removed (first in {})",
-            counted(pieces(&repaired.without_length), "piece was", "pieces were"),
+            "{} removed (first in {})",
+            counted(
+                pieces(&repaired.without_length),
+                "piece without length was",
+                "pieces without length were"
+            ),
             name(first)
         );
         add("empty-pieces-removed", message, &[&repaired.without_length]);
@@ -350,8 +354,8 @@ pub(super) fn look_notices(
 ) {
     if !remarks.wide.is_empty() {
         let message = format!(
-            "{} with a width drawn as filled outlines; to mark a single line, set the width to 0",
-            counted(remarks.wide.len(), "polyline is", "polylines are")
+            "{} drawn as filled outlines; to mark a single line, set the width to 0",
+            counted(remarks.wide.len(), "polyline with a width is", "polylines with a width are")
         );
         facts.notices.push(Notice::note("wide-lines", message));
     }

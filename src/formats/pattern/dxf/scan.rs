@@ -31,6 +31,14 @@ pub(super) struct Scan<'a> {
     pub(super) code_page: Option<CodePage>,
 }
 
+/// Whether the bytes begin as a DXF file does: with the mark of a binary file, or with the group code of a section or
+/// comment.
+pub(crate) fn begins_a_file(bytes: &[u8]) -> bool {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let first = text.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
+    bytes.starts_with(BINARY_MARK) || matches!(first.trim_ascii(), b"0" | b"999")
+}
+
 /// Whether the bytes end with an `EOF` mark, so that the file is fully written. Blanks, line breaks, NUL and Ctrl-Z may
 /// follow it.
 pub(crate) fn is_complete(bytes: &[u8]) -> bool {
