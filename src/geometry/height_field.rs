@@ -253,6 +253,15 @@ impl HeightField {
             .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
     }
 
+    /// Changes the heights of the surface: `change` gets the index of a node and its height, mm, and returns the new one.
+    pub fn adjust(&mut self, change: impl Fn(usize, f64) -> f64) {
+        for (index, node) in self.nodes.iter_mut().enumerate() {
+            if let Node::Surface(height) = node {
+                *height = change(index, *height);
+            }
+        }
+    }
+
     /// The heights, and for each node whether a cliff is next to it.
     fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> (Self, Vec<bool>) {
         let steepest = STEEPEST_SURFACE.tan();

@@ -19,6 +19,8 @@ const LIKE_ITS_SURROUNDINGS: f64 = 2.5;
 const MOST_SIDES: usize = 64;
 /// More holes than this are a mesh of loose triangles.
 const MOST_HOLES: usize = 10_000;
+/// Without a setting, more holes than this are all left open.
+const MANY: usize = 3;
 /// A bridge meets the triangles beside it at no larger angle than that of this cosine (75°).
 const LEADS: f64 = 0.26;
 
@@ -36,7 +38,7 @@ pub struct Bridge {
 /// The mesh with its small holes bridged by triangles, and what was bridged, the widest first.
 ///
 /// With a `widest` hole given, mm, all holes up to it are bridged; 0 bridges none. Without, holes of one or two missing
-/// triangles that are up to 2 mm wide. The triangles of the mesh must run alike.
+/// triangles that are up to 2 mm wide, unless there are more than three of them. The triangles of the mesh must run alike.
 pub fn bridged(mesh: TriMesh, widest: Option<f64>) -> (TriMesh, Vec<Bridge>) {
     if widest.is_some_and(|widest| !(widest > 0.0)) {
         return (mesh, Vec::new());
@@ -49,6 +51,10 @@ pub fn bridged(mesh: TriMesh, widest: Option<f64>) -> (TriMesh, Vec<Bridge>) {
             bridges.push(bridge);
             added.extend(triangles);
         }
+    }
+    // One or two triangles get lost; many equal holes are a design.
+    if widest.is_none() && bridges.len() > MANY {
+        return (mesh, Vec::new());
     }
     bridges.sort_by(|one, other| other.width.total_cmp(&one.width));
     (mesh.with_added(&added), bridges)

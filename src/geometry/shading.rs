@@ -40,7 +40,7 @@ const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
 /// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
 const UNRELATED: f64 = 0.2;
-/// The share of a part's area with unrelated normals above which none of its normals is trusted.
+/// The share of the visible area with unrelated normals above which none of the normals is trusted.
 pub const WILD: f64 = 0.3;
 /// Fewer triangles are no part.
 const LEAST_WILD: usize = 12;
@@ -48,15 +48,15 @@ const LEAST_WILD: usize = 12;
 /// The part's normals that are unrelated to its facets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WildNormals {
-    /// Share of the part's area.
+    /// Share of the visible area.
     pub share: f64,
     /// The first place, mm.
     pub at: Point3<f64>,
 }
 
-/// Whether a mesh has normals that are unrelated to its facets; `None` if most of them fit. The orientation of the triangles
-/// must follow the normals.
-pub fn wild_normals(mesh: &TriMesh) -> Option<WildNormals> {
+/// Whether the side of a mesh that faces a direction has normals that are unrelated to its facets; `None` if most of them
+/// fit. The orientation of the triangles must follow the normals.
+pub fn wild_normals(mesh: &TriMesh, facing: &Vector3<f64>) -> Option<WildNormals> {
     if mesh.normals().is_empty() || mesh.triangles().len() < LEAST_WILD {
         return None;
     }
@@ -65,6 +65,9 @@ pub fn wild_normals(mesh: &TriMesh) -> Option<WildNormals> {
         let [a, b, c] = mesh.corners(triangle);
         let across = (b - a).cross(&(c - a));
         let size = across.norm();
+        if across.dot(facing) < UNRELATED * size {
+            continue;
+        }
         for vertex in triangle {
             let normal = mesh.normals()[vertex as usize];
             area += size;

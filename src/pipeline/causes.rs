@@ -54,16 +54,17 @@ impl Cause {
     /// What is wrong with the part itself.
     fn of_the_part(part: &CachedSurface, at: ViewPoint) -> Option<Self> {
         let (facts, surface) = (&part.facts, &part.surface);
-        if let Some(noise) = facts.noise.filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed)) {
-            return Some(Self::Noise(noise.noise_mm));
-        }
         let facet = facet_length(facts).filter(|length| *length > COARSE * surface.field.step());
         let facet = facet.filter(|_| facts.normals_used != Some(NormalsUsed::File));
         match (surface.field.kink(at), facet) {
             (Some(kink), Some(length)) if kink < OF_FACETS => Some(Self::Facets(length)),
             (Some(kink), _) => Some(Self::Crease(kink)),
             (None, Some(length)) if surface.doubt(at) > NOTABLE_DOUBT => Some(Self::Facets(length)),
-            (None, _) => surface.field.ends_near(at).then_some(Self::Hole),
+            (None, _) if surface.field.ends_near(at) => Some(Self::Hole),
+            (None, _) => {
+                let noise = facts.noise.filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed));
+                noise.map(|noise| Self::Noise(noise.noise_mm))
+            }
         }
     }
 

@@ -1,14 +1,15 @@
 //! From a part's shape to its surface; a scan is smoothed first, and its facts record how.
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::checks;
 use crate::config::PartSettings;
 use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
-use crate::geometry::height_field::{FacingPart, Grid, HeightField};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::point_cloud::PointCloud;
-use crate::geometry::space::View;
+use crate::geometry::shading::{self, WildNormals};
+use crate::geometry::space::{View, ViewPoint};
 use crate::geometry::surface::fit::{FitError, FitOptions, FittedSurface};
 use crate::geometry::surface::scan::{ScanError, SmoothedScan};
 use crate::reason::{Notice, Place, Reason};
@@ -23,6 +24,10 @@ const NOTABLE_LOSS: f64 = 0.1;
 const COVERAGE_STEPS: f64 = 64.0;
 /// Share of its surface that these must cover; they end before its rims.
 const COVERED: f64 = 0.75;
+/// Noise explains differences of at most this many standard deviations.
+const NOISE_REACH: f64 = 4.0;
+/// A point this close to the sampled surface is on it, mm.
+const NEAR_SURFACE: f64 = 1.0;
 
 /// The fitted surface of a shape. Measurements of a scan are added to `facts`, with notices.
 ///
@@ -34,10 +39,13 @@ pub fn surface_of(
     settings: &PartSettings,
     fit: &FitOptions,
 ) -> Result<FittedSurface, Reason> {
-    if let Some(at) = facts.one_sided_at_mm {
-        return Err(one_sided(at));
-    }
     let view = View::new(settings.facing, settings.roll);
+    if let Shape::Mesh(mesh) = shape
+        && matches!(facts.normals_used, Some(NormalsUsed::File | NormalsUsed::Mixed))
+        && let Some(wild) = shading::wild_normals(mesh, &view.part_vector(Vector3::z()))
+    {
+        return Err(wild_normals(&wild));
+    }
     let fitted = match shape {
         Shape::Mesh(mesh) if facts.normals_used == Some(NormalsUsed::Smoothed) => {
             noisy_mesh(mesh, facts, settings, fit)
@@ -49,7 +57,20 @@ pub fn surface_of(
             fit_scan(scan, facts, settings)
         }
     };
-    fitted.map_err(|error| checks::fit_reason(&error, settings))
+    let surface = fitted.map_err(|error| checks::fit_reason(&error, settings))?;
+    // A defect behind the marked side is only warned about.
+    match facts.one_sided_at_mm {
+        Some(at) if is_on(&surface, view.point(at.into())) => Err(one_sided(at)),
+        _ => Ok(surface),
+    }
+}
+
+/// Whether a point of the view is on the sampled surface.
+fn is_on(surface: &FittedSurface, at: Point3<f64>) -> bool {
+    let near = surface.field.step().max(NEAR_SURFACE);
+    let height = surface.sampled_height(ViewPoint::new(at.x, at.y));
+    // Beside the surface, at a rim, nothing hides the place.
+    height.is_none_or(|height| (height - at.z).abs() < near)
 }
 
 fn fit_scan(
@@ -79,7 +100,12 @@ fn noisy_mesh(
     let cloud = PointCloud::new(positions, normals);
     let scan = SmoothedScan::bridged(&cloud, &view, settings.smoothing, settings.bridge).ok();
     match scan.filter(|scan| covers(&scan.field, &part)) {
-        Some(scan) => fit_scan(scan, facts, settings),
+        Some(scan) => {
+            let noise = facts.noise.map_or(0.0, |noise| noise.noise_mm);
+            let surface = fit_scan(scan, facts, settings)?;
+            let field = beyond_noise(&surface, &part, noise);
+            Ok(FittedSurface::compare(surface.nurbs, field))
+        }
         None => {
             facts.normals_used = Some(NormalsUsed::Estimated);
             let text = "the vertices of the noisy mesh are too sparse to be smoothed as a scan, so its normals are estimated";
@@ -87,6 +113,21 @@ fn noisy_mesh(
             FittedSurface::of_part(&part, fit)
         }
     }
+}
+
+/// The smoothed heights, and where the mesh is farther from them than its noise explains, as at edges that were rounded, those
+/// of the mesh less its noise: what a drawing there is checked against.
+fn beyond_noise(surface: &FittedSurface, part: &FacingPart, noise: f64) -> HeightField {
+    let sampled = part.sample(surface.field.grid()).field;
+    let mut field = surface.field.clone();
+    field.adjust(|index, height| match sampled.nodes().get(index) {
+        Some(Node::Surface(of_mesh)) => {
+            let difference = of_mesh - height;
+            height + difference.signum() * (difference.abs() - NOISE_REACH * noise).max(0.0)
+        }
+        _ => height,
+    });
+    field
 }
 
 /// Whether there is surface nearly everywhere that a part has any.
@@ -141,6 +182,21 @@ fn one_sided(at: [f64; 3]) -> Reason {
         "Repair the mesh where its sides meet (in Blender, Mesh > Normals > Recalculate Outside shows the place), and export it again.",
     )
     .at(Place { coordinate: Some(at.to_vec()), ..Place::default() })
+}
+
+/// The reason for a part with normals that are unrelated to its facets.
+fn wild_normals(wild: &WildNormals) -> Reason {
+    Reason::new(
+        "mesh-normals-wild",
+        format!(
+            "{:.0} % of the side that faces the laser has normals that lean more than 78 deg from its facets.",
+            wild.share * 100.0
+        ),
+        "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export the part again, or set \
+         `normals = \"estimate\"` (`--normals estimate`), which takes them from the facets.",
+    )
+    .at(Place { coordinate: Some(wild.at.coords.iter().copied().collect()), ..Place::default() })
+    .with_number("area with such normals", wild.share * 100.0, "%", Some(shading::WILD * 100.0))
 }
 
 fn scan_reason(error: &ScanError, settings: &PartSettings) -> Reason {

@@ -4,7 +4,6 @@ use std::fmt;
 use std::io;
 
 use crate::geometry::mesh::TriMesh;
-use crate::geometry::shading;
 use crate::reason::{Place, Reason};
 
 use super::MeshFormat;
@@ -177,14 +176,6 @@ pub enum MeshReadError {
         /// The coordinates, mm.
         coordinate: [f64; 3],
     },
-    /// The normals are unrelated to the facets.
-    #[error("{percent:.0} % of the part has normals that lean more than 78 deg from its facets")]
-    WildNormals {
-        /// Share of the part's area, %.
-        percent: f64,
-        /// The first place, in the part frame, mm.
-        at: [f64; 3],
-    },
     /// A face refers to a vertex or normal that does not exist.
     #[error("a face refers to {kind} {index}, but there are only {count}")]
     IndexOutOfRange {
@@ -326,9 +317,6 @@ impl MeshReadError {
                 let farthest = coordinate.iter().fold(0.0f64, |farthest, value| farthest.max(value.abs()));
                 reason.with_number("coordinate", farthest, "mm", Some(TriMesh::LARGEST_COORDINATE))
             }
-            Self::WildNormals { percent, .. } => {
-                reason.with_number("area with such normals", *percent, "%", Some(shading::WILD * 100.0))
-            }
             _ => reason,
         }
     }
@@ -360,7 +348,6 @@ impl MeshReadError {
             Self::NodeTwice { .. } => "mesh-node-cycle",
             Self::NotFinite { .. } => "mesh-coordinate-not-finite",
             Self::TooFar { .. } => "mesh-coordinate-too-far",
-            Self::WildNormals { .. } => "mesh-normals-wild",
             Self::IndexOutOfRange { .. } => "mesh-index-out-of-range",
             Self::BadLine { .. } => "mesh-line-invalid",
             Self::Refused { .. } => "mesh-refused",
@@ -395,7 +382,7 @@ impl MeshReadError {
             | Self::IndexOutOfRange { face: VertexPlace::Obj { line: at }, .. } => line(*at),
             Self::NotFinite { vertex, .. } => item(&vertex.to_string()),
             Self::IndexOutOfRange { face, .. } => item(&face.to_string()),
-            Self::TooFar { coordinate } | Self::WildNormals { at: coordinate, .. } => {
+            Self::TooFar { coordinate } => {
                 Place { coordinate: Some(coordinate.to_vec()), ..Place::default() }
             }
             Self::NotThisFormat { .. }
@@ -448,10 +435,6 @@ impl MeshReadError {
             }
             Self::TooFar { .. } => {
                 "delete stray vertices far from the part; if the whole part is too large, set its unit (`--part-unit`)"
-            }
-            Self::WildNormals { .. } => {
-                "recalculate the normals (in Blender: Mesh, Normals, Reset Vectors) and export the part again, or set \
-                 `normals = \"estimate\"` (`--normals estimate`), which takes them from the facets"
             }
             Self::IndexOutOfRange { .. } => {
                 "export the part again; the file is damaged or was edited by hand"

@@ -159,10 +159,6 @@ fn understood_mesh(
     let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
     if shading::only_shade(&mesh) {
         *found = NormalsFound::Averaged;
-    } else if matches!(options.normals, NormalsChoice::Auto | NormalsChoice::File)
-        && let Some(wild) = shading::wild_normals(&mesh)
-    {
-        return Err(MeshReadError::WildNormals { percent: wild.share * 100.0, at: wild.at.coords.into() });
     }
     let is_missing = |normal: &&Vector3<f64>| **normal == Vector3::zeros();
     let missing = mesh.normals().iter().filter(is_missing).count();
@@ -172,7 +168,12 @@ fn understood_mesh(
     };
     let used = match (options.normals, *found) {
         (NormalsChoice::Facets, _) | (NormalsChoice::File, NormalsFound::FacetsOnly) => NormalsUsed::Facets,
-        (NormalsChoice::Auto, _) if noise.is_some() => NormalsUsed::Smoothed,
+        // Normals that a CAD program wrote stay right where rounded coordinates scatter.
+        (NormalsChoice::Auto, NormalsFound::None | NormalsFound::FacetsOnly | NormalsFound::Averaged)
+            if noise.is_some() =>
+        {
+            NormalsUsed::Smoothed
+        }
         (NormalsChoice::Estimate, _) | (_, NormalsFound::None | NormalsFound::FacetsOnly) => {
             NormalsUsed::Estimated
         }
@@ -226,7 +227,7 @@ fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {
          open",
         at.x, at.y, at.z
     );
-    Some(Notice::note("hole-bridged", message))
+    Some(Notice::warning("hole-bridged", message))
 }
 
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
@@ -241,8 +242,7 @@ fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = 
     let contradiction = winding.contradiction.map(|at| {
         let message = format!(
             "the part has only one side, like a Möbius strip: its triangles cannot all have the same orientation, so \
-             the surface is unknown near ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh, or keep the drawing \
-             away from there",
+             the surface is unknown near ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh",
             at.x, at.y, at.z
         );
         Notice::warning("winding-contradicts", message)
