@@ -1,10 +1,12 @@
 //! The causes of a misfit or of a remaining stretch at a place: what an operator reads, and what helps.
 
 use super::CachedSurface;
-use crate::formats::mesh::{NormalsUsed, PartFacts};
+use crate::formats::mesh::{MeshNoise, NormalsUsed, PartFacts};
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::fit::FittedSurface;
 
+/// Noise explains differences of at most this many standard deviations.
+pub(super) const NOISE_REACH: f64 = 4.0;
 /// Minimum doubt about the surface, mm, that is named as a cause.
 const NOTABLE_DOUBT: f64 = 0.005;
 /// Kinks between facets of a smooth surface have smaller angles than this, rad; those of an edge are larger.
@@ -36,35 +38,43 @@ pub(super) enum Cause {
 impl Cause {
     /// Why the fitted surface differs from the part at a place of the view.
     pub(super) fn of_misfit(part: &CachedSurface, at: ViewPoint) -> Self {
-        let step = part.surface.field.step();
-        Self::of_the_part(part, at).unwrap_or(Self::Detail(step))
+        let surface = &part.surface;
+        let misfit =
+            surface.sampled_height(at).map_or(0.0, |height| (height - surface.nurbs.height(at)).abs());
+        let is_noise = |noise: &MeshNoise| misfit <= NOISE_REACH * noise.noise_mm;
+        Self::of_the_part(part, at, is_noise).unwrap_or(Self::Detail(surface.field.step()))
     }
 
     /// Why a line changes its length by `stretch`, at a place of the view, in a drawing that is `length` mm long.
     pub(super) fn of_stretch(part: &CachedSurface, at: ViewPoint, stretch: f64, length: f64) -> Self {
         let explained =
             STRETCH_OF_CURVATURE * gauss_curvature(&part.surface, at).abs() * (length / 2.0).powi(2);
-        match Self::of_the_part(part, at) {
+        let is_noise = |noise: &MeshNoise| stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan();
+        match Self::of_the_part(part, at, is_noise) {
             Some(cause) => cause,
             None if explained >= EXPLAINED * stretch => Self::Curvature,
             None => Self::Detail(part.surface.field.step()),
         }
     }
 
-    /// What is wrong with the part itself.
-    fn of_the_part(part: &CachedSurface, at: ViewPoint) -> Option<Self> {
+    /// What is wrong with the part itself; noise is named only if it is large enough.
+    fn of_the_part(
+        part: &CachedSurface,
+        at: ViewPoint,
+        is_noise: impl Fn(&MeshNoise) -> bool,
+    ) -> Option<Self> {
         let (facts, surface) = (&part.facts, &part.surface);
+        let noise = facts.noise.filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed));
+        if let Some(noise) = noise.filter(is_noise) {
+            return Some(Self::Noise(noise.noise_mm));
+        }
         let facet = facet_length(facts).filter(|length| *length > COARSE * surface.field.step());
         let facet = facet.filter(|_| facts.normals_used != Some(NormalsUsed::File));
         match (surface.field.kink(at), facet) {
             (Some(kink), Some(length)) if kink < OF_FACETS => Some(Self::Facets(length)),
             (Some(kink), _) => Some(Self::Crease(kink)),
             (None, Some(length)) if surface.doubt(at) > NOTABLE_DOUBT => Some(Self::Facets(length)),
-            (None, _) if surface.field.ends_near(at) => Some(Self::Hole),
-            (None, _) => {
-                let noise = facts.noise.filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed));
-                noise.map(|noise| Self::Noise(noise.noise_mm))
-            }
+            (None, _) => surface.field.ends_near(at).then_some(Self::Hole),
         }
     }
 

@@ -263,7 +263,9 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
     let field = &part.surface.field;
     let extents = field.extents();
     // The part ends less than a step beyond its last node.
-    let what = if extents.grown(field.step()).contains(at.coords()) {
+    let around = extents.grown(field.step());
+    let is_inside = [drawn.min, drawn.max].iter().all(|corner| around.contains(*corner));
+    let what = if is_inside || extents.grown(-2.0 * field.step()).contains(at.coords()) {
         "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
     } else {
         "The drawing extends beyond the part."

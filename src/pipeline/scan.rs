@@ -2,6 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::causes::NOISE_REACH;
 use super::checks;
 use crate::config::PartSettings;
 use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
@@ -24,8 +25,6 @@ const NOTABLE_LOSS: f64 = 0.1;
 const COVERAGE_STEPS: f64 = 64.0;
 /// Share of its surface that these must cover; they end before its rims.
 const COVERED: f64 = 0.75;
-/// Noise explains differences of at most this many standard deviations.
-const NOISE_REACH: f64 = 4.0;
 /// A point this close to the sampled surface is on it, mm.
 const NEAR_SURFACE: f64 = 1.0;
 

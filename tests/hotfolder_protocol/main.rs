@@ -632,7 +632,7 @@ fn settings_beside_a_pattern_are_found_in_any_spelling() {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, "[placement]\nrotate_deg = 90\n").unwrap();
         line.waits_for("an entry in the status", |line| {
-            line.text("state/status.json").is_some_and(|text| text.contains("wait for the pattern"))
+            line.text("state/status.json").is_some_and(|text| text.contains("wait for the drawing"))
         });
         line.drop(pattern, "pattern");
         line.waits_for_text(&format!("import/{name}.dxf"), "pattern on part at 90");

@@ -217,7 +217,7 @@ fn a_part_that_reaches_the_lens() {
                 "remedy: Check the fixture's `z_mm`",
             ][..],
         ),
-        (36, &["deg to its normal", "incidence angle", "remedy: Check the lens distances"][..]),
+        (37, &["deg to its normal", "incidence angle", "remedy: Check the lens distances"][..]),
     ] {
         desk.write(
             "station.toml",

@@ -146,6 +146,34 @@ fn noise_is_named_where_the_settings_keep_it() {
     assert!(smoothed.iter().all(|notice| notice.code != "surface-loose" && notice.code != "stretch-remains"));
 }
 
+/// Smoothing rounds the edge of a noisy mesh; the drawing is judged on the mesh.
+#[test]
+fn an_edge_under_the_ink_of_a_noisy_mesh_is_reported() {
+    let mut state = 11u64;
+    let mut random = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 40) as f64 / (1u64 << 24) as f64
+    };
+    let mut normal = || (0..12).map(|_| random()).sum::<f64>() - 6.0;
+    let roof = sheet(0.6, |x, _| 10.0 - 0.36 * x.abs());
+    let moved = roof.positions().iter().map(|at| at + Vector3::z() * (0.01 * normal()));
+    let noisy = TriMesh::new(moved.collect(), Vec::new(), roof.triangles().to_vec()).unwrap();
+    match marked(obj(&noisy, &[]), NormalsChoice::Auto, 0.1) {
+        Err(reason) => assert_eq!(reason.code, "surface-not-met"),
+        Ok(notices) => assert!(notices.iter().any(|notice| notice.code == "surface-loose"), "{notices:?}"),
+    }
+}
+
+/// A can that lies oblique in its file, with coordinates to 0.01 mm, is exact in CAD and not noisy.
+#[test]
+fn rounded_coordinates_are_not_noise() {
+    let can = shapes::graph(20.0, 0.5, |x, _| (40.0f64.powi(2) - x * x).sqrt());
+    let turn = nalgebra::Rotation3::from_euler_angles(0.4, 0.3, 0.2);
+    let rounded = can.positions().iter().map(|at| (turn * at).map(|value| (value * 100.0).round() / 100.0));
+    let rounded = TriMesh::new(rounded.collect(), Vec::new(), can.triangles().to_vec()).unwrap();
+    assert_eq!(read(&obj(&rounded, &[]), NormalsChoice::Auto).unwrap().facts.noise, None);
+}
+
 fn read(bytes: &[u8], normals: NormalsChoice) -> Result<mesh::PartReading, MeshReadError> {
     let options =
         MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z).with_normals(normals);

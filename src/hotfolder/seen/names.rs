@@ -172,7 +172,7 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
     let export = format!("Export the part as {}", MeshFormat::ENDINGS);
     let (what, remedy) = if is_unread_part(name) {
         (
-            format!("isomark does not read .{extension} files."),
+            format!("A .{extension} file is in a format that isomark does not read."),
             format!("{export}, in a program that opens the file, such as FreeCAD."),
         )
     } else {
@@ -286,7 +286,7 @@ mod tests {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
         let unread = meaning(Path::new("can.STEP")).unwrap_err();
-        assert_eq!(unread.what, "isomark does not read .step files.");
+        assert_eq!(unread.what, "A .step file is in a format that isomark does not read.");
         assert!(unread.remedy.contains(".glb, .gltf, .obj, .stl"));
         let unknown = meaning(Path::new("can.pdf")).unwrap_err();
         assert_eq!(unknown.what, "A .pdf file is neither a part nor a drawing.");
