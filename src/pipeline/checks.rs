@@ -265,10 +265,15 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
     // The part ends less than a step beyond its last node.
     let around = extents.grown(field.step());
     let is_inside = [drawn.min, drawn.max].iter().all(|corner| around.contains(*corner));
-    let what = if is_inside || extents.grown(-2.0 * field.step()).contains(at.coords()) {
-        "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
-    } else {
-        "The drawing extends beyond the part."
+    let what = match (around.contains(at.coords()), is_inside) {
+        (false, _) => "The drawing extends beyond the part.",
+        (true, true) => {
+            "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
+        }
+        (true, false) => {
+            "The drawing extends beyond the part, or there is no surface to mark under it: a hole, an edge, or a side steeper \
+             than 75 deg."
+        }
     };
     let sides = |extents: &Extents| (extents.max - extents.min).max();
     let unit = &part.facts.unit;
