@@ -26,6 +26,7 @@ use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
 };
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
+use crate::geometry::height_field::BetweenVertices;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
@@ -412,10 +413,10 @@ impl Pipeline {
         clock.lap("bend");
 
         steps.at(Step::Measure);
-        let height = |at: ViewPoint| surface.sampled_height(at);
-        let after = quality::measure(&ink, |at| map.point(at), height)
+        let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
+        let after = measured(&|at| map.point(at))
             .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
-        let before = quality::measure(&ink, |at| ViewPoint::from(at.coords()), height).ok();
+        let before = measured(&|at| ViewPoint::from(at.coords())).ok();
         clock.lap("measure");
 
         steps.at(Step::Write);
@@ -423,6 +424,7 @@ impl Pipeline {
         checks::unrolled(&map, &mut notices);
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, part, &ink.extents, &mut notices);
+        checks::uncertain(&after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let profile = profile(settings);
         let dxf = pattern::write(&drawing, profile);
@@ -478,6 +480,20 @@ impl Pipeline {
         };
         Ok(Corrected { dxf, drawing, profile, report, preview })
     }
+}
+
+/// The errors that a drawing has on the part if `place` projects it, estimated from above.
+///
+/// Where the part is recognised as a cylinder or cone, its surface is also known between the vertices.
+fn measured(
+    ink: &Ink,
+    map: &LengthTrueMap,
+    place: &dyn Fn(FlatPoint) -> ViewPoint,
+    surface: &FittedSurface,
+) -> Result<Distortion, ViewPoint> {
+    let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
+    let doubt = |at| if is_recognised { BetweenVertices::NONE } else { surface.between_vertices(at) };
+    quality::measure_at_most(ink, place, |at| surface.sampled_height(at), doubt)
 }
 
 /// A placed drawing.

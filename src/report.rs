@@ -13,7 +13,7 @@ use crate::geometry::correction::Exposure;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
-use crate::geometry::mapping::quality::Distortion;
+use crate::geometry::mapping::quality::{Distortion, Uncertain};
 use crate::geometry::space::Extents;
 use crate::geometry::surface::fit::FittedSurface;
 use crate::printable::on_one_line;
@@ -261,6 +261,28 @@ pub struct DistortionReport {
     /// Largest change of an angle, degrees.
     #[serde(rename = "largest_angle_error_deg")]
     pub max_angle_error_deg: f64,
+    /// What these results contain because the surface is not known exactly between the vertices of the part's mesh; absent
+    /// if it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertain: Option<UncertainReport>,
+}
+
+/// How far the surface may be from the part's mesh under the ink, and how much of the results that is. All results are
+/// estimates from above.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct UncertainReport {
+    /// Largest possible error of the height, mm.
+    pub height_mm: f64,
+    /// Largest possible error of the slope, degrees.
+    pub slope_deg: f64,
+    /// Share of e_l, mm.
+    pub length_error_mm: f64,
+    /// Share of e_a, mm².
+    pub area_error_mm2: f64,
+    /// Largest share of an angle error, degrees.
+    pub angle_error_deg: f64,
 }
 
 /// The part under the ink, as the beam reaches it.
@@ -441,7 +463,20 @@ impl From<&Distortion> for DistortionReport {
             rms_stretch: distortion.rms_stretch,
             max_area_stretch: distortion.max_area_stretch,
             max_angle_error_deg: distortion.max_angle_error.to_degrees(),
+            uncertain: UncertainReport::new(&distortion.uncertain),
         }
+    }
+}
+
+impl UncertainReport {
+    fn new(uncertain: &Uncertain) -> Option<Self> {
+        (uncertain.max_slope > 0.0).then(|| Self {
+            height_mm: uncertain.max_height,
+            slope_deg: uncertain.max_slope.to_degrees(),
+            length_error_mm: uncertain.length_error,
+            area_error_mm2: uncertain.area_error,
+            angle_error_deg: uncertain.max_angle_error.to_degrees(),
+        })
     }
 }
 

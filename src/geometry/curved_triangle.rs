@@ -116,6 +116,14 @@ impl CurvedTriangle {
         (point.into(), by_v, by_w)
     }
 
+    /// The unit normal at the middle of a side (0: from the first corner to the second); zero if the patch is degenerate
+    /// there.
+    pub(super) fn normal_beside(&self, side: usize) -> Vector3<f64> {
+        let [v, w] = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]][side];
+        let (_, by_v, by_w) = self.point(v, w);
+        by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+    }
+
     /// The height of the triangle at a point of the view, if the triangle covers that point.
     pub fn hit(&self, at: Vector2<f64>) -> Option<Hit> {
         let [a, b, c] = self.corners;

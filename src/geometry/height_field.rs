@@ -18,6 +18,10 @@ const OFFSET: f64 = 0.1;
 /// Nodes round an edge of the part are within this many steps of its height, unless the edge is hidden.
 const NEAR: f64 = 4.0;
 
+/// A second side of the part that faces the laser closer than this behind the first, mm, is a second skin. Coincident
+/// copies, closer than the second value, are one.
+const SKINS: [f64; 2] = [0.05, 2e-3];
+
 /// What the laser meets at a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Node {
@@ -66,6 +70,36 @@ pub struct PartSamples {
     /// For each node, how far the part may be from its height, mm, where the part's normals contradict its facets;
     /// empty if they contradict nowhere.
     pub doubts: Vec<f64>,
+    /// Where the part has two skins, one closely behind the other and both facing the laser.
+    pub skins: Option<Skins>,
+    /// For each node, how far the part may be from its samples because neighbouring curved facets lead to different
+    /// slopes; empty if none do.
+    pub between_vertices: Vec<BetweenVertices>,
+}
+
+/// How far the part may be from a sample between the vertices of its mesh, where they and their normals do not define it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BetweenVertices {
+    /// Of the slope, rad.
+    pub slope: f32,
+    /// Of the height, mm.
+    pub height: f32,
+}
+
+impl BetweenVertices {
+    /// The part is known.
+    pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
+}
+
+/// Two sides of the part, one closely behind the other and both facing the laser.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Skins {
+    /// A node where both are.
+    pub at: ViewPoint,
+    /// The distance between them there along the laser's axis, mm.
+    pub gap: f64,
+    /// The share of the nodes on the part where there are two.
+    pub share: f64,
 }
 
 impl Grid {
@@ -149,16 +183,30 @@ impl FacingPart {
 
     /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
-        let hits = self.hits(grid);
+        let (hits, doubled) = self.hits(grid);
+        let met = hits.iter().flatten().count();
+        let skins = doubled.first().map(|&(node, gap)| Skins {
+            at: grid.position(node % grid.columns, node / grid.columns),
+            gap,
+            share: doubled.len() as f64 / met.max(1) as f64,
+        });
         let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
         self.mark_edges(&field, &hits, &mut is_at_edge);
         self.mark_creases(&field, &mut is_at_edge);
-        PartSamples { field, is_at_edge, doubts: self.doubts(&hits) }
+        PartSamples {
+            field,
+            is_at_edge,
+            doubts: self.doubts(&hits),
+            between_vertices: self.between_vertices(&hits),
+            skins,
+        }
     }
 
-    /// For every node, the triangle that is hit there, and where it is hit.
-    fn hits(&self, grid: &Grid) -> Vec<Option<(u32, Hit)>> {
+    /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin, with its
+    /// distance, mm, in ascending order.
+    fn hits(&self, grid: &Grid) -> (Vec<Option<(u32, Hit)>>, Vec<(usize, f64)>) {
         let mut hits: Vec<Option<(u32, Hit)>> = vec![None; grid.count()];
+        let mut doubled = Vec::new();
         for triangle in 0..self.mesh.triangles.len() {
             let points = self.mesh.corners(triangle).0;
             let extents = Extents::of(points.map(|point| point.coords.xy()));
@@ -179,7 +227,14 @@ impl FacingPart {
                         continue;
                     }
                     let Some(hit) = patch.hit(at) else { continue };
-                    let seen = &mut hits[row * grid.columns + column];
+                    let node = row * grid.columns + column;
+                    let seen = &mut hits[node];
+                    if let Some((other, old)) = seen {
+                        let gap = (hit.height - old.height).abs();
+                        if gap < SKINS[0] && gap > SKINS[1] && self.are_skins(triangle, *other as usize) {
+                            doubled.push((node, gap));
+                        }
+                    }
                     // A flat facet under a neighbour's bulge must not hide the true surface.
                     let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
                     match seen {
@@ -191,7 +246,37 @@ impl FacingPart {
                 }
             }
         }
-        hits
+        doubled.sort_by_key(|&(node, _)| node);
+        doubled.dedup_by_key(|&mut (node, _)| node);
+        (hits, doubled)
+    }
+
+    /// Whether two triangles that are hit at one node face the same way and have no corner in common.
+    fn are_skins(&self, one: usize, other: usize) -> bool {
+        let turn = |triangle: usize| {
+            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
+            (b - a).perp(&(c - a))
+        };
+        let [one_places, other_places] = [one, other].map(|triangle| self.mesh.corners(triangle).0);
+        let touch = one_places.iter().any(|place| other_places.contains(place));
+        turn(one) * turn(other) > 0.0 && !touch
+    }
+
+    fn between_vertices(&self, hits: &[Option<(u32, Hit)>]) -> Vec<BetweenVertices> {
+        if self.mesh.slope_doubts.is_empty() {
+            return Vec::new();
+        }
+        let of_triangle = |triangle: usize| {
+            let slope = self.mesh.slope_doubts[triangle];
+            let [a, b, c] = self.mesh.corners(triangle).0;
+            let longest =
+                (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared()).sqrt();
+            // The sagitta of an arc that leaves its chord at the angle of the doubt.
+            BetweenVertices { slope, height: slope * longest as f32 / 4.0 }
+        };
+        hits.iter()
+            .map(|hit| hit.map_or(BetweenVertices::NONE, |(triangle, _)| of_triangle(triangle as usize)))
+            .collect()
     }
 
     fn doubts(&self, hits: &[Option<(u32, Hit)>]) -> Vec<f64> {

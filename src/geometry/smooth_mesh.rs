@@ -5,6 +5,7 @@ mod creases;
 mod joining;
 mod long_sides;
 mod sections;
+mod slopes;
 
 use nalgebra::{Point3, Vector3};
 
@@ -37,6 +38,9 @@ pub struct SmoothMesh {
     /// For each triangle, how far the part may be from its curved patch, mm: where the normals round an edge of the
     /// facets, or contradict one another (`flats`); empty if there is no doubt.
     pub doubts: Vec<f64>,
+    /// For each triangle, how far the slope of the part may be from that of its curved patch, rad (`slopes`); empty if all
+    /// facets are small.
+    pub slope_doubts: Vec<f32>,
     /// Edges of the part that only the facets show: one entry for each of the two sides, in ascending order of the
     /// sides.
     pub(super) creases: Vec<Crease>,

@@ -18,6 +18,9 @@ use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 
+/// Uncertain length errors above this, mm, are worth a notice.
+const NOTABLE_UNCERTAIN: f64 = 0.05;
+
 /// How far a drawing may extend beyond the part, in diagonals of the part as the laser sees it: on a surface that is
 /// nowhere steeper than 75 deg, no path is longer than 1 / cos 75 deg = 3.9 of them.
 const FARTHEST_REACH: f64 = 4.0;
@@ -67,6 +70,14 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
             "Check the part's unit and `facing`.",
         )
         .with_number("shorter side", width.min(*height), "mm", None),
+        FitError::TwoSkins(skins) => Reason::new(
+            "part-two-skins",
+            format!("Two surfaces of the part face the laser, one {:.3} mm behind the other.", skins.gap),
+            "Remove the copy that is not meant (in Blender: Mesh, Merge by Distance, or delete the second object), and \
+             export the part again.",
+        )
+        .at(Place { coordinate: Some(vec![skins.at.x, skins.at.y]), ..Place::default() })
+        .with_number("share of the side with two surfaces", skins.share * 100.0, "%", None),
         FitError::Solve(error) => Reason::new(
             "surface-fit-failed",
             format!("No surface could be fitted to {side}: {error}."),
@@ -534,6 +545,25 @@ pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.
+/// Adds a notice if most of the reported length error is what the facets leave uncertain.
+pub(super) fn uncertain(after: &Distortion, notices: &mut Vec<Notice>) {
+    let uncertain = &after.uncertain;
+    if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
+        notices.push(Notice::warning(
+            "facets-coarse",
+            format!(
+                "{:.3} mm of the reported length error of {:.3} mm is uncertain, because the part's facets are coarse: \
+                 under the drawing its surface may be wrong by {:.3} mm and {:.2} degrees; export the part as glTF from \
+                 CAD, or with a deviation of 0.05 mm",
+                uncertain.length_error,
+                after.length_error,
+                uncertain.max_height,
+                uncertain.max_slope.to_degrees()
+            ),
+        ));
+    }
+}
+
 pub(super) fn quality(
     map: &LengthTrueMap,
     after: &Distortion,

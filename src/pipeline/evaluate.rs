@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern, Step};
-use super::{checks, hash, method, program, weights};
+use super::{checks, hash, measured, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
-use crate::geometry::mapping::{self, LengthTrueMap, quality};
+use crate::geometry::mapping::{self, LengthTrueMap};
 use crate::reason::Reason;
 use crate::report::{DistortionReport, MapReport, PlacementReport, Timing};
 
@@ -171,13 +171,13 @@ fn row(
         reason: None,
         note: None,
     };
-    let measured =
+    let results =
         map.map_err(|error| checks::map_reason(&error, placing.place, &learned.kept, ink)).and_then(|map| {
-            quality::measure(ink, |at| map.point(at), |at| surface.sampled_height(at))
+            measured(ink, &map, &|at| map.point(at), surface)
                 .map(|distortion| (map, distortion))
                 .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))
         });
-    match measured {
+    match results {
         Err(reason) => EvaluationRow { reason: Some(checks::doubting_unit(reason, facts)), ..empty },
         Ok((map, distortion)) => {
             let limit = mapping::Method::EXACT_TOLERANCE;

@@ -263,6 +263,15 @@ const CODES: &[Code] = &[
          a line from the origin would be marked. The report lists the polylines.",
         "Check in the preview that the outlines are right.",
     ]),
+    notice([
+        "facets-coarse",
+        "The part's facets leave its surface uncertain under the drawing.",
+        "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
+         facets lead to different slopes, the true surface is not known exactly. The reported errors of lengths, areas \
+         and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
+        "Export the part as glTF from CAD, which contains the normals of the true surface, or with a deviation of 0.05 mm. \
+         In Blender, apply the Subdivision modifier.",
+    ]),
     reason([
         "file-too-large",
         "The file is larger than a hot folder accepts.",
@@ -339,7 +348,8 @@ const CODES: &[Code] = &[
         "Small holes in the mesh, where triangles are missing, were bridged.",
         "Exporters and repair tools sometimes lose a triangle. isomark continues the surface across a hole of at most \
          a few sides and at most the width of `bridge_mm` (by default one or two missing triangles, up to 2 mm). \
-         The message gives the widest hole and its place.",
+         The message gives the widest hole and its place. If the side that faces the laser has more than three \
+         such holes, they are taken as part of the design and stay open.",
         "Check that the place is not a real hole. `bridge_mm = 0` under [part] (`--bridge 0`) leaves all holes open.",
     ]),
     reason([
@@ -834,6 +844,13 @@ const CODES: &[Code] = &[
         "Its width or height in the view is almost zero. Usually the unit is wrong or `facing` names an edge of a \
          thin part.",
         "Check the part's unit (`unit` under [part], `--part-unit`) and `facing`.",
+    ]),
+    both([
+        "part-two-skins",
+        "The part has two surfaces, one closely behind the other, and both face the laser.",
+        "Nobody can tell which of the two is marked. Usually an object is there twice, or a label was modelled a little \
+         above the body. The message gives the distance, and the place in the view.",
+        "Remove the copy that is not meant, and export the part again.",
     ]),
     both([
         "part-without-surface",

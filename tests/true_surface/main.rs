@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 #![allow(clippy::print_stdout, reason = "prints the table of results")]
 
+mod bounds;
 mod edges;
 mod exact_maps;
 mod forms;
@@ -14,6 +15,7 @@ mod holes;
 mod noise;
 mod waves;
 mod shading;
+mod skins;
 mod winding;
 
 use isomark::geometry::height_field::FacingPart;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::geometry::height_field::BetweenVertices;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -9,6 +10,10 @@ use crate::geometry::space::{FlatPoint, ViewPoint};
 pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm.
 pub const SQUARE: f64 = 0.2;
+
+/// The doubt about the slope is a mean over a facet; at some place it is this many times as large. The largest angle error
+/// needs the latter.
+const PEAK: f64 = 3.0;
 
 /// The differences between the drawing and its image on the part.
 ///
@@ -36,6 +41,24 @@ pub struct Distortion {
     pub max_angle_error: f64,
     /// Largest |area on the part / area drawn − 1| of a square; 0 without inked area.
     pub max_area_stretch: f64,
+    /// The share of the results that follows from what is not known about the slope of the part.
+    pub uncertain: Uncertain,
+}
+
+/// The share of a [`Distortion`] that follows from what is not known about the slope of the part.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Uncertain {
+    /// Share of e_l, mm.
+    pub length_error: f64,
+    /// Share of e_a, mm².
+    pub area_error: f64,
+    /// Largest share of an angle error, rad.
+    pub max_angle_error: f64,
+    /// Largest possible error of the slope under the ink, rad.
+    pub max_slope: f64,
+    /// Largest possible error of the height under the ink, mm.
+    pub max_height: f64,
 }
 
 /// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` returns the height of
@@ -47,6 +70,23 @@ pub fn measure(
     ink: &Ink,
     map: impl Fn(FlatPoint) -> ViewPoint,
     height: impl Fn(ViewPoint) -> Option<f64>,
+) -> Result<Distortion, ViewPoint> {
+    measure_at_most(ink, map, height, |_| BetweenVertices::NONE)
+}
+
+/// The same where `doubt` states what is not known of the part between the vertices of its mesh: every result is an estimate from
+/// above, and [`Distortion::uncertain`] is the share that the doubt adds.
+///
+/// If a line climbs at the angle θ, an error δ of that angle changes its length by the share δ·tan θ + δ²/2. Areas change
+/// by the same share, with the angle between the surface and the view for θ; angles by as many radians.
+///
+/// # Errors
+/// The first point of the view for which `height` returns `None`.
+pub fn measure_at_most(
+    ink: &Ink,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    height: impl Fn(ViewPoint) -> Option<f64>,
+    doubt: impl Fn(ViewPoint) -> BetweenVertices,
 ) -> Result<Distortion, ViewPoint> {
     let lift = |flat: FlatPoint| lift(flat, &map, &height);
     let mut distortion = Distortion {
@@ -60,26 +100,32 @@ pub fn measure(
         rms_stretch: 0.0,
         max_angle_error: 0.0,
         max_area_stretch: 0.0,
+        uncertain: Uncertain::default(),
     };
     let mut range = None;
     for lifted in lifted(ink, lift) {
         let Lifted { piece, from, to } = lifted?;
         let drawn = piece.length();
         let stretch = (to - from).norm() / drawn - 1.0;
-        widen(&mut range, stretch);
+        let doubt = doubt(ViewPoint::from(nalgebra::center(&from, &to).coords.xy()));
+        let along = to - from;
+        let uncertain = (1.0 + stretch) * share(along.z.abs() / along.xy().norm(), doubt);
+        let most = stretch.abs() + uncertain;
+        widen(&mut range, stretch - uncertain);
+        widen(&mut range, stretch + uncertain);
         distortion.length += drawn;
         let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
         let middle = piece.from.lerp(piece.to, 0.5);
         let beside = |step: nalgebra::Vector2<f64>| lift(middle + step);
         // A point beside the piece may be outside the part; then the angle is not measured.
         if let (Ok(left), Ok(right)) = (beside(sideways), beside(-sideways)) {
-            distortion.max_angle_error =
-                distortion.max_angle_error.max(angle_error(&(to - from), &(left - right)));
+            distortion.include_angle([&along, &(left - right)], doubt);
         }
-        distortion.length_error += stretch.abs() * drawn;
-        distortion.rms_stretch += stretch * stretch * drawn;
-        if stretch.abs() > distortion.max_stretch {
-            distortion.max_stretch = stretch.abs();
+        distortion.length_error += most * drawn;
+        distortion.uncertain.length_error += uncertain * drawn;
+        distortion.rms_stretch += most * most * drawn;
+        if most > distortion.max_stretch {
+            distortion.max_stretch = most;
             distortion.max_stretch_at = piece.from.lerp(piece.to, 0.5);
         }
     }
@@ -93,13 +139,42 @@ pub fn measure(
         let [a, b, c, d] = [corner(-1.0, -1.0)?, corner(1.0, -1.0)?, corner(1.0, 1.0)?, corner(-1.0, 1.0)?];
         let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
         let drawn = ink.side * ink.side;
-        distortion.area_error += (area - drawn).abs();
-        distortion.max_area_stretch = distortion.max_area_stretch.max((area / drawn - 1.0).abs());
         let across = (b - a) + (c - d);
         let up = (d - a) + (c - b);
-        distortion.max_angle_error = distortion.max_angle_error.max(angle_error(&across, &up));
+        let doubt = doubt(ViewPoint::from(nalgebra::center(&a, &c).coords.xy()));
+        let uncertain = area * share(tilt(&across, &up), doubt);
+        let most = (area - drawn).abs() + uncertain;
+        distortion.area_error += most;
+        distortion.uncertain.area_error += uncertain;
+        distortion.max_area_stretch = distortion.max_area_stretch.max(most / drawn);
+        distortion.include_angle([&across, &up], doubt);
     }
     Ok(distortion)
+}
+
+impl Distortion {
+    /// Includes the angle error where unit steps of the drawing become two vectors on the part, with a doubt about
+    /// the part.
+    fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: BetweenVertices) {
+        let uncertain = PEAK * share(tilt(across, up), doubt);
+        self.max_angle_error = self.max_angle_error.max(angle_error(across, up) + uncertain);
+        self.uncertain.max_angle_error = self.uncertain.max_angle_error.max(uncertain);
+        self.uncertain.max_slope = self.uncertain.max_slope.max(f64::from(doubt.slope));
+        self.uncertain.max_height = self.uncertain.max_height.max(f64::from(doubt.height));
+    }
+}
+
+/// The share by which a length changes where it climbs with the slope `tan`, if the angle of the slope is wrong by as
+/// much as it may; 0 without a doubt.
+fn share(tan: f64, doubt: BetweenVertices) -> f64 {
+    let slope = f64::from(doubt.slope);
+    if slope > 0.0 { tan * slope + slope * slope / 2.0 } else { 0.0 }
+}
+
+/// The tangent of the angle between the laser's axis and the normal of a plane through two vectors.
+fn tilt(across: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
+    let normal = across.cross(up);
+    normal.xy().norm() / normal.z.abs()
 }
 
 /// Smallest and largest length on the part / length drawn − 1 of the pieces that are on the part; `None` if none is.

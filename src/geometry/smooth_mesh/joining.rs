@@ -154,6 +154,7 @@ impl SmoothMesh {
             regions,
             continued: opposite,
             doubts: Vec::new(),
+            slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
         smooth.complete_normals();
@@ -161,6 +162,7 @@ impl SmoothMesh {
         smooth.creases = smooth
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
+        smooth.slope_doubts = smooth.found_slope_doubts();
         smooth
     }
 
@@ -176,6 +178,7 @@ impl SmoothMesh {
             regions: (0..count).collect(),
             continued: vec![NONE; facets.len() * 3],
             doubts: Vec::new(),
+            slope_doubts: Vec::new(),
             creases: Vec::new(),
         }
     }

@@ -4,7 +4,9 @@ use nalgebra::Vector2;
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
-use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE};
+use crate::geometry::height_field::{
+    BetweenVertices, FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE, Skins,
+};
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::ViewPoint;
 
@@ -25,6 +27,10 @@ const CLIFF_REACH: usize = 2;
 
 /// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
 const RESOLVED: f64 = 1.0;
+
+/// Two skins on at least this share of the part are refused: nobody can tell which one is meant. Fewer are where facets
+/// overlap.
+const SKINS: f64 = 0.02;
 
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
@@ -60,6 +66,7 @@ pub struct FittedSurface {
     /// Height of the sampled part minus height of the fit at each node, mm; 0 where there is no surface.
     differences: Vec<f64>,
     doubts: Vec<f64>,
+    between_vertices: Vec<BetweenVertices>,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -101,6 +108,9 @@ pub enum FitError {
         /// Height of the view, mm.
         height: f64,
     },
+    /// The part has two skins, one closely behind the other and both facing the laser.
+    #[error("two surfaces {} mm apart face the laser at ({}, {})", .0.gap, .0.at.x, .0.at.y)]
+    TwoSkins(Skins),
     /// The equations could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
@@ -132,6 +142,9 @@ impl FittedSurface {
         }
         let mut spans = options.first_spans;
         let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
+        if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
+            return Err(FitError::TwoSkins(skins));
+        }
         let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
         let mut nurbs = data.fit()?;
         let mut residual = data.p95(&nurbs);
@@ -151,7 +164,7 @@ impl FittedSurface {
                 break;
             }
         }
-        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts))
+        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts, samples.between_vertices))
     }
 
     /// Fits a height field by least squares, one span for every two nodes. Nodes at a cliff are excluded, because a
@@ -184,21 +197,44 @@ impl FittedSurface {
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
-        Self { nurbs, field, residual, differences, doubts: Vec::new() }
+        Self { nurbs, field, residual, differences, doubts: Vec::new(), between_vertices: Vec::new() }
     }
 
-    /// The surface with a doubt for each node of its field, mm (see [`PartSamples::doubts`]); ignored if their number
-    /// does not match the field.
+    /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
+    /// [`PartSamples::between_vertices`]). Lists whose length does not match the field are ignored.
     ///
     /// [`PartSamples::doubts`]: crate::geometry::height_field::PartSamples::doubts
-    pub fn doubted(self, doubts: Vec<f64>) -> Self {
-        let doubts = if doubts.len() == self.field.nodes().len() { doubts } else { Vec::new() };
-        Self { doubts, ..self }
+    /// [`PartSamples::between_vertices`]: crate::geometry::height_field::PartSamples::between_vertices
+    pub fn doubted(self, doubts: Vec<f64>, between_vertices: Vec<BetweenVertices>) -> Self {
+        let nodes = self.field.nodes().len();
+        let doubts = if doubts.len() == nodes { doubts } else { Vec::new() };
+        let between_vertices = if between_vertices.len() == nodes { between_vertices } else { Vec::new() };
+        Self { doubts, between_vertices, ..self }
     }
 
     /// The doubt of each node, mm; empty where there is none.
     pub fn doubts(&self) -> &[f64] {
         &self.doubts
+    }
+
+    /// What is not known of the part between the vertices of its mesh, for each node; empty if it is known.
+    pub fn nodes_between_vertices(&self) -> &[BetweenVertices] {
+        &self.between_vertices
+    }
+
+    /// What is not known of the part between the vertices of its mesh: the largest values of the nodes round the point;
+    /// nothing outside the field.
+    pub fn between_vertices(&self, at: ViewPoint) -> BetweenVertices {
+        let largest = |one: BetweenVertices, other: BetweenVertices| BetweenVertices {
+            slope: one.slope.max(other.slope),
+            height: one.height.max(other.height),
+        };
+        if self.between_vertices.is_empty() {
+            return BetweenVertices::NONE;
+        }
+        let Some((column, row, _)) = self.field.cell(at) else { return BetweenVertices::NONE };
+        let nodes = self.field.cell_nodes(column, row);
+        nodes.into_iter().map(|index| self.between_vertices[index]).fold(BetweenVertices::NONE, largest)
     }
 
     /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 outside
