@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::Sku;
 use crate::files::{read_if_there, write_whole_unsynced};
 use crate::formats::mesh::PartFacts;
-use crate::geometry::height_field::{BetweenVertices, HeightField, Node};
+use crate::geometry::height_field::{HeightField, Node, Uncertainty};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -131,7 +131,7 @@ struct Record {
     /// One for each node, or none at all.
     doubts: Vec<f64>,
     /// One for each node, or none at all.
-    between_vertices: Vec<(f32, f32)>,
+    uncertainties: Vec<(f32, f32)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -334,7 +334,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         Node::Empty => None,
         Node::Wall(height) | Node::Surface(height) => Some(*height),
     };
-    let between_vertices = kept.surface.nodes_between_vertices();
+    let uncertainties = kept.surface.uncertainties();
     let record = Record {
         origin: kept.origin.clone(),
         facts: serde_json::to_string(&kept.facts).map_err(io::Error::other)?,
@@ -348,7 +348,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         node_kinds: field.nodes().iter().map(kind).collect(),
         node_heights: field.nodes().iter().filter_map(height).collect(),
         doubts: kept.surface.doubts().to_vec(),
-        between_vertices: between_vertices.iter().map(|node| (node.slope, node.height)).collect(),
+        uncertainties: uncertainties.iter().map(|node| (node.slope, node.height)).collect(),
     };
     let body = postcard::to_stdvec(&record).map_err(io::Error::other)?;
     let mut bytes = Vec::with_capacity(HEADER + body.len());
@@ -392,13 +392,12 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     let (Some(nurbs), Some(field)) = (nurbs, field) else {
         return Err("the sizes of the grids do not match".into());
     };
-    let between_vertices = record.between_vertices.into_iter();
-    let between_vertices =
-        between_vertices.map(|(slope, height)| BetweenVertices { slope, height }).collect();
+    let uncertainties = record.uncertainties.into_iter();
+    let uncertainties = uncertainties.map(|(slope, height)| Uncertainty { slope, height }).collect();
     Ok(CachedSurface {
         origin: record.origin,
         facts,
-        surface: FittedSurface::compare(nurbs, field).doubted(record.doubts, between_vertices),
+        surface: FittedSurface::compare(nurbs, field).doubted(record.doubts, uncertainties),
     })
 }
 

@@ -26,7 +26,7 @@ use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
 };
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
-use crate::geometry::height_field::BetweenVertices;
+use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
@@ -492,7 +492,7 @@ fn measured(
     surface: &FittedSurface,
 ) -> Result<Distortion, ViewPoint> {
     let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
-    let doubt = |at| if is_recognised { BetweenVertices::NONE } else { surface.between_vertices(at) };
+    let doubt = |at| if is_recognised { Uncertainty::NONE } else { surface.uncertainty(at) };
     quality::measure_at_most(ink, place, |at| surface.sampled_height(at), doubt)
 }
 

@@ -74,21 +74,27 @@ pub struct PartSamples {
     pub skins: Option<Skins>,
     /// For each node, how far the part may be from its samples because neighbouring curved facets lead to different
     /// slopes; empty if none do.
-    pub between_vertices: Vec<BetweenVertices>,
+    pub uncertainties: Vec<Uncertainty>,
 }
 
-/// How far the part may be from a sample between the vertices of its mesh, where they and their normals do not define it.
+/// How far the part may be from its samples: between the vertices of a mesh, where they and their normals do not define it,
+/// or because the points of a scan scatter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BetweenVertices {
+pub struct Uncertainty {
     /// Of the slope, rad.
     pub slope: f32,
     /// Of the height, mm.
     pub height: f32,
 }
 
-impl BetweenVertices {
+impl Uncertainty {
     /// The part is known.
     pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
+
+    /// The larger slope and the larger height of two.
+    pub fn largest(self, other: Self) -> Self {
+        Self { slope: self.slope.max(other.slope), height: self.height.max(other.height) }
+    }
 }
 
 /// Two sides of the part, one closely behind the other and both facing the laser.
@@ -197,7 +203,7 @@ impl FacingPart {
             field,
             is_at_edge,
             doubts: self.doubts(&hits),
-            between_vertices: self.between_vertices(&hits),
+            uncertainties: self.uncertainties(&hits),
             skins,
         }
     }
@@ -262,7 +268,7 @@ impl FacingPart {
         turn(one) * turn(other) > 0.0 && !touch
     }
 
-    fn between_vertices(&self, hits: &[Option<(u32, Hit)>]) -> Vec<BetweenVertices> {
+    fn uncertainties(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Uncertainty> {
         if self.mesh.slope_doubts.is_empty() {
             return Vec::new();
         }
@@ -272,10 +278,10 @@ impl FacingPart {
             let longest =
                 (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared()).sqrt();
             // The sagitta of an arc that leaves its chord at the angle of the doubt.
-            BetweenVertices { slope, height: slope * longest as f32 / 4.0 }
+            Uncertainty { slope, height: slope * longest as f32 / 4.0 }
         };
         hits.iter()
-            .map(|hit| hit.map_or(BetweenVertices::NONE, |(triangle, _)| of_triangle(triangle as usize)))
+            .map(|hit| hit.map_or(Uncertainty::NONE, |(triangle, _)| of_triangle(triangle as usize)))
             .collect()
     }
 

@@ -80,7 +80,7 @@ fn fit_scan(
     let found = ScanFacts::new(&scan.quality, settings.smoothing);
     facts.notices.extend(notices(&found));
     facts.scan = Some(found);
-    FittedSurface::of_field(scan.field)
+    Ok(FittedSurface::of_field(scan.field)?.uncertain(scan.quality.uncertainty()))
 }
 
 /// The surface of a mesh whose vertices scatter: that of the points of a scan, as long as it covers what the mesh does.
@@ -101,9 +101,10 @@ fn noisy_mesh(
     match scan.filter(|scan| covers(&scan.field, &part)) {
         Some(scan) => {
             let noise = facts.noise.map_or(0.0, |noise| noise.noise_mm);
+            let uncertainty = scan.quality.uncertainty();
             let surface = fit_scan(scan, facts, settings)?;
             let field = beyond_noise(&surface, &part, noise);
-            Ok(FittedSurface::compare(surface.nurbs, field))
+            Ok(FittedSurface::compare(surface.nurbs, field).uncertain(uncertainty))
         }
         None => {
             facts.normals_used = Some(NormalsUsed::Estimated);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::geometry::height_field::BetweenVertices;
+use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -71,7 +71,7 @@ pub fn measure(
     map: impl Fn(FlatPoint) -> ViewPoint,
     height: impl Fn(ViewPoint) -> Option<f64>,
 ) -> Result<Distortion, ViewPoint> {
-    measure_at_most(ink, map, height, |_| BetweenVertices::NONE)
+    measure_at_most(ink, map, height, |_| Uncertainty::NONE)
 }
 
 /// The same where `doubt` states what is not known of the part between the vertices of its mesh: every result is an estimate from
@@ -86,7 +86,7 @@ pub fn measure_at_most(
     ink: &Ink,
     map: impl Fn(FlatPoint) -> ViewPoint,
     height: impl Fn(ViewPoint) -> Option<f64>,
-    doubt: impl Fn(ViewPoint) -> BetweenVertices,
+    doubt: impl Fn(ViewPoint) -> Uncertainty,
 ) -> Result<Distortion, ViewPoint> {
     let lift = |flat: FlatPoint| lift(flat, &map, &height);
     let mut distortion = Distortion {
@@ -155,7 +155,7 @@ pub fn measure_at_most(
 impl Distortion {
     /// Includes the angle error where unit steps of the drawing become two vectors on the part, with a doubt about
     /// the part.
-    fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: BetweenVertices) {
+    fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: Uncertainty) {
         let uncertain = PEAK * share(tilt(across, up), doubt);
         self.max_angle_error = self.max_angle_error.max(angle_error(across, up) + uncertain);
         self.uncertain.max_angle_error = self.uncertain.max_angle_error.max(uncertain);
@@ -166,7 +166,7 @@ impl Distortion {
 
 /// The share by which a length changes where it climbs with the slope `tan`, if the angle of the slope is wrong by as
 /// much as it may; 0 without a doubt.
-fn share(tan: f64, doubt: BetweenVertices) -> f64 {
+fn share(tan: f64, doubt: Uncertainty) -> f64 {
     let slope = f64::from(doubt.slope);
     if slope > 0.0 { tan * slope + slope * slope / 2.0 } else { 0.0 }
 }

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::height_field::{
-    BetweenVertices, FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE, Skins,
+    FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE, Skins, Uncertainty,
 };
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::ViewPoint;
@@ -66,7 +66,7 @@ pub struct FittedSurface {
     /// Height of the sampled part minus height of the fit at each node, mm; 0 where there is no surface.
     differences: Vec<f64>,
     doubts: Vec<f64>,
-    between_vertices: Vec<BetweenVertices>,
+    uncertainties: Vec<Uncertainty>,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -164,7 +164,7 @@ impl FittedSurface {
                 break;
             }
         }
-        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts, samples.between_vertices))
+        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts, samples.uncertainties))
     }
 
     /// Fits a height field by least squares, one span for every two nodes. Nodes at a cliff are excluded, because a
@@ -197,19 +197,25 @@ impl FittedSurface {
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
-        Self { nurbs, field, residual, differences, doubts: Vec::new(), between_vertices: Vec::new() }
+        Self { nurbs, field, residual, differences, doubts: Vec::new(), uncertainties: Vec::new() }
     }
 
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
-    /// [`PartSamples::between_vertices`]). Lists whose length does not match the field are ignored.
+    /// [`PartSamples::uncertainties`]). Lists whose length does not match the field are ignored.
     ///
     /// [`PartSamples::doubts`]: crate::geometry::height_field::PartSamples::doubts
-    /// [`PartSamples::between_vertices`]: crate::geometry::height_field::PartSamples::between_vertices
-    pub fn doubted(self, doubts: Vec<f64>, between_vertices: Vec<BetweenVertices>) -> Self {
+    /// [`PartSamples::uncertainties`]: crate::geometry::height_field::PartSamples::uncertainties
+    pub fn doubted(self, doubts: Vec<f64>, uncertainties: Vec<Uncertainty>) -> Self {
         let nodes = self.field.nodes().len();
         let doubts = if doubts.len() == nodes { doubts } else { Vec::new() };
-        let between_vertices = if between_vertices.len() == nodes { between_vertices } else { Vec::new() };
-        Self { doubts, between_vertices, ..self }
+        let uncertainties = if uncertainties.len() == nodes { uncertainties } else { Vec::new() };
+        Self { doubts, uncertainties, ..self }
+    }
+
+    /// The surface with the same uncertainty everywhere.
+    pub fn uncertain(self, everywhere: Uncertainty) -> Self {
+        let uncertainties = vec![everywhere; self.field.nodes().len()];
+        Self { uncertainties, ..self }
     }
 
     /// The doubt of each node, mm; empty where there is none.
@@ -217,24 +223,19 @@ impl FittedSurface {
         &self.doubts
     }
 
-    /// What is not known of the part between the vertices of its mesh, for each node; empty if it is known.
-    pub fn nodes_between_vertices(&self) -> &[BetweenVertices] {
-        &self.between_vertices
+    /// What is not known of the part, for each node; empty if it is known.
+    pub fn uncertainties(&self) -> &[Uncertainty] {
+        &self.uncertainties
     }
 
-    /// What is not known of the part between the vertices of its mesh: the largest values of the nodes round the point;
-    /// nothing outside the field.
-    pub fn between_vertices(&self, at: ViewPoint) -> BetweenVertices {
-        let largest = |one: BetweenVertices, other: BetweenVertices| BetweenVertices {
-            slope: one.slope.max(other.slope),
-            height: one.height.max(other.height),
-        };
-        if self.between_vertices.is_empty() {
-            return BetweenVertices::NONE;
+    /// What is not known of the part: the largest values of the nodes round the point; nothing outside the field.
+    pub fn uncertainty(&self, at: ViewPoint) -> Uncertainty {
+        if self.uncertainties.is_empty() {
+            return Uncertainty::NONE;
         }
-        let Some((column, row, _)) = self.field.cell(at) else { return BetweenVertices::NONE };
+        let Some((column, row, _)) = self.field.cell(at) else { return Uncertainty::NONE };
         let nodes = self.field.cell_nodes(column, row);
-        nodes.into_iter().map(|index| self.between_vertices[index]).fold(BetweenVertices::NONE, largest)
+        nodes.into_iter().map(|index| self.uncertainties[index]).fold(Uncertainty::NONE, Uncertainty::largest)
     }
 
     /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 outside

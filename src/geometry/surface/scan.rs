@@ -7,9 +7,11 @@
 //!
 //! [`FittedSurface::of_field`]: super::fit::FittedSurface::of_field
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::{Point3, Vector2};
 
-use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
 
@@ -32,6 +34,9 @@ const REACH: f64 = 3.5;
 const MAX_REACH: f64 = 40.0;
 /// A node this close to a point needs no other points, in units of the point spacing.
 const AT_POINT: f64 = 0.5;
+
+/// Noise that is left and bend that smoothing adds, in units of the former.
+const SMOOTHING_AND_NOISE: f64 = 1.5;
 
 /// A smoothed scan.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,7 +140,30 @@ impl SmoothedScan {
     }
 }
 
+impl ScanQuality {
+    /// How far the part may be from the smoothed surfaces because the points scatter; of several surfaces the largest
+    /// values.
+    pub fn uncertainty(&self) -> Uncertainty {
+        let of_regions = self.regions.iter().map(|region| region.uncertainty(self.spacing));
+        of_regions.fold(Uncertainty::NONE, Uncertainty::largest)
+    }
+}
+
 impl ScanRegion {
+    /// A smoothing spline passes waves of the wave number k with 1/(1 + (k/k₀)⁴), where k₀ belongs to the wavelength that
+    /// it halves. White noise with the standard deviation σ in points that each cover the area A leaves the deviations
+    /// σ√A·k₀²/√(16π) of the slope in a direction and σ√A·k₀/4 of the height. The smoothing chosen from the points bends
+    /// the surface by about as much as the noise that it leaves.
+    fn uncertainty(&self, spacing: f64) -> Uncertainty {
+        // Without smoothing the shortest wave is two points long.
+        let wave_number = TAU / self.wavelength.unwrap_or(0.0).max(2.0 * spacing);
+        let noise = SMOOTHING_AND_NOISE * self.noise * spacing;
+        Uncertainty {
+            slope: (noise * wave_number.powi(2) / (16.0 * PI).sqrt()) as f32,
+            height: (noise * wave_number / 4.0) as f32,
+        }
+    }
+
     fn new(region: &Region, smoothed: &Smoothed, smoothing: Smoothing) -> Self {
         let used = || region.points.iter().zip(&smoothed.is_used).filter(|(_, is_used)| **is_used);
         let heights = used().map(|(point, _)| smoothed.nurbs.height(ViewPoint::new(point.x, point.y)));
