@@ -5,6 +5,7 @@
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
+//!     ├── <key>.mesh          the part's mesh for pictures, in the same form; may be missing
 //!     └── <key>.toml          a summary for people: origin and residual
 //! ```
 //!
@@ -24,6 +25,7 @@ use crate::config::Sku;
 use crate::files::{read_if_there, write_whole_unsynced};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node, Uncertainty};
+use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::surface::fit::FittedSurface;
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -31,6 +33,7 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 /// Version of the file format and of the fit: increased whenever either changes.
 const VERSION: u32 = 6;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
+const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
 const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;
 const CURRENT: &str = "current.toml";
@@ -88,7 +91,7 @@ pub struct CacheEntry {
     pub sku: String,
     /// The entry's name.
     pub key: CacheKey,
-    /// Size of the file, bytes.
+    /// Size of its files, bytes.
     pub bytes: u64,
     /// Whether this is the current part of the SKU.
     pub current: bool,
@@ -132,6 +135,14 @@ struct Record {
     doubts: Vec<f64>,
     /// One for each node, or none at all.
     uncertainties: Vec<(f32, f32)>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct MeshRecord {
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    triangles: Vec<[u32; 3]>,
+    source_triangles: usize,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -196,7 +207,7 @@ impl Cache {
     /// # Errors
     /// When the folder cannot be read.
     pub fn get(&self, sku: &Sku, key: &CacheKey) -> io::Result<Lookup> {
-        let Some(bytes) = read_if_there(&self.folder(sku).join(format!("{}.fit", key.0)))? else {
+        let Some(bytes) = read_if_there(&self.file(sku, key, "fit"))? else {
             return Ok(Lookup::Miss);
         };
         Ok(match decode(&bytes) {
@@ -205,13 +216,59 @@ impl Cache {
         })
     }
 
-    /// Stores a surface; [`make_current`](Self::make_current) makes its part the SKU's current one.
+    /// The mesh for pictures that is kept beside a surface; `None` if there is none that can be used. A picture can do
+    /// without it.
+    #[must_use]
+    pub fn picture_mesh(&self, sku: &Sku, key: &CacheKey) -> Option<PictureMesh> {
+        let bytes = read_if_there(&self.file(sku, key, "mesh")).ok().flatten()?;
+        let record: MeshRecord = opened(&bytes, MESH_MAGIC).ok()?;
+        PictureMesh::new(record.positions, record.normals, record.triangles, record.source_triangles)
+    }
+
+    /// Whether a mesh for pictures is kept beside a surface.
+    #[must_use]
+    pub fn has_picture_mesh(&self, sku: &Sku, key: &CacheKey) -> bool {
+        self.file(sku, key, "mesh").exists()
+    }
+
+    /// Stores the mesh for pictures beside a surface.
     ///
     /// # Errors
     /// When the folder cannot be written to.
-    pub fn keep(&self, sku: &Sku, key: &CacheKey, kept: &CachedSurface) -> io::Result<()> {
+    pub fn keep_picture_mesh(&self, sku: &Sku, key: &CacheKey, mesh: &PictureMesh) -> io::Result<()> {
+        let record = MeshRecord {
+            positions: mesh.positions().to_vec(),
+            normals: mesh.normals().to_vec(),
+            triangles: mesh.triangles().to_vec(),
+            source_triangles: mesh.source_triangles(),
+        };
         let folder = self.folder(sku);
         fs::create_dir_all(&folder)?;
+        write_whole_unsynced(&folder, &format!("{}.mesh", key.0), &sealed(&record, MESH_MAGIC)?)
+    }
+
+    fn file(&self, sku: &Sku, key: &CacheKey, ending: &str) -> PathBuf {
+        self.folder(sku).join(format!("{}.{ending}", key.0))
+    }
+
+    /// Stores a surface, with the part's mesh for pictures if there is one; [`make_current`](Self::make_current) makes its
+    /// part the SKU's current one.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn keep(
+        &self,
+        sku: &Sku,
+        key: &CacheKey,
+        kept: &CachedSurface,
+        mesh: Option<&PictureMesh>,
+    ) -> io::Result<()> {
+        let folder = self.folder(sku);
+        fs::create_dir_all(&folder)?;
+        // The mesh first: whoever finds the surface finds both.
+        if let Some(mesh) = mesh {
+            self.keep_picture_mesh(sku, key, mesh)?;
+        }
         write_whole_unsynced(&folder, &format!("{}.fit", key.0), &encode(kept)?)?;
         let (knots_x, knots_y) = kept.surface.nurbs.knots();
         let sidecar = Sidecar {
@@ -252,10 +309,11 @@ impl Cache {
             {
                 let Some(bytes) = read_if_there(&file)? else { continue };
                 let decoded = decode(&bytes);
+                let mesh = fs::metadata(file.with_extension("mesh")).map_or(0, |mesh| mesh.len());
                 entries.push(CacheEntry {
                     sku: name_of(&folder),
                     key: CacheKey(file.file_stem().unwrap_or_default().to_string_lossy().into_owned()),
-                    bytes: bytes.len() as u64,
+                    bytes: bytes.len() as u64 + mesh,
                     current: decoded.as_ref().is_ok_and(|kept| Some(&kept.origin) == current.as_ref()),
                     state: match decoded {
                         Ok(kept) => EntryState::Good {
@@ -288,7 +346,7 @@ impl Cache {
     /// When it cannot be removed.
     pub fn remove_entry(&self, entry: &CacheEntry) -> io::Result<()> {
         let folder = self.version_folder().join(&entry.sku);
-        for ending in ["fit", "toml"] {
+        for ending in ["fit", "toml", "mesh"] {
             match fs::remove_file(folder.join(format!("{}.{ending}", entry.key.0))) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => {}
@@ -350,27 +408,36 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         doubts: kept.surface.doubts().to_vec(),
         uncertainties: uncertainties.iter().map(|node| (node.slope, node.height)).collect(),
     };
-    let body = postcard::to_stdvec(&record).map_err(io::Error::other)?;
+    sealed(&record, MAGIC)
+}
+
+/// A record as bytes: header, hash of the body, body.
+fn sealed(record: &impl Serialize, magic: &[u8; 12]) -> io::Result<Vec<u8>> {
+    let body = postcard::to_stdvec(record).map_err(io::Error::other)?;
     let mut bytes = Vec::with_capacity(HEADER + body.len());
-    bytes.extend_from_slice(MAGIC);
+    bytes.extend_from_slice(magic);
     bytes.extend_from_slice(&VERSION.to_le_bytes());
     bytes.extend_from_slice(blake3::hash(&body).as_bytes());
     bytes.extend_from_slice(&body);
     Ok(bytes)
 }
 
-fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
+/// The record in the bytes, if they are undamaged and of this version.
+fn opened<T: for<'de> Deserialize<'de>>(bytes: &[u8], magic: &[u8; 12]) -> Result<T, String> {
     let (Some(header), Some(body)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("the file is truncated: {} bytes", bytes.len()));
     };
-    if !header.starts_with(MAGIC) || header[MAGIC.len()..MAGIC.len() + 4] != VERSION.to_le_bytes() {
+    if !header.starts_with(magic) || header[MAGIC.len()..MAGIC.len() + 4] != VERSION.to_le_bytes() {
         return Err("the header does not match this version".into());
     }
     if header[MAGIC.len() + 4..] != *blake3::hash(body).as_bytes() {
         return Err("the checksum does not match the content".into());
     }
-    let record: Record =
-        postcard::from_bytes(body).map_err(|error| format!("the body cannot be read: {error}"))?;
+    postcard::from_bytes(body).map_err(|error| format!("the body cannot be read: {error}"))
+}
+
+fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
+    let record: Record = opened(bytes, MAGIC)?;
     let facts =
         serde_json::from_str(&record.facts).map_err(|error| format!("the facts cannot be read: {error}"))?;
     let knots = |(start, step, spans): (f64, f64, usize)| UniformKnots::new(start, step, spans);
@@ -457,7 +524,7 @@ mod tests {
         let (sku, key, kept) = ("Saddle".parse::<Sku>().unwrap(), CacheKey::new("00", "top"), kept());
         assert!(matches!(cache.get(&sku, &key).unwrap(), Lookup::Miss));
         assert_eq!(cache.current(&sku).unwrap(), None);
-        cache.keep(&sku, &key, &kept).unwrap();
+        cache.keep(&sku, &key, &kept, None).unwrap();
         cache.make_current(&sku, &kept.origin).unwrap();
         let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
         assert_eq!(*found, kept);

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::cache::Cache;
 use crate::config::{ConfigError, JobSettings, Sku, Verify, parse_facing};
@@ -150,7 +151,7 @@ impl Corrector {
             .or_else(|_| "part".parse())
             .map_err(|error: crate::config::BadSku| error.reason())?;
         let learned = self.pipeline.learn(&sku, part, &settings.0.part)?;
-        Ok(Surface { pipeline: self.pipeline.clone(), sku, learned })
+        Ok(Surface { pipeline: self.pipeline.clone(), sku, learned: Arc::new(learned) })
     }
 }
 
@@ -165,7 +166,7 @@ impl Default for Corrector {
 pub struct Surface {
     pipeline: Pipeline,
     sku: Sku,
-    learned: LearnedPart,
+    learned: Arc<LearnedPart>,
 }
 
 impl Surface {
@@ -183,31 +184,43 @@ impl Surface {
             corrected.dxf = dxf;
             same?;
         }
-        Ok(Correction(corrected))
+        Ok(Correction { corrected, pipeline: self.pipeline.clone(), learned: self.learned.clone() })
     }
 }
 
 /// A corrected drawing with its report.
 #[derive(Debug)]
-pub struct Correction(pipeline::Corrected);
+pub struct Correction {
+    corrected: pipeline::Corrected,
+    pipeline: Pipeline,
+    learned: Arc<LearnedPart>,
+}
 
 impl Correction {
     /// The corrected drawing, a DXF file.
     #[must_use]
     pub fn dxf(&self) -> &[u8] {
-        &self.0.dxf
+        &self.corrected.dxf
     }
 
     /// The report: the accuracy of lengths, areas and angles, facts about the input, and notices.
     #[must_use]
     pub fn report(&self) -> &Report {
-        &self.0.report
+        &self.corrected.report
     }
 
     /// A picture of the part with the drawing before and after, as SVG.
     #[must_use]
     pub fn picture(&self) -> Vec<u8> {
-        self.0.preview.as_ref().map(|picture| preview::svg(picture).into()).unwrap_or_default()
+        self.corrected.preview.as_ref().map(|picture| preview::svg(picture).into()).unwrap_or_default()
+    }
+
+    /// The part with the mark on it in three dimensions, as a binary glTF file: what `isomark correct --on-part` writes.
+    #[must_use]
+    pub fn on_part(&self) -> Vec<u8> {
+        let picture =
+            self.corrected.marked.as_ref().map(|marked| self.pipeline.on_part(&self.learned, marked));
+        picture.map(|picture| preview::glb(&picture)).unwrap_or_default()
     }
 }
 

@@ -8,7 +8,7 @@
 //! part ──read──▶ TriMesh ──turn──▶ FacingPart ──sample──▶ HeightField ──fit──▶ FittedSurface ─┐  kept for each SKU
 //! drawing ──read──▶ Pattern ──place──▶ Ink ───────────────────────────────────────────────────┴▶ LengthTrueMap
 //!                                                                                                      │
-//!           DXF + Report + picture ◀──write── MarkingDrawing ◀──bend── Projection ◀──fixture, lens─────┘
+//!          DXF + Report + pictures ◀──write── MarkingDrawing ◀──bend── Projection ◀──fixture, lens─────┘
 //! ```
 //!
 //! | function | result | input |
@@ -147,7 +147,7 @@
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
 //! | [`files`] | files that are written completely or not at all | – |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
-//! | [`preview`] | the preview picture of a job | `geometry`, `printable` |
+//! | [`preview`] | the pictures of a job: flat, and on the part | `geometry`, `printable`, `formats` |
 //! | [`diff`] | the differences between two drawings, as text | `geometry`, `printable` |
 //! | [`report`] | the report of one job, in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
 //! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |

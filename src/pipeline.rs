@@ -34,6 +34,7 @@ use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
+use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::{Form, Primitive};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
@@ -49,9 +50,11 @@ mod causes;
 mod checks;
 mod evaluate;
 mod preview;
+mod on_part;
 mod progress;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use scan::surface_of;
 
@@ -90,6 +93,10 @@ pub struct LearnedPart {
     pub key: CacheKey,
     /// Whether it was loaded from the cache.
     pub from_cache: bool,
+    /// The settings that it was fitted with.
+    pub settings: PartSettings,
+    /// The part's mesh for pictures, if it was read just now; otherwise the cache may have it.
+    pub mesh: Option<PictureMesh>,
     /// Notices, in addition to those in the facts of the file.
     pub notices: Vec<Notice>,
     /// The times of the stages.
@@ -111,6 +118,8 @@ pub struct Corrected {
     /// The content of the preview, if requested; [`svg`](crate::preview::svg) draws it, which takes longer than all
     /// other stages.
     pub preview: Option<Preview>,
+    /// What [`Pipeline::on_part`] needs, if pictures were requested.
+    pub marked: Option<Marked>,
 }
 
 impl Corrected {
@@ -249,15 +258,12 @@ impl Pipeline {
                 cache.make_current(sku, &origin)?;
             }
             let kept = CachedSurface { origin, ..kept };
-            return Ok(LearnedPart { kept, key, from_cache: true, notices, timings: clock.laps });
+            self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
+            let settings = settings.clone();
+            let timings = clock.laps;
+            return Ok(LearnedPart { kept, key, from_cache: true, settings, mesh: None, notices, timings });
         }
-        let options = MeshOptions {
-            unit: settings.unit,
-            up: settings.up,
-            normals: settings.normals,
-            bridge: settings.bridge,
-            pace: self.pace,
-        };
+        let options = self.mesh_options(settings);
         steps.at(Step::Read);
         let mut reading =
             mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
@@ -270,13 +276,52 @@ impl Pipeline {
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
+        let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, on_part::MAX_TRIANGLES));
         if let Some(cache) = &self.cache {
             steps.at(Step::Keep);
-            cache.keep(sku, &key, &kept)?;
+            cache.keep(sku, &key, &kept, mesh.as_ref())?;
             cache.make_current(sku, &kept.origin)?;
             clock.lap("keep surface");
         }
-        Ok(LearnedPart { kept, key, from_cache: false, notices, timings: clock.laps })
+        let settings = settings.clone();
+        Ok(LearnedPart { kept, key, from_cache: false, settings, mesh, notices, timings: clock.laps })
+    }
+
+    fn mesh_options(&self, settings: &PartSettings) -> MeshOptions {
+        MeshOptions {
+            unit: settings.unit,
+            up: settings.up,
+            normals: settings.normals,
+            bridge: settings.bridge,
+            pace: self.pace,
+        }
+    }
+
+    /// Keeps the mesh for pictures of a part whose surface was kept without it, by an older version. Without the mesh,
+    /// pictures are less complete, so nothing fails here.
+    fn complete_mesh(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        format: MeshFormat,
+        key: &CacheKey,
+        facts: &PartFacts,
+        settings: &PartSettings,
+    ) {
+        let Some(cache) = self.cache.as_ref().filter(|cache| !cache.has_picture_mesh(sku, key)) else {
+            return;
+        };
+        // A scan has no triangles.
+        if facts.triangles == 0 {
+            return;
+        }
+        let reading = mesh::read(&part.bytes, format, &self.mesh_options(settings), &part.siblings);
+        if let Some(mesh) = reading.ok().as_ref().and_then(|reading| reading.shape.mesh())
+            && let Err(error) =
+                cache.keep_picture_mesh(sku, key, &PictureMesh::of(mesh, on_part::MAX_TRIANGLES))
+        {
+            tracing::warn!("the mesh of {sku} for pictures cannot be kept: {error}");
+        }
     }
 
     /// The cached surface of a SKU under these settings; `None` if the part must be read (again). A damaged cache
@@ -307,7 +352,7 @@ impl Pipeline {
                 clock.lap("sample and fit");
                 // The SKU's current part is kept for the case that the sizes are removed from the settings again.
                 if let Some(cache) = &self.cache {
-                    cache.keep(sku, &key, &kept)?;
+                    cache.keep(sku, &key, &kept, None)?;
                     clock.lap("keep surface");
                 }
                 Some(kept)
@@ -315,7 +360,10 @@ impl Pipeline {
             (kept, _) => kept,
         };
         let timings = clock.laps;
-        Ok(kept.map(|kept| LearnedPart { kept, key, from_cache, notices: Vec::new(), timings }))
+        let settings = settings.clone();
+        let learned =
+            |kept| LearnedPart { kept, key, from_cache, settings, mesh: None, notices: Vec::new(), timings };
+        Ok(kept.map(learned))
     }
 
     /// The current part of the SKU, from a file or given by its sizes; `None` for an unknown SKU.
@@ -376,7 +424,7 @@ impl Pipeline {
         learned: &LearnedPart,
         input: PatternInput<'_>,
         settings: &JobSettings,
-        with_preview: bool,
+        with_pictures: bool,
     ) -> Result<Corrected, PipelineError> {
         let mut clock = Clock::start();
         let part = &learned.kept;
@@ -432,14 +480,14 @@ impl Pipeline {
         clock.lap("write");
 
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
-        let preview = with_preview.then(|| {
+        let preview = with_pictures.then(|| {
             steps.at(Step::Preview);
             let title = format!("{sku} · {} · {}", input.name, map_report.method());
             let distortions = (before.as_ref(), &after);
             let residual = exposure.max_difference;
             preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, residual)
         });
-        if with_preview {
+        if with_pictures {
             clock.lap("prepare preview");
         }
         notices.extend(learned.kept.facts.notices.iter().cloned());
@@ -478,7 +526,16 @@ impl Pipeline {
             notices,
             timings,
         };
-        Ok(Corrected { dxf, drawing, profile, report, preview })
+        let marked = with_pictures.then(|| Marked {
+            sku: sku.clone(),
+            drawing: input.name.to_owned(),
+            drawn_range: preview::before_range(before.as_ref(), &ink, surface),
+            mark_range: after.stretch_range,
+            length: after.length,
+            ink: placed.with_layers(is_ink),
+            map,
+        });
+        Ok(Corrected { dxf, drawing, profile, report, preview, marked })
     }
 }
 

@@ -21,7 +21,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("config", &["geometry", "reason", "formats"]),
     ("files", &[]),
     ("cache", &["geometry", "formats", "config", "files"]),
-    ("preview", &["geometry", "printable"]),
+    ("preview", &["geometry", "printable", "formats"]),
     ("diff", &["geometry", "printable"]),
     ("report", &["geometry", "printable", "reason", "formats", "cache", "diff"]),
     ("pipeline", &["geometry", "reason", "formats", "config", "cache", "preview", "diff", "report"]),

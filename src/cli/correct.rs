@@ -12,9 +12,12 @@ use crate::config::Overrides;
 use crate::files::read_if_there;
 use crate::formats::pattern::is_dxf;
 use crate::pipeline::PatternInput;
-use crate::preview;
+use crate::preview::{self, PartSource};
 
 const CORRECTION: &str = "Correction";
+/// What an operator does about a picture without the part's own mesh.
+const WITHOUT_MESH: &str = "`--on-part` shows only the side that faces the laser, because the part's mesh is not kept: name the \
+     part before the drawing";
 
 #[derive(Debug, Args)]
 #[command(
@@ -51,6 +54,10 @@ pub(super) struct CorrectArguments {
     /// Draws the part with the drawing before and after; any browser shows it.
     #[arg(long, value_name = "FILE.svg")]
     preview: Option<PathBuf>,
+    /// Writes the part with the mark on it in three dimensions, for CAD, Blender and browsers; lines have the colours of
+    /// the preview.
+    #[arg(long, value_name = "FILE.glb")]
+    on_part: Option<PathBuf>,
     /// Prints the report, or the reason of a refusal, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
@@ -61,22 +68,24 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--out", Some(&arguments.out)),
         ("--report", arguments.report.as_ref()),
         ("--preview", arguments.preview.as_ref()),
+        ("--on-part", arguments.on_part.as_ref()),
     ];
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
     apart(&arguments.job.files(), &written)?;
-    if let Some(preview) = &arguments.preview
-        && !preview.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"))
-    {
-        let what =
-            format!("`--preview` writes an SVG picture, and {} has another ending.", preview.display());
-        return Err(Failure::usage(what, "Give the file the ending .svg."));
+    let pictures = [
+        ("--preview", arguments.preview.as_ref(), "svg", "an SVG picture"),
+        ("--on-part", arguments.on_part.as_ref(), "glb", "a binary glTF file"),
+    ];
+    for (option, file, ending, kind) in pictures {
+        check_ending(option, file, ending, kind)?;
     }
     let previous = replaced(&arguments.out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
+    let with_pictures = arguments.preview.is_some() || arguments.on_part.is_some();
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
-    let mut corrected = pipeline.correct(sku, learned, input, settings, arguments.preview.is_some())?;
+    let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
     let dxf = std::mem::take(&mut corrected.dxf);
     if corrected.is_to_be_read_back(*verify) {
@@ -91,11 +100,32 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     if let (Some(path), Some(picture)) = (&arguments.preview, &corrected.preview) {
         write_file(path, preview::svg(picture).as_bytes())?;
     }
+    let mut shows_heights = false;
+    if let (Some(path), Some(marked)) = (&arguments.on_part, &corrected.marked) {
+        let picture = pipeline.on_part(learned, marked);
+        write_file(path, &preview::glb(&picture))?;
+        shows_heights = picture.part_source == PartSource::Heights && learned.kept.facts.scan.is_none();
+    }
     if arguments.json {
         print_json(&json);
     }
     tell(&corrected.report.summary_replacing(&name_of(&arguments.out)?));
+    if shows_heights {
+        tell(WITHOUT_MESH);
+    }
     Ok(())
+}
+
+/// Refuses a picture whose name has the ending of another kind of file.
+fn check_ending(option: &str, file: Option<&PathBuf>, ending: &str, kind: &str) -> Outcome {
+    let has_it = |file: &&PathBuf| file.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+    match file.filter(|file| !has_it(file)) {
+        None => Ok(()),
+        Some(file) => Err(Failure::usage(
+            format!("`{option}` writes {kind}, and {} has another ending.", file.display()),
+            format!("Give the file the ending .{ending}."),
+        )),
+    }
 }
 
 /// The drawing that the corrected one replaces, if any. Refuses to replace a file that is not a drawing; an empty file

@@ -21,3 +21,4 @@ impl Pace {
 pub mod mesh;
 pub mod pattern;
 pub mod surface;
+pub mod scene;

@@ -15,28 +15,34 @@ pub(super) const NONE: u32 = u32::MAX;
 /// For each position, the number of its place, from 0 in the order of first appearance; positions in one weld cell
 /// share a place.
 pub(super) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
-    let cell = |position: &Point3<f64>| position.coords.map(|value| (value / WELD_DISTANCE).round() as i64);
-    // Open addressing with at most half of the slots used; each slot holds the first position of its place.
-    let slots = (positions.len() * 2).next_power_of_two();
+    numbered(positions.len(), |index| {
+        positions[index].coords.map(|value| (value / WELD_DISTANCE).round() as i64).into()
+    })
+}
+
+/// For each of `count` items, the number of its key, from 0 in the order of first appearance.
+pub(super) fn numbered(count: usize, key: impl Fn(usize) -> [i64; 3]) -> Vec<u32> {
+    // Open addressing with at most half of the slots used; each slot holds the first item with its key.
+    let slots = (count * 2).next_power_of_two();
     let mut first = vec![NONE; slots];
-    let mut places = vec![0; positions.len()];
-    let mut count = 0;
-    for (index, position) in positions.iter().enumerate() {
-        let here = cell(position);
-        let mixed = hash([here.x, here.y, here.z].map(|value| value as u64));
+    let mut numbers = vec![0; count];
+    let mut next = 0;
+    for index in 0..count {
+        let here = key(index);
+        let mixed = hash(here.map(|value| value as u64));
         let mut slot = (mixed >> 20) as usize & (slots - 1);
-        while first[slot] != NONE && cell(&positions[first[slot] as usize]) != here {
+        while first[slot] != NONE && key(first[slot] as usize) != here {
             slot = (slot + 1) & (slots - 1);
         }
         if first[slot] == NONE {
             first[slot] = index as u32;
-            places[index] = count;
-            count += 1;
+            numbers[index] = next;
+            next += 1;
         } else {
-            places[index] = places[first[slot] as usize];
+            numbers[index] = numbers[first[slot] as usize];
         }
     }
-    places
+    numbers
 }
 
 /// A hash of three numbers, well mixed in its upper bits (Fibonacci hashing: D. E. Knuth, The Art of Computer

@@ -25,4 +25,6 @@ pub mod primitive;
 pub mod marking;
 pub mod optics;
 pub mod correction;
+pub mod rims;
+pub mod picture_mesh;
 pub mod shapes;

@@ -380,6 +380,14 @@ impl Pattern {
         Extents::of(self.paths.iter().flat_map(|path| path.shape.flattened(1e-3)).map(FlatPoint::coords))
     }
 
+    /// The paths on layers for which `is_kept` is true, given the layer's name.
+    #[must_use]
+    pub fn with_layers(mut self, is_kept: impl Fn(&str) -> bool) -> Self {
+        let kept: Vec<bool> = self.layers.iter().map(|layer| is_kept(&layer.name)).collect();
+        self.paths.retain(|path| kept.get(path.layer).is_some_and(|kept| *kept));
+        self
+    }
+
     /// The image under an affine map.
     pub fn transformed(&self, map: &Affine) -> Self {
         let all = |segments: &[Segment]| segments.iter().map(|segment| segment.transformed(map)).collect();

@@ -59,6 +59,11 @@ impl Primitive {
         self.axis
     }
 
+    /// The middle of the axis, mm, in the view.
+    pub fn middle(&self) -> Point3<f64> {
+        self.middle
+    }
+
     /// Change of the radius per length along the axis.
     fn taper(&self) -> f64 {
         (self.end_diameter - self.start_diameter) / (2.0 * self.length)

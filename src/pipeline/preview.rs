@@ -1,5 +1,7 @@
 //! The preview of a job: the part, the drawing before and after the correction, and the stretch of every line.
 
+use nalgebra::Point3;
+
 use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Ink, stations};
@@ -12,6 +14,11 @@ use crate::preview::{HeightPicture, Preview, PreviewPath};
 const PIECE: f64 = 0.5;
 const MAX_PIECES: f64 = 40_000.0;
 
+/// The length of the pieces in which lines of this length are shown, mm.
+pub(super) fn piece(length: f64) -> f64 {
+    PIECE.max(length / MAX_PIECES)
+}
+
 pub(super) fn preview(
     title: String,
     (placed, ink): (&Pattern, &Ink),
@@ -21,7 +28,7 @@ pub(super) fn preview(
     (before, after): (Option<&Distortion>, &Distortion),
     residual_under_ink: f64,
 ) -> Preview {
-    let piece = PIECE.max(after.length / MAX_PIECES);
+    let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
     // The field is given in the laser's frame, and the preview shows the view. Without a rotation, the two differ
     // only by a shift.
@@ -50,21 +57,30 @@ pub(super) fn preview(
             residual.rms, residual.max, residual.at.x, residual.at.y
         ),
     ));
-    // If a part of the drawing is outside the part, there are no results for the whole, but a range for the rest.
     let plain = |at: FlatPoint| ViewPoint::from(at.coords());
-    let before_range = match before {
-        Some(before) => Some(before.stretch_range),
-        None => quality::stretch_range(ink, plain, |at| surface.sampled_height(at)),
-    };
     Preview {
         title,
         part_outline: relief(surface, settings.correction.tolerance),
         before: lines(&plain),
         after: lines(&|at| map.point(at)),
-        before_range,
+        before_range: before_range(before, ink, surface),
         after_range: Some(after.stretch_range),
         field,
         summary,
+    }
+}
+
+/// Smallest and largest stretch without a correction. If a part of the drawing is outside the part, there are no results for
+/// the whole, but a range for the rest.
+pub(super) fn before_range(
+    before: Option<&Distortion>,
+    ink: &Ink,
+    surface: &FittedSurface,
+) -> Option<[f64; 2]> {
+    let plain = |at: FlatPoint| ViewPoint::from(at.coords());
+    match before {
+        Some(before) => Some(before.stretch_range),
+        None => quality::stretch_range(ink, plain, |at| surface.sampled_height(at)),
     }
 }
 
@@ -96,28 +112,34 @@ fn paths(
 ) -> Vec<PreviewPath> {
     let lift = |flat: FlatPoint| {
         let seen = map(flat);
-        let height = surface.sampled_height(seen).unwrap_or(f64::NAN);
-        nalgebra::Point3::new(seen.x, seen.y, height)
+        Point3::new(seen.x, seen.y, surface.sampled_height(seen).unwrap_or(f64::NAN))
     };
-    let path = |shape: &Shape| {
-        if let Shape::Dot(point) = shape {
-            return PreviewPath { points: vec![map(*point).coords().into()], ..PreviewPath::default() };
-        }
-        let stations = stations(shape, piece);
-        let lifted: Vec<_> = stations.iter().map(|flat| lift(*flat)).collect();
-        let mut points: Vec<[f64; 2]> = lifted.iter().map(|point| [point.x, point.y]).collect();
-        let both = stations.windows(2).zip(lifted.windows(2));
-        let stretch: Vec<f64> =
-            both.map(|(flat, on)| (on[1] - on[0]).norm() / flat[0].distance(flat[1]) - 1.0).collect();
-        if stretch.is_empty() {
-            return PreviewPath { points, ..PreviewPath::default() };
-        }
-        let closed = shape.is_closed();
-        points.pop();
-        if let Some(end) = shape.segments().last().map(Segment::end).filter(|_| !closed) {
-            points.push(map(end).coords().into());
-        }
-        PreviewPath { points, closed, stretch }
+    let seen = |path: PreviewPath<3>| PreviewPath {
+        points: path.points.iter().map(|[x, y, _]| [*x, *y]).collect(),
+        closed: path.closed,
+        stretch: path.stretch,
     };
-    placed.paths.iter().map(|placed| path(&placed.shape)).collect()
+    placed.paths.iter().map(|placed| seen(lifted(&placed.shape, piece, &lift))).collect()
+}
+
+/// A shape on the part, in pieces of at most `piece` mm with their stretch; `lift` gives the image of a point of the drawing.
+pub(super) fn lifted(shape: &Shape, piece: f64, lift: &dyn Fn(FlatPoint) -> Point3<f64>) -> PreviewPath<3> {
+    if let Shape::Dot(point) = shape {
+        return PreviewPath { points: vec![lift(*point).coords.into()], ..PreviewPath::default() };
+    }
+    let stations = stations(shape, piece);
+    let images: Vec<_> = stations.iter().map(|flat| lift(*flat)).collect();
+    let mut points: Vec<[f64; 3]> = images.iter().map(|point| point.coords.into()).collect();
+    let both = stations.windows(2).zip(images.windows(2));
+    let stretch: Vec<f64> =
+        both.map(|(flat, on)| (on[1] - on[0]).norm() / flat[0].distance(flat[1]) - 1.0).collect();
+    if stretch.is_empty() {
+        return PreviewPath { points, ..PreviewPath::default() };
+    }
+    let closed = shape.is_closed();
+    points.pop();
+    if let Some(end) = shape.segments().last().map(Segment::end).filter(|_| !closed) {
+        points.push(lift(end).coords.into());
+    }
+    PreviewPath { points, closed, stretch }
 }

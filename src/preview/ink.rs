@@ -15,13 +15,13 @@ const MAX_COORDINATE: f64 = 1e6;
 
 /// A connected line with the stretch of each segment: there is one more point than stretches. A dot has one point.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Line {
-    pub(super) points: Vec<[f64; 2]>,
+pub(super) struct Line<const AXES: usize = 2> {
+    pub(super) points: Vec<[f64; AXES]>,
     pub(super) stretch: Vec<f64>,
 }
 
 /// The paths as connected lines, split where a coordinate is not finite; missing stretches are unknown.
-pub(super) fn lines(paths: &[PreviewPath]) -> Vec<Line> {
+pub(super) fn lines<const AXES: usize>(paths: &[PreviewPath<AXES>]) -> Vec<Line<AXES>> {
     let mut lines = Vec::new();
     for path in paths {
         let closing = path.points.first().filter(|first| path.closed && path.points.last() != Some(first));
@@ -43,7 +43,7 @@ pub(super) fn lines(paths: &[PreviewPath]) -> Vec<Line> {
 }
 
 /// Length in mm and stretch of every segment.
-pub(super) fn weighted(lines: &[Line]) -> impl Iterator<Item = (f64, f64)> {
+pub(super) fn weighted<const AXES: usize>(lines: &[Line<AXES>]) -> impl Iterator<Item = (f64, f64)> {
     lines.iter().flat_map(|line| {
         line.points
             .windows(2)
@@ -55,7 +55,7 @@ pub(super) fn weighted(lines: &[Line]) -> impl Iterator<Item = (f64, f64)> {
 /// One path of SVG data for each colour, with the runs of consecutive segments in that colour.
 pub(super) fn runs(lines: &[Line], scale: &StretchScale) -> BTreeMap<Shade, PathData> {
     let mut runs: BTreeMap<Shade, PathData> = BTreeMap::new();
-    for line in thinned(lines).iter() {
+    for line in thinned(lines, MAX_SEGMENTS).iter() {
         if line.stretch.is_empty() {
             runs.entry(Some(0)).or_default().polyline(&line.points);
         }
@@ -74,22 +74,22 @@ pub(super) fn runs(lines: &[Line], scale: &StretchScale) -> BTreeMap<Shade, Path
 /// All lines in one path of SVG data, without colour.
 pub(super) fn outline(lines: &[Line]) -> PathData {
     let mut outline = PathData::default();
-    thinned(lines).iter().for_each(|line| outline.polyline(&line.points));
+    thinned(lines, MAX_SEGMENTS).iter().for_each(|line| outline.polyline(&line.points));
     outline
 }
 
-/// The lines with neighbouring segments joined until at most [`MAX_SEGMENTS`] are left.
-fn thinned(lines: &[Line]) -> Cow<'_, [Line]> {
-    let segments = |lines: &[Line]| lines.iter().map(|line| line.stretch.len().max(1)).sum::<usize>();
-    if segments(lines) <= MAX_SEGMENTS {
+/// The lines with neighbouring segments joined until at most `most` are left.
+pub(super) fn thinned<const AXES: usize>(lines: &[Line<AXES>], most: usize) -> Cow<'_, [Line<AXES>]> {
+    let segments = |lines: &[Line<AXES>]| lines.iter().map(|line| line.stretch.len().max(1)).sum::<usize>();
+    if segments(lines) <= most {
         return Cow::Borrowed(lines);
     }
     let total_length = weighted(lines).map(|(length, _)| length).sum::<f64>();
     // Joining has an effect from chords of the total length divided by the number of segments; dots have no length.
-    let mut chord = (total_length / MAX_SEGMENTS as f64).max(1e-4);
+    let mut chord = (total_length / most as f64).max(1e-4);
     loop {
         let joined = joined(lines, chord);
-        if segments(&joined) <= MAX_SEGMENTS {
+        if segments(&joined) <= most {
             return Cow::Owned(joined);
         }
         chord *= 2.0;
@@ -97,7 +97,7 @@ fn thinned(lines: &[Line]) -> Cow<'_, [Line]> {
 }
 
 /// The lines with segments of at least `chord` mm; short lines at the same place are drawn once.
-fn joined(lines: &[Line], chord: f64) -> Vec<Line> {
+fn joined<const AXES: usize>(lines: &[Line<AXES>], chord: f64) -> Vec<Line<AXES>> {
     let mut seen = BTreeSet::new();
     let mut joined = Vec::new();
     for line in lines {
@@ -124,8 +124,8 @@ fn joined(lines: &[Line], chord: f64) -> Vec<Line> {
     joined
 }
 
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
+fn distance<const AXES: usize>(a: [f64; AXES], b: [f64; AXES]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (b - a) * (b - a)).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]
@@ -171,7 +171,7 @@ mod tests {
         let dots = (0..300_000).map(|index| path(vec![spiral(index)], false, Vec::new()));
         for paths in [vec![one], dots.collect()] {
             let all = lines(&paths);
-            let lines = thinned(&all);
+            let lines = thinned(&all, MAX_SEGMENTS);
             let segments: usize = lines.iter().map(|line| line.stretch.len().max(1)).sum();
             assert!(segments <= MAX_SEGMENTS && segments > MAX_SEGMENTS / 20, "{segments}");
             assert!(weighted(&lines).all(|(_, stretch)| (stretch - 0.05).abs() < 1e-9));

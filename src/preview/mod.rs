@@ -1,5 +1,6 @@
-//! The preview of a job: the part as the laser sees it, and on it the lines before and after the correction.
+//! The pictures of a job: the part as the laser sees it, and on it the lines before and after the correction.
 //!
+//! [`glb`] writes the part and the mark in three dimensions, [`svg`] a flat preview.
 //! [`svg`] turns values into text; it opens no file and measures nothing. Two panels side by side show the pattern,
 //! an inset shows the whole part, and colours show how much longer or shorter each line is on the part than in the
 //! drawing. The same preview gives the same bytes.
@@ -18,10 +19,12 @@ mod page;
 mod stretch_scale;
 mod ink;
 mod relief;
+mod on_part;
 
 use crate::geometry::space::Extents;
 
 pub use layout::{svg, svg_on};
+pub use on_part::{InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
 pub use relief::Backdrop;
 
 /// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.
@@ -65,11 +68,11 @@ pub struct HeightPicture {
     pub residual_limit: f64,
 }
 
-/// A line of the picture.
+/// A line of the picture: in the view (two coordinates), or on the part (three).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct PreviewPath {
+pub struct PreviewPath<const AXES: usize = 2> {
     /// Its points, mm; a single one is a dot, and a contour does not repeat the first.
-    pub points: Vec<[f64; 2]>,
+    pub points: Vec<[f64; AXES]>,
     /// Whether the line returns to its first point.
     pub closed: bool,
     /// Stretch of each segment: length on the part divided by length in the drawing, minus 1. Segments without a finite
@@ -78,6 +81,6 @@ pub struct PreviewPath {
 }
 
 /// The cell of a square grid that contains a point, for joining points that a picture cannot resolve.
-fn grid_cell(point: [f64; 2], size: f64) -> [i64; 2] {
+fn grid_cell<const AXES: usize>(point: [f64; AXES], size: f64) -> [i64; AXES] {
     point.map(|coordinate| (coordinate / size).floor() as i64)
 }

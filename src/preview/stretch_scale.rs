@@ -66,16 +66,21 @@ impl StretchScale {
 
 /// The colour of a step, as `#rrggbb`.
 pub(super) fn color(shade: Shade) -> String {
+    let [red, green, blue] = rgb(shade);
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+/// The colour of a step: red, green and blue of sRGB.
+pub(super) fn rgb(shade: Shade) -> [u8; 3] {
     const CORRECT: [f64; 3] = [17.0, 24.0, 39.0];
     const SHORTER: [[f64; 3]; 3] = [CORRECT, [29.0, 78.0, 216.0], [56.0, 189.0, 248.0]];
     const LONGER: [[f64; 3]; 3] = [CORRECT, [190.0, 62.0, 8.0], [251.0, 146.0, 20.0]];
-    let Some(step) = shade else { return "#a3a3a3".to_owned() };
+    let Some(step) = shade else { return [0xa3; 3] };
     let [dark, middle, end] = if step < 0 { SHORTER } else { LONGER };
     // In the darkest third of a linear ramp no colour is visible; the exponent makes the colour start earlier.
     let along = (f64::from(step.abs()) / f64::from(STEPS)).powf(0.7) * 2.0;
     let (from, to, t) = if along <= 1.0 { (dark, middle, along) } else { (middle, end, along - 1.0) };
-    let [red, green, blue] = [0, 1, 2].map(|channel| from[channel] + (to[channel] - from[channel]) * t);
-    format!("#{:02x}{:02x}{:02x}", red.round() as u8, green.round() as u8, blue.round() as u8)
+    [0, 1, 2].map(|channel| (from[channel] + (to[channel] - from[channel]) * t).round() as u8)
 }
 
 /// A stretch as text: sign, a number with enough decimals, and unit.

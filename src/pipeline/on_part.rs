@@ -1,0 +1,129 @@
+//! The mark on the part: from a corrected drawing to the picture in three dimensions.
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::preview::{lifted, piece};
+use super::{LearnedPart, Pipeline, program};
+use crate::config::{PartSettings, Sku};
+use crate::geometry::mapping::LengthTrueMap;
+use crate::geometry::pattern::{Pattern, Segment, Shape};
+use crate::geometry::picture_mesh::PictureMesh;
+use crate::geometry::rims::rims;
+use crate::geometry::space::{FlatPoint, View, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
+use crate::preview::{LIFT, OnPart, PartSource, PreviewPath};
+
+/// Largest number of triangles of the part in a picture: with their vertices about half a megabyte.
+pub(super) const MAX_TRIANGLES: usize = 30_000;
+/// Largest number of points of the surface's borders.
+const MAX_RIM_POINTS: usize = 20_000;
+/// Length of the line that shows a dot, mm: a line needs two points.
+const DOT: f64 = 0.1;
+
+/// A placed drawing and its map. The picture on the part is made from it, after the drawing was delivered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marked {
+    pub(super) sku: Sku,
+    pub(super) drawing: String,
+    /// The placed paths on ink layers.
+    pub(super) ink: Pattern,
+    pub(super) map: LengthTrueMap,
+    /// Length of all lines as drawn, mm.
+    pub(super) length: f64,
+    pub(super) drawn_range: Option<[f64; 2]>,
+    pub(super) mark_range: [f64; 2],
+}
+
+impl Pipeline {
+    /// The picture of a corrected drawing on its part. The part's mesh is that of the file, as the cache keeps it; without
+    /// it, the picture shows the side that faces the laser ([`PartSource::Heights`]).
+    #[must_use]
+    pub fn on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
+        let surface = &learned.kept.surface;
+        let view = view_of(&learned.settings);
+        let (part_source, part) = self.part_for_picture(learned, marked, &view);
+        let height = |at: ViewPoint| surface.nurbs.height(at) + surface.difference(at);
+        let mark = lines(marked, surface, &view, |flat| {
+            let at = marked.map.point(flat);
+            Point3::new(at.x, at.y, height(at))
+        });
+        let drawn = lines(marked, surface, &view, |flat| {
+            let at = ViewPoint::from(flat.coords());
+            Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
+        });
+        let in_part = |ring: Vec<Point3<f64>>| ring.into_iter().map(|point| view.part_point(point)).collect();
+        OnPart {
+            sku: marked.sku.to_string(),
+            drawing: marked.drawing.clone(),
+            program: program(),
+            part_file: learned.kept.origin.file.clone(),
+            part,
+            part_source,
+            view,
+            drawn,
+            mark,
+            ink: None,
+            rims: rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect(),
+            drawn_range: marked.drawn_range,
+            mark_range: Some(marked.mark_range),
+        }
+    }
+
+    fn part_for_picture(
+        &self,
+        learned: &LearnedPart,
+        marked: &Marked,
+        view: &View,
+    ) -> (PartSource, PictureMesh) {
+        if let Some(primitive) = &learned.settings.primitive {
+            return (PartSource::Sizes, PictureMesh::of_primitive(primitive));
+        }
+        let kept = || self.cache.as_ref()?.picture_mesh(&marked.sku, &learned.key);
+        match learned.mesh.clone().or_else(kept) {
+            Some(mesh) => (PartSource::File, mesh),
+            None => {
+                let field = &learned.kept.surface.field;
+                (PartSource::Heights, PictureMesh::of_heights(field, view, MAX_TRIANGLES))
+            }
+        }
+    }
+}
+
+/// How the laser sees a part. The sizes of a primitive are given in the view.
+fn view_of(settings: &PartSettings) -> View {
+    match settings.primitive {
+        Some(_) => View::top(),
+        None => View::new(settings.facing, settings.roll),
+    }
+}
+
+/// The lines of the ink on the part, lifted; `image` maps the drawing to the view.
+fn lines(
+    marked: &Marked,
+    surface: &FittedSurface,
+    view: &View,
+    image: impl Fn(FlatPoint) -> Point3<f64>,
+) -> Vec<PreviewPath<3>> {
+    let piece = piece(marked.length);
+    let line = |shape: &Shape| {
+        let mut path = match shape {
+            Shape::Dot(at) => {
+                let half = Vector2::new(DOT / 2.0, 0.0);
+                let line = Segment::Line { from: *at + -half, to: *at + half };
+                lifted(&Shape::Open(vec![line]), piece, &image)
+            }
+            shape => lifted(shape, piece, &image),
+        };
+        for point in &mut path.points {
+            *point = view.part_point(raised(surface, Point3::from(*point), LIFT)).coords.into();
+        }
+        path
+    };
+    marked.ink.paths.iter().map(|path| line(&path.shape)).collect()
+}
+
+/// A point of the surface, moved towards the outside by `distance` mm.
+fn raised(surface: &FittedSurface, point: Point3<f64>, distance: f64) -> Point3<f64> {
+    let gradient = surface.jet(ViewPoint::new(point.x, point.y)).gradient;
+    point + Vector3::new(-gradient.x, -gradient.y, 1.0).normalize() * distance
+}
