@@ -62,7 +62,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("image", &["formats"]),
     ("ttf_parser", &["formats"]),
     ("encoding_rs", &["formats"]),
-    ("i_overlay", &["formats"]),
+    ("i_overlay", &["formats", "geometry"]),
+    ("i_triangle", &["geometry"]),
     ("oem_cp", &["formats"]),
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),
@@ -95,6 +96,8 @@ const HOMES: &[(&str, &[&str])] = &[
 const GEOMETRY_MAY_USE: &[&str] = &[
     "nalgebra",
     "faer",
+    "i_overlay",
+    "i_triangle",
     "thiserror",
     "std::array",
     "std::cmp",

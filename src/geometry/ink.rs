@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector2;
 
 use super::contour::Drawn;
-use super::pattern::{Pattern, Segment, Shape};
+use super::pattern::{Path, Pattern, Segment, Shape};
 use super::space::{Extents, FlatPoint};
 
 /// Pieces shorter than this, mm, are joined to a neighbour, because their stretch cannot be measured. It is far above
@@ -63,10 +63,8 @@ impl Ink {
     /// counts once. A fill (HATCH, SOLID) is a separate region. An area covered by several regions counts once.
     pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
-        let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
-        let is_ink = |layer: usize| pattern.layers.get(layer).is_some_and(|layer| is_marked(&layer.name));
-        let inked = || pattern.paths.iter().filter(|path| is_ink(path.layer));
-        let (mut extents, mut length, mut outlines) = (Extents::EMPTY, 0.0, BTreeSet::new());
+        let inked = || inked(pattern, &is_marked);
+        let (mut extents, mut length) = (Extents::EMPTY, 0.0);
         for segment in inked().flat_map(|path| path.shape.segments()) {
             length += chords(segment, segment.steps(FINE), |point| extents.include(point.coords()));
         }
@@ -78,13 +76,8 @@ impl Ink {
             }
             let stations = stations(&path.shape, piece);
             pieces.extend(stations.windows(2).map(|ends| Piece { from: ends[0], to: ends[1] }));
-            // A second, identical outline would turn the area of the first one into a hole.
-            if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path))))
-            {
-                let group = contours.entry((path.layer, path.region)).or_default();
-                group.push(path.shape.flattened(side / 40.0));
-            }
         }
+        let contours = contours(pattern, &is_marked, side / 40.0);
         if pieces.len() > MAX_SHORT_PIECES {
             join_consecutive(&mut pieces, piece);
         }
@@ -104,6 +97,31 @@ impl Ink {
     pub fn area(&self) -> f64 {
         self.squares.len() as f64 * self.side * self.side
     }
+}
+
+/// The paths on layers for which `is_marked` is true.
+fn inked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> impl Iterator<Item = &Path> {
+    let is_ink: Vec<bool> = pattern.layers.iter().map(|layer| is_marked(&layer.name)).collect();
+    pattern.paths.iter().filter(move |path| is_ink.get(path.layer).is_some_and(|is_ink| *is_ink))
+}
+
+/// The contours that bound the inked area, by layer and fill: those of one layer and of one fill together, by the even-odd
+/// rule. Their points are within `tolerance` mm of them.
+pub(super) fn contours(
+    pattern: &Pattern,
+    is_marked: impl Fn(&str) -> bool,
+    tolerance: f64,
+) -> BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> {
+    let mut contours: BTreeMap<_, Vec<Vec<FlatPoint>>> = BTreeMap::new();
+    let mut outlines = BTreeSet::new();
+    for path in inked(pattern, is_marked) {
+        // A second, identical outline would turn the area of the first one into a hole.
+        if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path)))) {
+            let group = contours.entry((path.layer, path.region)).or_default();
+            group.push(path.shape.flattened(tolerance));
+        }
+    }
+    contours
 }
 
 /// Chord tolerance for measuring lengths, mm.

@@ -20,6 +20,7 @@ pub mod surface;
 pub mod pattern;
 pub mod contour;
 pub mod ink;
+pub mod ink_mesh;
 pub mod mapping;
 pub mod primitive;
 pub mod marking;

@@ -103,8 +103,32 @@ pub struct PartLearned {
     pub report: Option<Vec<u8>>,
 }
 
-/// A preview that is drawn later.
+/// A picture that is drawn later.
 pub type Sketch = Box<dyn FnOnce() -> Vec<u8> + Send>;
+
+/// The kind of a picture of a delivered drawing, each with its file in the reports folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PictureKind {
+    /// The flat preview, SVG.
+    Preview,
+    /// The part with the mark on it, binary glTF.
+    OnPart,
+}
+
+impl PictureKind {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Preview, Self::OnPart];
+
+    /// What follows the drawing's name in the name of the file.
+    #[must_use]
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Preview => "preview.svg",
+            Self::OnPart => "on-part.glb",
+        }
+    }
+}
 
 /// Compares the written file, read again from the disk, with the intended drawing. Returns the report, which then
 /// states that the check passed.
@@ -127,9 +151,9 @@ pub struct Delivery {
     pub report: Vec<u8>,
     /// The second reader, if there is one.
     pub check: Option<Check>,
-    /// The preview as SVG, for the reports folder. It is drawn after the delivery, because drawing takes longer than
-    /// the correction.
-    pub preview: Option<Sketch>,
+    /// The pictures for the reports folder, at most one of each kind. They are drawn after the delivery, because drawing
+    /// takes longer than the correction.
+    pub pictures: Vec<(PictureKind, Sketch)>,
     /// Width and height of the drawing in the field, mm, to compare with the size in the marking software.
     pub size: Option<[f64; 2]>,
     /// One line for the log.

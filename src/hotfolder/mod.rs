@@ -97,8 +97,8 @@ mod dispatcher;
 mod pipeline_corrector;
 
 pub use api::{
-    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, Pulse,
-    ReadBack, Sketch, Tally, Waiting, WaitsFor,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
+    PictureKind, Pulse, ReadBack, Sketch, Tally, Waiting, WaitsFor,
 };
 pub use dispatcher::run;
 pub use error::StationError;

@@ -9,10 +9,11 @@ use crate::formats::Pace;
 use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::hotfolder::api::{
-    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, Sketch,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PictureKind,
+    Sketch,
 };
 use crate::pipeline::{Corrected, LearnedPart, PatternInput, Pipeline, PipelineError};
-use crate::preview::{Backdrop, Preview, svg, svg_on};
+use crate::preview::{Backdrop, Preview, glb, svg, svg_on};
 use crate::reason::Reason;
 
 /// Number of surfaces that are kept in memory: successive drops are usually for few products.
@@ -177,11 +178,20 @@ impl Corrector for PipelineCorrector {
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
         let mut corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
-        let preview = corrected.preview.take();
+        let mut pictures: Vec<(PictureKind, Sketch)> = Vec::new();
+        if let Some(preview) = corrected.preview.take() {
+            let known = known.clone();
+            pictures.push((PictureKind::Preview, Box::new(move || known.draw(&preview).into_bytes())));
+        }
+        if let Some(marked) = corrected.marked.take() {
+            let pipeline = self.pipeline();
+            let draw = move || glb(&pipeline.on_part(&known.learned, &marked));
+            pictures.push((PictureKind::OnPart, Box::new(draw)));
+        }
         Ok(Delivery {
             drawing: std::mem::take(&mut corrected.dxf),
             report: report(&corrected)?,
-            preview: preview.map(|preview| -> Sketch { Box::new(move || known.draw(&preview).into_bytes()) }),
+            pictures,
             size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
             check: Some(Check {

@@ -5,18 +5,21 @@ use nalgebra::{Point3, Vector2, Vector3};
 use super::preview::{lifted, piece};
 use super::{LearnedPart, Pipeline, program};
 use crate::config::{PartSettings, Sku};
+use crate::geometry::ink_mesh::FlatMesh;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::{Pattern, Segment, Shape};
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::rims::rims;
 use crate::geometry::space::{FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
-use crate::preview::{LIFT, OnPart, PartSource, PreviewPath};
+use crate::preview::{InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
 /// Largest number of triangles of the part in a picture: with their vertices about half a megabyte.
 pub(super) const MAX_TRIANGLES: usize = 30_000;
 /// Largest number of points of the surface's borders.
 const MAX_RIM_POINTS: usize = 20_000;
+/// Largest number of points of filled regions, as drawn and on the part.
+const MAX_INK_POINTS: usize = 60_000;
 /// Length of the line that shows a dot, mm: a line needs two points.
 const DOT: f64 = 0.1;
 
@@ -43,10 +46,11 @@ impl Pipeline {
         let view = view_of(&learned.settings);
         let (part_source, part) = self.part_for_picture(learned, marked, &view);
         let height = |at: ViewPoint| surface.nurbs.height(at) + surface.difference(at);
-        let mark = lines(marked, surface, &view, |flat| {
+        let landing = |flat: FlatPoint| {
             let at = marked.map.point(flat);
             Point3::new(at.x, at.y, height(at))
-        });
+        };
+        let mark = lines(marked, surface, &view, landing);
         let drawn = lines(marked, surface, &view, |flat| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
@@ -62,7 +66,11 @@ impl Pipeline {
             view,
             drawn,
             mark,
-            ink: None,
+            ink: FlatMesh::of_ink(&marked.ink, MAX_INK_POINTS).map(|flat| {
+                let image = |flat| view.part_point(raised(surface, landing(flat), LIFT / 2.0));
+                let (positions, triangles) = flat.draped(image, MAX_INK_POINTS);
+                InkMesh { positions, triangles }
+            }),
             rims: rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect(),
             drawn_range: marked.drawn_range,
             mark_range: Some(marked.mark_range),

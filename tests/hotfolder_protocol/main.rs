@@ -15,7 +15,7 @@ use isomark::config::{JobSettings, LiveSettings, Sku, Station};
 use isomark::formats::Pace;
 use isomark::hotfolder::{
     self, Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
-    StationError, StopSignal, Tally,
+    PictureKind, StationError, StopSignal, Tally,
 };
 use isomark::reason::{Place, Reason};
 
@@ -135,7 +135,10 @@ impl Corrector for StandIn {
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         Ok(Delivery {
             report: report.into(),
-            preview: Some(Box::new(|| b"<svg/>".to_vec())),
+            pictures: vec![
+                (PictureKind::Preview, Box::new(|| b"<svg/>".to_vec())),
+                (PictureKind::OnPart, Box::new(|| b"glTF".to_vec())),
+            ],
             size: None,
             summary: "good".into(),
             check: drawing.contains("checked").then(|| Check {
@@ -315,9 +318,11 @@ fn a_part_and_its_patterns_in_any_order() {
         assert_eq!(
             files(&line.path("reports")),
             [
+                "can/can.dxf.on-part.glb",
                 "can/can.dxf.preview.svg",
                 "can/can.dxf.report.json",
                 "can/can.glb.report.json",
+                "can/can@date.dxf.on-part.glb",
                 "can/can@date.dxf.preview.svg",
                 "can/can@date.dxf.report.json"
             ]

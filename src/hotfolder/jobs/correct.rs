@@ -249,7 +249,7 @@ impl Before {
             job: self.result,
             certainty: self.certainty,
             delivery: Delivery::default(),
-            preview: None,
+            pictures: Vec::new(),
             import: self.import,
             asked: false,
         }
@@ -297,7 +297,7 @@ impl Correction<'_> {
         }
     }
 
-    /// Draws the preview, and returns the remaining steps. `import` is the state that an interrupted job left.
+    /// Draws the pictures, and returns the remaining steps. `import` is the state that an interrupted job left.
     fn unfiled(&self, how: How, mut made: Delivery, import: Option<Import>) -> Unfiled {
         let Ready { task, name, .. } = self.ready;
         (made.drawing, made.check) = (Vec::new(), None);
@@ -307,13 +307,15 @@ impl Correction<'_> {
             _ if task.station.delivery.kind == DeliveryKind::Folder => Import::ByFolder,
             _ => Import::Due,
         };
-        let preview = made.preview.take().and_then(|draw| {
-            let trouble =
-                |error: JobError| tracing::warn!("{name} has no preview: {}", error.into_reason().what);
-            guarded(|| Ok(draw())).map_err(trouble).ok()
+        let drawn = std::mem::take(&mut made.pictures).into_iter().filter_map(|(kind, draw)| {
+            let trouble = |error: JobError| {
+                tracing::warn!("{name} has no {}: {}", kind.ending(), error.into_reason().what);
+            };
+            guarded(|| Ok(draw())).map_err(trouble).ok().map(|picture| (kind, picture))
         });
+        let pictures = drawn.collect();
         let (job, certainty) = (self.result.clone(), how.certainty());
-        Unfiled { stamp: task.stamp, job, certainty, delivery: made, preview, import, asked: false }
+        Unfiled { stamp: task.stamp, job, certainty, delivery: made, pictures, import, asked: false }
     }
 }
 

@@ -3,7 +3,7 @@
 //! ```text
 //! import/<name>.dxf                       the corrected drawing, and never anything else
 //! reports/<sku>/<name>.report.json        of the latest drawing or part with that name
-//! reports/<sku>/<name>.preview.svg
+//! reports/<sku>/<name>.preview.svg        and .on-part.glb
 //! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
 //! archive/<sku>/current-part.txt          which archived part the surface comes from
 //! rejected/[<folder>/]<name>              as it was in the hot folder; when taken: rejected/(2)/<name> and so on
@@ -106,9 +106,6 @@ pub(crate) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
 
 /// The suffix of a report's name.
 pub(crate) const REPORT: &str = "report.json";
-
-/// The suffix of a preview's name.
-pub(crate) const PREVIEW: &str = "preview.svg";
 
 /// The path of a file named after a drop in the SKU's reports folder.
 pub(crate) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {

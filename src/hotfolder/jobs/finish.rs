@@ -1,4 +1,4 @@
-//! The end of a job: the marking software, report and preview, and moving the original out of the hot folder.
+//! The end of a job: the marking software, report and pictures, and moving the original out of the hot folder.
 
 use std::path::{Path, PathBuf};
 
@@ -27,7 +27,7 @@ pub(crate) struct Ready<'a> {
 }
 
 impl<C: Corrector> Executor<'_, C> {
-    /// Does the steps after a delivery: the marking software, the report, the preview, and filing the original.
+    /// Does the steps after a delivery: the marking software, the report, the pictures, and filing the original.
     pub(crate) fn finish(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
         match self.finish_steps(ready, &mut unfiled) {
             Ok(()) => Ok(match unfiled.certainty {
@@ -56,8 +56,8 @@ impl<C: Corrector> Executor<'_, C> {
             let report = &unfiled.delivery.report;
             filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
         }
-        if let Some(preview) = &unfiled.preview {
-            filing::write_report(folders, sku, name, filing::PREVIEW, preview).map_err(folder_trouble)?;
+        for (kind, picture) in &unfiled.pictures {
+            filing::write_report(folders, sku, name, kind.ending(), picture).map_err(folder_trouble)?;
         }
         self.file_original(ready, &unfiled.job, unfiled.import, unfiled.certainty)
     }

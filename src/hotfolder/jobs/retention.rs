@@ -15,11 +15,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use fs_err as fs;
 
-use super::filing::{PREVIEW, REPORT, current_part_note, noted_part};
+use super::filing::{REPORT, current_part_note, noted_part};
 use super::recovery::sweep_own;
 use super::rejected::{self, REASON};
 use crate::config::{FolderPaths, Retention, Sku, Station};
 use crate::formats::pattern::is_drawing;
+use crate::hotfolder::api::PictureKind;
 use crate::hotfolder::clock;
 use crate::hotfolder::seen::names::CURRENT_PART;
 use crate::hotfolder::seen::{Meaning, StopSignal, is_sidecar, meaning, sidecar_of};
@@ -343,7 +344,9 @@ impl<'a> Pass<'a> {
     }
 
     fn look_at_reports<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
-        let endings = [REPORT, PREVIEW].map(|ending| format!(".{ending}"));
+        let pictures = PictureKind::ALL.map(PictureKind::ending);
+        let endings: Vec<String> =
+            pictures.iter().chain([&REPORT]).map(|ending| format!(".{ending}")).collect();
         for (path, is_folder) in entries(&self.folders.reports) {
             for (file, is_folder) in is_folder.then(|| entries(&path)).into_iter().flatten() {
                 if self.ends() {

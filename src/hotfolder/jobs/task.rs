@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
-use crate::hotfolder::api::{Delivery, JobError};
+use crate::hotfolder::api::{Delivery, JobError, PictureKind};
 use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
 use crate::reason::Reason;
@@ -89,8 +89,8 @@ pub(crate) struct Unfiled {
     pub(crate) job: Job,
     pub(crate) certainty: Certainty,
     pub(crate) delivery: Delivery,
-    /// The preview as SVG.
-    pub(crate) preview: Option<Vec<u8>>,
+    /// The pictures that could be drawn.
+    pub(crate) pictures: Vec<(PictureKind, Vec<u8>)>,
     pub(crate) import: Import,
     /// Whether BeamServer has already imported it.
     pub(crate) asked: bool,
