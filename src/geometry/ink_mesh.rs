@@ -1,26 +1,17 @@
 //! Filled regions of a drawing as triangles, flat and on a surface.
 
-use std::collections::BTreeMap;
-
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::simplify::SimplifyShape;
 use i_triangle::float::triangulatable::Triangulatable;
 use nalgebra::Point3;
 
+use super::divided::{Middles, divided, must_divide};
 use super::ink::contours;
 use super::pattern::Pattern;
 use super::space::FlatPoint;
 
 /// Distance of contours from their chords, mm.
 const CHORD: f64 = 0.005;
-/// Sides whose image is farther than this from a chord are divided, mm. The middle of a triangle is then within about twice of
-/// it.
-const SAG: f64 = 0.015;
-/// Sides shorter than this are not divided, mm: between samples of the part there is no more detail.
-const SHORTEST: f64 = 0.4;
-/// Sides longer than this are divided, mm: a surface may have waves between the probes.
-const LONGEST: f64 = 8.0;
-
 /// Triangles in the plane of the drawing, counter-clockwise.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FlatMesh {
@@ -68,69 +59,21 @@ impl FlatMesh {
         image: impl Fn(FlatPoint) -> Point3<f64>,
         most: usize,
     ) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
-        let images = self.points.iter().map(|point| image(*point)).collect();
-        let mut sides = Sides { image, most, points: self.points, images, middles: BTreeMap::new() };
-        let mut triangles = Vec::with_capacity(self.triangles.len());
-        let mut open = self.triangles;
-        open.reverse();
-        while let Some([a, b, c]) = open.pop() {
-            match [sides.middle(a, b), sides.middle(b, c), sides.middle(c, a)] {
-                [None, None, None] => triangles.push([a, b, c]),
-                [Some(ab), None, None] => open.extend([[a, ab, c], [ab, b, c]]),
-                [None, Some(bc), None] => open.extend([[a, b, bc], [a, bc, c]]),
-                [None, None, Some(ca)] => open.extend([[a, b, ca], [ca, b, c]]),
-                [Some(ab), Some(bc), None] => open.extend([[a, ab, c], [ab, bc, c], [ab, b, bc]]),
-                [None, Some(bc), Some(ca)] => open.extend([[b, bc, a], [bc, ca, a], [bc, c, ca]]),
-                [Some(ab), None, Some(ca)] => open.extend([[c, ca, b], [ca, ab, b], [ca, a, ab]]),
-                [Some(ab), Some(bc), Some(ca)] => {
-                    open.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-                }
+        let mut points = self.points;
+        let mut images: Vec<Point3<f64>> = points.iter().map(|point| image(*point)).collect();
+        let triangles = divided(self.triangles, Middles::new(), |ends| {
+            let [from, to] = ends.map(|end| points[end as usize]);
+            let chord = ends.map(|end| images[end as usize]);
+            let at = |t: f64| Some(image(from.lerp(to, t)));
+            if points.len() >= most || !must_divide(from.distance(to), chord, at) {
+                return None;
             }
-        }
-        (sides.images, triangles)
-    }
-}
-
-/// The sides of triangles on a surface. A side is divided for both of its triangles, so there are no gaps.
-struct Sides<Image> {
-    image: Image,
-    most: usize,
-    points: Vec<FlatPoint>,
-    images: Vec<Point3<f64>>,
-    middles: BTreeMap<[u32; 2], Option<u32>>,
-}
-
-impl<Image: Fn(FlatPoint) -> Point3<f64>> Sides<Image> {
-    /// The vertex that divides a side, if it must be divided.
-    fn middle(&mut self, a: u32, b: u32) -> Option<u32> {
-        let ends = [a.min(b), a.max(b)];
-        if let Some(known) = self.middles.get(&ends) {
-            return *known;
-        }
-        let middle = self.must_divide(ends).then(|| {
-            let [from, to] = ends.map(|end| self.points[end as usize]);
             let middle = from.lerp(to, 0.5);
-            self.points.push(middle);
-            self.images.push((self.image)(middle));
-            self.points.len() as u32 - 1
+            points.push(middle);
+            images.push(image(middle));
+            Some(points.len() as u32 - 1)
         });
-        self.middles.insert(ends, middle);
-        middle
-    }
-
-    fn must_divide(&self, ends: [u32; 2]) -> bool {
-        let [from, to] = ends.map(|end| self.points[end as usize]);
-        let length = from.distance(to);
-        if length < SHORTEST || self.points.len() >= self.most {
-            return false;
-        }
-        let [start, end] = ends.map(|end| self.images[end as usize]);
-        let chord = end - start;
-        let is_off = |t: f64| {
-            let step = (self.image)(from.lerp(to, t)) - start;
-            chord.cross(&step).norm() > SAG * chord.norm()
-        };
-        length > LONGEST || [0.5, 0.25, 0.75].into_iter().any(is_off)
+        (images, triangles)
     }
 }
 
@@ -139,6 +82,7 @@ mod tests {
     use super::*;
     use crate::geometry::pattern::{Color, Layer, Path, Segment, Shape, Source};
     use nalgebra::Vector2;
+    use std::collections::BTreeMap;
 
     fn contour(points: &[[f64; 2]], region: Option<u32>) -> Path {
         let points: Vec<FlatPoint> = points.iter().map(|[x, y]| FlatPoint::new(*x, *y)).collect();

@@ -20,6 +20,7 @@ pub mod surface;
 pub mod pattern;
 pub mod contour;
 pub mod ink;
+mod divided;
 pub mod ink_mesh;
 pub mod mapping;
 pub mod primitive;

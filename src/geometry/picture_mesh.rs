@@ -1,12 +1,15 @@
 //! A part's mesh for pictures: bounded in size, with normals that show edges as edges.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{numbered, weld};
+use super::divided::{Middles, divided, must_divide};
 use super::height_field::{HeightField, Node};
 use super::mesh::TriMesh;
 use super::primitive::Primitive;
-use super::space::View;
+use super::space::{Extents, View, ViewPoint};
 
 /// Facets whose normals differ by more than this, rad, meet at an edge.
 const EDGE: f64 = 35.0 * std::f64::consts::PI / 180.0;
@@ -14,6 +17,8 @@ const EDGE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 const FACET_EDGE: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// Largest distance of the chords from the round side of a primitive, mm.
 const CHORD: f64 = 0.005;
+/// Vertices that are this close to the sampled surface are on it, mm.
+const NEAR: f64 = 0.05;
 /// Nodes along the longer side of a mesh that is made from heights.
 const MAX_NODES: usize = 128;
 /// Neighbouring heights that differ by more than this, in steps, are at a cliff.
@@ -140,6 +145,63 @@ impl PictureMesh {
         mesh.map(|mesh| Self::of(&mesh, usize::MAX)).unwrap_or_default()
     }
 
+    /// The mesh with the facets under `area` (mm in the view) divided until they follow the surface to within 0.015 mm, so that
+    /// they do not cover what is drawn on a hollow surface; vertices stay where they are. `height` gives the height of the
+    /// surface, mm in the view. At most `most` vertices are added.
+    #[must_use]
+    pub fn following(
+        mut self,
+        view: &View,
+        area: &Extents,
+        height: impl Fn(ViewPoint) -> Option<f64>,
+        most: usize,
+    ) -> Self {
+        let mut points: Vec<Point3<f64>> =
+            self.positions.iter().map(|at| view.point(Point3::from(*at).cast())).collect();
+        let on_surface = |at: ViewPoint| height(at).map(|height| Point3::new(at.x, at.y, height));
+        let is_near = |vertex: u32| {
+            let point = points[vertex as usize];
+            height(flat(point)).is_some_and(|height| (height - point.z).abs() < NEAR)
+        };
+        let (under, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) = self.triangles.iter().partition(|corners| {
+            let bounds = Extents::of(corners.iter().map(|vertex| points[*vertex as usize].coords.xy()));
+            bounds.meets(area) && corners.iter().all(|vertex| is_near(*vertex))
+        });
+        // The sides of neighbours must be divided alike, also those at an edge, whose vertices are not shared.
+        let places =
+            numbered(points.len(), |vertex| self.positions[vertex].map(|value| i64::from(value.to_bits())));
+        let place = |[a, b]: [u32; 2]| {
+            let [a, b] = [a, b].map(|vertex| places[vertex as usize]);
+            [a.min(b), a.max(b)]
+        };
+        let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[a, b]| [a.min(b), a.max(b)]);
+        let divisible: BTreeSet<[u32; 2]> = under.iter().flat_map(sides).map(place).collect();
+        let is_divisible = |side: &[u32; 2]| divisible.contains(&place(*side));
+        let (beside, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
+            rest.into_iter().partition(|corners| sides(corners).iter().any(is_divisible));
+        let fixed = beside.iter().flat_map(sides).filter(|side| !is_divisible(side));
+        let fixed: Middles = fixed.map(|side| (side, None)).collect();
+        let largest = points.len() + most;
+        let (positions, normals) = (&mut self.positions, &mut self.normals);
+        let mut triangles = divided([under, beside].concat(), fixed, |ends| {
+            let chord = ends.map(|end| points[end as usize]);
+            let [from, to] = chord.map(flat);
+            let at = |t: f64| on_surface(from.lerp(to, t));
+            if points.len() >= largest || !must_divide(from.distance(to), chord, at) {
+                return None;
+            }
+            let middle = at(0.5)?;
+            let [a, b] = ends.map(|end| Vector3::from(normals[end as usize]));
+            points.push(middle);
+            positions.push(single(view.part_point(middle).coords));
+            normals.push((a + b).try_normalize(0.0).unwrap_or(a).into());
+            Some(points.len() as u32 - 1)
+        });
+        triangles.extend(rest);
+        self.triangles = triangles;
+        self
+    }
+
     /// One vertex for each place and for each side of an edge there.
     fn with_normals(mesh: &TriMesh, facets: &[Vector3<f64>], places: &[u32]) -> Self {
         let positions = representatives(mesh.positions(), places);
@@ -224,6 +286,10 @@ impl PictureMesh {
     pub fn source_triangles(&self) -> usize {
         self.source_triangles
     }
+}
+
+fn flat(point: Point3<f64>) -> ViewPoint {
+    ViewPoint::new(point.x, point.y)
 }
 
 fn single(vector: Vector3<f64>) -> [f32; 3] {

@@ -7,7 +7,7 @@ use super::height_field::{HeightField, Node};
 const NONE: u32 = u32::MAX;
 /// Weights of neighbours in the mean that smooths the steps of the grid.
 const WEIGHTS: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-const PASSES: usize = 2;
+const PASSES: usize = 8;
 
 /// The borders of the smooth surface of a height field: closed rings of points close to it, mm in the view, with the surface
 /// on their left, longest first. Their sum has at most `most` points; shorter rings are omitted.

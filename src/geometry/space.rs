@@ -163,6 +163,14 @@ impl Extents {
         Self { min: self.center() - half, max: self.center() + half }
     }
 
+    /// Whether the two rectangles have a point in common.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.min.x <= other.max.x
+            && self.min.y <= other.max.y
+            && other.min.x <= self.max.x
+            && other.min.y <= self.max.y
+    }
+
     /// Whether the point is inside or on the border.
     pub fn contains(&self, point: Vector2<f64>) -> bool {
         point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y

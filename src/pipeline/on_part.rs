@@ -10,7 +10,7 @@ use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::{Pattern, Segment, Shape};
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::rims::rims;
-use crate::geometry::space::{FlatPoint, View, ViewPoint};
+use crate::geometry::space::{Extents, FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::preview::{InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
@@ -20,6 +20,10 @@ pub(super) const MAX_TRIANGLES: usize = 30_000;
 const MAX_RIM_POINTS: usize = 20_000;
 /// Largest number of points of filled regions, as drawn and on the part.
 const MAX_INK_POINTS: usize = 60_000;
+/// Largest number of vertices that are added to the part under the drawing.
+const MAX_ADDED: usize = 20_000;
+/// Distance round the drawing in which the part follows the surface, mm.
+const MARGIN: f64 = 1.0;
 /// Length of the line that shows a dot, mm: a line needs two points.
 const DOT: f64 = 0.1;
 
@@ -37,6 +41,14 @@ pub struct Marked {
     pub(super) mark_range: [f64; 2],
 }
 
+impl Marked {
+    /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.
+    fn area(&self) -> Extents {
+        let corners = self.ink.paths.iter().flat_map(|path| path.shape.flattened(1.0));
+        Extents::of(corners.flat_map(|at| [at.coords(), self.map.point(at).coords()]))
+    }
+}
+
 impl Pipeline {
     /// The picture of a corrected drawing on its part. The part's mesh is that of the file, as the cache keeps it; without
     /// it, the picture shows the side that faces the laser ([`PartSource::Heights`]).
@@ -45,12 +57,15 @@ impl Pipeline {
         let surface = &learned.kept.surface;
         let view = view_of(&learned.settings);
         let (part_source, part) = self.part_for_picture(learned, marked, &view);
+        let is_part_thinned = part.triangles().len() < part.source_triangles();
         let height = |at: ViewPoint| surface.nurbs.height(at) + surface.difference(at);
         let landing = |flat: FlatPoint| {
             let at = marked.map.point(flat);
             Point3::new(at.x, at.y, height(at))
         };
         let mark = lines(marked, surface, &view, landing);
+        let area = marked.area().grown(MARGIN);
+        let part = part.following(&view, &area, |at| surface.sampled_height(at), MAX_ADDED);
         let drawn = lines(marked, surface, &view, |flat| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
@@ -63,6 +78,7 @@ impl Pipeline {
             part_file: learned.kept.origin.file.clone(),
             part,
             part_source,
+            is_part_thinned,
             view,
             drawn,
             mark,

@@ -40,6 +40,8 @@ pub struct OnPart {
     pub part: PictureMesh,
     /// What the part's mesh was made from.
     pub part_source: PartSource,
+    /// Whether the mesh has fewer triangles than the part, except under the drawing.
+    pub is_part_thinned: bool,
     /// How the laser sees the part.
     pub view: View,
     /// The lines without a correction, as far as they are on the part, lifted by [`LIFT`].
@@ -131,8 +133,8 @@ pub fn glb(picture: &OnPart) -> Vec<u8> {
 fn extras(picture: &OnPart, scale: &StretchScale) -> Value {
     let vector =
         |vector: Vector3<f64>| <[f64; 3]>::from(picture.view.part_vector(vector).map(|value| value + 0.0));
-    let (shown, of_source) = (picture.part.triangles().len(), picture.part.source_triangles());
-    let of_file = if picture.part_source == PartSource::File { of_source } else { 0 };
+    let is_of_file = picture.part_source == PartSource::File;
+    let of_file = if is_of_file { picture.part.source_triangles() } else { 0 };
     json!({
         "schema": ON_PART_SCHEMA,
         "program": picture.program,
@@ -140,8 +142,8 @@ fn extras(picture: &OnPart, scale: &StretchScale) -> Value {
         "drawing": picture.drawing,
         "part": picture.part_file,
         "part_source": picture.part_source.name(),
-        "part_thinned": shown < of_file,
-        "part_triangles": shown,
+        "part_thinned": is_of_file && picture.is_part_thinned,
+        "part_triangles": picture.part.triangles().len(),
         "part_triangles_of_file": of_file,
         "stretch_range": [picture.drawn_range, picture.mark_range],
         "stretch_scale": scale.limit,
