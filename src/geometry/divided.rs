@@ -4,24 +4,21 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
-/// Sides whose chord is farther than this from the surface are divided, mm. The middle of a triangle is then within about
-/// twice of it.
-const SAG: f64 = 0.015;
+/// Sides whose chord is farther than this from the surface are divided, mm: the first of them for which there are not too many
+/// vertices, because the samples of a rough part have steps everywhere. The middle of a triangle is within about twice of it.
+pub(super) const SAGS: [f64; 4] = [0.004, 0.008, 0.016, 0.032];
 /// Sides shorter than this are not divided, mm: between samples of the part there is no more detail.
 const SHORTEST: f64 = 0.4;
 /// Sides longer than this are divided, mm: a surface may have waves between the probes.
 const LONGEST: f64 = 8.0;
 
-/// The sides of a mesh with the vertices that divide them, or `None` for those that stay. The lower vertex of a side is first.
-pub(super) type Middles = BTreeMap<[u32; 2], Option<u32>>;
-
 /// The triangles, divided at the middles of their sides as long as `divide` gives a new vertex for a side. A side is divided
-/// for all its triangles alike; it is asked for once, unless `known` contains it.
+/// for all its triangles alike; it is asked for once, with its lower vertex first.
 pub(super) fn divided(
     triangles: Vec<[u32; 3]>,
-    mut known: Middles,
     mut divide: impl FnMut([u32; 2]) -> Option<u32>,
 ) -> Vec<[u32; 3]> {
+    let mut known: BTreeMap<[u32; 2], Option<u32>> = BTreeMap::new();
     let mut middle = |a: u32, b: u32| {
         let ends = [a.min(b), a.max(b)];
         *known.entry(ends).or_insert_with(|| divide(ends))
@@ -46,14 +43,15 @@ pub(super) fn divided(
     done
 }
 
-/// Whether a side from `start` to `end`, `length` mm long before it was bent, must be divided to follow a surface; `image`
-/// gives the point of the surface at a share of the side, and `None` where there is no surface.
+/// Whether a side from `start` to `end`, `length` mm long before it was bent, must be divided to follow a surface to within
+/// `sag` mm; `image` gives the point of the surface at a share of the side, and `None` where there is no surface.
 pub(super) fn must_divide(
+    sag: f64,
     length: f64,
     [start, end]: [Point3<f64>; 2],
     image: impl Fn(f64) -> Option<Point3<f64>>,
 ) -> bool {
     let chord = end - start;
-    let is_off = |t: f64| image(t).is_some_and(|at| chord.cross(&(at - start)).norm() > SAG * chord.norm());
+    let is_off = |t: f64| image(t).is_some_and(|at| chord.cross(&(at - start)).norm() > sag * chord.norm());
     length >= SHORTEST && (length > LONGEST || [0.5, 0.25, 0.75].into_iter().any(is_off))
 }

@@ -1,11 +1,9 @@
 //! A part's mesh for pictures: bounded in size, with normals that show edges as edges.
 
-use std::collections::BTreeSet;
-
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{numbered, weld};
-use super::divided::{Middles, divided, must_divide};
+use super::divided::{SAGS, divided, must_divide};
 use super::height_field::{HeightField, Node};
 use super::mesh::TriMesh;
 use super::primitive::Primitive;
@@ -145,61 +143,59 @@ impl PictureMesh {
         mesh.map(|mesh| Self::of(&mesh, usize::MAX)).unwrap_or_default()
     }
 
-    /// The mesh with the facets under `area` (mm in the view) divided until they follow the surface to within 0.015 mm, so that
-    /// they do not cover what is drawn on a hollow surface; vertices stay where they are. `height` gives the height of the
-    /// surface, mm in the view. At most `most` vertices are added.
+    /// The mesh with the facets under `area` (mm in the view) divided until their sides follow the surface to within 0.004 mm,
+    /// less closely if that takes more than `most` new vertices, so that they do not cover what is drawn on a hollow surface.
+    /// Vertices stay where they are. `height` gives the height of the surface, mm in the view.
     #[must_use]
     pub fn following(
-        mut self,
+        self,
         view: &View,
         area: &Extents,
         height: impl Fn(ViewPoint) -> Option<f64>,
         most: usize,
     ) -> Self {
-        let mut points: Vec<Point3<f64>> =
+        let corners: Vec<Point3<f64>> =
             self.positions.iter().map(|at| view.point(Point3::from(*at).cast())).collect();
         let on_surface = |at: ViewPoint| height(at).map(|height| Point3::new(at.x, at.y, height));
-        let is_near = |vertex: u32| {
-            let point = points[vertex as usize];
-            height(flat(point)).is_some_and(|height| (height - point.z).abs() < NEAR)
-        };
-        let (under, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) = self.triangles.iter().partition(|corners| {
-            let bounds = Extents::of(corners.iter().map(|vertex| points[*vertex as usize].coords.xy()));
-            bounds.meets(area) && corners.iter().all(|vertex| is_near(*vertex))
+        let is_near =
+            |point: &Point3<f64>| height(flat(*point)).is_some_and(|height| (height - point.z).abs() < NEAR);
+        // Outside the area the sides are longer the farther away they are.
+        let is_close =
+            |[from, to]: [ViewPoint; 2]| area.distance(from.lerp(to, 0.5).coords()) <= from.distance(to);
+        let (close, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) = self.triangles.iter().partition(|triangle| {
+            let [a, b, c] = triangle.map(|vertex| flat(corners[vertex as usize]));
+            [[a, b], [b, c], [c, a]].into_iter().any(is_close)
         });
-        // The sides of neighbours must be divided alike, also those at an edge, whose vertices are not shared.
-        let places =
-            numbered(points.len(), |vertex| self.positions[vertex].map(|value| i64::from(value.to_bits())));
-        let place = |[a, b]: [u32; 2]| {
-            let [a, b] = [a, b].map(|vertex| places[vertex as usize]);
-            [a.min(b), a.max(b)]
-        };
-        let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[a, b]| [a.min(b), a.max(b)]);
-        let divisible: BTreeSet<[u32; 2]> = under.iter().flat_map(sides).map(place).collect();
-        let is_divisible = |side: &[u32; 2]| divisible.contains(&place(*side));
-        let (beside, rest): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
-            rest.into_iter().partition(|corners| sides(corners).iter().any(is_divisible));
-        let fixed = beside.iter().flat_map(sides).filter(|side| !is_divisible(side));
-        let fixed: Middles = fixed.map(|side| (side, None)).collect();
-        let largest = points.len() + most;
-        let (positions, normals) = (&mut self.positions, &mut self.normals);
-        let mut triangles = divided([under, beside].concat(), fixed, |ends| {
-            let chord = ends.map(|end| points[end as usize]);
-            let [from, to] = chord.map(flat);
-            let at = |t: f64| on_surface(from.lerp(to, t));
-            if points.len() >= largest || !must_divide(from.distance(to), chord, at) {
-                return None;
+        let mut result = self;
+        for sag in SAGS {
+            let mut points = corners.clone();
+            let (mut positions, mut normals) = (result.positions.clone(), result.normals.clone());
+            positions.truncate(corners.len());
+            normals.truncate(corners.len());
+            let mut is_full = false;
+            // Whether a side is divided depends on its place alone: facets that meet at an edge have separate vertices there.
+            let mut triangles = divided(close.clone(), |ends| {
+                let chord = ends.map(|end| points[end as usize]);
+                let [from, to] = chord.map(flat);
+                let at = |t: f64| on_surface(from.lerp(to, t));
+                is_full |= points.len() >= corners.len() + most;
+                if is_full || !is_close([from, to]) || !chord.iter().all(is_near) {
+                    return None;
+                }
+                let middle = at(0.5).filter(|_| must_divide(sag, from.distance(to), chord, at))?;
+                let [a, b] = ends.map(|end| Vector3::from(normals[end as usize]));
+                points.push(middle);
+                positions.push(single(view.part_point(middle).coords));
+                normals.push((a + b).try_normalize(0.0).unwrap_or(a).into());
+                Some(points.len() as u32 - 1)
+            });
+            triangles.extend(&rest);
+            result = Self { positions, normals, triangles, ..result };
+            if !is_full {
+                break;
             }
-            let middle = at(0.5)?;
-            let [a, b] = ends.map(|end| Vector3::from(normals[end as usize]));
-            points.push(middle);
-            positions.push(single(view.part_point(middle).coords));
-            normals.push((a + b).try_normalize(0.0).unwrap_or(a).into());
-            Some(points.len() as u32 - 1)
-        });
-        triangles.extend(rest);
-        self.triangles = triangles;
-        self
+        }
+        result
     }
 
     /// One vertex for each place and for each side of an edge there.

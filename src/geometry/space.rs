@@ -163,12 +163,9 @@ impl Extents {
         Self { min: self.center() - half, max: self.center() + half }
     }
 
-    /// Whether the two rectangles have a point in common.
-    pub fn meets(&self, other: &Self) -> bool {
-        self.min.x <= other.max.x
-            && self.min.y <= other.max.y
-            && other.min.x <= self.max.x
-            && other.min.y <= self.max.y
+    /// Distance of a point from the rectangle, mm; 0 inside.
+    pub fn distance(&self, point: Vector2<f64>) -> f64 {
+        (self.min - point).sup(&(point - self.max)).sup(&Vector2::zeros()).norm()
     }
 
     /// Whether the point is inside or on the border.

@@ -12,16 +12,18 @@ use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::rims::rims;
 use crate::geometry::space::{Extents, FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
-use crate::preview::{InkMesh, LIFT, OnPart, PartSource, PreviewPath};
+use crate::preview::{INK_LIFT, InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
 /// Largest number of triangles of the part in a picture: with their vertices about half a megabyte.
 pub(super) const MAX_TRIANGLES: usize = 30_000;
 /// Largest number of points of the surface's borders.
 const MAX_RIM_POINTS: usize = 20_000;
-/// Largest number of points of filled regions, as drawn and on the part.
+/// Largest number of points of filled regions, as drawn.
 const MAX_INK_POINTS: usize = 60_000;
+/// Number of vertices of filled regions on the part that is not exceeded to follow it more closely.
+const MAX_INK_VERTICES: usize = 15_000;
 /// Largest number of vertices that are added to the part under the drawing.
-const MAX_ADDED: usize = 20_000;
+const MAX_ADDED: usize = 10_000;
 /// Distance round the drawing in which the part follows the surface, mm.
 const MARGIN: f64 = 1.0;
 /// Length of the line that shows a dot, mm: a line needs two points.
@@ -83,8 +85,8 @@ impl Pipeline {
             drawn,
             mark,
             ink: FlatMesh::of_ink(&marked.ink, MAX_INK_POINTS).map(|flat| {
-                let image = |flat| view.part_point(raised(surface, landing(flat), LIFT / 2.0));
-                let (positions, triangles) = flat.draped(image, MAX_INK_POINTS);
+                let image = |flat| view.part_point(raised(surface, landing(flat), INK_LIFT));
+                let (positions, triangles) = flat.draped(image, MAX_INK_VERTICES);
                 InkMesh { positions, triangles }
             }),
             rims: rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect(),

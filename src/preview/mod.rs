@@ -24,7 +24,7 @@ mod on_part;
 use crate::geometry::space::Extents;
 
 pub use layout::{svg, svg_on};
-pub use on_part::{InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
+pub use on_part::{INK_LIFT, InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
 pub use relief::Backdrop;
 
 /// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.

@@ -12,8 +12,10 @@ use crate::geometry::space::View;
 
 /// The schema of the data in the root node's `extras.isomark`.
 pub const ON_PART_SCHEMA: &str = "isomark.on-part/1";
-/// Distance of the lines from the surface, mm, along its normal; filled regions are at half of it.
+/// Distance of the lines from the surface, mm, along its normal.
 pub const LIFT: f64 = 0.02;
+/// Distance of the filled regions from the surface, mm.
+pub const INK_LIFT: f64 = 0.015;
 
 /// Largest number of lines that are separate primitives; each takes 300 bytes of JSON.
 const MAX_STRIPS: usize = 200;
@@ -82,7 +84,7 @@ impl PartSource {
     }
 }
 
-/// Filled regions as triangles, mm in the part frame, lifted by half of [`LIFT`].
+/// Filled regions as triangles, mm in the part frame, lifted by [`INK_LIFT`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct InkMesh {
     /// The vertices, mm.
