@@ -5,9 +5,10 @@ use nalgebra::Point3;
 use super::height_field::{HeightField, Node};
 
 const NONE: u32 = u32::MAX;
-/// Weights of neighbours in the mean that smooths the steps of the grid.
-const WEIGHTS: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-const PASSES: usize = 8;
+/// Steps towards the middle of the two neighbours, and back: this smooths the steps of the grid without shrinking the ring
+/// (G. Taubin, Curve and surface smoothing without shrinkage, ICCV 1995).
+const STEPS: [f64; 2] = [0.5, -0.526];
+const PASSES: usize = 12;
 
 /// The borders of the smooth surface of a height field: closed rings of points close to it, mm in the view, with the surface
 /// on their left, longest first. Their sum has at most `most` points; shorter rings are omitted.
@@ -76,13 +77,12 @@ fn rings(field: &HeightField) -> Vec<Vec<Point3<f64>>> {
 
 fn smoothed(mut ring: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     let count = ring.len();
-    for _ in 0..PASSES {
-        let mean = |index: usize| {
-            let around = WEIGHTS.iter().enumerate();
-            let sum = around.map(|(step, weight)| ring[(index + count + step - 2) % count].coords * *weight);
-            Point3::from(sum.sum::<nalgebra::Vector3<f64>>())
+    for step in [STEPS; PASSES].concat() {
+        let moved = |index: usize| {
+            let [before, after] = [index + count - 1, index + 1].map(|beside| ring[beside % count]);
+            ring[index] + (nalgebra::center(&before, &after) - ring[index]) * step
         };
-        ring = (0..count).map(mean).collect();
+        ring = (0..count).map(moved).collect();
     }
     ring
 }

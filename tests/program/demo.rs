@@ -36,6 +36,7 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
         assert_eq!(import.len(), 6);
         let reports = files(&demo.join("reports"));
         assert_eq!(reports.iter().filter(|name| name.ends_with(".preview.svg")).count(), 6);
+        assert_eq!(reports.iter().filter(|name| name.ends_with(".on-part.glb")).count(), 6);
         // The folders in the table exist.
         for line in
             output.out.lines().filter(|line| line.starts_with("corrected") || line.starts_with("reports"))

@@ -13,8 +13,11 @@ mod desk;
 mod ezdxf;
 #[path = "../schemas/mod.rs"]
 mod schemas;
+#[path = "../khronos/mod.rs"]
+mod khronos;
 
 mod correct;
+mod on_part;
 mod simulated_laser;
 mod refusals;
 mod settings;

@@ -344,6 +344,11 @@ fn results_never_replace_input_files() {
     job(&["-o", "x.dxf", "--preview", "abc.dxf"]).refused(2, &["`--preview`", "which is also read"]);
     job(&["-o", "x.dxf", "--preview", "mouse.png"])
         .refused(2, &["SVG", "mouse.png", "remedy: Give the file the ending .svg"]);
+    job(&["-o", "x.dxf", "--on-part", "./mouse.glb"]).refused(2, &["`--on-part`", "which is also read"]);
+    job(&["-o", "x.dxf", "--on-part", "mouse.gltf"])
+        .refused(2, &["binary glTF", "mouse.gltf", "remedy: Give the file the ending .glb"]);
+    job(&["-o", "x.dxf", "--preview", "x.svg", "--on-part", "x.svg"])
+        .refused(2, &["`--preview` and `--on-part` name the same file"]);
     job(&["-o", "x.dxf", "--report", "x.dxf"]).refused(2, &["`--out` and `--report` name the same file"]);
     desk.isomark(&["inspect", "mouse.glb", "--surface", "mouse.glb"]).refused(2, &["which is also read"]);
     assert_eq!(desk.read("mouse.glb"), fs_err::read(part(MOUSE)).unwrap());

@@ -51,6 +51,7 @@ const OTHERS: &[&str] = &[
     "--out",
     "--report",
     "--preview",
+    "--on-part",
     "--json",
     "--set",
     "--help",

@@ -198,6 +198,7 @@ fn drops_in_any_order_give_the_bytes_of_the_command() {
                 serde_json::from_slice(&station.desk.read("reports/can/can.dxf.report.json")).unwrap();
             assert_eq!((&report["schema"], &report["sku"]), (&"isomark.report/1".into(), &"can".into()));
             assert!(station.path("reports/can/can@logo.dxf.preview.svg").exists());
+            assert!(station.desk.read("reports/can/can@logo.dxf.on-part.glb").starts_with(b"glTF"));
             assert!(files(&station.path("rejected")).is_empty());
             assert!(!station.log().contains('\u{1b}'), "colour codes in a file: {}", station.log());
         }
