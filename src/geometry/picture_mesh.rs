@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{numbered, weld};
+use super::adjacency::{NONE, numbered, opposite_sides, weld};
 use super::divided::{SAGS, divided, must_divide};
 use super::height_field::{HeightField, Node};
 use super::mesh::TriMesh;
@@ -13,6 +13,8 @@ use super::space::{Extents, View, ViewPoint};
 const EDGE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 /// The same for a part that is its flat facets.
 const FACET_EDGE: f64 = 1.0 * std::f64::consts::PI / 180.0;
+/// From this sharpness on a vertex is at an edge: 0.03 is a fold of 28 degrees.
+const SHARP: f64 = 0.03;
 /// Largest distance of the chords from the round side of a primitive, mm.
 const CHORD: f64 = 0.005;
 /// Vertices that are this close to the sampled surface are on it, mm.
@@ -59,11 +61,15 @@ impl PictureMesh {
         let facets: Vec<Vector3<f64>> =
             mesh.triangles().iter().map(|corners| across(mesh, *corners)).collect();
         let welded = weld(mesh.positions());
-        let places = match mesh.triangles().len() <= most {
-            true => welded,
-            false => thinned(mesh, &facets, &welded, most),
-        };
-        Self::with_normals(mesh, &facets, &places)
+        if mesh.triangles().len() <= most {
+            let positions = mesh.positions();
+            return Self::with_normals(mesh, &facets, &welded, &representatives(positions, &welded, |_| 0.0));
+        }
+        let corners = Corners::of(mesh, &facets, &welded);
+        let places = thinned(mesh, &facets, &corners, most);
+        let sharpness = |vertex: usize| corners.sharpness[corners.welded[vertex] as usize];
+        let positions = representatives(mesh.positions(), &places, sharpness);
+        Self::with_normals(mesh, &facets, &places, &positions)
     }
 
     /// The side of a part that faces the laser, from its sampled heights, with at most `most` triangles. Empty without
@@ -199,8 +205,12 @@ impl PictureMesh {
     }
 
     /// One vertex for each place and for each side of an edge there.
-    fn with_normals(mesh: &TriMesh, facets: &[Vector3<f64>], places: &[u32]) -> Self {
-        let positions = representatives(mesh.positions(), places);
+    fn with_normals(
+        mesh: &TriMesh,
+        facets: &[Vector3<f64>],
+        places: &[u32],
+        positions: &[Point3<f64>],
+    ) -> Self {
         let kept: Vec<usize> = (0..facets.len())
             .filter(|triangle| {
                 let [a, b, c] = mesh.triangles()[*triangle].map(|vertex| places[vertex as usize]);
@@ -299,15 +309,10 @@ fn across(mesh: &TriMesh, corners: [u32; 3]) -> Vector3<f64> {
 }
 
 /// For each vertex, the number of its cell, with cells so large that at most `most` triangles are left.
-fn thinned(mesh: &TriMesh, facets: &[Vector3<f64>], welded: &[u32], most: usize) -> Vec<u32> {
+fn thinned(mesh: &TriMesh, facets: &[Vector3<f64>], corners: &Corners, most: usize) -> Vec<u32> {
     // Opposite sides of a thin wall must not become one.
-    let count = welded.iter().max().map_or(0, |last| *last as usize + 1);
-    let mut outward = vec![Vector3::zeros(); count];
-    for (corners, facet) in mesh.triangles().iter().zip(facets) {
-        corners.iter().for_each(|vertex| outward[welded[*vertex as usize] as usize] += facet);
-    }
     let side = |vertex: usize| -> i64 {
-        let normal = outward[welded[vertex] as usize];
+        let normal = corners.outward[corners.welded[vertex] as usize];
         let axis = normal.iamax();
         2 * axis as i64 + i64::from(normal[axis] < 0.0)
     };
@@ -336,17 +341,68 @@ fn thinned(mesh: &TriMesh, facets: &[Vector3<f64>], welded: &[u32], most: usize)
     }
 }
 
-/// For each place, the one of its vertices that is nearest to their mean.
-fn representatives(positions: &[Point3<f64>], places: &[u32]) -> Vec<Point3<f64>> {
+/// What surrounds the vertices of a mesh.
+struct Corners<'a> {
+    /// The place of each vertex.
+    welded: &'a [u32],
+    /// The sum of the facets' vectors round each place.
+    outward: Vec<Vector3<f64>>,
+    /// For each place, 0 on a flat side, up to 1 at an edge or a corner of the part, and more at a border of the mesh.
+    sharpness: Vec<f64>,
+}
+
+impl<'a> Corners<'a> {
+    fn of(mesh: &TriMesh, facets: &[Vector3<f64>], welded: &'a [u32]) -> Self {
+        let count = welded.iter().max().map_or(0, |last| *last as usize + 1);
+        let (mut outward, mut areas) = (vec![Vector3::zeros(); count], vec![0.0; count]);
+        let triangles: Vec<[u32; 3]> =
+            mesh.triangles().iter().map(|corners| corners.map(|vertex| welded[vertex as usize])).collect();
+        for (places, facet) in triangles.iter().zip(facets) {
+            for place in places {
+                outward[*place as usize] += facet;
+                areas[*place as usize] += facet.norm();
+            }
+        }
+        let flat =
+            |(sum, area): (&Vector3<f64>, &f64)| if *area > 0.0 { 1.0 - sum.norm() / area } else { 0.0 };
+        let mut sharpness: Vec<f64> = outward.iter().zip(&areas).map(flat).collect();
+        for (side, opposite) in opposite_sides(&triangles).into_iter().enumerate() {
+            if opposite == NONE {
+                let ends = [side % 3, (side + 1) % 3].map(|corner| triangles[side / 3][corner]);
+                ends.iter().for_each(|place| sharpness[*place as usize] = 1.0);
+            }
+        }
+        Self { welded, outward, sharpness }
+    }
+}
+
+/// For each place, the one of its vertices that is nearest to their mean; where an edge of the part passes, only the vertices
+/// on it are considered, so that edges stay where they are.
+fn representatives(
+    positions: &[Point3<f64>],
+    places: &[u32],
+    sharpness: impl Fn(usize) -> f64,
+) -> Vec<Point3<f64>> {
     let count = places.iter().max().map_or(0, |last| *last as usize + 1);
+    let mut sharpest = vec![0.0f64; count];
+    for (vertex, place) in places.iter().enumerate() {
+        sharpest[*place as usize] = sharpest[*place as usize].max(sharpness(vertex));
+    }
+    let is_candidate = |vertex: usize, place: u32| {
+        let limit = sharpest[place as usize];
+        limit < SHARP || sharpness(vertex) >= 0.8 * limit
+    };
     let mut sums = vec![(Vector3::zeros(), 0.0); count];
-    for (position, place) in positions.iter().zip(places) {
+    for (vertex, place) in places.iter().enumerate().filter(|(vertex, place)| is_candidate(*vertex, **place))
+    {
         let sum = &mut sums[*place as usize];
-        *sum = (sum.0 + position.coords, sum.1 + 1.0);
+        *sum = (sum.0 + positions[vertex].coords, sum.1 + 1.0);
     }
     let mut nearest = vec![(f64::INFINITY, Point3::origin()); count];
-    for (position, place) in positions.iter().zip(places) {
+    for (vertex, place) in places.iter().enumerate().filter(|(vertex, place)| is_candidate(*vertex, **place))
+    {
         let (sum, number) = sums[*place as usize];
+        let position = &positions[vertex];
         let distance = (position.coords - sum / number).norm_squared();
         let best = &mut nearest[*place as usize];
         if distance < best.0 {

@@ -227,8 +227,8 @@ fn the_colours_show_where_lines_are_too_long() {
     assert!(stretch > 0.05 && red > 0.4 && blue < 0.05, "{stretch}: {red} {blue}");
 }
 
-/// The bounding box of a part's triangles in the frame of its file, mm with +Z up, by a walk over its scene.
-fn bounds_of_file(file: &str) -> [[f64; 3]; 2] {
+/// The vertices of a part's triangles in the frame of its file, mm with +Z up, by a walk over its scene.
+fn vertices_of_file(file: &str) -> Vec<[f64; 3]> {
     let bytes = fs::read(file).unwrap();
     let document = gltf::Gltf::from_slice(&bytes).unwrap();
     let binary = document.blob.clone().unwrap();
@@ -248,7 +248,7 @@ fn bounds_of_file(file: &str) -> [[f64; 3]; 2] {
         }
         open.extend(node.children().map(|child| (child, here)));
     }
-    bounds(points.iter())
+    points
 }
 
 type Matrix = [[f64; 4]; 4];
@@ -269,11 +269,21 @@ fn assert_same_box(found: [[f64; 3]; 2], expected: [[f64; 3]; 2], within: f64) {
     assert!(near, "{found:?} is not {expected:?}");
 }
 
+/// Under the drawing the part follows the surface between the vertices, which is up to 0.4 mm above a coarse mesh.
+#[track_caller]
+fn assert_has_all(picture: &Picture, vertices: &[[f64; 3]]) {
+    let shown: Vec<&[f64; 3]> = picture.node("part").triangles.iter().flatten().collect();
+    for vertex in vertices {
+        assert!(shown.iter().any(|point| distance(**point, *vertex) < 1e-3), "no {vertex:?}");
+    }
+    assert_same_box(picture.part_bounds(), bounds(vertices.iter()), 0.4);
+}
+
 #[test]
 fn the_part_is_where_its_file_has_it() {
     for (file, options) in [
         ("can/fc020-gui.glb", "--facing -y --place 0,60"),
-        ("can/fc020-gui.glb", "--facing +x --roll 30 --place 0,0 --set fixture.x_mm=40"),
+        ("can/fc020-gui.glb", "--facing +x --roll 30 --place -28,50 --set fixture.x_mm=40"),
         ("mouse/build123d.glb", "--place 0,8"),
         ("mouse/bl42-from-glb.glb", "--place 0,8"),
         ("mandarin/fc020-coarse.glb", "--facing +x --place 0,0"),
@@ -283,7 +293,7 @@ fn the_part_is_where_its_file_has_it() {
         let options = format!("{options} --on-part on.glb");
         let pattern = if file.starts_with("assembly") { "ez-qr-hatch" } else { "abc" };
         let (picture, _) = picture(&desk, &[&part(file), &drawing(pattern)], &options);
-        assert_same_box(picture.part_bounds(), bounds_of_file(&part(file)), 0.02);
+        assert_has_all(&picture, &vertices_of_file(&part(file)));
     }
     // An OBJ in mm with +Z up.
     let desk = Desk::new();
@@ -294,7 +304,7 @@ fn the_part_is_where_its_file_has_it() {
         [numbers[0], numbers[1], numbers[2]]
     };
     let vertices: Vec<_> = text.lines().filter(|line| line.starts_with("v ")).map(vertex).collect();
-    assert_same_box(picture.part_bounds(), bounds(vertices.iter()), 0.02);
+    assert_has_all(&picture, &vertices);
 }
 
 #[test]
@@ -381,28 +391,31 @@ fn a_primitive_is_shown_with_its_sizes() {
     assert!((found / drawn - 1.0).abs() < 7e-4, "{found} for {drawn} mm");
 }
 
+/// Points of a can of radius 30 mm with its axis along y, 0.7 mm apart in the view from the top.
+fn scanned_can() -> String {
+    let mut text = String::new();
+    for (row, column) in (-57..=57).flat_map(|row| (-38..=38).map(move |column| (row, column))) {
+        let (x, y) = (f64::from(column) * 0.7, f64::from(row) * 0.7);
+        text += &format!("{x:.4} {y:.4} {:.4}\n", (900.0 - x * x).sqrt());
+    }
+    text
+}
+
 #[test]
 fn a_scan_is_shown_as_it_was_sampled() {
     let desk = Desk::new();
-    let scan = format!("{}/tests/data/scans/can-meshio.ply", env!("CARGO_MANIFEST_DIR"));
-    let output = desk.isomark(&[
-        "correct",
-        &scan,
-        &drawing("abc"),
-        "--facing",
-        "-y",
-        "--place",
-        "0,60",
-        "-o",
-        "o.dxf",
-        "--on-part",
-        "on.glb",
-    ]);
+    desk.write("can.xyz", scanned_can());
+    let inputs = ["can.xyz", &drawing("abc"), "--part-unit", "mm", "--place", "0,0"];
+    let output = desk.isomark(&[&["correct"], &inputs[..], &["-o", "o.dxf", "--on-part", "on.glb"]].concat());
     assert!(output.code == 0 && !output.err.contains("--on-part"), "{output:?}");
     let picture = Picture::of(desk.read("on.glb"));
     assert_eq!(picture.facts["part_source"], "heights");
-    for point in picture.node("mark").lines.iter().flat_map(|line| &line.points) {
-        assert!((radius(*point) - RADIUS).abs() < 0.25, "{point:?}");
+    for [x, _, z] in picture.node("mark").lines.iter().flat_map(|line| &line.points) {
+        assert!((0.0..0.04).contains(&(x.hypot(*z) - 30.0)), "{x} {z}");
+    }
+    assert!(picture.node("part").triangles.len() > 1000);
+    for [x, _, z] in picture.node("part").triangles.iter().flatten() {
+        assert!(x.abs() > 24.0 || (x.hypot(*z) - 30.0).abs() < 0.02, "{x} {z}");
     }
 }
 
@@ -451,10 +464,10 @@ fn a_large_part_is_thinned_and_the_picture_stays_small() {
 fn fills_and_many_lines_are_shown() {
     let desk = Desk::new();
     let badge = part("assembly/fc020-gui-badge.glb");
-    let (code, report) = picture(&desk, &[&badge, &drawing("ez-qr-hatch")], "--place 0,0 --on-part on.glb");
-    let (found, expected) =
-        (area(&code.node("mark-ink").triangles), number(&report, "/quality/after/area_mm2"));
-    assert!((found / expected - 1.0).abs() < 0.01, "{found} for {expected} mm²");
+    let (code, _) = picture(&desk, &[&badge, &drawing("ez-qr-hatch")], "--place 0,0 --on-part on.glb");
+    // The code has 424 dark modules of 0.5 mm.
+    let found = area(&code.node("mark-ink").triangles);
+    assert!((found - 106.0).abs() < 0.1, "{found} mm²");
     // More lines than separate primitives.
     let mut text = String::from("0\nSECTION\n2\nENTITIES\n");
     for line in 0..300 {
@@ -474,11 +487,8 @@ fn only_ink_layers_are_marked() {
     let desk = Desk::new();
     let inputs = [part("mouse/fc020-gui.glb"), drawing("ez-layers-colors")];
     let inputs = [inputs[0].as_str(), inputs[1].as_str()];
-    let (all, report) = picture(&desk, &inputs, "--place 0,8 --on-part on.glb");
-    let layers = report["pattern"]["facts"]["layers"].as_array().unwrap();
-    let layer = layers.iter().find_map(|layer| layer["name"].as_str().or(layer.as_str())).unwrap();
-    let (some, report) =
-        picture(&desk, &inputs, &format!("--place 0,8 --on-part on.glb --ink-layers {layer}"));
+    let (all, _) = picture(&desk, &inputs, "--place 0,8 --on-part on.glb");
+    let (some, report) = picture(&desk, &inputs, &format!("--place 0,8 --on-part on.glb --ink-layers MARK"));
     let (found, drawn) = (length(&some.node("mark").lines), number(&report, "/quality/after/length_mm"));
     assert!((found / drawn - 1.0).abs() < 2e-3, "{found} for {drawn} mm");
     assert!(found < length(&all.node("mark").lines));
@@ -492,6 +502,7 @@ fn khronos_finds_no_fault() {
     let desk = Desk::new();
     let mut files = Vec::new();
     desk.write("dots.dxf", "0\nSECTION\n2\nENTITIES\n0\nPOINT\n8\n0\n10\n1\n20\n1\n0\nPOINT\n8\n0\n10\n3\n20\n1\n0\nENDSEC\n0\nEOF\n");
+    desk.write("can.xyz", scanned_can());
     for (name, inputs, options) in [
         ("can", vec![part("can/fc020-gui.glb"), drawing("abc")], "--facing -y --place 0,60"),
         ("mouse", vec![part("mouse/fc020-coarse-mesh.obj"), drawing("ez-guilloche")], "--place 0,8"),
@@ -503,11 +514,7 @@ fn khronos_finds_no_fault() {
         ("badge", vec![part("assembly/fc020-gui-badge.glb"), drawing("ez-qr-hatch")], "--place 0,0"),
         ("cone", vec![drawing("ez-hatch-islands")], "--cone 60,85,120 --place 0,0"),
         ("dots", vec!["dots.dxf".to_owned()], "--cylinder 73,180 --place 0,0"),
-        (
-            "scan",
-            vec![format!("{}/tests/data/scans/can-meshio.ply", env!("CARGO_MANIFEST_DIR")), drawing("abc")],
-            "--facing -y --place 0,60",
-        ),
+        ("scan", vec!["can.xyz".to_owned(), drawing("abc")], "--part-unit mm --place 0,0"),
     ] {
         let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
         desk.correct_to("out.dxf", &inputs, &format!("{options} --on-part {name}.glb"));
