@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let surface = Corrector::new().fit(&Part::open(part)?, &settings)?;
     let result = surface.correct(&Drawing::open(drawing)?, &settings)?;
     std::fs::write(out, result.dxf())?;
+    assert!(result.on_part().starts_with(b"glTF"));
     Ok(())
 }
 "#;

@@ -55,7 +55,7 @@ pub struct FolderPaths {
     pub rejected: PathBuf,
     /// Where fitted surfaces are kept.
     pub cache: PathBuf,
-    /// Report and preview of each delivered drawing, one folder per SKU.
+    /// Report and pictures of each delivered drawing, one folder per SKU.
     pub reports: PathBuf,
     /// Where the SKUs' settings are read from.
     pub skus: PathBuf,

@@ -644,7 +644,7 @@ const CODES: &[Code] = &[
     reason([
         "name-too-long",
         "The file's name is too long.",
-        "Reports, previews and notes get longer names that begin with this one, and file systems limit the length.",
+        "Reports, pictures and notes get longer names that begin with this one, and file systems limit the length.",
         "Give the file a shorter name.",
     ]),
     reason([

@@ -1,6 +1,6 @@
 //! Checks of written glTF files with the validator of Khronos, a program for node.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
@@ -11,11 +11,12 @@ Promise.all(process.argv.slice(1).map(file => validator.validateBytes(new Uint8A
     .then(found => console.log(JSON.stringify(found)));
 ";
 
-/// Node, with the modules that `.ci/run` installs.
+/// Node, with the modules that `.ci/run` installs, or those of the system.
 fn node() -> Command {
     let mut node = Command::new("node");
-    if std::env::var_os("NODE_PATH").is_none() {
-        node.env("NODE_PATH", format!("{}/target/ci-node/node_modules", env!("CARGO_MANIFEST_DIR")));
+    let modules = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/ci-node/node_modules");
+    if modules.exists() {
+        node.env("NODE_PATH", modules);
     }
     node
 }

@@ -488,7 +488,7 @@ fn only_ink_layers_are_marked() {
     let inputs = [part("mouse/fc020-gui.glb"), drawing("ez-layers-colors")];
     let inputs = [inputs[0].as_str(), inputs[1].as_str()];
     let (all, _) = picture(&desk, &inputs, "--place 0,8 --on-part on.glb");
-    let (some, report) = picture(&desk, &inputs, &format!("--place 0,8 --on-part on.glb --ink-layers MARK"));
+    let (some, report) = picture(&desk, &inputs, "--place 0,8 --on-part on.glb --ink-layers MARK");
     let (found, drawn) = (length(&some.node("mark").lines), number(&report, "/quality/after/length_mm"));
     assert!((found / drawn - 1.0).abs() < 2e-3, "{found} for {drawn} mm");
     assert!(found < length(&all.node("mark").lines));

@@ -18,7 +18,7 @@ use crate::reason::Reason;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 /// The longest pause between two attempts, so that the station soon notices when a folder is available again.
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
-/// The largest number of delivered drawings whose reports and previews stay in memory until they can be filed.
+/// The largest number of delivered drawings whose reports and pictures stay in memory until they can be filed.
 const MAX_UNFILED: usize = 200;
 
 impl<C: Corrector> Dispatcher<'_, C> {

@@ -3,7 +3,7 @@
 //! ```text
 //! read ─▶ correct ─▶ write, read back ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
 //!                                                                                           │
-//!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, preview
+//!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, pictures
 //! ```
 //!
 //! If the program ends between two steps, the drop and the journal together show how far the job got, and the next

@@ -95,7 +95,7 @@ pub struct Kept {
     pub max_bytes: Option<u64>,
     /// The total size, bytes.
     pub bytes: u64,
-    /// Number of reports, previews, originals and rejected drops that were removed.
+    /// Number of reports, pictures, originals and rejected drops that were removed.
     pub removed: u64,
     /// The size of the removed files, bytes.
     pub removed_bytes: u64,
