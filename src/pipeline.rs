@@ -276,7 +276,7 @@ impl Pipeline {
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
         let kept = CachedSurface { origin, facts: reading.facts, surface };
-        let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, on_part::MAX_TRIANGLES));
+        let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES));
         if let Some(cache) = &self.cache {
             steps.at(Step::Keep);
             cache.keep(sku, &key, &kept, mesh.as_ref())?;
@@ -318,7 +318,7 @@ impl Pipeline {
         let reading = mesh::read(&part.bytes, format, &self.mesh_options(settings), &part.siblings);
         if let Some(mesh) = reading.ok().as_ref().and_then(|reading| reading.shape.mesh())
             && let Err(error) =
-                cache.keep_picture_mesh(sku, key, &PictureMesh::of(mesh, on_part::MAX_TRIANGLES))
+                cache.keep_picture_mesh(sku, key, &PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES))
         {
             tracing::warn!("the mesh of {sku} for pictures cannot be kept: {error}");
         }

@@ -34,6 +34,9 @@ pub struct PictureMesh {
 }
 
 impl PictureMesh {
+    /// Largest number of triangles of a part in a picture: with their vertices about half a megabyte.
+    pub const MAX_TRIANGLES: usize = 30_000;
+
     /// A mesh of vertices (mm, part frame), a unit normal for each, triangles, and the number of triangles of the mesh that
     /// it stands for; `None` if the numbers of vertices and normals differ, a number is not finite, or a triangle names a
     /// vertex that does not exist.

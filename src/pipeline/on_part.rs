@@ -14,8 +14,6 @@ use crate::geometry::space::{Extents, FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::preview::{INK_LIFT, InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
-/// Largest number of triangles of the part in a picture: with their vertices about half a megabyte.
-pub(super) const MAX_TRIANGLES: usize = 30_000;
 /// Largest number of points of the surface's borders.
 const MAX_RIM_POINTS: usize = 20_000;
 /// Largest number of points of filled regions, as drawn.
@@ -109,7 +107,7 @@ impl Pipeline {
             Some(mesh) => (PartSource::File, mesh),
             None => {
                 let field = &learned.kept.surface.field;
-                (PartSource::Heights, PictureMesh::of_heights(field, view, MAX_TRIANGLES))
+                (PartSource::Heights, PictureMesh::of_heights(field, view, PictureMesh::MAX_TRIANGLES))
             }
         }
     }
