@@ -60,6 +60,22 @@ pub struct PartOrigin {
     pub blake3: String,
 }
 
+/// The current part of a SKU.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct CurrentPart {
+    /// File and hash.
+    #[serde(flatten)]
+    pub origin: PartOrigin,
+    /// Whether the file contains a marking frame.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub has_frame: bool,
+}
+
+fn is_false(flag: &bool) -> bool {
+    !flag
+}
+
 /// A cached surface with its origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CachedSurface {
@@ -156,6 +172,14 @@ struct Sidecar {
     residual_rms_mm: f64,
 }
 
+impl CurrentPart {
+    /// A part that becomes a SKU's current one.
+    #[must_use]
+    pub fn new(origin: PartOrigin, has_frame: bool) -> Self {
+        Self { origin, has_frame }
+    }
+}
+
 impl CacheKey {
     /// The key of a part (its hash, see [`PartOrigin`]) under settings as
     /// [`canonical::surface`](crate::config::canonical::surface) writes them.
@@ -196,7 +220,7 @@ impl Cache {
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub fn current(&self, sku: &Sku) -> io::Result<Option<PartOrigin>> {
+    pub fn current(&self, sku: &Sku) -> io::Result<Option<CurrentPart>> {
         let Some(bytes) = read_if_there(&self.folder(sku).join(CURRENT))? else { return Ok(None) };
         // A damaged file is treated as missing: the part is dropped again or found in the archive.
         Ok(std::str::from_utf8(&bytes).ok().and_then(|text| toml::from_str(text).ok()))
@@ -287,12 +311,12 @@ impl Cache {
     ///
     /// # Errors
     /// When the folder cannot be written to.
-    pub fn make_current(&self, sku: &Sku, origin: &PartOrigin) -> io::Result<()> {
-        if self.current(sku)?.as_ref() == Some(origin) {
+    pub fn make_current(&self, sku: &Sku, part: &CurrentPart) -> io::Result<()> {
+        if self.current(sku)?.as_ref() == Some(part) {
             return Ok(());
         }
         fs::create_dir_all(self.folder(sku))?;
-        write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(origin)?.as_bytes())
+        write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(part)?.as_bytes())
     }
 
     /// All entries, ordered by SKU and key; each is read and checked.
@@ -525,10 +549,11 @@ mod tests {
         assert!(matches!(cache.get(&sku, &key).unwrap(), Lookup::Miss));
         assert_eq!(cache.current(&sku).unwrap(), None);
         cache.keep(&sku, &key, &kept, None).unwrap();
-        cache.make_current(&sku, &kept.origin).unwrap();
+        let current = CurrentPart::new(kept.origin.clone(), true);
+        cache.make_current(&sku, &current).unwrap();
         let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
         assert_eq!(*found, kept);
-        assert_eq!(cache.current(&sku).unwrap(), Some(kept.origin.clone()));
+        assert_eq!(cache.current(&sku).unwrap(), Some(current));
         assert_eq!(cache.entries().unwrap().len(), 1);
         assert!(cache.remove(&sku).unwrap() && !cache.remove(&sku).unwrap());
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::cache::Cache;
-use crate::config::{ConfigError, JobSettings, Sku, Verify, parse_facing};
+use crate::config::{ConfigError, JobSettings, Sku, Verify, ViewSource, parse_facing};
 use crate::files::read_beside;
 use crate::formats::mesh::PartFile;
 use crate::geometry::space::ViewPoint;
@@ -82,13 +82,15 @@ impl Settings {
         self.0.part.facing = parse_facing(side).map_err(|error| {
             Reason::new("settings-choice", format!("The {error}."), "Use a side such as `-y`.")
         })?;
+        self.0.part.view_source = ViewSource::Sides;
         Ok(self)
     }
 
-    /// Places the middle of the drawing at this point of the view, mm.
+    /// Places the middle of the drawing at this point of the view, mm; with a marking frame, at this point of the frame.
     #[must_use]
     pub fn place(mut self, x: f64, y: f64) -> Self {
         self.0.placement.place = Some(ViewPoint::new(x, y));
+        self.0.placement.is_place_given = true;
         self
     }
 

@@ -11,10 +11,10 @@
 use std::io;
 use std::time::Instant;
 
-use crate::cache::{Cache, CacheKey, CachedSurface, Lookup, PartOrigin};
+use crate::cache::{Cache, CacheKey, CachedSurface, CurrentPart, Lookup, PartOrigin};
 use crate::config::{
-    self, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices,
-    Weighting, canonical,
+    self, Align, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices,
+    ViewSource, Weighting, canonical,
 };
 use crate::diff;
 use crate::formats::Pace;
@@ -43,7 +43,7 @@ use crate::reason::{Notice, Reason};
 use crate::report::{
     self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport, WeightsReport,
 };
-use crate::report::{PlacementReport, Quality, Report, Timing};
+use crate::report::{FrameReport, FrameSource, PlacementReport, Quality, Report, RoundReport, Timing};
 
 mod scan;
 mod causes;
@@ -93,7 +93,7 @@ pub struct LearnedPart {
     pub key: CacheKey,
     /// Whether it was loaded from the cache.
     pub from_cache: bool,
-    /// The settings that it was fitted with.
+    /// The settings that it was fitted with, with the view of a marking frame in the part's file.
     pub settings: PartSettings,
     /// The part's mesh for pictures, if it was read just now; otherwise the cache may have it.
     pub mesh: Option<PictureMesh>,
@@ -228,7 +228,8 @@ impl Pipeline {
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
         let (origin, clock) = identified(part);
-        if let Some(current) = self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten()
+        if let Some(CurrentPart { origin: current, .. }) =
+            self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten()
             && current.blake3 != origin.blake3
         {
             return Err(checks::superseded(sku, &current.file).into());
@@ -250,16 +251,17 @@ impl Pipeline {
             return Err(rejected(checks::part_not_needed(primitive)));
         }
         let format = MeshFormat::from_name(&part.name).ok_or_else(|| unknown_part_format(&part.name))?;
-        let key = self.key(&origin, settings);
+        let current = CurrentPart::new(origin, mesh::has_frame(&part.bytes, format));
+        let key = self.key(&current, settings);
         let mut notices = Vec::new();
         if let Some(kept) = self.look_up(sku, &key, &mut notices)? {
             clock.lap("load surface");
             if let Some(cache) = &self.cache {
-                cache.make_current(sku, &origin)?;
+                cache.make_current(sku, &current)?;
             }
-            let kept = CachedSurface { origin, ..kept };
+            let kept = CachedSurface { origin: current.origin, ..kept };
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
-            let settings = settings.clone();
+            let settings = settings.for_part_with(kept.facts.marking_frame());
             let timings = clock.laps;
             return Ok(LearnedPart { kept, key, from_cache: true, settings, mesh: None, notices, timings });
         }
@@ -275,15 +277,15 @@ impl Pipeline {
         let surface =
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
-        let kept = CachedSurface { origin, facts: reading.facts, surface };
+        let kept = CachedSurface { origin: current.origin.clone(), facts: reading.facts, surface };
         let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES));
         if let Some(cache) = &self.cache {
             steps.at(Step::Keep);
             cache.keep(sku, &key, &kept, mesh.as_ref())?;
-            cache.make_current(sku, &kept.origin)?;
+            cache.make_current(sku, &current)?;
             clock.lap("keep surface");
         }
-        let settings = settings.clone();
+        let settings = settings.for_part_with(kept.facts.marking_frame());
         Ok(LearnedPart { kept, key, from_cache: false, settings, mesh, notices, timings: clock.laps })
     }
 
@@ -360,9 +362,10 @@ impl Pipeline {
             (kept, _) => kept,
         };
         let timings = clock.laps;
-        let settings = settings.clone();
-        let learned =
-            |kept| LearnedPart { kept, key, from_cache, settings, mesh: None, notices: Vec::new(), timings };
+        let learned = |kept: CachedSurface| {
+            let settings = settings.for_part_with(kept.facts.marking_frame());
+            LearnedPart { kept, key, from_cache, settings, mesh: None, notices: Vec::new(), timings }
+        };
         Ok(kept.map(learned))
     }
 
@@ -374,9 +377,9 @@ impl Pipeline {
         &self,
         sku: &Sku,
         settings: &PartSettings,
-    ) -> Result<Option<PartOrigin>, PipelineError> {
+    ) -> Result<Option<CurrentPart>, PipelineError> {
         match (&settings.primitive, &self.cache) {
-            (Some(primitive), _) => Ok(Some(primitive_origin(primitive))),
+            (Some(primitive), _) => Ok(Some(CurrentPart::new(primitive_origin(primitive), false))),
             (None, Some(cache)) => Ok(cache.current(sku)?),
             (None, None) => Ok(None),
         }
@@ -387,7 +390,7 @@ impl Pipeline {
     /// # Errors
     /// When the cache's folder cannot be used.
     pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
-        Ok(self.current_part(sku, settings)?.map(|origin| self.key(&origin, settings)))
+        Ok(self.current_part(sku, settings)?.map(|current| self.key(&current, settings)))
     }
 
     fn look_up(
@@ -410,8 +413,12 @@ impl Pipeline {
         }
     }
 
-    fn key(&self, origin: &PartOrigin, settings: &PartSettings) -> CacheKey {
-        CacheKey::new(&origin.blake3, &canonical::surface(settings, &self.fit))
+    fn key(&self, part: &CurrentPart, settings: &PartSettings) -> CacheKey {
+        let text = match part.has_frame {
+            true => canonical::surface_of_framed_part(settings, &self.fit),
+            false => canonical::surface(settings, &self.fit),
+        };
+        CacheKey::new(&part.origin.blake3, &text)
     }
 
     /// Corrects a pattern for a surface.
@@ -428,24 +435,23 @@ impl Pipeline {
     ) -> Result<Corrected, PipelineError> {
         let mut clock = Clock::start();
         let part = &learned.kept;
+        let mut notices = learned.notices.clone();
+        let settings = &framed(settings, part, &mut notices);
         let surface = &part.surface;
-        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let steps = self.observer.steps(input.name);
-        let PlacedPattern { facts, placing, placed, ink } =
-            self.place(input, part, settings, &steps, &mut clock)?;
+        let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
+        let (placed_pattern, map) = mapped(placed_pattern, part, settings)
+            .map_err(|(facts, reason)| checks::doubting_unit(reason, &facts).in_file(input.name))?;
+        let PlacedPattern { facts, placing, placed, ink } = placed_pattern;
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
-        let method = method(settings);
-        let map = LengthTrueMap::find(surface, &placed, is_ink, placing.place, &method)
-            .map_err(|error| rejected(checks::map_reason(&error, placing.place, part, &ink)))?;
         clock.lap("map");
 
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let exposure = projection.expose(&ink);
-        let mut notices = learned.notices.clone();
         checks::ink_layers(&placed, settings, &mut notices);
         checks::exposure(&exposure, part, &ink, settings, &mut notices).map_err(rejected)?;
         clock.lap("check");
@@ -470,6 +476,8 @@ impl Pipeline {
         steps.at(Step::Write);
         let map_report = MapReport::new(&map, weights(&settings.correction));
         checks::unrolled(&map, &mut notices);
+        let round = placing.round(&map, settings);
+        notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, part, &ink.extents, &mut notices);
         checks::uncertain(&after, &mut notices);
@@ -517,7 +525,7 @@ impl Pipeline {
                 facts,
                 ink_layers: settings.pattern.ink_layers.clone(),
             },
-            placement: placing.report(settings),
+            placement: PlacementReport { round, ..placing.report(settings) },
             map: map_report,
             quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
             exposure: (&exposure).into(),
@@ -526,6 +534,7 @@ impl Pipeline {
             notices,
             timings,
         };
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let marked = with_pictures.then(|| Marked {
             sku: sku.clone(),
             drawing: input.name.to_owned(),
@@ -551,6 +560,53 @@ fn measured(
     let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
     let doubt = |at| if is_recognised { Uncertainty::NONE } else { surface.uncertainty(at) };
     quality::measure_at_most(ink, place, |at| surface.sampled_height(at), doubt)
+}
+
+/// The settings for a part whose file may contain a marking frame, with what a person should know of it.
+fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice>) -> JobSettings {
+    let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
+    notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
+    let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
+    let frame = settings.part.view_source.frame();
+    notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
+    settings
+}
+
+/// The map of a placed drawing, which is turned along the axis of a cylinder or cone first if the settings ask for that.
+///
+/// # Errors
+/// When there is no map, or the turned drawing has ink where no part can be; with the facts about the drawing.
+fn mapped(
+    pattern: PlacedPattern,
+    part: &CachedSurface,
+    settings: &JobSettings,
+) -> Result<(PlacedPattern, LengthTrueMap), (PatternFacts, Reason)> {
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let method = method(settings);
+    let find = |pattern: &PlacedPattern| {
+        let place = pattern.placing.place;
+        LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
+            .map_err(|error| checks::map_reason(&error, place, part, &pattern.ink))
+    };
+    let map = match find(&pattern) {
+        Ok(map) => map,
+        Err(reason) => return Err((pattern.facts, reason)),
+    };
+    let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
+        return Ok((pattern, map));
+    };
+    let PlacedPattern { facts, mut placing, placed, .. } = pattern;
+    placing.turn(turn);
+    let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
+    if let Err(reason) = checks::reach(&placed, is_ink, part) {
+        return Err((facts, reason));
+    }
+    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+    let pattern = PlacedPattern { facts, placing, placed, ink };
+    match find(&pattern) {
+        Ok(map) => Ok((pattern, map)),
+        Err(reason) => Err((pattern.facts, reason)),
+    }
 }
 
 /// A placed drawing.
@@ -602,6 +658,8 @@ struct Placing {
     anchor: FlatPoint,
     place: FlatPoint,
     motion: Affine,
+    /// The turn along the axis of a cylinder or cone, rad, in addition to that of the settings.
+    aligned: f64,
 }
 
 impl Placing {
@@ -611,8 +669,29 @@ impl Placing {
             Anchor::Origin => FlatPoint::new(0.0, 0.0),
             Anchor::At(point) => point,
         };
-        let place = settings.placement.place.map_or(anchor, |place| place.coords().into());
-        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place) }
+        let place = settings.placement.place.map(|place| place.coords());
+        let place = match &settings.part.view_source {
+            ViewSource::Station | ViewSource::Sides => place.map_or(anchor, FlatPoint::from),
+            source @ (ViewSource::Frame(frame) | ViewSource::FrameOfFile(frame)) => {
+                let is_used = settings.placement.is_place_given || matches!(source, ViewSource::Frame(_));
+                (frame.place().coords() + place.filter(|_| is_used).unwrap_or_default()).into()
+            }
+        };
+        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place), aligned: 0.0 }
+    }
+
+    /// Turns the placed drawing about its anchor by this angle, rad.
+    fn turn(&mut self, angle: f64) {
+        self.aligned += angle;
+    }
+
+    /// The direction of the drawing's x beside that round the axis of the map, if it has one.
+    fn round(&self, map: &LengthTrueMap, settings: &JobSettings) -> Option<RoundReport> {
+        let round = map.round_angle()?;
+        let whole = std::f64::consts::TAU;
+        let from_round = settings.placement.rotate + self.aligned - round;
+        let from_round = from_round - whole * (from_round / whole).round();
+        Some(RoundReport { turned_deg: self.aligned.to_degrees(), angle_deg: from_round.to_degrees() })
     }
 
     fn report(&self, settings: &JobSettings) -> PlacementReport {
@@ -622,6 +701,16 @@ impl Placing {
             anchor_mm: self.anchor.coords().into(),
             place_mm: self.place.coords().into(),
             rotate_deg: settings.placement.rotate.to_degrees(),
+            round: None,
+            frame: match settings.part.view_source {
+                ViewSource::Station | ViewSource::Sides => None,
+                ViewSource::Frame(frame) => {
+                    Some(FrameReport { source: FrameSource::Settings, frame: frame.into() })
+                }
+                ViewSource::FrameOfFile(frame) => {
+                    Some(FrameReport { source: FrameSource::Part, frame: frame.into() })
+                }
+            },
         }
     }
 }
@@ -684,6 +773,7 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         normals_missing: 0,
         noise: None,
         one_sided_at_mm: None,
+        frame: None,
         bodies: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),

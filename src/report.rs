@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cache::PartOrigin;
 use crate::diff::DrawingDiff;
-use crate::formats::mesh::PartFacts;
+use crate::formats::mesh::{FrameFacts, PartFacts};
 use crate::formats::pattern::PatternFacts;
 use crate::geometry::correction::Exposure;
 use crate::geometry::mapping::LengthTrueMap;
@@ -140,6 +140,48 @@ pub struct PlacementReport {
     pub place_mm: [f64; 2],
     /// Rotation of the drawing, degrees.
     pub rotate_deg: f64,
+    /// The direction of the drawing's x beside that round the axis of a cylinder or cone; absent on other surfaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub round: Option<RoundReport>,
+    /// The marking frame that gives the view and the place; absent if settings do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<FrameReport>,
+}
+
+/// The direction of the drawing's x, at its anchor, beside the direction round the axis of a cylinder or cone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct RoundReport {
+    /// The turn of the drawing along the axis (`align = "axis"`), in addition to `rotate_deg`, degrees counter-clockwise.
+    pub turned_deg: f64,
+    /// The angle from the direction round the axis to the drawing's x, on the unrolled surface, degrees counter-clockwise,
+    /// from -180 to 180.
+    pub angle_deg: f64,
+}
+
+/// The marking frame of a job, in the part frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct FrameReport {
+    /// Where it comes from.
+    pub source: FrameSource,
+    /// Origin and axes.
+    #[serde(flatten)]
+    pub frame: FrameFacts,
+}
+
+/// Where a marking frame comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum FrameSource {
+    /// The settings or the command line.
+    Settings,
+    /// The node `isomark` in the part's file.
+    Part,
 }
 
 /// The map of the drawing onto the part.

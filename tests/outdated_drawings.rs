@@ -6,15 +6,15 @@
 use std::collections::BTreeMap;
 
 use isomark::config::{
-    Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, Vertices, Weighting,
-    canonical,
+    Align, Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, Vertices,
+    ViewSource, Weighting, canonical,
 };
 use isomark::formats::mesh::{LengthUnit, PartFile, UpAxis};
 use isomark::formats::pattern::DrawingUnit;
 use isomark::geometry::mapping::mapping_domain::AsPrinted;
 use isomark::geometry::optics::Lens;
 use isomark::geometry::primitive::Primitive;
-use isomark::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
+use isomark::geometry::space::{Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
 use isomark::geometry::surface::scan::Smoothing;
 use isomark::pipeline::{LearnedPart, PatternInput, Pipeline};
 use nalgebra::Vector3;
@@ -140,6 +140,11 @@ fn at_a_corner(settings: &mut JobSettings) {
     (settings.fixture.x, settings.fixture.y) = (50.0, 40.0);
 }
 
+/// Gives the part's top a marking frame with this origin.
+fn framed(settings: &mut JobSettings, origin: [f64; 3]) {
+    settings.part = settings.part.framed(MarkingFrame::upright(origin.into(), Facing::TOP));
+}
+
 fn nothing(_: &mut JobSettings) {}
 
 #[test]
@@ -162,6 +167,8 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
             s.part.facing = Facing::towards(Vector3::new(0.1, 0.0, 1.0)).unwrap();
         }),
         ("roll", Dxf, nothing, |s| s.part.roll = 0.3),
+        ("frame", Dxf, nothing, |s| framed(s, [1.0, -2.0, 5.0])),
+        ("frame's place", Dxf, |s| framed(s, [1.0, -2.0, 5.0]), |s| framed(s, [1.0, -1.0, 5.0])),
         ("unit", Dxf, |s| s.placement.rotate = 0.1, |s| s.part.unit = Some(LengthUnit::Centimetre)),
         (
             "smoothing",
@@ -206,6 +213,12 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
             },
         ),
         ("rotate", Dxf, nothing, |s| s.placement.rotate = 0.5),
+        (
+            "align",
+            Dxf,
+            |s| s.part.primitive = Primitive::new(60.0, 60.0, 90.0, Vector3::new(0.2, 1.0, 0.0)),
+            |s| s.placement.align = Align::Axis,
+        ),
         ("method", Dxf, nothing, |s| s.correction.method = Method::None),
         ("weighting", Dxf, nothing, |s| s.correction.weighting = Weighting::Uniform),
         ("length_weight", Dxf, nothing, |s| s.correction.length_weight = 4.0),
@@ -252,6 +265,9 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
                 s.pattern.ink_layers = Some(vec!["CUT".into(), "Mark".into()]);
             },
         ),
+        ("depth of a frame", Dxf, |s| framed(s, [1.0, -2.0, 5.0]), |s| framed(s, [1.0, -2.0, 9.0])),
+        ("where sides come from", Dxf, nothing, |s| s.part.view_source = ViewSource::Sides),
+        ("where a place comes from", Dxf, nothing, |s| s.placement.is_place_given = true),
         ("facing of the same direction", Dxf, nothing, |s| {
             s.part.facing = Facing::towards(Vector3::new(0.0, -0.0, 3.0)).unwrap();
         }),

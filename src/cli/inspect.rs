@@ -160,6 +160,7 @@ fn fit(
     let fitted = surface_of(&reading.shape, &mut reading.facts, settings, &FitOptions::default());
     match (fitted, target) {
         (Ok(surface), Some((path, format))) => {
+            let settings = settings.for_part_with(reading.facts.marking_frame());
             let view = View::new(settings.facing, settings.roll);
             write_file(path, &formats::surface::write(&surface, &view, name, format))?;
             Ok(Some(surface))
@@ -198,6 +199,16 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
     line(&mut text, "up", &format!("{}, because {}", facts.up.value, facts.up.why));
     line(&mut text, "format", &facts.format.map_or("none".to_owned(), |format| format.to_string()));
     line(&mut text, "producer", facts.producer.as_deref().unwrap_or("not named"));
+    if let Some(frame) = &facts.frame {
+        let direction = |[x, y, z]: [f64; 3]| format!("({x:.3}, {y:.3}, {z:.3})");
+        let [x, y, z] = frame.origin_mm;
+        let said = format!(
+            "origin ({x:.2}, {y:.2}, {z:.2}) mm, z to the laser {}, x of the drawing {}; node `isomark`",
+            direction(frame.z),
+            direction(frame.x)
+        );
+        line(&mut text, "frame", &said);
+    }
     match facts.triangles {
         0 => {
             line(&mut text, "scan", &format!("{} points", facts.vertices));

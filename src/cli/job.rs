@@ -47,7 +47,12 @@ pub(super) struct JobArguments {
     /// Turns the view about the laser's axis, degrees counter-clockwise, -360 to 360.
     #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true, conflicts_with_all = ["cylinder", "cone"])]
     roll: Option<String>,
-    /// Where the anchor is placed in the view, mm. Default: where it was drawn.
+    /// The marking frame in the part frame: "OX,OY,OZ ZX,ZY,ZZ XX,XY,XZ", where the anchor is placed, mm, the direction to
+    /// the laser, and the direction of the drawing's x. Default: the node `isomark` of a glTF part.
+    #[arg(long, value_name = "FRAME", help_heading = PLACEMENT, allow_hyphen_values = true, conflicts_with_all = ["cylinder", "cone", "facing", "roll"])]
+    frame: Option<String>,
+    /// Where the anchor is placed in the view, mm; with a marking frame, from its origin. Default: where it was drawn; with a
+    /// marking frame, its origin.
     #[arg(long, value_name = "X,Y", help_heading = PLACEMENT, allow_hyphen_values = true)]
     place: Option<String>,
     /// The point of the drawing that is placed and turned about: center (of its extents, default), origin, or X,Y in mm.
@@ -56,6 +61,10 @@ pub(super) struct JobArguments {
     /// Turns the drawing about its anchor, degrees counter-clockwise, -360 to 360.
     #[arg(long, value_name = "DEG", help_heading = PLACEMENT, allow_hyphen_values = true)]
     rotate: Option<String>,
+    /// The drawing's x at its anchor: view (horizontal as the laser sees it, default) or axis (along the direction round the
+    /// axis of a cylinder or cone).
+    #[arg(long, value_name = "WHAT", help_heading = PLACEMENT)]
+    align: Option<String>,
     #[command(flatten)]
     meaning: MeaningArguments,
     #[command(flatten)]
@@ -158,9 +167,11 @@ impl JobArguments {
                 ("--axis", "part.axis", self.axis.as_ref()),
                 ("--facing", "part.facing", self.facing.as_ref()),
                 ("--roll", "part.roll_deg", self.roll.as_ref()),
+                ("--frame", "part.frame", self.frame.as_ref()),
                 ("--place", "placement.place_mm", self.place.as_ref()),
                 ("--anchor", "placement.anchor", self.anchor.as_ref()),
                 ("--rotate", "placement.rotate_deg", self.rotate.as_ref()),
+                ("--align", "placement.align", self.align.as_ref()),
                 (
                     "--mapping-domain-grid",
                     "correction.mapping_domain_grid",

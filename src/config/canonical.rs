@@ -17,9 +17,10 @@
 
 use std::fmt::Write;
 
-use super::choices::{DxfVersion, FloaterWeights, Method, Vertices, Weighting};
+use super::choices::{Align, DxfVersion, FloaterWeights, Method, Vertices, Weighting};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
+    ViewSource,
 };
 use crate::formats::mesh::NormalsChoice;
 use crate::formats::pattern::RasterOptions;
@@ -39,6 +40,14 @@ pub fn surface(settings: &PartSettings, fit: &FitOptions) -> String {
     let mut text = Text::default();
     text.part(settings);
     text.fit(fit);
+    text.0
+}
+
+/// What shapes the surface of a part whose file contains a marking frame.
+#[must_use]
+pub fn surface_of_framed_part(settings: &PartSettings, fit: &FitOptions) -> String {
+    let mut text = Text(surface(settings, fit));
+    text.word("part.frame", settings.leaves_view_to_file().then_some("of-file"));
     text.0
 }
 
@@ -68,6 +77,7 @@ pub fn drawing(settings: &JobSettings) -> String {
     let mut text = Text::default();
     text.part(part);
     text.pattern(pattern);
+    text.frame(part);
     text.placement(placement);
     text.correction(correction);
     text.fixture(fixture, &optics.lens);
@@ -81,7 +91,19 @@ struct Text(String);
 
 impl Text {
     fn part(&mut self, settings: &PartSettings) {
-        let PartSettings { facing, roll, unit, up, normals, bridge, smoothing, primitive } = settings;
+        let PartSettings {
+            facing,
+            roll,
+            // The directions of a frame are `facing` and `roll`. Whether the one in the part's file is used is part of the
+            // surface's key and of the part's identity; the origin of the settings' one is written with the placement.
+            view_source: _,
+            unit,
+            up,
+            normals,
+            bridge,
+            smoothing,
+            primitive,
+        } = settings;
         if *facing != Facing::TOP {
             self.numbers("part.facing", facing.direction().into());
         }
@@ -140,8 +162,22 @@ impl Text {
         self.flag("pattern.strict", *strict, false);
     }
 
+    fn frame(&mut self, settings: &PartSettings) {
+        if let ViewSource::Frame(frame) = &settings.view_source {
+            // How far the origin is from the laser changes nothing.
+            self.numbers("part.frame_place_mm", frame.place().coords().into());
+        }
+    }
+
     fn placement(&mut self, settings: &Placement) {
-        let Placement { place, anchor, rotate } = settings;
+        let Placement {
+            place,
+            // It takes effect only with a frame in the part's file, and is then part of the part's identity.
+            is_place_given: _,
+            anchor,
+            rotate,
+            align,
+        } = settings;
         if let Some(place) = place {
             self.numbers("placement.place_mm", place.coords().into());
         }
@@ -151,6 +187,7 @@ impl Text {
             Anchor::At(point) => self.numbers("placement.anchor_mm", point.coords().into()),
         }
         self.number("placement.rotate_rad", *rotate, 0.0);
+        self.word("placement.align", (*align != Align::View).then_some(align));
     }
 
     fn correction(&mut self, settings: &CorrectionSettings) {

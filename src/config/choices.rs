@@ -97,6 +97,17 @@ choices! {
 }
 
 choices! {
+    /// What the drawing's x follows at its anchor.
+    Align, "align" {
+        /// The view: it is horizontal as the laser sees it, or as a marking frame gives it.
+        #[default]
+        View = "view",
+        /// The axis of a cylinder or cone: it runs along the direction round the axis.
+        Axis = "axis",
+    }
+}
+
+choices! {
     /// How `floater` weights a vertex's neighbours.
     FloaterWeights, "floater weights" {
         /// All equally, as in the thesis.

@@ -2,23 +2,23 @@
 
 use std::ops::Range;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{
-    DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, PartShape, Slip, Smoothing, Vertices, Weighting,
-    numbers, parse_axis, parse_facing,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, PartShape, Slip, Smoothing, Vertices,
+    Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
-use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings};
+use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, ViewSource};
 use super::text::{Numbers, SettingsText};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::primitive::{Form, Primitive};
-use crate::geometry::space::{Facing, FieldPoint, FlatPoint, ViewPoint};
+use crate::geometry::space::{Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
 use crate::geometry::surface::scan;
 
 /// Coordinates beyond this are outside of any station, mm; the unit is probably wrong.
@@ -48,6 +48,7 @@ pub(super) struct JobKeys {
 pub(super) struct PartKeys {
     facing: Option<Spanned<NameOr<Numbers<3>>>>,
     roll_deg: Option<Spanned<f64>>,
+    frame: Option<Spanned<FrameKeys>>,
     unit: Option<Spanned<LengthUnit>>,
     up: Option<Spanned<UpAxis>>,
     normals: Option<Spanned<NormalsChoice>>,
@@ -81,6 +82,7 @@ pub(super) struct PlacementKeys {
     place_mm: Option<Spanned<Numbers<2>>>,
     anchor: Option<Spanned<NameOr<Numbers<2>>>>,
     rotate_deg: Option<Spanned<f64>>,
+    align: Option<Align>,
 }
 
 #[derive(Default, Deserialize)]
@@ -105,6 +107,72 @@ pub(super) struct CorrectionKeys {
 enum NameOr<T> {
     Name(String),
     Numbers(T),
+}
+
+/// A marking frame: a table, or its origin, z and x as text.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a frame, such as { origin = [0, -36.5, 60], z = [0, -1, 0], x = [1, 0, 0] } or \"0,-36.5,60 0,-1,0 1,0,0\""
+)]
+enum FrameKeys {
+    Text(String),
+    Table(FrameTable),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameTable {
+    origin: Numbers<3>,
+    z: Numbers<3>,
+    x: Option<Numbers<3>>,
+}
+
+impl FrameKeys {
+    /// Origin, z and x; `None` for a text with other numbers.
+    fn numbers(&self) -> Option<([f64; 3], [f64; 3], Option<[f64; 3]>)> {
+        match self {
+            Self::Table(FrameTable { origin, z, x }) => Some((origin.0, z.0, x.map(|Numbers(x)| x))),
+            Self::Text(text) => {
+                let triples: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Option<_>>()?;
+                match triples[..] {
+                    [origin, z] => Some((origin, z, None)),
+                    [origin, z, x] => Some((origin, z, Some(x))),
+                    _ => None,
+                }
+            }
+        }
+    }
+
+    /// The frame. Without x, the drawing's x is to the right in the view of the side that z names.
+    fn frame(given: &Spanned<Self>, text: &SettingsText) -> Result<MarkingFrame, ConfigError> {
+        let wrong = |what: &str, remedy: &str| ConfigError::Contradiction {
+            spot: text.spot(&given.span()),
+            what: what.into(),
+            remedy: remedy.into(),
+        };
+        let (origin, z, x) = given.get_ref().numbers().ok_or_else(|| {
+            wrong(
+                "`part.frame` does not give a marking frame.",
+                "Give origin, z and x, three numbers each, such as \"0,-36.5,60 0,-1,0 1,0,0\"; x may be left out.",
+            )
+        })?;
+        for value in origin {
+            text.in_range("part.frame", value, &given.span(), -FARTHEST..=FARTHEST, "mm")?;
+        }
+        let origin = Point3::from(origin);
+        let frame = match x {
+            Some(x) => MarkingFrame::new(origin, z.into(), x.into()),
+            None => Facing::towards(z.into()).map(|facing| MarkingFrame::upright(origin, facing)),
+        };
+        frame.ok_or_else(|| {
+            wrong(
+                "`part.frame` does not give two different directions.",
+                "Give z, the direction to the laser, and x, the direction of the drawing's x, perpendicular to it, such as z = \
+                 [0, -1, 0] and x = [1, 0, 0].",
+            )
+        })
+    }
 }
 
 impl JobKeys {
@@ -162,9 +230,29 @@ impl PartKeys {
                 what: format!(
                     "The part is a {primitive} given by its sizes; no file is read or turned for it."
                 ),
-                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `unit`, `up`, `normals`, `bridge_mm`, `smoothing`, `low_pass_mm`."
+                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `frame`, `unit`, `up`, `normals`, `bridge_mm`, `smoothing`, `low_pass_mm`."
                     .into(),
             });
+        }
+        if let Some(given) = &self.frame {
+            let beside =
+                self.facing.as_ref().map(Spanned::span).or(self.roll_deg.as_ref().map(Spanned::span));
+            if let Some(span) = beside {
+                return Err(ConfigError::Contradiction {
+                    spot: text.spot(&span),
+                    what: "`frame` gives the side that faces the laser, and so do `facing` and `roll_deg`."
+                        .into(),
+                    remedy: "Remove `facing` and `roll_deg`, or remove `frame`.".into(),
+                });
+            }
+            to.part = to.part.framed(FrameKeys::frame(given, text)?);
+        }
+        if self.facing.is_some() || self.roll_deg.is_some() {
+            // One of them in a SKU's file replaces a whole frame of the station.
+            if to.part.view_source.frame().is_some() {
+                (to.part.facing, to.part.roll) = (Facing::TOP, 0.0);
+            }
+            to.part.view_source = ViewSource::Sides;
         }
         if let Some(facing) = self.facing {
             to.part.facing = match facing.get_ref() {
@@ -222,6 +310,7 @@ impl PartKeys {
         let spans = [
             self.facing.as_ref().map(Spanned::span),
             self.roll_deg.as_ref().map(Spanned::span),
+            self.frame.as_ref().map(Spanned::span),
             self.unit.as_ref().map(Spanned::span),
             self.up.as_ref().map(Spanned::span),
             self.normals.as_ref().map(Spanned::span),
@@ -349,6 +438,7 @@ impl PlacementKeys {
         if let Some(place) = self.place_mm {
             let [x, y] = text.numbers("placement.place_mm", &place, -FARTHEST..=FARTHEST, "mm")?;
             to.placement.place = Some(ViewPoint::new(x, y));
+            to.placement.is_place_given = true;
         }
         if let Some(anchor) = self.anchor {
             let point = match anchor.get_ref() {
@@ -379,6 +469,7 @@ impl PlacementKeys {
             let range = -360.0..=360.0;
             to.placement.rotate = text.number("placement.rotate_deg", &rotate, range, "deg")?.to_radians();
         }
+        to.placement.align = self.align.unwrap_or(to.placement.align);
         Ok(())
     }
 }

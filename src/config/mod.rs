@@ -23,15 +23,15 @@ mod error;
 mod suggest;
 
 pub use choices::{
-    Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated, PartShape,
-    Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated,
+    PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use error::{ConfigError, Excerpt, Spot};
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
-    PatternSettings, Placement,
+    PatternSettings, Placement, ViewSource,
 };
 #[cfg(feature = "station")]
 pub(crate) use sku::fold;

@@ -1,13 +1,15 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
-use super::choices::{DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting};
+use super::choices::{
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting,
+};
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::primitive::Primitive;
-use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, ViewPoint};
+use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
 
@@ -51,6 +53,8 @@ pub struct PartSettings {
     pub facing: Facing,
     /// Turn of the view about the laser's axis, counter-clockwise, rad.
     pub roll: f64,
+    /// What `facing` and `roll` come from, and so whether a marking frame in the part's file replaces them.
+    pub view_source: ViewSource,
     /// Unit of the file's numbers; `None` uses what the format and the producer suggest.
     pub unit: Option<LengthUnit>,
     /// Axis of the file that points up; `None` uses what the format and the producer suggest.
@@ -66,11 +70,70 @@ pub struct PartSettings {
     pub primitive: Option<Primitive>,
 }
 
+/// What a job's view of the part comes from.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
+pub enum ViewSource {
+    /// The station's settings for every part, or their defaults: a marking frame in the part's file replaces them.
+    #[default]
+    Station,
+    /// `facing` or `roll` that a person gave for this part.
+    Sides,
+    /// A marking frame of the settings.
+    Frame(MarkingFrame),
+    /// The marking frame in the part's file.
+    FrameOfFile(MarkingFrame),
+}
+
+impl ViewSource {
+    /// The marking frame, if the view comes from one.
+    #[must_use]
+    pub fn frame(&self) -> Option<&MarkingFrame> {
+        match self {
+            Self::Frame(frame) | Self::FrameOfFile(frame) => Some(frame),
+            Self::Station | Self::Sides => None,
+        }
+    }
+}
+
+impl PartSettings {
+    /// These settings with the view of a marking frame of the settings.
+    #[must_use]
+    pub fn framed(&self, frame: MarkingFrame) -> Self {
+        self.seen_by(&frame, ViewSource::Frame(frame))
+    }
+
+    /// These settings for a part whose file contains this marking frame: its view is used unless the settings for the part
+    /// give another one.
+    #[must_use]
+    pub fn for_part_with(&self, of_file: Option<MarkingFrame>) -> Self {
+        match of_file.filter(|_| self.leaves_view_to_file()) {
+            Some(frame) => self.seen_by(&frame, ViewSource::FrameOfFile(frame)),
+            None => self.clone(),
+        }
+    }
+
+    /// Whether a marking frame in the part's file is used.
+    #[must_use]
+    pub fn leaves_view_to_file(&self) -> bool {
+        let is_open = match self.view_source {
+            ViewSource::Station | ViewSource::FrameOfFile(_) => true,
+            ViewSource::Sides | ViewSource::Frame(_) => false,
+        };
+        is_open && self.primitive.is_none()
+    }
+
+    fn seen_by(&self, frame: &MarkingFrame, view_source: ViewSource) -> Self {
+        Self { facing: frame.facing(), roll: frame.roll(), view_source, ..self.clone() }
+    }
+}
+
 impl Default for PartSettings {
     fn default() -> Self {
         Self {
             facing: Facing::TOP,
             roll: 0.0,
+            view_source: ViewSource::Station,
             unit: None,
             up: None,
             normals: NormalsChoice::Auto,
@@ -144,12 +207,18 @@ fn is_same_layer(one: &str, other: &str) -> bool {
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Placement {
-    /// Where the anchor is placed in the view, mm; `None` for where it was drawn.
+    /// Where the anchor is placed, mm; `None` for where it was drawn. With a marking frame it is measured from the frame's
+    /// origin along its x and y, and `None` is the origin itself.
     pub place: Option<ViewPoint>,
+    /// Whether `place` was given for this part or drawing, so that it is measured from a marking frame in the part's file. The
+    /// station's place for every part is not used with such a frame.
+    pub is_place_given: bool,
     /// The point of the drawing that is placed and turned about.
     pub anchor: Anchor,
     /// Turn of the drawing about its anchor, counter-clockwise, rad.
     pub rotate: f64,
+    /// The direction from which `rotate` turns it.
+    pub align: Align,
 }
 
 /// The point of the drawing that is placed and turned about.

@@ -14,7 +14,7 @@ use super::keys::{
     PlacementKeys, SidecarKeys,
 };
 use super::overrides::Overrides;
-use super::settings::JobSettings;
+use super::settings::{JobSettings, ViewSource};
 use super::sku::fold;
 use super::text::SettingsText;
 use crate::reason::Reason;
@@ -296,6 +296,7 @@ impl Station {
         keys.output.apply(&mut settings);
         JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction, keys.fixture)
             .apply(&text, &mut settings)?;
+        settings.are_for_every_part();
         let base = file.parent().unwrap_or(Path::new(""));
         let folders = keys.folders.resolve(&text, base)?;
         Ok(Self {
@@ -312,6 +313,14 @@ impl Station {
 }
 
 impl JobSettings {
+    /// Marks sides and place as the station's, which give way to a marking frame in a part's file.
+    fn are_for_every_part(&mut self) {
+        if self.part.view_source == ViewSource::Sides {
+            self.part.view_source = ViewSource::Station;
+        }
+        self.placement.is_place_given = false;
+    }
+
     /// These settings with those of a file beside a pattern: its place, its ink layers, and the method.
     ///
     /// # Errors

@@ -197,6 +197,84 @@ impl Facing {
     }
 }
 
+/// Where a drawing is marked, in the part frame, mm: its z axis points to the laser, its x axis is the drawing's x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkingFrame {
+    origin: Point3<f64>,
+    z: Vector3<f64>,
+    x: Vector3<f64>,
+}
+
+/// Directions closer than this to an axis of the part, rad, are along it: files hold them with seven digits.
+const ALONG_AXIS: f64 = 1e-6;
+
+impl MarkingFrame {
+    /// The frame with this origin, mm, and these directions of any length. The x axis is turned until it is perpendicular to
+    /// z. `None` if a number is not finite, a direction has no length, or both directions are the same or opposite to
+    /// within 0.06 deg.
+    pub fn new(origin: Point3<f64>, z: Vector3<f64>, x: Vector3<f64>) -> Option<Self> {
+        let (z, x) = (along_axes(Facing::towards(z)?.direction), Facing::towards(x)?.direction);
+        let across = x - z * z.dot(&x);
+        let is_valid = origin.iter().all(|value| value.is_finite()) && across.norm() > 1e-3;
+        is_valid.then(|| Self { origin, z, x: along_axes(across.normalize()) })
+    }
+
+    /// The frame with this origin, mm, on the side that `facing` names, whose x axis is to the right in the view without
+    /// roll.
+    pub fn upright(origin: Point3<f64>, facing: Facing) -> Self {
+        let z = along_axes(facing.direction);
+        let x = View::new(Facing { direction: z }, 0.0).part_vector(Vector3::x());
+        Self { origin, z, x: along_axes(x) }
+    }
+
+    /// The origin, mm.
+    pub fn origin(&self) -> Point3<f64> {
+        self.origin
+    }
+
+    /// The unit direction to the laser.
+    pub fn z(&self) -> Vector3<f64> {
+        self.z
+    }
+
+    /// The unit direction of the drawing's x.
+    pub fn x(&self) -> Vector3<f64> {
+        self.x
+    }
+
+    /// The origin in the view that the frame gives, mm.
+    pub fn place(&self) -> ViewPoint {
+        let origin = View::new(self.facing(), self.roll()).point(self.origin);
+        ViewPoint::new(origin.x, origin.y)
+    }
+
+    /// The side of the part that the frame turns to the laser.
+    pub fn facing(&self) -> Facing {
+        Facing { direction: self.z }
+    }
+
+    /// The roll of the view in which the frame's x is to the right, rad, from −π to π.
+    pub fn roll(&self) -> f64 {
+        let right = View::new(self.facing(), 0.0).vector(self.x);
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let roll = (-right.y).atan2(right.x);
+        let quarters = (roll / quarter).round();
+        let is_quarter = (roll - quarters * quarter).abs() < ALONG_AXIS;
+        match quarters {
+            // The same roll as half a turn and as none.
+            -2.0 if is_quarter => 2.0 * quarter,
+            -0.0 if is_quarter => 0.0,
+            _ if is_quarter => quarters * quarter,
+            _ => roll,
+        }
+    }
+}
+
+/// A unit direction without the rounding of files that hold it with seven digits.
+fn along_axes(direction: Vector3<f64>) -> Vector3<f64> {
+    direction.map(|share| if share.abs() < ALONG_AXIS { 0.0 } else { share }).normalize()
+}
+
 /// The rotation from the part frame to the view: x to the right, y up, z to the laser; the origin is that of the part.
 ///
 /// For `±x` and `±y` the part's +Z is up, for `±z` its +Y is up; for any other direction +Z is as far up as possible.
@@ -277,6 +355,40 @@ mod tests {
             let point = Point3::new(1.0, -2.0, 3.0);
             assert!((view.part_point(view.point(point)) - point).norm() < 1e-12);
             assert!((view.part_vector(out) - Vector3::from(side).normalize()).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_frame_turns_its_x_to_the_right_and_its_z_to_the_laser() {
+        for (z, x) in [
+            ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0]),
+            ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]),
+            ([0.0, 0.0, -1.0], [0.6, 0.8, 0.0]),
+            ([0.3, -0.4, 0.8], [-0.2, 0.9, 0.1]),
+            ([1e-5, 0.0, 1.0], [0.0, -3.0, 0.0]),
+        ] {
+            let (z, x) = (Vector3::from(z), Vector3::from(x));
+            let frame = MarkingFrame::new(Point3::new(1.0, 2.0, 3.0), z, x).unwrap();
+            let view = View::new(frame.facing(), frame.roll());
+            assert!((view.vector(z.normalize()) - Vector3::z()).norm() < 1e-12, "{z} {x}");
+            let right = view.vector(x);
+            assert!(right.x > 0.0 && right.y.abs() < 1e-12, "{z} {x}: {right}");
+        }
+    }
+
+    #[test]
+    fn a_frame_along_the_axes_is_the_side_that_has_a_name() {
+        let noise = 3e-8;
+        let z = Vector3::new(noise, -1.0, -noise);
+        let frame = MarkingFrame::new(Point3::origin(), z, Vector3::new(1.0, noise, noise)).unwrap();
+        assert_eq!((frame.facing().direction, frame.roll()), (-Vector3::y(), 0.0));
+        assert!(frame.roll().is_sign_positive());
+        let turned = MarkingFrame::new(Point3::origin(), z, Vector3::new(noise, noise, -1.0)).unwrap();
+        assert_eq!(turned.roll(), 90f64.to_radians());
+        let upright = MarkingFrame::upright(Point3::origin(), Facing::towards(-Vector3::y()).unwrap());
+        assert_eq!((upright.x(), upright.roll()), (Vector3::x(), 0.0));
+        for (z, x) in [([0.0; 3], [1.0, 0.0, 0.0]), ([0.0, 0.0, 1.0], [0.0, 0.0, -2.0])] {
+            assert_eq!(MarkingFrame::new(Point3::origin(), z.into(), x.into()), None);
         }
     }
 

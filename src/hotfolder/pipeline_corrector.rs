@@ -129,7 +129,15 @@ impl Corrector for PipelineCorrector {
     }
 
     fn part_identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
-        Ok(self.pipeline().current_part(sku, &settings.part)?.map(|origin| origin.blake3))
+        let current = self.pipeline().current_part(sku, &settings.part)?;
+        Ok(current.map(|part| match part.has_frame && settings.part.leaves_view_to_file() {
+            // The same part under settings that use its marking frame is another one: its drawings are elsewhere.
+            true if settings.placement.is_place_given => {
+                format!("{} placed in its frame", part.origin.blake3)
+            }
+            true => format!("{} in its frame", part.origin.blake3),
+            false => part.origin.blake3,
+        }))
     }
 
     fn follow(&self, station: &Station) {

@@ -5,7 +5,7 @@ use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, Ink, JobSettings, LengthTrueMap, Method,
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
-use crate::config::Losses;
+use crate::config::{Align, Losses, ViewSource};
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -14,9 +14,10 @@ use crate::geometry::mapping::isometric::IsometricError;
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
-use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, View, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
+use crate::report::RoundReport;
 
 /// Uncertain length errors above this, mm, are worth a notice.
 const NOTABLE_UNCERTAIN: f64 = 0.05;
@@ -28,6 +29,10 @@ const FARTHEST_REACH: f64 = 4.0;
 const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// A drawing this much askew on a cylinder or cone is worth a warning, deg.
+const NOTABLE_SKEW: f64 = 0.5;
+/// A marking frame this far below the surface is probably turned away from it, mm.
+const FRAME_INSIDE: f64 = 1.0;
 /// A drawing this many times as long as the part has stray lines or another unit.
 const STRAY: f64 = 3.0;
 
@@ -47,6 +52,76 @@ pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
         format!("Another station has learned a newer part for {sku}: {newer}."),
         format!("Drop {newer} here too."),
     )
+}
+
+/// Whether the marking frame in the part's file is used, where settings give another place or view.
+pub(super) fn frame_of_file(of_file: Option<&MarkingFrame>, settings: &JobSettings) -> Option<Notice> {
+    let frame = of_file?;
+    let replaces = settings.part.facing != Facing::TOP || settings.part.roll != 0.0;
+    let is_placed = settings.placement.place.is_some() && !settings.placement.is_place_given;
+    let (facing, [x, y, z]) = (frame.facing().direction(), frame.origin().coords.into());
+    let found = format!(
+        "the part's file has a marking frame (node `isomark`) at ({x:.2}, {y:.2}, {z:.2}) mm that faces ({:.3}, {:.3}, {:.3})",
+        facing.x, facing.y, facing.z
+    );
+    let message = match settings.part.view_source {
+        ViewSource::Sides => {
+            format!("{found}; it is not used, because `facing` or `roll_deg` is given for this part")
+        }
+        ViewSource::Frame(_) => format!("{found}; it is not used, because the settings give another `frame`"),
+        ViewSource::Station | ViewSource::FrameOfFile(_) if replaces || is_placed => {
+            format!("{found}; it is used instead of the station's `facing`, `roll_deg` and `place_mm`")
+        }
+        ViewSource::Station | ViewSource::FrameOfFile(_) => return None,
+    };
+    Some(Notice::note("frame-chosen", message))
+}
+
+/// Warns of a drawing that is slightly askew on a cylinder or cone, and of a surface without the axis that the settings
+/// align it to.
+pub(super) fn alignment(round: Option<&RoundReport>, settings: &JobSettings) -> Option<Notice> {
+    let Some(round) = round else {
+        return (settings.placement.align == Align::Axis).then(|| {
+            let message = "`align = \"axis\"` has no effect: the surface under the drawing was not unrolled as a cylinder or cone";
+            Notice::warning("align-without-axis", message)
+        });
+    };
+    let skew = |angle: f64| angle - 90.0 * (angle / 90.0).round();
+    // An angle that a person gave is meant.
+    let askew = skew(round.angle_deg - settings.placement.rotate.to_degrees());
+    if askew.abs() < NOTABLE_SKEW || skew(round.angle_deg).abs() < NOTABLE_SKEW {
+        return None;
+    }
+    let [frame, by] = match settings.part.view_source.frame() {
+        Some(_) => ["; it follows the marking frame", ""],
+        None => ["", ", as it is horizontal in the laser's view"],
+    };
+    let message = format!(
+        "the drawing's x is {:.2} deg off the direction round the axis of the part, or along it{by}{frame}; `align = \"axis\"` \
+         (`--align axis`) turns it along the direction round the axis",
+        askew.abs()
+    );
+    Some(match frame {
+        "" => Notice::warning("drawing-askew", message),
+        _ => Notice::note("drawing-askew", message),
+    })
+}
+
+/// Warns of a marking frame that is inside the part: its z axis usually points the wrong way.
+pub(super) fn frame_on_surface(
+    frame: &MarkingFrame,
+    part: &CachedSurface,
+    settings: &PartSettings,
+) -> Option<Notice> {
+    let at = View::new(settings.facing, settings.roll).point(frame.origin());
+    let depth = part.surface.sampled_height(ViewPoint::new(at.x, at.y))? - at.z;
+    (depth > FRAME_INSIDE).then(|| {
+        let message = format!(
+            "the marking frame's origin is {depth:.2} mm below the surface that the laser sees; check that its z axis points \
+             out of the part, to the laser"
+        );
+        Notice::warning("frame-inside", message)
+    })
 }
 
 pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {

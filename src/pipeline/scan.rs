@@ -38,6 +38,7 @@ pub fn surface_of(
     settings: &PartSettings,
     fit: &FitOptions,
 ) -> Result<FittedSurface, Reason> {
+    let settings = &settings.for_part_with(facts.marking_frame());
     let view = View::new(settings.facing, settings.roll);
     if let Shape::Mesh(mesh) = shape
         && matches!(facts.normals_used, Some(NormalsUsed::File | NormalsUsed::Mixed))

@@ -21,6 +21,14 @@ impl Code {
 }
 
 const CODES: &[Code] = &[
+    notice([
+        "align-without-axis",
+        "The settings align the drawing to an axis, and the surface has none.",
+        "`align = \"axis\"` turns the drawing's x along the direction round the axis of a cylinder or cone. Under this \
+         drawing the part was not unrolled as one, because it is another surface or because of `method`. The \
+         drawing is placed as with `align = \"view\"`.",
+        "Set `align = \"view\"` (`--align view`) for this part, or check the part and `method`.",
+    ]),
     reason([
         "archive-changed",
         "The original in the archive differs from the drawing that was delivered.",
@@ -196,6 +204,16 @@ const CODES: &[Code] = &[
         "Explode the line type in the drawing program (for example with FLATTEN or EXPLODE of the express tools) \
          if the gaps must be marked.",
     ]),
+    notice([
+        "drawing-askew",
+        "The drawing is slightly askew on a cylinder or cone.",
+        "On a tilted cylinder or cone, or beside its crest, a direction that is horizontal in the laser's view is not \
+         the direction round the axis. Text placed like that climbs round the part by the angle in the message, from \
+         0.5 to 45 deg. The report gives the angle in `placement.round`. With a marking frame this is a note, because \
+         the frame gives the direction.",
+        "Set `align = \"axis\"` under [placement] (`--align axis`), or turn the drawing (`rotate_deg`) or the marking \
+         frame. If the drawing is to be like this, nothing needs to be done.",
+    ]),
     reason([
         "drawings-uncertain",
         "It is not known whether some drawings were delivered.",
@@ -335,6 +353,38 @@ const CODES: &[Code] = &[
         "isomark has no fonts of the system, only its own. The letters have other shapes and widths, so the text \
          may be longer or shorter than in the drawing program.",
         "Convert texts to outlines in the drawing program if their appearance matters.",
+    ]),
+    notice([
+        "frame-ambiguous",
+        "Several nodes of the part's file are named `isomark`, and the first one is the marking frame.",
+        "A glTF part states with a node (an empty) of this name where and how it is marked. With several of them \
+         isomark uses the first one of the scene; the message gives its place.",
+        "Keep one node `isomark` in the file, or give the frame with `--frame` or `frame` under [part].",
+    ]),
+    notice([
+        "frame-chosen",
+        "The part's file has a marking frame, and the settings give another view or place.",
+        "A node `isomark` in a glTF part gives the side that faces the laser, and where the drawing is placed. It \
+         replaces the station's `facing`, `roll_deg` and `place_mm`, which are for every part. What is given for \
+         this part, in the file of its SKU or on the command line, replaces the node: `facing`, `roll_deg` or \
+         `frame`. The message states which of them is used.",
+        "If the other one is to be used, remove the one that is not needed: the node from the part's file, or the \
+         settings of the SKU or the command line.",
+    ]),
+    notice([
+        "frame-inside",
+        "The marking frame is below the surface that the laser sees.",
+        "The origin of the frame is where the drawing is placed, and its z axis points out of the part, to the \
+         laser. A z axis that points into the part shows the laser the opposite side.",
+        "Turn the frame until its z axis points out of the part, or move its origin onto the surface. Look at the \
+         picture of the result (`--preview`).",
+    ]),
+    reason([
+        "frame-without-axes",
+        "The marking frame in the part's file has no directions.",
+        "The node `isomark` has a scale of zero, or a transform that flattens it, so the direction to the laser and \
+         the direction of the drawing's x are unknown.",
+        "Give the empty `isomark` a scale of 1 in the modelling program and export again.",
     ]),
     notice([
         "glb-trailing-bytes",

@@ -9,6 +9,7 @@
 )]
 
 mod desk;
+mod glb;
 #[path = "../ezdxf/mod.rs"]
 mod ezdxf;
 #[path = "../schemas/mod.rs"]
@@ -30,5 +31,7 @@ mod control;
 mod demo;
 mod evaluate;
 mod explain;
+mod frame;
+mod align;
 mod losses;
 mod names;

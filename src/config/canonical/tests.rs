@@ -4,7 +4,7 @@ use super::*;
 use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
-use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::space::{FlatPoint, MarkingFrame, ViewPoint};
 
 /// The digits are those that Python's `struct.pack(">d", value).hex()` gives.
 const EVERYTHING: &str = "\
@@ -26,6 +26,7 @@ pattern.strict true
 placement.place_mm 4029000000000000 c008000000000000
 placement.anchor_mm 3ff0000000000000 4000000000000000
 placement.rotate_rad bfe0000000000000
+placement.align axis
 correction.method mapping-domain
 correction.weighting uniform
 correction.floater_weights mean-value
@@ -55,6 +56,7 @@ pub(crate) fn everything() -> JobSettings {
         part: PartSettings {
             facing: Facing::towards(Vector3::new(0.6, -0.8, 0.0)).unwrap(),
             roll: 0.1,
+            view_source: ViewSource::Sides,
             unit: Some(LengthUnit::Inch),
             up: Some(UpAxis::Y),
             normals: NormalsChoice::Auto,
@@ -72,8 +74,10 @@ pub(crate) fn everything() -> JobSettings {
         },
         placement: Placement {
             place: Some(ViewPoint::new(12.5, -3.0)),
+            is_place_given: true,
             anchor: Anchor::At(FlatPoint::new(1.0, 2.0)),
             rotate: -0.5,
+            align: Align::Axis,
         },
         correction: CorrectionSettings {
             method: Method::MappingDomain,
@@ -132,6 +136,7 @@ fn every_setting_is_named() {
 fn the_names_in_the_text_are_pinned() {
     let methods = ["auto", "isometric", "cylinder", "cone", "mapping-domain", "floater", "none"];
     assert_eq!(Method::NAMES, methods);
+    assert_eq!(Align::NAMES, ["view", "axis"]);
     assert_eq!(Weighting::NAMES, ["ink", "uniform"]);
     assert_eq!(FloaterWeights::NAMES, ["uniform", "mean-value"]);
     assert_eq!(Vertices::NAMES, ["adaptive", "keep"]);
@@ -161,6 +166,14 @@ fn the_names_in_the_text_are_pinned() {
             line(|settings, word| settings.pattern.unit_if_unitless = Some(word.parse().unwrap()), unit);
         assert_eq!(text, format!("pattern.unit_if_unitless {unit}\n"));
     }
+    let frame = |settings: &mut JobSettings, _: &str| {
+        let origin = nalgebra::Point3::new(0.0, -36.5, 60.0);
+        let facing = Facing::towards(-Vector3::y()).unwrap();
+        settings.part = settings.part.framed(MarkingFrame::upright(origin, facing));
+    };
+    let text = "part.facing 0000000000000000 bff0000000000000 0000000000000000\n\
+                part.frame_place_mm 0000000000000000 404e000000000000\n";
+    assert_eq!(line(frame, ""), text);
     let text = line(|settings, _| settings.part.smoothing = Smoothing::None, "");
     assert_eq!(text, "part.smoothing none\n");
     let text = line(|settings, _| settings.placement.anchor = Anchor::Origin, "");

@@ -156,6 +156,9 @@ pub enum MeshReadError {
         /// The node.
         node: String,
     },
+    /// The node of the marking frame has a transform without directions.
+    #[error("the marking frame, node `isomark`, has a scale of zero or axes that coincide")]
+    FrameWithoutAxes,
     /// A node is its own descendant, or the child of two nodes.
     #[error("{node} appears twice in the node tree")]
     NodeTwice {
@@ -345,6 +348,7 @@ impl MeshReadError {
             Self::BufferShort { .. } => "mesh-buffer-short",
             Self::BadDataUri { .. } => "mesh-data-uri",
             Self::BadTransform { .. } => "mesh-transform-invalid",
+            Self::FrameWithoutAxes => "frame-without-axes",
             Self::NodeTwice { .. } => "mesh-node-cycle",
             Self::NotFinite { .. } => "mesh-coordinate-not-finite",
             Self::TooFar { .. } => "mesh-coordinate-too-far",
@@ -374,6 +378,7 @@ impl MeshReadError {
             | Self::DataBeyondBuffer { item: at, .. }
             | Self::BadTransform { node: at }
             | Self::NodeTwice { node: at } => item(at),
+            Self::FrameWithoutAxes => item("node \"isomark\""),
             Self::BufferName { name } | Self::BufferMissing { name, .. } | Self::BufferShort { name, .. } => {
                 item(&format!("buffer {name}"))
             }
@@ -430,6 +435,7 @@ impl MeshReadError {
             Self::BadTransform { .. } => {
                 "apply the object's transform in the modelling program and export again"
             }
+            Self::FrameWithoutAxes => "give the empty `isomark` a scale of 1 and export again",
             Self::NotFinite { .. } => {
                 "repair the mesh in the modelling program (remove broken vertices) and export again"
             }

@@ -6,6 +6,7 @@ use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::noise::Noise;
 use crate::geometry::point_cloud::PointCloud;
+use crate::geometry::space::MarkingFrame;
 use crate::reason::{Notice, Severity};
 
 /// A part with the facts about its file.
@@ -74,6 +75,9 @@ pub struct PartFacts {
     /// The scatter of a mesh's vertices, where it misleads the normals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<MeshNoise>,
+    /// The marking frame, from a node `isomark` in a glTF file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<FrameFacts>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.
@@ -86,6 +90,19 @@ pub struct PartFacts {
     pub scan: Option<ScanFacts>,
     /// What people should know about this file and how it was read.
     pub notices: Vec<Notice>,
+}
+
+/// A marking frame, in the part frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct FrameFacts {
+    /// Where the drawing's anchor is placed, mm.
+    pub origin_mm: [f64; 3],
+    /// Unit direction to the laser.
+    pub z: [f64; 3],
+    /// Unit direction of the drawing's x.
+    pub x: [f64; 3],
 }
 
 /// The quality of a file's normals.
@@ -155,7 +172,20 @@ pub struct Buffer {
     pub bytes: u64,
 }
 
+impl From<MarkingFrame> for FrameFacts {
+    fn from(frame: MarkingFrame) -> Self {
+        Self { origin_mm: frame.origin().coords.into(), z: frame.z().into(), x: frame.x().into() }
+    }
+}
+
 impl PartFacts {
+    /// The marking frame of the file.
+    #[must_use]
+    pub fn marking_frame(&self) -> Option<MarkingFrame> {
+        let FrameFacts { origin_mm, z, x } = self.frame?;
+        MarkingFrame::new(origin_mm.into(), z.into(), x.into())
+    }
+
     /// Whether the unit of the file's numbers may be wrong: it comes from the settings, or it is a guess.
     #[must_use]
     pub fn has_doubtful_unit(&self) -> bool {

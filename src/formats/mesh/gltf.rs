@@ -47,6 +47,12 @@ pub(super) fn read(
     Ok(part)
 }
 
+/// Whether a node is a marking frame.
+pub(super) fn has_frame(bytes: &[u8], format: MeshFormat) -> bool {
+    let document = Container::split(bytes, format).and_then(|container| parse(&container.json));
+    document.is_ok_and(|document| document.as_json().nodes.iter().any(scene::is_frame))
+}
+
 /// The files beside the part that contain its buffers and its textures.
 pub(super) fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     let document = parse(&Container::split(bytes, format)?.json)?;

@@ -30,7 +30,9 @@ mod normals;
 mod clues;
 
 pub use error::{EmptyCause, MeshReadError, VertexPlace};
-pub use facts::{Buffer, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape};
+pub use facts::{
+    Buffer, FrameFacts, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
+};
 pub use format::{MeshFormat, is_unread_part};
 pub use options::{MeshOptions, NormalsChoice};
 pub use scan_facts::{ScanFacts, ScanSurface};
@@ -77,6 +79,15 @@ impl PartFile {
             part.siblings.insert(name, content);
         }
         Ok(part)
+    }
+}
+
+/// Whether the part's file contains a node for a marking frame; the part may still be refused because of it. Only glTF has
+/// such nodes.
+pub fn has_frame(bytes: &[u8], format: MeshFormat) -> bool {
+    match format.of_content(bytes) {
+        MeshFormat::Gltf | MeshFormat::Glb => gltf::has_frame(bytes, format),
+        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => false,
     }
 }
 

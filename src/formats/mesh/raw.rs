@@ -1,12 +1,12 @@
 //! A part in the unit and axes of its file, and the size limits of reading.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use super::clues::{Clues, Corners};
 use super::error::EmptyCause;
 use super::{
-    MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed, PartFacts, PartReading,
-    Shape,
+    FrameFacts, MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed, PartFacts,
+    PartReading, Shape, UpAxis,
 };
 use crate::formats::Pace;
 use crate::geometry::holes::{self, Bridge};
@@ -14,6 +14,7 @@ use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::noise;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading;
+use crate::geometry::space::MarkingFrame;
 use crate::geometry::winding::{self, Winding};
 use crate::reason::Notice;
 
@@ -36,6 +37,8 @@ pub(super) struct RawPart {
     pub(super) is_scan: bool,
     /// Number of points that the scanner marked as missing.
     pub(super) missing: usize,
+    /// The transforms of the nodes that are marking frames, in the unit and axes of the file.
+    pub(super) frames: Vec<Matrix4<f64>>,
     pub(super) bodies: Vec<String>,
     pub(super) materials: Vec<String>,
     pub(super) skipped: Vec<String>,
@@ -52,6 +55,7 @@ impl RawPart {
             clues,
             is_scan: false,
             missing: 0,
+            frames: Vec::new(),
             bodies: Vec::new(),
             materials: Vec::new(),
             skipped: Vec::new(),
@@ -80,6 +84,7 @@ impl RawPart {
         for normal in &mut self.normals {
             *normal = up.to_z_up(*normal);
         }
+        let frame = self.frame(up, scale)?;
         let mut understood = Understood::default();
         let shape = match self.is_scan {
             true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
@@ -124,6 +129,7 @@ impl RawPart {
             normals_used: understood.used,
             normals_missing: understood.missing,
             noise: understood.noise,
+            frame: frame.map(FrameFacts::from),
             one_sided_at_mm: understood.winding.contradiction.map(|at| at.coords.into()),
             bodies: self.bodies,
             materials: self.materials,
@@ -132,6 +138,32 @@ impl RawPart {
             notices: self.notices,
         };
         Ok(PartReading { shape, facts })
+    }
+}
+
+impl RawPart {
+    /// The first marking frame of the file, in the part frame, mm, for a file with this axis up and this many mm a unit.
+    fn frame(&mut self, up: UpAxis, scale: f64) -> Result<Option<MarkingFrame>, MeshReadError> {
+        let Some(first) = self.frames.first() else { return Ok(None) };
+        // The axes of a node are turned like the part: those of a node without rotation become those of the part frame.
+        let turn =
+            Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| up.to_z_up(axis)));
+        let axes = turn * first.fixed_view::<3, 3>(0, 0) * turn.transpose();
+        let origin = Point3::from(up.to_z_up(first.fixed_view::<3, 1>(0, 3).into_owned()) * scale);
+        let frame = MarkingFrame::new(origin, axes.column(2).into_owned(), axes.column(0).into_owned());
+        let frame = frame.ok_or(MeshReadError::FrameWithoutAxes)?;
+        if self.frames.len() > 1 {
+            let message = format!(
+                "{} nodes of the file are named `isomark`; the first one, at ({:.2}, {:.2}, {:.2}) mm of the part, is the \
+                 marking frame",
+                self.frames.len(),
+                origin.x,
+                origin.y,
+                origin.z
+            );
+            self.notices.push(Notice::warning("frame-ambiguous", message));
+        }
+        Ok(Some(frame))
     }
 }
 

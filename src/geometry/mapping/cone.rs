@@ -229,6 +229,12 @@ impl ConeMap {
         Ok(Self { cone, anchor, start: distance, radial, generator, right: lift(0), up: lift(1), hollow })
     }
 
+    /// The angle from the drawing's x to the direction round the axis, at the anchor, rad.
+    pub fn round_angle(&self) -> f64 {
+        let round = self.cone.axis.cross(&self.radial);
+        round.dot(&self.up).atan2(round.dot(&self.right))
+    }
+
     /// Distance from the apex, mm, and angle about the axis from the anchor, rad.
     fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
         let from_anchor = at - self.anchor;

@@ -216,6 +216,12 @@ impl CylinderMap {
         if self.hollow { -radial } else { radial }
     }
 
+    /// The angle from the drawing's x to the direction round the axis, at the anchor, rad.
+    pub fn round_angle(&self) -> f64 {
+        let round = self.cylinder.axis.cross(&self.radial);
+        round.dot(&self.up).atan2(round.dot(&self.right))
+    }
+
     /// Distance along the axis, mm, and angle about it, rad, from the anchor.
     fn unrolled(&self, at: FlatPoint) -> (f64, f64) {
         let from_anchor = at - self.anchor;

@@ -12,6 +12,8 @@ pub mod mapping_domain;
 pub mod floater;
 pub mod quality;
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use nalgebra::Vector3;
 
 use self::cone::{ConeError, ConeFit, ConeMap};
@@ -185,6 +187,19 @@ impl LengthTrueMap {
             Self::Cone(_, fit) => Some(fit.residual),
             Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => None,
         }
+    }
+
+    /// The angle from the x of the drawing's plane to the direction round the axis of a cylinder or cone, at the anchor, rad;
+    /// of the two senses of the direction the one nearer to x, from −89° to 91°. `None` for maps without an axis.
+    pub fn round_angle(&self) -> Option<f64> {
+        let angle = match self {
+            Self::Cylinder(map, _) => map.round_angle(),
+            Self::Cone(map, _) => map.round_angle(),
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => return None,
+        };
+        // The bounds are off a right angle, where an upright axis would make the choice one of rounding.
+        let below = 1f64.to_radians();
+        Some((angle + FRAC_PI_2 - below).rem_euclid(PI) - FRAC_PI_2 + below)
     }
 
     /// Whether the map is meant for comparison and not for the best lengths.

@@ -29,6 +29,10 @@ const MAX_COPIES: usize = 2_000_000;
 const BYTES_OF_TRIANGLE: usize = 6;
 /// Bytes that a vertex takes in the file: three floats.
 const BYTES_OF_VERTEX: usize = 12;
+/// The name of the node that is the marking frame.
+const FRAME: &str = "isomark";
+/// In the extras of the node of this name that isomark writes into pictures of a mark; it is no frame.
+const PICTURE_OF_MARK: &str = "isomark.on-part";
 
 /// Reads the file's default scene; numbers stay in the file's unit and axes.
 pub(super) fn read(
@@ -157,6 +161,9 @@ impl Walk<'_> {
             self.skip("light", usize::from(extensions.others.contains_key("KHR_lights_punctual")));
             let instanced = extensions.others.contains_key("EXT_mesh_gpu_instancing");
             self.skip("set of instances (only the first one is read)", usize::from(instanced));
+        }
+        if is_frame(node) {
+            self.part.frames.push(*transform);
         }
         let Some(mesh_index) = node.mesh else { return Ok(()) };
         let meshes = &self.root.meshes;
@@ -321,6 +328,12 @@ impl Walk<'_> {
         }
         Ok(part)
     }
+}
+
+/// Whether the node is a marking frame: an empty of its name.
+pub(super) fn is_frame(node: &Node) -> bool {
+    let is_picture = node.extras.as_ref().is_some_and(|extras| extras.get().contains(PICTURE_OF_MARK));
+    node.name.as_deref() == Some(FRAME) && node.mesh.is_none() && !is_picture
 }
 
 /// What the primitive is, unless it is a surface.
