@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v5/                 one folder for each format version
+//! <cache>/v6/                 one folder for each format version
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -25,6 +25,7 @@ use crate::config::Sku;
 use crate::files::{read_if_there, write_whole_unsynced};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node, Uncertainty};
+use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::surface::fit::FittedSurface;
 use crate::geometry::surface::knots::UniformKnots;
@@ -85,6 +86,8 @@ pub struct CachedSurface {
     pub facts: PartFacts,
     /// The fitted surface with its samples.
     pub surface: FittedSurface,
+    /// Where ink may be; `None` for anywhere.
+    pub mark: Option<MarkRegion>,
 }
 
 /// The result of a cache lookup.
@@ -151,6 +154,8 @@ struct Record {
     doubts: Vec<f64>,
     /// One for each node, or none at all.
     uncertainties: Vec<(f32, f32)>,
+    /// One distance for each node, or none at all.
+    mark: Vec<f32>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -431,6 +436,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         node_heights: field.nodes().iter().filter_map(height).collect(),
         doubts: kept.surface.doubts().to_vec(),
         uncertainties: uncertainties.iter().map(|node| (node.slope, node.height)).collect(),
+        mark: kept.mark.as_ref().map(|mark| mark.distances().to_vec()).unwrap_or_default(),
     };
     sealed(&record, MAGIC)
 }
@@ -485,10 +491,18 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     };
     let uncertainties = record.uncertainties.into_iter();
     let uncertainties = uncertainties.map(|(slope, height)| Uncertainty { slope, height }).collect();
+    let mark = match record.mark.is_empty() {
+        true => None,
+        false => {
+            let region = MarkRegion::with_distances(&field, record.mark);
+            Some(region.ok_or_else(|| "the sizes of the grids do not match".to_owned())?)
+        }
+    };
     Ok(CachedSurface {
         origin: record.origin,
         facts,
         surface: FittedSurface::compare(nurbs, field).doubted(record.doubts, uncertainties),
+        mark,
     })
 }
 
@@ -527,7 +541,10 @@ mod tests {
         let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
         let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
         let origin = PartOrigin { file: "saddle.obj".into(), blake3: "00".into() };
-        CachedSurface { origin, facts: reading.facts, surface }
+        let corner = |x, y| nalgebra::Point3::new(x, y, 0.0);
+        let faces = [[corner(0.0, 0.0), corner(5.0, 0.0), corner(0.0, 5.0)]];
+        let mark = Some(MarkRegion::seen(&faces, &View::top(), &surface.field));
+        CachedSurface { origin, facts: reading.facts, surface, mark }
     }
 
     /// A change here means that every part is fitted again.
@@ -536,9 +553,9 @@ mod tests {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 from another program: of "isomark fit 5", "ab12" and the pinned text of the settings, one per line.
-        assert_eq!(key(&PartSettings::default()), "bbbf5f2d614f668295f758b0fee4197f");
-        assert_eq!(key(&everything().part), "00ac6998e395a3a051f7c588651efbf2");
+        // BLAKE3 from another program: of "isomark fit 6", "ab12" and the pinned text of the settings, one per line.
+        assert_eq!(key(&PartSettings::default()), "060d0dfd23b128a12047eda7834a00d0");
+        assert_eq!(key(&everything().part), "228a5960f2d9495b0aa281fc45d8a58f");
     }
 
     #[test]

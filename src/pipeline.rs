@@ -32,6 +32,7 @@ use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
+use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
 use crate::geometry::picture_mesh::PictureMesh;
@@ -277,7 +278,10 @@ impl Pipeline {
         let surface =
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
-        let kept = CachedSurface { origin: current.origin.clone(), facts: reading.facts, surface };
+        let view = settings.for_part_with(reading.facts.marking_frame()).view();
+        let mark = (!reading.mark_faces.is_empty())
+            .then(|| MarkRegion::seen(&reading.mark_faces, &view, &surface.field));
+        let kept = CachedSurface { origin: current.origin.clone(), facts: reading.facts, surface, mark };
         let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES));
         if let Some(cache) = &self.cache {
             steps.at(Step::Keep);
@@ -350,6 +354,7 @@ impl Pipeline {
                     origin: primitive_origin(primitive),
                     facts: primitive_facts(primitive),
                     surface,
+                    mark: None,
                 };
                 clock.lap("sample and fit");
                 // The SKU's current part is kept for the case that the sizes are removed from the settings again.
@@ -454,6 +459,7 @@ impl Pipeline {
         let exposure = projection.expose(&ink);
         checks::ink_layers(&placed, settings, &mut notices);
         checks::exposure(&exposure, part, &ink, settings, &mut notices).map_err(rejected)?;
+        notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
         clock.lap("check");
 
         steps.at(Step::Bend);
@@ -774,6 +780,7 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         noise: None,
         one_sided_at_mm: None,
         frame: None,
+        mark_area_mm2: None,
         bodies: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),

@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use isomark::config::{
-    Align, Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, Vertices,
-    ViewSource, Weighting, canonical,
+    Align, Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, OutsideMark,
+    Vertices, ViewSource, Weighting, canonical,
 };
 use isomark::formats::mesh::{LengthUnit, PartFile, UpAxis};
 use isomark::formats::pattern::DrawingUnit;
@@ -247,6 +247,7 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
     ];
     let same: Vec<(&str, Pattern, Setting, Setting)> = vec![
         ("losses", Dxf, nothing, |s| s.pattern.losses = Losses::Warn),
+        ("outside_mark", Dxf, nothing, |s| s.placement.outside_mark = OutsideMark::Warn),
         ("max_residual", Dxf, nothing, |s| s.correction.max_residual = 0.3),
         ("focus_depth", Dxf, nothing, |s| s.optics.focus_depth = Some(0.1)),
         ("incidence", Dxf, nothing, |s| {

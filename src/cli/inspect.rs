@@ -209,6 +209,9 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
         );
         line(&mut text, "frame", &said);
     }
+    if let Some(area) = facts.mark_area_mm2 {
+        line(&mut text, "mark", &format!("faces named `mark`, {area:.1} mm2: ink may be only there"));
+    }
     match facts.triangles {
         0 => {
             line(&mut text, "scan", &format!("{} points", facts.vertices));

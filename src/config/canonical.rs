@@ -177,6 +177,8 @@ impl Text {
             anchor,
             rotate,
             align,
+            // It decides whether there is a drawing.
+            outside_mark: _,
         } = settings;
         if let Some(place) = place {
             self.numbers("placement.place_mm", place.coords().into());

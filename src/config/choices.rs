@@ -108,6 +108,17 @@ choices! {
 }
 
 choices! {
+    /// What is done with ink outside the faces of a part that are named `mark`.
+    OutsideMark, "outside_mark" {
+        /// The drawing is rejected.
+        #[default]
+        Refuse = "refuse",
+        /// It is marked, and the report warns.
+        Warn = "warn",
+    }
+}
+
+choices! {
     /// How `floater` weights a vertex's neighbours.
     FloaterWeights, "floater weights" {
         /// All equally, as in the thesis.

@@ -7,8 +7,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, PartShape, Slip, Smoothing, Vertices,
-    Weighting, numbers, parse_axis, parse_facing,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip, Smoothing,
+    Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, ViewSource};
@@ -83,6 +83,7 @@ pub(super) struct PlacementKeys {
     anchor: Option<Spanned<NameOr<Numbers<2>>>>,
     rotate_deg: Option<Spanned<f64>>,
     align: Option<Align>,
+    outside_mark: Option<OutsideMark>,
 }
 
 #[derive(Default, Deserialize)]
@@ -470,6 +471,7 @@ impl PlacementKeys {
             to.placement.rotate = text.number("placement.rotate_deg", &rotate, range, "deg")?.to_radians();
         }
         to.placement.align = self.align.unwrap_or(to.placement.align);
+        to.placement.outside_mark = self.outside_mark.unwrap_or(to.placement.outside_mark);
         Ok(())
     }
 }

@@ -24,7 +24,8 @@ mod suggest;
 
 pub use choices::{
     Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated,
-    PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    OutsideMark, PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis,
+    parse_facing,
 };
 pub use error::{ConfigError, Excerpt, Spot};
 pub use live::{LiveSettings, SettingsEvent};

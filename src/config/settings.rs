@@ -1,7 +1,7 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Slip, Vertices, Weighting,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, Vertices, Weighting,
 };
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
@@ -9,7 +9,7 @@ use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::primitive::Primitive;
-use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
+use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, MarkingFrame, View, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
 
@@ -111,6 +111,12 @@ impl PartSettings {
             Some(frame) => self.seen_by(&frame, ViewSource::FrameOfFile(frame)),
             None => self.clone(),
         }
+    }
+
+    /// The part as the laser sees it.
+    #[must_use]
+    pub fn view(&self) -> View {
+        View::new(self.facing, self.roll)
     }
 
     /// Whether a marking frame in the part's file is used.
@@ -219,6 +225,8 @@ pub struct Placement {
     pub rotate: f64,
     /// The direction from which `rotate` turns it.
     pub align: Align,
+    /// What is done with ink outside the faces named `mark`.
+    pub outside_mark: OutsideMark,
 }
 
 /// The point of the drawing that is placed and turned about.

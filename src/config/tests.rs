@@ -570,6 +570,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("pattern.width_mm", "39", &[]),
     ("placement.align", "axis", &[]),
     ("placement.anchor", "origin", &[]),
+    ("placement.outside_mark", "warn", &[]),
     ("placement.place_mm", "[0, 60]", &[]),
     ("placement.rotate_deg", "90", &[]),
     ("retention.archive_days", "730", &[]),

@@ -27,6 +27,7 @@ pub mod primitive;
 pub mod marking;
 pub mod optics;
 pub mod correction;
+pub mod mark_region;
 pub mod rims;
 pub mod picture_mesh;
 pub mod shapes;

@@ -5,7 +5,7 @@ use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, Ink, JobSettings, LengthTrueMap, Method,
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
-use crate::config::{Align, Losses, ViewSource};
+use crate::config::{Align, Losses, OutsideMark, ViewSource};
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -29,6 +29,8 @@ const FARTHEST_REACH: f64 = 4.0;
 const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// Ink this far outside the faces named `mark` is on their border, mm: about the width of a laser spot.
+const OUTSIDE_MARK: f64 = 0.05;
 /// A drawing this much askew on a cylinder or cone is worth a warning, deg.
 const NOTABLE_SKEW: f64 = 0.5;
 /// A marking frame this far below the surface is probably turned away from it, mm.
@@ -52,6 +54,49 @@ pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
         format!("Another station has learned a newer part for {sku}: {newer}."),
         format!("Drop {newer} here too."),
     )
+}
+
+/// Rejects ink outside the faces named `mark`, or warns of it, as the settings ask.
+pub(super) fn mark_region(
+    map: &LengthTrueMap,
+    part: &CachedSurface,
+    ink: &Ink,
+    settings: &JobSettings,
+) -> Result<Option<Notice>, Reason> {
+    let Some(region) = &part.mark else { return Ok(None) };
+    let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+    let (mut samples, mut outside, mut worst) = (0usize, 0usize, None);
+    for flat in ends.chain(ink.squares.iter().chain(&ink.dots).copied()) {
+        let at = map.point(flat);
+        let distance = region.distance(at);
+        samples += 1;
+        if distance < -OUTSIDE_MARK {
+            outside += 1;
+            if worst.is_none_or(|(_, farthest)| distance < farthest) {
+                worst = Some((at, distance));
+            }
+        }
+    }
+    let Some((at, distance)) = worst else { return Ok(None) };
+    let percent = 100.0 * outside as f64 / samples as f64;
+    let known = region.farthest() * 0.99;
+    let by = match -distance < known {
+        true => format!("up to {:.2} mm", -distance),
+        false => format!("more than {known:.2} mm"),
+    };
+    let what = format!("{percent:.1} % of the ink is outside the faces of the part named `mark`, by {by}");
+    if settings.placement.outside_mark == OutsideMark::Warn {
+        let message = format!("{what}, as at ({:.2}, {:.2}) mm of the view", at.x, at.y);
+        return Ok(Some(Notice::warning("outside-mark", message)));
+    }
+    Err(Reason::new(
+        "outside-mark",
+        format!("{what}."),
+        "Move the drawing (`place_mm`, `--place`, the marking frame), make it smaller, or change the faces; or set \
+         `outside_mark = \"warn\"` under [placement].",
+    )
+    .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
+    .with_number("ink outside", percent, "%", Some(0.0)))
 }
 
 /// Whether the marking frame in the part's file is used, where settings give another place or view.

@@ -855,6 +855,15 @@ const CODES: &[Code] = &[
         "The field is the working area under [field] in the station's settings. The number is the overhang in mm.",
         "Move the drawing (`place_mm`, `--place`), or move the part with [fixture].",
     ]),
+    both([
+        "outside-mark",
+        "Ink is outside the faces of the part that are named `mark`.",
+        "Faces with a material, group, object or mesh named `mark` bound where ink may be. Some of the ink would be \
+         outside them, or where other parts hide them from the laser. The reason gives the place in the view that is \
+         farthest outside. With `outside_mark = \"warn\"` the drawing is marked, and this is a notice.",
+        "Move the drawing (`place_mm`, `--place`, or the marking frame), make it smaller, or give the name `mark` to \
+         more faces. If ink may be there, set `outside_mark = \"warn\"` under [placement].",
+    ]),
     reason([
         "overtaken",
         "An older file was written again after a newer file of the same name had arrived.",

@@ -33,5 +33,6 @@ mod evaluate;
 mod explain;
 mod frame;
 mod align;
+mod mark_region;
 mod losses;
 mod names;

@@ -1,7 +1,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::*;
-use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses};
+use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::space::{FlatPoint, MarkingFrame, ViewPoint};
@@ -78,6 +78,7 @@ pub(crate) fn everything() -> JobSettings {
             anchor: Anchor::At(FlatPoint::new(1.0, 2.0)),
             rotate: -0.5,
             align: Align::Axis,
+            outside_mark: OutsideMark::Warn,
         },
         correction: CorrectionSettings {
             method: Method::MappingDomain,

@@ -1,5 +1,6 @@
 //! What a part file contains, and how it was interpreted.
 
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
@@ -15,6 +16,8 @@ use crate::reason::{Notice, Severity};
 pub struct PartReading {
     /// The part, mm, +Z up.
     pub shape: Shape,
+    /// The faces named `mark`, on which ink may be, in the part frame, mm; without them ink may be anywhere.
+    pub mark_faces: Vec<[Point3<f64>; 3]>,
     /// What was found in the file, and what was decided.
     pub facts: PartFacts,
 }
@@ -78,6 +81,9 @@ pub struct PartFacts {
     /// The marking frame, from a node `isomark` in a glTF file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<FrameFacts>,
+    /// Area of the faces named `mark`, mm²: ink may be only there; absent without such faces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mark_area_mm2: Option<f64>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.

@@ -81,6 +81,7 @@ fn part_of(mut checked: Checked, pace: Pace) -> Result<RawPart, MeshReadError> {
     }
     part.bodies = if checked.objects.used.is_empty() { checked.groups.used } else { checked.objects.used };
     part.materials = checked.materials.used;
+    part.is_mark = of_triangles(&checked.is_mark, &model.face_arities);
     Ok(part)
 }
 
@@ -99,6 +100,15 @@ fn parse(checked: &Checked) -> Result<tobj::Mesh, MeshReadError> {
         return Err(refused(format!("only {read} of {} face corners were read", checked.corners)));
     }
     Ok(model)
+}
+
+/// The flags of faces for the triangles that they are cut into.
+fn of_triangles(of_faces: &[bool], arities: &[u32]) -> Vec<bool> {
+    if arities.is_empty() {
+        return of_faces.to_vec();
+    }
+    let pairs = of_faces.iter().zip(arities);
+    pairs.flat_map(|(flag, arity)| std::iter::repeat_n(*flag, (*arity as usize).saturating_sub(2))).collect()
 }
 
 /// All faces cut into triangles.

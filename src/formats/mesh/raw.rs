@@ -37,6 +37,8 @@ pub(super) struct RawPart {
     pub(super) is_scan: bool,
     /// Number of points that the scanner marked as missing.
     pub(super) missing: usize,
+    /// For each triangle, whether it is one of the faces named `mark`; empty if there are none.
+    pub(super) is_mark: Vec<bool>,
     /// The transforms of the nodes that are marking frames, in the unit and axes of the file.
     pub(super) frames: Vec<Matrix4<f64>>,
     pub(super) bodies: Vec<String>,
@@ -55,6 +57,7 @@ impl RawPart {
             clues,
             is_scan: false,
             missing: 0,
+            is_mark: Vec::new(),
             frames: Vec::new(),
             bodies: Vec::new(),
             materials: Vec::new(),
@@ -85,6 +88,7 @@ impl RawPart {
             *normal = up.to_z_up(*normal);
         }
         let frame = self.frame(up, scale)?;
+        let mark_faces = self.mark_faces();
         let mut understood = Understood::default();
         let shape = match self.is_scan {
             true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
@@ -130,6 +134,7 @@ impl RawPart {
             normals_missing: understood.missing,
             noise: understood.noise,
             frame: frame.map(FrameFacts::from),
+            mark_area_mm2: (!mark_faces.is_empty()).then(|| mark_faces.iter().map(area).sum()),
             one_sided_at_mm: understood.winding.contradiction.map(|at| at.coords.into()),
             bodies: self.bodies,
             materials: self.materials,
@@ -137,11 +142,31 @@ impl RawPart {
             scan: None,
             notices: self.notices,
         };
-        Ok(PartReading { shape, facts })
+        Ok(PartReading { shape, mark_faces, facts })
     }
 }
 
+/// The area of a triangle, mm².
+fn area([a, b, c]: &[Point3<f64>; 3]) -> f64 {
+    (b - a).cross(&(c - a)).norm() / 2.0
+}
+
+/// Whether a body, group or material of this name bounds where ink may be.
+pub(super) fn bounds_ink(name: &str) -> bool {
+    name.trim().eq_ignore_ascii_case("mark")
+}
+
 impl RawPart {
+    /// The corners of the faces named `mark`.
+    fn mark_faces(&self) -> Vec<[Point3<f64>; 3]> {
+        let named = self.triangles.iter().zip(&self.is_mark).filter(|(_, is_mark)| **is_mark);
+        let corner = |index: u32| self.positions.get(index as usize).copied();
+        named
+            .filter_map(|(&[a, b, c], _)| Some([corner(a)?, corner(b)?, corner(c)?]))
+            .filter(|face| area(face) > 0.0)
+            .collect()
+    }
+
     /// The first marking frame of the file, in the part frame, mm, for a file with this axis up and this many mm a unit.
     fn frame(&mut self, up: UpAxis, scale: f64) -> Result<Option<MarkingFrame>, MeshReadError> {
         let Some(first) = self.frames.first() else { return Ok(None) };

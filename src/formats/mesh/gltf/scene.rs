@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
+use crate::formats::mesh::raw::bounds_ink;
 use crate::formats::mesh::{
     MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, QUICK_TRIANGLES, RawPart, at_most, check_pace,
     normals,
@@ -50,6 +51,7 @@ pub(super) fn read(
         skipped: BTreeMap::new(),
         used_materials: vec![false; root.materials.len()],
         has_normals: false,
+        noted_triangles: 0,
         pace,
         max_triangles: capacity(bytes, BYTES_OF_TRIANGLE, MAX_COPIES).min(MAX_TRIANGLES),
         max_vertices: capacity(bytes, BYTES_OF_VERTEX, 3 * MAX_COPIES / 2).min(3 * MAX_TRIANGLES),
@@ -70,6 +72,8 @@ struct Walk<'a> {
     skipped: BTreeMap<&'static str, usize>,
     used_materials: Vec<bool>,
     has_normals: bool,
+    /// Number of triangles for which it is known whether they are named `mark`.
+    noted_triangles: usize,
     pace: Pace,
     max_triangles: usize,
     max_vertices: usize,
@@ -175,13 +179,30 @@ impl Walk<'_> {
         })?;
         let mesh_name = name_of_mesh(mesh, mesh_index);
         let before = self.part.triangles.len();
+        let is_mark = [node.name.as_deref(), mesh.name.as_deref()].into_iter().flatten().any(bounds_ink);
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             self.primitive(primitive, &mesh_name, number, transform)?;
+            self.bound_ink(is_mark || self.is_mark_material(primitive));
         }
         if self.part.triangles.len() > before {
             self.part.bodies.push(node.name.clone().unwrap_or(mesh_name));
         }
         Ok(())
+    }
+
+    fn is_mark_material(&self, primitive: &Primitive) -> bool {
+        let material = primitive.material.and_then(|index| self.root.materials.get(index.value()));
+        material.and_then(|material| material.name.as_deref()).is_some_and(bounds_ink)
+    }
+
+    /// Notes for the triangles added last whether they are faces named `mark`.
+    fn bound_ink(&mut self, is_mark: bool) {
+        if is_mark || !self.part.is_mark.is_empty() {
+            // Those before the first one of this name are not.
+            self.part.is_mark.resize(self.noted_triangles, false);
+            self.part.is_mark.resize(self.part.triangles.len(), is_mark);
+        }
+        self.noted_triangles = self.part.triangles.len();
     }
 
     fn primitive(

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use crate::formats::mesh::clues::stated_unit;
 use crate::formats::mesh::error::VertexPlace;
+use crate::formats::mesh::raw::bounds_ink;
 use crate::formats::mesh::{LengthUnit, MAX_TRIANGLES, MeshReadError, at_most};
 
 use super::lines::Lines;
@@ -31,6 +32,10 @@ pub(super) struct Checked {
     pub(super) objects: Names,
     pub(super) groups: Names,
     pub(super) materials: Names,
+    /// For each face, whether it is named `mark`; empty without such faces.
+    pub(super) is_mark: Vec<bool>,
+    /// Number of faces.
+    pub(super) faces: usize,
     /// The first statement that is not known in OBJ.
     pub(super) unknown: Option<String>,
     /// Index of the normal that bare corners are given, from 1.
@@ -47,12 +52,16 @@ pub(super) struct Checked {
 pub(super) struct Names {
     pub(super) used: Vec<String>,
     seen: BTreeSet<String>,
+    /// Whether the current name bounds where ink may be.
+    bounds_ink: bool,
     waiting: Option<String>,
 }
 
 impl Names {
     fn begin(&mut self, name: &[u8]) {
         let name = String::from_utf8_lossy(name).trim().to_owned();
+        // A face may be in several groups.
+        self.bounds_ink = bounds_ink(&name) || name.split_whitespace().any(bounds_ink);
         self.waiting = (!name.is_empty()).then_some(name);
     }
 
@@ -204,6 +213,12 @@ impl Checked {
         self.objects.use_now();
         self.groups.use_now();
         self.materials.use_now();
+        let is_mark = [&self.objects, &self.groups, &self.materials].iter().any(|names| names.bounds_ink);
+        if is_mark || !self.is_mark.is_empty() {
+            self.is_mark.resize(self.faces, false);
+            self.is_mark.push(is_mark);
+        }
+        self.faces += 1;
         Ok(())
     }
 
