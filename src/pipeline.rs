@@ -11,16 +11,18 @@
 use std::io;
 use std::time::Instant;
 
+use nalgebra::Vector3;
+
 use crate::cache::{Cache, CacheKey, CachedSurface, CurrentPart, Lookup, PartOrigin};
 use crate::config::{
-    self, Align, Anchor, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices,
-    ViewSource, Weighting, canonical,
+    self, Align, Anchor, CorrectionSettings, DxfVersion, IncidenceLimits, JobSettings, PartSettings, Sku,
+    Verify, Vertices, ViewSource, Weighting, canonical,
 };
 use crate::diff;
 use crate::formats::Pace;
 use crate::formats::mesh::{
     self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
-    UpAxis,
+    SideFacts, UpAxis,
 };
 use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
@@ -37,6 +39,7 @@ use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::{Affine, Pattern};
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::{Form, Primitive};
+use crate::geometry::sides::Side;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
@@ -275,6 +278,9 @@ impl Pipeline {
             })?;
         clock.lap("read part");
         steps.at(Step::Fit);
+        if let Some(mesh) = reading.shape.mesh() {
+            reading.facts.sides = SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse));
+        }
         let surface =
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
@@ -498,8 +504,12 @@ impl Pipeline {
             steps.at(Step::Preview);
             let title = format!("{sku} · {} · {}", input.name, map_report.method());
             let distortions = (before.as_ref(), &after);
-            let residual = exposure.max_difference;
-            preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, residual)
+            let shown = preview::Shown {
+                residual_under_ink: exposure.max_difference,
+                anchor: placing.place,
+                part_size: seen_size(&part.facts, &settings.part),
+            };
+            preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, shown)
         });
         if with_pictures {
             clock.lap("prepare preview");
@@ -568,12 +578,27 @@ fn measured(
     quality::measure_at_most(ink, place, |at| surface.sampled_height(at), doubt)
 }
 
+/// Width and height of the part in the view, mm; `None` in a view that is not along an axis of the part.
+fn seen_size(facts: &PartFacts, settings: &PartSettings) -> Option<[f64; 2]> {
+    if settings.primitive.is_some() {
+        return Some([facts.size[0], facts.size[1]]);
+    }
+    let view = settings.view();
+    let side = |direction: Vector3<f64>| {
+        let along = view.part_vector(direction);
+        let axis = (0..3).find(|axis| (along[*axis].abs() - 1.0).abs() < 1e-9)?;
+        Some(facts.size[axis])
+    };
+    Some([side(Vector3::x())?, side(Vector3::y())?])
+}
+
 /// The settings for a part whose file may contain a marking frame, with what a person should know of it.
 fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice>) -> JobSettings {
     let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
     notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
     let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
     let frame = settings.part.view_source.frame();
+    notices.extend(checks::flat_side(&part.facts, &settings.part));
     notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
     settings
 }
@@ -781,6 +806,7 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         one_sided_at_mm: None,
         frame: None,
         mark_area_mm2: None,
+        sides: Vec::new(),
         bodies: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),

@@ -117,7 +117,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
 }
 
 /// Refuses a picture whose name has the ending of another kind of file.
-fn check_ending(option: &str, file: Option<&PathBuf>, ending: &str, kind: &str) -> Outcome {
+pub(super) fn check_ending(option: &str, file: Option<&PathBuf>, ending: &str, kind: &str) -> Outcome {
     let has_it = |file: &&PathBuf| file.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
     match file.filter(|file| !has_it(file)) {
         None => Ok(()),

@@ -4,24 +4,29 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::correct::check_ending;
 use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
 use super::set::{SetArguments, add_options, refuse_options_of_pictures, useless_to_an_inspection};
-use crate::config::{JobSettings, Losses, Overrides, PartSettings};
+use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{
-    self, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
+    self, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape, SideFacts,
 };
 use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
+use crate::geometry::mesh::TriMesh;
 use crate::geometry::pattern::Pattern;
+use crate::geometry::sides::{SIDES, Side, SideHeights};
 use crate::geometry::space::View;
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::pipeline::{Progress, Step, surface_of, unknown_part_format};
+use crate::preview::{HeightPicture, SidePicture, sides_svg};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
@@ -42,6 +47,9 @@ pub(super) struct InspectArguments {
     /// Writes the surface that is fitted to this side, in the frame of the part's file: .step (the spline) or .obj (triangles).
     #[arg(long, value_name = "FILE")]
     surface: Option<PathBuf>,
+    /// Draws the side that `--facing` names, or all six, with axes, sizes and the place where a drawing fits, as SVG.
+    #[arg(long, value_name = "FILE.svg")]
+    preview: Option<PathBuf>,
     #[command(flatten)]
     set: SetArguments,
     /// Prints what was found as JSON.
@@ -59,9 +67,11 @@ enum Inspection {
 }
 
 pub(super) fn run(arguments: &InspectArguments) -> Outcome {
-    if let Some(surface) = &arguments.surface {
-        apart(&[&arguments.file], &[("--surface", surface)])?;
-    }
+    let written = [("--surface", &arguments.surface), ("--preview", &arguments.preview)];
+    let written: Vec<(&str, &Path)> =
+        written.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?))).collect();
+    apart(&[&arguments.file], &written)?;
+    check_ending("--preview", arguments.preview.as_ref(), "svg", "an SVG picture")?;
     let mut overrides = Overrides::default();
     arguments.meaning.add_to(&mut overrides)?;
     arguments.scan.add_to(&mut overrides)?;
@@ -92,7 +102,21 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             } else {
                 None
             };
+            if let Some(mesh) = reading.shape.mesh() {
+                let sides = Side::all(mesh, IncidenceLimits::default().refuse);
+                reading.facts.sides = SideFacts::of_all(&sides);
+                if let Some(preview) = &arguments.preview {
+                    let named = overrides.has("part.facing").then_some(&settings.part);
+                    draw_sides(preview, &name, mesh, &reading.facts, sides, named)?;
+                }
+            } else if arguments.preview.is_some() {
+                return Err(Failure::usage(
+                    format!("\"{name}\" is a scan, and `--preview` draws the sides of a mesh."),
+                    "Leave out `--preview`; `isomark correct --preview` draws a scan with a drawing.",
+                ));
+            }
             let mut text = part_text(&name, &reading.facts);
+            side_lines(&mut text, &reading.facts, overrides.has("part.facing"));
             if let Some(surface) = &fitted {
                 surface_line(&mut text, surface);
                 if let Some(written) = &arguments.surface {
@@ -106,6 +130,12 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             return Err(Failure::usage(
                 format!("\"{name}\" is not a part, so it has no surface to write."),
                 "Name the part, or leave out `--surface`.",
+            ));
+        }
+        None if arguments.preview.is_some() => {
+            return Err(Failure::usage(
+                format!("\"{name}\" is not a part, so it has no sides to draw."),
+                "Name the part, or leave out `--preview`.",
             ));
         }
         None => {
@@ -227,6 +257,130 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
         }
     }
     text
+}
+
+/// Draws the side that is `named`, or all `sides`.
+fn draw_sides(
+    file: &Path,
+    part: &str,
+    mesh: &TriMesh,
+    facts: &PartFacts,
+    sides: Vec<Side>,
+    named: Option<&PartSettings>,
+) -> Outcome {
+    let pictures: Vec<SidePicture> = match named {
+        None => {
+            let both = facts.sides.iter().zip(sides);
+            let view = |facts: &SideFacts| parse_facing(&facts.side).map(|facing| View::new(facing, 0.0));
+            both.filter_map(|(facts, side)| {
+                let remark = if facts.meant { ", probably meant" } else { "" };
+                Some(side_picture(&facts.side, &view(facts).ok()?, side, remark))
+            })
+            .collect()
+        }
+        Some(settings) => {
+            let side = Side::seen(mesh, &settings.view(), IncidenceLimits::default().refuse);
+            vec![side_picture(&facing_name(settings), &settings.view(), side, "")]
+        }
+    };
+    write_file(file, sides_svg(&format!("{part} · sides of the part"), &pictures).as_bytes())
+}
+
+/// The side that the laser sees, as `--facing` takes it.
+fn facing_name(settings: &PartSettings) -> String {
+    let direction = settings.facing.direction();
+    match SIDES.iter().find(|(_, side)| *side == direction) {
+        Some((name, _)) => (*name).to_owned(),
+        None => format!("{:.4},{:.4},{:.4}", direction.x, direction.y, direction.z),
+    }
+}
+
+fn side_picture(name: &str, view: &View, side: Side, remark: &str) -> SidePicture {
+    let axis = |direction: Vector3<f64>| {
+        let named = SIDES.iter().find(|(_, side)| (side - direction).norm() < 1e-9);
+        named.map_or_else(
+            || format!("({:.2}, {:.2}, {:.2})", direction.x, direction.y, direction.z),
+            |(name, _)| (*name).to_owned(),
+        )
+    };
+    let [right, up] = [Vector3::x(), Vector3::y()].map(|direction| axis(view.part_vector(direction)));
+    let kind = if side.is_curved { "curved" } else { "flat" };
+    let (size, low, high) = (side.extents.size(), side.extents.min, side.extents.max);
+    let fits = match &side.rectangle {
+        Some(fits) => {
+            let [x, y]: [f64; 2] = fits.center().into();
+            let size = fits.size();
+            format!("fits {:.1} × {:.1} mm at --place {}", size.x, size.y, place(x, y))
+        }
+        None => "nothing can be marked on this side".to_owned(),
+    };
+    let SideHeights { origin, step, columns, rows, heights } = side.heights;
+    SidePicture {
+        heading: format!("--facing={name}"),
+        remarks: vec![
+            format!("{kind}, {:.0} mm² can be marked{remark}", side.area),
+            format!("to the right {right} of the part, upwards {up}"),
+            format!(
+                "{:.1} × {:.1} mm: x {:.1} to {:.1}, y {:.1} to {:.1}",
+                size.x, size.y, low.x, high.x, low.y, high.y
+            ),
+            fits,
+        ],
+        part_outline: HeightPicture {
+            origin: origin.into(),
+            step,
+            columns,
+            rows,
+            heights,
+            ..HeightPicture::default()
+        },
+        extents: side.extents,
+        rectangle: side.rectangle,
+    }
+}
+
+/// A place as `--place` takes it, to a tenth of a millimetre.
+fn place(x: f64, y: f64) -> String {
+    let tenth = |value: f64| (value * 10.0).round() / 10.0 + 0.0;
+    format!("{},{}", tenth(x), tenth(y))
+}
+
+/// The sides of the part, and which one is probably meant; `is_named` if a side was given.
+fn side_lines(text: &mut String, facts: &PartFacts, is_named: bool) {
+    for side in &facts.sides {
+        let kind = if side.curved { "curved" } else { "flat" };
+        let [left, bottom, right, top] = side.extents_mm;
+        let fits = match (side.rectangle_mm, side.place_mm) {
+            (Some([left, bottom, right, top]), Some([x, y])) => format!(
+                "; fits {:.1} x {:.1} mm at --facing={} --place {}",
+                right - left,
+                top - bottom,
+                side.side,
+                place(x, y)
+            ),
+            _ => String::new(),
+        };
+        let said = format!(
+            "{kind}, {:.0} mm2 can be marked; {:.1} x {:.1} mm{fits}",
+            side.area_mm2,
+            right - left,
+            top - bottom
+        );
+        line(text, &format!("side {}", side.side), &said);
+    }
+    let meant: Vec<&SideFacts> = facts.sides.iter().filter(|side| side.meant).collect();
+    let Some(first) = meant.first().filter(|_| !is_named && facts.frame.is_none()) else { return };
+    let names: Vec<&str> = meant.iter().map(|side| side.side.as_str()).collect();
+    let top = facts.sides.iter().find(|side| side.side == "+z" && !side.meant);
+    let instead = match top {
+        Some(top) if !top.curved && first.curved => {
+            "; without `--facing` the laser looks at the flat side +z".to_owned()
+        }
+        Some(_) => "; without `--facing` the laser looks at +z".to_owned(),
+        None => String::new(),
+    };
+    let kind = if first.curved { "the largest curved side" } else { "the largest side" };
+    line(text, "meant", &format!("probably {}, {kind}{instead}", names.join(" or ")));
 }
 
 fn surface_line(text: &mut String, surface: &FittedSurface) {

@@ -28,6 +28,7 @@ pub mod marking;
 pub mod optics;
 pub mod correction;
 pub mod mark_region;
+pub mod sides;
 pub mod rims;
 pub mod picture_mesh;
 pub mod shapes;

@@ -5,7 +5,8 @@ use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, Ink, JobSettings, LengthTrueMap, Method,
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
-use crate::config::{Align, Losses, OutsideMark, ViewSource};
+use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
+use crate::formats::mesh::{PartFacts, SideFacts};
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -120,6 +121,25 @@ pub(super) fn frame_of_file(of_file: Option<&MarkingFrame>, settings: &JobSettin
         ViewSource::Station | ViewSource::FrameOfFile(_) => return None,
     };
     Some(Notice::note("frame-chosen", message))
+}
+
+/// Warns of a flat side that faces the laser only by default, where a curved one is probably meant.
+pub(super) fn flat_side(facts: &PartFacts, settings: &PartSettings) -> Option<Notice> {
+    let is_default = settings.view_source == ViewSource::Station && settings.primitive.is_none();
+    let faces = |side: &&SideFacts| parse_facing(&side.side).is_ok_and(|facing| facing == settings.facing);
+    let seen = facts.sides.iter().find(faces).filter(|side| is_default && !side.curved && !side.meant)?;
+    let meant: Vec<&SideFacts> = facts.sides.iter().filter(|side| side.meant && side.curved).collect();
+    let largest = meant.first()?;
+    let names: Vec<&str> = meant.iter().map(|side| side.side.as_str()).collect();
+    let message = format!(
+        "the laser looks at the flat side {} of the part ({:.0} mm2 can be marked); a curved side is larger: {} ({:.0} mm2). \
+         `facing` (`--facing`) names the side; `isomark inspect PART` lists all of them",
+        seen.side,
+        seen.area_mm2,
+        names.join(", "),
+        largest.area_mm2
+    );
+    Some(Notice::warning("flat-side", message))
 }
 
 /// Warns of a drawing that is slightly askew on a cylinder or cone, and of a surface without the axis that the settings

@@ -1,11 +1,12 @@
 //! The preview of a job: the part, the drawing before and after the correction, and the stretch of every line.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Ink, stations};
 use crate::geometry::mapping::quality;
+use crate::geometry::mapping::tangent::tangent_frame;
 use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::preview::{HeightPicture, Preview, PreviewPath};
@@ -19,6 +20,16 @@ pub(super) fn piece(length: f64) -> f64 {
     PIECE.max(length / MAX_PIECES)
 }
 
+/// What a preview shows besides part and lines.
+pub(super) struct Shown {
+    /// Largest distance between the part and the surface under the ink, mm.
+    pub(super) residual_under_ink: f64,
+    /// The drawing's anchor, about which the mark is unrolled.
+    pub(super) anchor: FlatPoint,
+    /// Width and height of the part in the view, mm.
+    pub(super) part_size: Option<[f64; 2]>,
+}
+
 pub(super) fn preview(
     title: String,
     (placed, ink): (&Pattern, &Ink),
@@ -26,7 +37,7 @@ pub(super) fn preview(
     surface: &FittedSurface,
     settings: &JobSettings,
     (before, after): (Option<&Distortion>, &Distortion),
-    residual_under_ink: f64,
+    Shown { residual_under_ink, anchor, part_size }: Shown,
 ) -> Preview {
     let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
@@ -63,10 +74,70 @@ pub(super) fn preview(
         part_outline: relief(surface, settings.correction.tolerance),
         before: lines(&plain),
         after: lines(&|at| map.point(at)),
+        unrolled: unrolled(placed, piece, map, surface, anchor, after),
+        part_size,
         before_range: before_range(before, ink, surface),
         after_range: Some(after.stretch_range),
         field,
         summary,
+    }
+}
+
+/// Maps with at most this stretch unroll the part: the mark on it is the drawing, to within this.
+const UNROLLS: f64 = 0.05;
+
+/// The mark on the part, unrolled about the anchor, with its stretch.
+fn unrolled(
+    placed: &Pattern,
+    piece: f64,
+    map: &LengthTrueMap,
+    surface: &FittedSurface,
+    anchor: FlatPoint,
+    after: &Distortion,
+) -> Vec<PreviewPath> {
+    let lift = |flat: FlatPoint| on_part(map.point(flat), surface);
+    let develop = Development::about(ViewPoint::from(anchor.coords()), surface);
+    let path = |shape: &Shape| {
+        // The lines have the same pieces in the drawing and on the part.
+        let marked = lifted(shape, piece, &lift);
+        let place = |flat: FlatPoint| match after.max_stretch <= UNROLLS {
+            true => flat.coords(),
+            false => develop.point(map.point(flat), surface) + anchor.coords(),
+        };
+        let flat = lifted(shape, piece, &|flat| Point3::from(place(flat).push(0.0)));
+        let points = flat.points.iter().map(|[x, y, _]| [*x, *y]).collect();
+        PreviewPath { points, closed: marked.closed, stretch: marked.stretch }
+    };
+    placed.paths.iter().map(|placed| path(&placed.shape)).collect()
+}
+
+/// A surface laid flat about a point: every point keeps its distance along the section of the surface towards it, and the
+/// direction in which this section leaves.
+struct Development {
+    middle: ViewPoint,
+    /// From the tangent plane at the middle to the view, and back.
+    to_plane: Matrix2<f64>,
+}
+
+impl Development {
+    /// Number of chords of a section.
+    const CHORDS: usize = 32;
+
+    fn about(middle: ViewPoint, surface: &FittedSurface) -> Self {
+        let frame = tangent_frame(&surface.jet(middle).gradient);
+        Self { middle, to_plane: frame.try_inverse().unwrap_or_else(Matrix2::identity) }
+    }
+
+    /// The place of a point of the view, from the middle, mm.
+    fn point(&self, at: ViewPoint, surface: &FittedSurface) -> Vector2<f64> {
+        let step = at - self.middle;
+        let on_section = |chord: usize| {
+            let at = self.middle.lerp(at, chord as f64 / Self::CHORDS as f64);
+            Point3::new(at.x, at.y, surface.nurbs.height(at))
+        };
+        let length: f64 =
+            (0..Self::CHORDS).map(|chord| (on_section(chord + 1) - on_section(chord)).norm()).sum();
+        (self.to_plane * step).try_normalize(0.0).unwrap_or_else(Vector2::zeros) * length
     }
 }
 
@@ -104,16 +175,17 @@ fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
     }
 }
 
+fn on_part(at: ViewPoint, surface: &FittedSurface) -> Point3<f64> {
+    Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
+}
+
 fn paths(
     placed: &Pattern,
     piece: f64,
     map: &dyn Fn(FlatPoint) -> ViewPoint,
     surface: &FittedSurface,
 ) -> Vec<PreviewPath> {
-    let lift = |flat: FlatPoint| {
-        let seen = map(flat);
-        Point3::new(seen.x, seen.y, surface.sampled_height(seen).unwrap_or(f64::NAN))
-    };
+    let lift = |flat: FlatPoint| on_part(map(flat), surface);
     let seen = |path: PreviewPath<3>| PreviewPath {
         points: path.points.iter().map(|[x, y, _]| [*x, *y]).collect(),
         closed: path.closed,

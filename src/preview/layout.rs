@@ -3,7 +3,7 @@
 use super::Preview;
 use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
-use super::relief::{Backdrop, RESIDUAL, Relief, millimetres, round_step};
+use super::relief::{Backdrop, PART, RESIDUAL, Relief, millimetres, round_step};
 use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
 use super::window::{INSET, MARGIN, PANEL_TOP, Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
@@ -11,6 +11,8 @@ use crate::printable::on_one_line;
 
 /// Width of the colour scale, mm.
 const LEGEND_WIDTH: f64 = 52.0;
+/// Length of an A4 page, mm.
+const A4: f64 = 297.0;
 /// Colour of the field's border.
 const FIELD: &str = "#0f766e";
 
@@ -20,7 +22,8 @@ const LABEL: Type = Type::new(2.3, QUIET);
 const VALUE: Type = Type::new(2.3, DARK);
 const TICK: Type = Type::new(1.9, QUIET);
 
-/// Draws the preview: two panels, an inset of the whole part, a legend and the summary.
+/// Draws the preview: the pattern before and after the correction as the laser draws it, the mark unrolled from the part, an
+/// inset of the whole part, a legend and the summary.
 ///
 /// One user unit is one mm of paper. A pattern between a coin and a hand in size is drawn in true size, smaller and
 /// larger ones at the scale that the picture states. Coordinates and stretches that are not finite are skipped. If
@@ -46,12 +49,18 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     let left = panel_window(&drawn, part.as_ref());
     let [panel_width, panel_height] = left.paper_size();
     let right = Window { at: [MARGIN + panel_width + MARGIN, PANEL_TOP], ..left };
-    let width = 2.0 * panel_width + 3.0 * MARGIN;
+    let unrolled = ink::lines(&preview.unrolled);
+    // Three panels in a row, if they fit on a landscape A4 page; otherwise the third one is below the first.
+    let in_row = unrolled.is_empty() || 3.0 * panel_width + 4.0 * MARGIN <= A4;
+    let columns = if in_row && !unrolled.is_empty() { 3.0 } else { 2.0 };
+    let width = columns * panel_width + (columns + 1.0) * MARGIN;
+    let third = unrolled_window(&unrolled, &left, in_row);
 
     let mut page = Page::default();
     page.add(format_args!("<defs>"));
     for window in [
         ("panel-window", &left),
+        ("unrolled-window", &third),
         ("inset-window", &inset_window(&drawn, part.as_ref(), field.as_ref(), [0.0; 2])),
     ] {
         page.add(format_args!("<clipPath id=\"{}\">{}</clipPath>", window.0, window.1.rectangle()));
@@ -62,14 +71,12 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
 
     let thickness = line_width(&before, &drawn, left.scale);
     for (window, name, how, lines, range) in [
-        (&left, "Before", "uncorrected", &before, preview.before_range),
-        (&right, "After", "corrected", &after, preview.after_range),
+        (&left, "Before", "uncorrected, as the laser draws it", &before, preview.before_range),
+        (&right, "After", "corrected, as the laser draws it", &after, preview.after_range),
     ] {
-        page.text([window.at[0], 18.5], HEADING, name);
-        page.text([window.at[0] + HEADING.width(name) + 1.5, 18.5], VALUE, how);
-        page.text([window.at[0], 23.0], LABEL, &stretch_range(lines, range));
+        heading(&mut page, window, name, how, &stretch_range(lines, range));
         page.add(format_args!("{}", window.opening("panel-window")));
-        background(&mut page, window, relief.is_some(), field.as_ref());
+        background(&mut page, window, relief.map(|_| PART), field.as_ref());
         if name == "After" {
             outline(&mut page, &before, thickness / window.scale);
         }
@@ -79,10 +86,20 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
         scale_bar(&mut page, window);
     }
 
-    let foot = PANEL_TOP + panel_height + 11.0;
+    if !unrolled.is_empty() {
+        let how = "unrolled, seen along its normal";
+        heading(&mut page, &third, "On the part", how, "what a person sees who turns the part");
+        page.add(format_args!("{}", third.opening("unrolled-window")));
+        colored(&mut page, &unrolled, &colors, thickness / third.scale);
+        page.add(format_args!("</g>"));
+        frame(&mut page, &third);
+        scale_bar(&mut page, &third);
+    }
+
+    let foot = third.at[1].max(PANEL_TOP) + panel_height + 11.0;
     let inset = inset_window(&drawn, part.as_ref(), field.as_ref(), [MARGIN, foot]);
     let pattern = Extents::of(points(&before));
-    let inset_end = draw_inset(&mut page, &inset, relief, field.as_ref(), &pattern);
+    let inset_end = draw_inset(&mut page, &inset, relief, preview.part_size, field.as_ref(), &pattern);
     let legend_at = [MARGIN + INSET[0] + MARGIN, foot];
     let is_unknown =
         ink::weighted(&before).chain(ink::weighted(&after)).any(|(_, stretch)| !stretch.is_finite());
@@ -93,11 +110,35 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     page.finished(&title, [width, (foot + foot_height + MARGIN - 2.0).ceil()])
 }
 
-/// Part, field and axes, in coordinates of the view.
-fn background(page: &mut Page, window: &Window, has_part: bool, field: Option<&Extents>) {
+/// The lines above a panel: what it shows, how, and a remark.
+fn heading(page: &mut Page, window: &Window, name: &str, how: &str, remark: &str) {
+    let [left, top] = window.at;
+    page.text([left, top - 7.5], HEADING, name);
+    page.text([left + HEADING.width(name) + 1.5, top - 7.5], VALUE, how);
+    page.text([left, top - 3.0], LABEL, remark);
+}
+
+/// The window of the unrolled mark, as large and at the same scale as that of the first panel: beside the second panel, or
+/// below the first.
+fn unrolled_window(lines: &[Line], first: &Window, in_row: bool) -> Window {
+    let [width, height] = first.paper_size();
+    let drawn = Extents::of(points(lines));
+    let middle = if drawn.is_empty() { first.shown.center() } else { drawn.center() };
+    let half = first.shown.size() / 2.0;
+    let shown = Extents { min: middle - half, max: middle + half };
+    let at = match (lines.is_empty(), in_row) {
+        (true, _) => first.at,
+        (_, true) => [first.at[0] + 2.0 * (width + MARGIN), first.at[1]],
+        (_, false) => [first.at[0], first.at[1] + height + 22.0],
+    };
+    Window { shown, at, scale: first.scale }
+}
+
+/// Part, field and axes, in coordinates of the view; `part` is the name of the drawn part.
+pub(super) fn background(page: &mut Page, window: &Window, part: Option<&str>, field: Option<&Extents>) {
     let hair = 0.12 / window.scale;
-    if has_part {
-        page.add(format_args!("<use xlink:href=\"#part\" stroke-width=\"{}\"/>", number(hair)));
+    if let Some(part) = part {
+        page.add(format_args!("<use xlink:href=\"#{part}\" stroke-width=\"{}\"/>", number(hair)));
     }
     if let Some(field) = field {
         let paint = format!(
@@ -145,7 +186,7 @@ fn colored(page: &mut Page, lines: &[Line], colors: &StretchScale, thickness: f6
 }
 
 /// The border of a panel with its rulers, and the names of the axes.
-fn frame(page: &mut Page, window: &Window) {
+pub(super) fn frame(page: &mut Page, window: &Window) {
     let [width, height] = window.paper_size();
     page.rect(window.at, [width, height], &format!("stroke=\"{FAINT}\" stroke-width=\".2\""));
     let step = round_step(8.0 / window.scale);
@@ -183,7 +224,7 @@ fn signed(value: f64) -> String {
 }
 
 /// A bar of round length in the lower left corner.
-fn scale_bar(page: &mut Page, window: &Window) {
+pub(super) fn scale_bar(page: &mut Page, window: &Window) {
     let shown = round_step(7.0 / window.scale);
     let length = shown * window.scale;
     let text = format!("{} · {}", millimetres(shown), window.scale_name());
@@ -203,11 +244,12 @@ fn draw_inset(
     page: &mut Page,
     window: &Window,
     relief: Option<&Relief>,
+    part_size: Option<[f64; 2]>,
     field: Option<&Extents>,
     pattern: &Extents,
 ) -> f64 {
     page.add(format_args!("{}", window.opening("inset-window")));
-    background(page, window, relief.is_some(), field);
+    background(page, window, relief.map(|_| PART), field);
     if !pattern.is_empty() {
         let width = number(0.35 / window.scale);
         let paint =
@@ -216,14 +258,17 @@ fn draw_inset(
     }
     page.add(format_args!("</g>"));
     let mut y = window.at[1] + window.paper_size()[1] + 0.3;
+    let part = match part_size {
+        Some(size) => ("part", Some(size.into()), QUIET),
+        None => ("part ≈", relief.map(|relief| relief.extents.size()), QUIET),
+    };
     let named = [
-        ("part ≈", relief.map(|relief| relief.extents), QUIET),
-        ("pattern", Some(*pattern).filter(|pattern| !pattern.is_empty()), DARK),
-        ("field", field.copied(), FIELD),
+        part,
+        ("pattern", Some(pattern.size()).filter(|_| !pattern.is_empty()), DARK),
+        ("field", field.map(Extents::size), FIELD),
     ];
-    for (name, extents, color) in named {
-        if let Some(extents) = extents {
-            let size = extents.size();
+    for (name, size, color) in named {
+        if let Some(size) = size {
             // Below a centimetre, tenths of a millimetre matter.
             let side =
                 |length: f64| if size.max() < 10.0 { format!("{length:.1}") } else { format!("{length:.0}") };

@@ -1,9 +1,9 @@
 //! The pictures of a job: the part as the laser sees it, and on it the lines before and after the correction.
 //!
 //! [`glb`] writes the part and the mark in three dimensions, [`svg`] a flat preview.
-//! [`svg`] turns values into text; it opens no file and measures nothing. Two panels side by side show the pattern,
-//! an inset shows the whole part, and colours show how much longer or shorter each line is on the part than in the
-//! drawing. The same preview gives the same bytes.
+//! [`svg`] turns values into text; it opens no file and measures nothing. Panels show the pattern
+//! as the laser draws it, before and after, and the mark unrolled from the part; an inset shows the whole part, and colours
+//! show how much longer or shorter each line is on the part than in the drawing. The same preview gives the same bytes.
 //!
 //! ```
 //! use isomark::preview::{HeightPicture, Preview, PreviewPath, svg};
@@ -20,12 +20,14 @@ mod stretch_scale;
 mod ink;
 mod relief;
 mod on_part;
+mod sides;
 
 use crate::geometry::space::Extents;
 
 pub use layout::{svg, svg_on};
 pub use on_part::{INK_LIFT, InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
 pub use relief::Backdrop;
+pub use sides::{SidePicture, sides_svg};
 
 /// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -38,6 +40,11 @@ pub struct Preview {
     pub before: Vec<PreviewPath>,
     /// The corrected lines, with the remaining stretch.
     pub after: Vec<PreviewPath>,
+    /// The corrected lines on the part, unrolled about the drawing's anchor: what a person sees who looks at the mark along
+    /// the normal of the part. Empty if this is not known.
+    pub unrolled: Vec<PreviewPath>,
+    /// Width and height of the part in the view, mm, if they are known exactly.
+    pub part_size: Option<[f64; 2]>,
     /// Smallest and largest measured stretch of the lines without a correction; if absent, that of the shown segments.
     pub before_range: Option<[f64; 2]>,
     /// Smallest and largest measured stretch of the corrected lines; if absent, that of the shown segments.

@@ -63,20 +63,35 @@ impl Type {
         text.chars().take(letters - 1).chain(['…']).collect()
     }
 
-    /// The text in lines of at most `width` mm, broken between words.
+    /// The text in lines of at most `width` mm, broken between words; what is in brackets, such as coordinates, stays together.
     pub(super) fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
         let mut lines: Vec<String> = Vec::new();
-        for word in text.split_whitespace() {
+        for word in words(text) {
             match lines.last_mut() {
-                Some(line) if self.width(line) + self.width(word) + self.width(" ") <= width => {
+                Some(line) if self.width(line) + self.width(&word) + self.width(" ") <= width => {
                     line.push(' ');
-                    line.push_str(word);
+                    line.push_str(&word);
                 }
-                _ => lines.push(self.shortened(word, width)),
+                _ => lines.push(self.shortened(&word, width)),
             }
         }
         lines
     }
+}
+
+/// The words of a text; words in brackets are one.
+fn words(text: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match words.last_mut() {
+            Some(open) if open.matches('(').count() > open.matches(')').count() => {
+                open.push(' ');
+                open.push_str(word);
+            }
+            _ => words.push(word.to_owned()),
+        }
+    }
+    words
 }
 
 impl Page {
@@ -274,6 +289,9 @@ mod tests {
     fn long_text_is_wrapped_between_words() {
         let style = Type::new(2.0, DARK);
         assert_eq!(style.wrapped("one two three", style.width("one two")), ["one two", "three"]);
+        let pair = "at (-2.3, 54.6) mm";
+        assert_eq!(style.wrapped(pair, style.width("at (-2.3,")), ["at", "(-2.3, 5…", "mm"]);
+        assert_eq!(style.wrapped(pair, style.width("(-2.3, 54.6)")), ["at", "(-2.3, 54.6)", "mm"]);
         assert_eq!(style.shortened("abcdefgh", style.width("abcd")), "abc…");
     }
 }

@@ -11,6 +11,8 @@ use crate::geometry::space::Extents;
 const MAX_NODES: usize = 240;
 /// Colour of the places where the residual of the fitted surface is too large.
 pub(super) const RESIDUAL: &str = "#c026d3";
+/// The name of the drawn part.
+pub(super) const PART: &str = "part";
 /// Number of grey bands in the relief.
 const BANDS: usize = 36;
 /// Direction of the light in the view: from the upper left, in front.
@@ -28,8 +30,13 @@ pub struct Backdrop {
 impl Backdrop {
     /// Draws the part; empty if the picture contains no surface.
     pub fn of(part: &HeightPicture) -> Self {
+        Self::named(part, PART)
+    }
+
+    /// Draws one of the parts of a picture, as the element of this name.
+    pub(super) fn named(part: &HeightPicture, name: &str) -> Self {
         let relief = relief(part);
-        let definitions = relief.as_ref().map(Relief::definitions).unwrap_or_default();
+        let definitions = relief.as_ref().map(|relief| relief.definitions(name)).unwrap_or_default();
         Self { relief, definitions }
     }
 }
@@ -50,6 +57,27 @@ pub(super) struct Relief {
     pub(super) residual_limit: f64,
     /// The bounding rectangle of the visible part, mm of the view.
     pub(super) extents: Extents,
+}
+
+/// A ring round nodes of a grid with this step, without the steps of the grid: each point is moved to the middle of its
+/// neighbours many times, but no farther than the steps are high.
+fn smoothed(ring: &[[f64; 2]], step: f64) -> Vec<[f64; 2]> {
+    const PASSES: usize = 60;
+    let limit = 0.6 * step;
+    let count = ring.len();
+    let mut points = ring.to_vec();
+    for _ in 0..PASSES {
+        let before = points.clone();
+        for (index, point) in points.iter_mut().enumerate() {
+            let [last, next] = [before[(index + count - 1) % count], before[(index + 1) % count]];
+            let middle: [f64; 2] =
+                std::array::from_fn(|axis| 0.5 * before[index][axis] + 0.25 * (last[axis] + next[axis]));
+            let moved: [f64; 2] = std::array::from_fn(|axis| middle[axis] - ring[index][axis]);
+            let share = (limit / moved[0].hypot(moved[1]).max(f64::MIN_POSITIVE)).min(1.0);
+            *point = std::array::from_fn(|axis| ring[index][axis] + moved[axis] * share);
+        }
+    }
+    points
 }
 
 /// Numbers at the nodes of the picture's grid; `None` where there is no surface.
@@ -109,6 +137,7 @@ fn relief(part: &HeightPicture) -> Option<Relief> {
         rim = rim.blurred();
     }
     for ring in rim.region(0.5) {
+        let ring = smoothed(&ring, heights.step);
         ring.iter().for_each(|point| extents.include((*point).into()));
         outline.polygon(&simplified(&ring, 0.02 * heights.step));
     }
@@ -117,11 +146,11 @@ fn relief(part: &HeightPicture) -> Option<Relief> {
 }
 
 impl Relief {
-    /// The elements that draw the relief; a `<use>` of `#part` shows it, with lines of its stroke width.
-    fn definitions(&self) -> String {
+    /// The elements that draw the relief; a `<use>` of this name shows it, with lines of its stroke width.
+    fn definitions(&self, name: &str) -> String {
         let mut text = format!(
-            "<clipPath id=\"part-outline\"><path clip-rule=\"evenodd\" d=\"{0}\"/></clipPath>\n\
-             <g id=\"part\">\n<g clip-path=\"url(#part-outline)\" fill-rule=\"evenodd\">\n\
+            "<clipPath id=\"{name}-outline\"><path clip-rule=\"evenodd\" d=\"{0}\"/></clipPath>\n\
+             <g id=\"{name}\">\n<g clip-path=\"url(#{name}-outline)\" fill-rule=\"evenodd\">\n\
              <path fill=\"{1}\" d=\"{0}\"/>\n",
             self.outline.text(),
             gray(0.0)

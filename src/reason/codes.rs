@@ -319,6 +319,15 @@ const CODES: &[Code] = &[
          hatching belongs to the marking software.",
         "Assign a hatch to the closed contours in the marking software if the areas are to be filled.",
     ]),
+    notice([
+        "flat-side",
+        "The laser looks at a flat side of the part, and a curved side is probably meant.",
+        "Without another setting the laser looks at the top of the part, +z. Here that side is flat, such as the lid of \
+         a can, and the part has curved sides with more surface that can be marked. The notice appears only if the \
+         side was not given for this part.",
+        "Name the side with `facing` (`--facing`) in the file of the SKU or on the command line; `isomark inspect PART` \
+         lists the sides and where a drawing fits. If the flat side is meant, name it in the same way.",
+    ]),
     reason([
         "folder-missing",
         "A folder of the station cannot be created.",

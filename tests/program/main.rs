@@ -34,5 +34,6 @@ mod explain;
 mod frame;
 mod align;
 mod mark_region;
+mod sides;
 mod losses;
 mod names;

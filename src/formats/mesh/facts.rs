@@ -1,13 +1,14 @@
 //! What a part file contains, and how it was interpreted.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::noise::Noise;
 use crate::geometry::point_cloud::PointCloud;
-use crate::geometry::space::MarkingFrame;
+use crate::geometry::sides::{SIDES, Side};
+use crate::geometry::space::{Extents, MarkingFrame};
 use crate::reason::{Notice, Severity};
 
 /// A part with the facts about its file.
@@ -84,6 +85,9 @@ pub struct PartFacts {
     /// Area of the faces named `mark`, mm²: ink may be only there; absent without such faces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mark_area_mm2: Option<f64>,
+    /// The sides along the axes of a mesh; empty for a scan.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sides: Vec<SideFacts>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.
@@ -96,6 +100,30 @@ pub struct PartFacts {
     pub scan: Option<ScanFacts>,
     /// What people should know about this file and how it was read.
     pub notices: Vec<Notice>,
+}
+
+/// A side of a part, as the laser sees it with `facing` of this name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct SideFacts {
+    /// Its name, as in `facing`: `+z`, `-z`, `+x`, `-x`, `+y`, `-y`.
+    pub side: String,
+    /// Area of the surface that the laser sees at an incidence of at most 60 degrees, mm².
+    pub area_mm2: f64,
+    /// Whether this surface is curved; false for one plane with small fillets.
+    pub curved: bool,
+    /// Whether this is probably the side to be marked; several sides can be equally likely.
+    pub meant: bool,
+    /// The bounding rectangle of the part in the view: left, bottom, right, top, mm.
+    pub extents_mm: [f64; 4],
+    /// The largest rectangle along the axes of the view in which a drawing fits: left, bottom, right, top, mm; absent if
+    /// nothing can be marked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rectangle_mm: Option<[f64; 4]>,
+    /// The middle of that rectangle, for `place`, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place_mm: Option<[f64; 2]>,
 }
 
 /// A marking frame, in the part frame.
@@ -176,6 +204,25 @@ pub struct Buffer {
     pub name: String,
     /// The smallest size that the part requires, bytes.
     pub bytes: u64,
+}
+
+impl SideFacts {
+    /// The facts about the sides of a mesh, as [`Side::all`] returns them.
+    #[must_use]
+    pub fn of_all(sides: &[Side]) -> Vec<Self> {
+        let corners = |extents: &Extents| [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
+        let named = SIDES.iter().zip(sides).zip(Side::meant(sides));
+        let facts = |(((name, _), side), meant): ((&(&str, Vector3<f64>), &Side), bool)| Self {
+            side: (*name).to_owned(),
+            area_mm2: side.area,
+            curved: side.is_curved,
+            meant,
+            extents_mm: corners(&side.extents),
+            rectangle_mm: side.rectangle.as_ref().map(corners),
+            place_mm: side.rectangle.as_ref().map(|rectangle| rectangle.center().into()),
+        };
+        named.map(facts).collect()
+    }
 }
 
 impl From<MarkingFrame> for FrameFacts {

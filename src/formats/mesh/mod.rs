@@ -32,6 +32,7 @@ mod clues;
 pub use error::{EmptyCause, MeshReadError, VertexPlace};
 pub use facts::{
     Buffer, FrameFacts, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
+    SideFacts,
 };
 pub use format::{MeshFormat, is_unread_part};
 pub use options::{MeshOptions, NormalsChoice};

@@ -134,6 +134,7 @@ impl RawPart {
             normals_missing: understood.missing,
             noise: understood.noise,
             frame: frame.map(FrameFacts::from),
+            sides: Vec::new(),
             mark_area_mm2: (!mark_faces.is_empty()).then(|| mark_faces.iter().map(area).sum()),
             one_sided_at_mm: understood.winding.contradiction.map(|at| at.coords.into()),
             bodies: self.bodies,

@@ -3,7 +3,7 @@
 //! All lengths can be kept only where the Gaussian curvature is zero (Gauss, Disquisitiones generales circa superficies
 //! curvas, 1827); elsewhere [`quality`] measures how much lengths, areas and angles change.
 
-mod tangent;
+pub mod tangent;
 pub mod isometric;
 pub mod patch;
 pub mod cylinder;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 /// The linear map from the drawing to the view that is isometric onto a tangent plane with this gradient and keeps
 /// the x direction.
-pub(super) fn tangent_frame(gradient: &Vector2<f64>) -> Matrix2<f64> {
+pub fn tangent_frame(gradient: &Vector2<f64>) -> Matrix2<f64> {
     let right = 1.0 / (1.0 + gradient.x * gradient.x).sqrt();
     let lift = (1.0 + gradient.norm_squared()).sqrt();
     // The unit vector of the tangent plane that is perpendicular to (right, 0) in the metric of the plane.
