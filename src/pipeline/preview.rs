@@ -7,7 +7,7 @@ use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Ink, stations};
 use crate::geometry::mapping::quality;
 use crate::geometry::mapping::tangent::tangent_frame;
-use crate::geometry::pattern::{Segment, Shape};
+use crate::geometry::pattern::{Path, Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::preview::{HeightPicture, Preview, PreviewPath};
 
@@ -69,12 +69,13 @@ pub(super) fn preview(
         ),
     ));
     let plain = |at: FlatPoint| ViewPoint::from(at.coords());
+    let marked = lines(&|at| map.point(at));
     Preview {
         title,
         part_outline: relief(surface, settings.correction.tolerance),
         before: lines(&plain),
-        after: lines(&|at| map.point(at)),
-        unrolled: unrolled(placed, piece, map, surface, anchor, after),
+        unrolled: unrolled(placed, (map, surface), piece, anchor, after.max_stretch, &marked),
+        after: marked,
         part_size,
         before_range: before_range(before, ink, surface),
         after_range: Some(after.stretch_range),
@@ -86,29 +87,26 @@ pub(super) fn preview(
 /// Maps with at most this stretch unroll the part: the mark on it is the drawing, to within this.
 const UNROLLS: f64 = 0.05;
 
-/// The mark on the part, unrolled about the anchor, with its stretch.
+/// The mark on the part, unrolled about the anchor: the lines `after` the correction with the same stretch.
 fn unrolled(
     placed: &Pattern,
+    (map, surface): (&LengthTrueMap, &FittedSurface),
     piece: f64,
-    map: &LengthTrueMap,
-    surface: &FittedSurface,
     anchor: FlatPoint,
-    after: &Distortion,
+    max_stretch: f64,
+    after: &[PreviewPath],
 ) -> Vec<PreviewPath> {
-    let lift = |flat: FlatPoint| on_part(map.point(flat), surface);
     let develop = Development::about(ViewPoint::from(anchor.coords()), surface);
-    let path = |shape: &Shape| {
-        // The lines have the same pieces in the drawing and on the part.
-        let marked = lifted(shape, piece, &lift);
-        let place = |flat: FlatPoint| match after.max_stretch <= UNROLLS {
-            true => flat.coords(),
-            false => develop.point(map.point(flat), surface) + anchor.coords(),
-        };
-        let flat = lifted(shape, piece, &|flat| Point3::from(place(flat).push(0.0)));
-        let points = flat.points.iter().map(|[x, y, _]| [*x, *y]).collect();
-        PreviewPath { points, closed: marked.closed, stretch: marked.stretch }
+    let place = |flat: FlatPoint| match max_stretch <= UNROLLS {
+        true => flat.coords(),
+        false => develop.point(map.point(flat), surface) + anchor.coords(),
     };
-    placed.paths.iter().map(|placed| path(&placed.shape)).collect()
+    let path = |(path, after): (&Path, &PreviewPath)| {
+        let flat = lifted(&path.shape, piece, &|flat| Point3::from(place(flat).push(0.0)));
+        let points = flat.points.iter().map(|[x, y, _]| [*x, *y]).collect();
+        PreviewPath { points, ..after.clone() }
+    };
+    placed.paths.iter().zip(after).map(path).collect()
 }
 
 /// A surface laid flat about a point: every point keeps its distance along the section of the surface towards it, and the

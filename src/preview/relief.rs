@@ -450,7 +450,7 @@ mod tests {
     fn a_fine_grid_does_not_make_the_relief_larger() {
         let relief = relief(&dome(30.0, 0.05)).unwrap();
         assert!((relief.extents.size().x - 60.0).abs() < 1.0);
-        assert!(relief.definitions().len() < 150_000, "{}", relief.definitions().len());
+        assert!(relief.definitions(PART).len() < 150_000, "{}", relief.definitions(PART).len());
     }
 
     #[test]

@@ -151,6 +151,18 @@ fn the_sides_are_drawn() {
     ] {
         assert!(all.contains(words), "{words}");
     }
+    // The axes in the README are those of the pictures.
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let rights = readme.lines().find(|line| line.contains("·→")).unwrap();
+    let is_axis = |word: &str| matches!(word, "+y" | "+z");
+    let ups = readme.lines().find(|line| !line.trim().is_empty() && line.split_whitespace().all(is_axis)).unwrap();
+    let rights: Vec<&str> = rights.split_whitespace().collect();
+    for (named, up) in rights.chunks(3).zip(ups.split_whitespace()) {
+        let [side, "·→", right] = named else { panic!("{named:?}") };
+        let of_side = all.split(&format!(">--facing={side}<")).nth(1).unwrap();
+        let axes = of_side.split("to the right ").nth(1).unwrap().split('<').next().unwrap();
+        assert_eq!(axes, format!("{right} of the part, upwards {up}"), "{side}");
+    }
     assert_eq!(all.matches("clipPath id=\"side").count(), 12, "a window and an outline each");
     run(&["--preview", "again.svg"]);
     assert_eq!(all, desk.text("again.svg"), "the same part gives the same bytes");
