@@ -454,8 +454,7 @@ impl Pipeline {
         let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
-        let (placed_pattern, map) = mapped(placed_pattern, part, settings)
-            .map_err(|(facts, reason)| checks::doubting_unit(reason, &facts).in_file(input.name))?;
+        let (placed_pattern, map) = mapped(placed_pattern, part, settings, input.name)?;
         let PlacedPattern { facts, placing, placed, ink } = placed_pattern;
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
         clock.lap("map");
@@ -603,41 +602,39 @@ fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice
     settings
 }
 
-/// The map of a placed drawing, which is turned along the axis of a cylinder or cone first if the settings ask for that.
+/// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
+/// settings ask for that.
 ///
 /// # Errors
-/// When there is no map, or the turned drawing has ink where no part can be; with the facts about the drawing.
+/// When there is no map, or the turned drawing has ink where no part can be.
 fn mapped(
     pattern: PlacedPattern,
     part: &CachedSurface,
     settings: &JobSettings,
-) -> Result<(PlacedPattern, LengthTrueMap), (PatternFacts, Reason)> {
+    name: &str,
+) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
     let method = method(settings);
+    let rejected = |reason: Reason, facts: &PatternFacts| {
+        PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
+    };
     let find = |pattern: &PlacedPattern| {
         let place = pattern.placing.place;
         LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
-            .map_err(|error| checks::map_reason(&error, place, part, &pattern.ink))
+            .map_err(|error| rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts))
     };
-    let map = match find(&pattern) {
-        Ok(map) => map,
-        Err(reason) => return Err((pattern.facts, reason)),
-    };
+    let map = find(&pattern)?;
     let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
         return Ok((pattern, map));
     };
     let PlacedPattern { facts, mut placing, placed, .. } = pattern;
     placing.turn(turn);
     let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
-    if let Err(reason) = checks::reach(&placed, is_ink, part) {
-        return Err((facts, reason));
-    }
+    checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
     let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
     let pattern = PlacedPattern { facts, placing, placed, ink };
-    match find(&pattern) {
-        Ok(map) => Ok((pattern, map)),
-        Err(reason) => Err((pattern.facts, reason)),
-    }
+    let map = find(&pattern)?;
+    Ok((pattern, map))
 }
 
 /// A placed drawing.

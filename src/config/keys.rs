@@ -121,7 +121,7 @@ enum FrameKeys {
     Table(FrameTable),
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FrameTable {
     origin: Numbers<3>,
@@ -130,15 +130,17 @@ struct FrameTable {
 }
 
 impl FrameKeys {
-    /// Origin, z and x; `None` for a text with other numbers.
-    fn numbers(&self) -> Option<([f64; 3], [f64; 3], Option<[f64; 3]>)> {
+    /// The numbers; `None` for a text with others.
+    fn table(&self) -> Option<FrameTable> {
         match self {
-            Self::Table(FrameTable { origin, z, x }) => Some((origin.0, z.0, x.map(|Numbers(x)| x))),
+            Self::Table(table) => Some(*table),
             Self::Text(text) => {
                 let triples: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Option<_>>()?;
                 match triples[..] {
-                    [origin, z] => Some((origin, z, None)),
-                    [origin, z, x] => Some((origin, z, Some(x))),
+                    [origin, z] => Some(FrameTable { origin: Numbers(origin), z: Numbers(z), x: None }),
+                    [origin, z, x] => {
+                        Some(FrameTable { origin: Numbers(origin), z: Numbers(z), x: Some(Numbers(x)) })
+                    }
                     _ => None,
                 }
             }
@@ -152,18 +154,19 @@ impl FrameKeys {
             what: what.into(),
             remedy: remedy.into(),
         };
-        let (origin, z, x) = given.get_ref().numbers().ok_or_else(|| {
+        let FrameTable { origin, z, x } = given.get_ref().table().ok_or_else(|| {
             wrong(
                 "`part.frame` does not give a marking frame.",
                 "Give origin, z and x, three numbers each, such as \"0,-36.5,60 0,-1,0 1,0,0\"; x may be left out.",
             )
         })?;
+        let (Numbers(origin), Numbers(z)) = (origin, z);
         for value in origin {
             text.in_range("part.frame", value, &given.span(), -FARTHEST..=FARTHEST, "mm")?;
         }
         let origin = Point3::from(origin);
         let frame = match x {
-            Some(x) => MarkingFrame::new(origin, z.into(), x.into()),
+            Some(Numbers(x)) => MarkingFrame::new(origin, z.into(), x.into()),
             None => Facing::towards(z.into()).map(|facing| MarkingFrame::upright(origin, facing)),
         };
         frame.ok_or_else(|| {

@@ -69,11 +69,14 @@ impl MarkRegion {
     }
 }
 
+/// The ends of a side of a face, in an order that does not depend on the face.
+type Ends = [[u64; 3]; 2];
+
 /// The sides of faces that no other face shares.
 fn borders(faces: &[[Point3<f64>; 3]]) -> impl Iterator<Item = [Point3<f64>; 2]> {
     // Adding zero turns -0 into 0, which is the same place.
     let key = |point: &Point3<f64>| -> [u64; 3] { point.coords.map(|value| (value + 0.0).to_bits()).into() };
-    let mut sides: BTreeMap<[[u64; 3]; 2], (usize, [Point3<f64>; 2])> = BTreeMap::new();
+    let mut sides: BTreeMap<Ends, (usize, [Point3<f64>; 2])> = BTreeMap::new();
     for [a, b, c] in faces {
         for (from, to) in [(a, b), (b, c), (c, a)] {
             let mut ends = [key(from), key(to)];

@@ -155,7 +155,8 @@ fn the_sides_are_drawn() {
     let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
     let rights = readme.lines().find(|line| line.contains("·→")).unwrap();
     let is_axis = |word: &str| matches!(word, "+y" | "+z");
-    let ups = readme.lines().find(|line| !line.trim().is_empty() && line.split_whitespace().all(is_axis)).unwrap();
+    let ups =
+        readme.lines().find(|line| !line.trim().is_empty() && line.split_whitespace().all(is_axis)).unwrap();
     let rights: Vec<&str> = rights.split_whitespace().collect();
     for (named, up) in rights.chunks(3).zip(ups.split_whitespace()) {
         let [side, "·→", right] = named else { panic!("{named:?}") };
