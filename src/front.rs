@@ -13,6 +13,7 @@ use crate::pipeline::{self, LearnedPart, PatternInput, Pipeline, PipelineError};
 use crate::preview;
 use crate::reason::Reason;
 use crate::report::Report;
+use crate::report_html::{self, PageContent};
 
 /// A part to be marked: a glTF, GLB, OBJ, STL or PLY file, or a scan, with the buffer files that it needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -215,6 +216,20 @@ impl Correction {
     #[must_use]
     pub fn picture(&self) -> Vec<u8> {
         self.corrected.preview.as_ref().map(|picture| preview::svg(picture).into()).unwrap_or_default()
+    }
+
+    /// The report as a page for people: what `isomark correct --report-html` writes.
+    #[must_use]
+    pub fn report_html(&self) -> Vec<u8> {
+        let pipeline::Corrected { report, preview, marked, landmarks, .. } = &self.corrected;
+        let (Some(flat), Some(marked), Some(landmarks)) = (preview, marked, landmarks) else {
+            return Vec::new();
+        };
+        let panels = preview::svg(flat);
+        let on_part = self.pipeline.on_part(&self.learned, marked);
+        let glb = preview::glb(&on_part);
+        let content = PageContent { report, panels: &panels, on_part: &on_part, glb: &glb, landmarks };
+        report_html::html(&content).into()
     }
 
     /// The part with the mark on it in three dimensions, as a binary glTF file: what `isomark correct --on-part` writes.

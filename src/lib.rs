@@ -150,9 +150,10 @@
 //! | [`preview`] | the pictures of a job: flat, and on the part | `geometry`, `printable`, `formats` |
 //! | [`diff`] | the differences between two drawings, as text | `geometry`, `printable` |
 //! | [`report`] | the report of one job, in numbers | `geometry`, `printable`, `reason`, `formats`, `cache`, `diff` |
+//! | [`report_html`] | the report as a page for people, with the mark on the part in 3-D | `geometry`, `reason`, `formats`, `preview`, `report` |
 //! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |
-//! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `geometry` |
-//! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `diff`, `printable`, `reason` |
+//! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `report_html`, `geometry` |
+//! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `report`, `report_html`, `diff`, `printable`, `reason` |
 //! | [`cli`] | the command line | all above except `preview` |
 //!
 //! There are no circular dependencies. `tests/layering.rs` reads the sources and checks this, including external
@@ -180,6 +181,7 @@ pub mod cache;
 pub mod preview;
 pub mod diff;
 pub mod report;
+pub mod report_html;
 pub mod pipeline;
 mod front;
 #[cfg(feature = "station")]

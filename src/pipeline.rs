@@ -25,7 +25,7 @@ use crate::formats::mesh::{
     SideFacts, UpAxis,
 };
 use crate::formats::pattern::{
-    self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading,
+    self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading, RepairPlace,
 };
 use crate::geometry::correction::{Exposure, Projection, Subdivision};
 use crate::geometry::height_field::Uncertainty;
@@ -48,11 +48,13 @@ use crate::report::{
     self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport, WeightsReport,
 };
 use crate::report::{FrameReport, FrameSource, PlacementReport, Quality, Report, RoundReport, Timing};
+use crate::report_html::Landmarks;
 
 mod scan;
 mod causes;
 mod checks;
 mod evaluate;
+mod landmarks;
 mod preview;
 mod on_part;
 mod progress;
@@ -62,6 +64,7 @@ pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use scan::surface_of;
 
+use landmarks::Lift;
 use progress::{Observer, Steps};
 
 /// The work for a piece of a line, in squares of inked area.
@@ -124,6 +127,8 @@ pub struct Corrected {
     pub preview: Option<Preview>,
     /// What [`Pipeline::on_part`] needs, if pictures were requested.
     pub marked: Option<Marked>,
+    /// What is around the mark, for a report in HTML, if pictures were requested.
+    pub landmarks: Option<Landmarks>,
 }
 
 impl Corrected {
@@ -463,7 +468,8 @@ impl Pipeline {
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let exposure = projection.expose(&ink);
         checks::ink_layers(&placed, settings, &mut notices);
-        checks::exposure(&exposure, part, &ink, settings, &mut notices).map_err(rejected)?;
+        let lift = Lift::new(surface, &learned.settings);
+        checks::exposure(&exposure, part, lift, &ink, settings, &mut notices).map_err(rejected)?;
         notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
         clock.lap("check");
 
@@ -490,7 +496,7 @@ impl Pipeline {
         let round = placing.round(&map, settings);
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, &map, settings, &mut notices);
-        checks::quality(&map, &after, part, &ink.extents, &mut notices);
+        checks::quality(&map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let profile = profile(settings);
@@ -514,7 +520,14 @@ impl Pipeline {
             clock.lap("prepare preview");
         }
         notices.extend(learned.kept.facts.notices.iter().cloned());
-        notices.extend(facts.repairs.iter().map(|repair| repair.notice.clone()));
+        notices.extend(facts.repairs.iter().map(|repair| {
+            let on_part = |place: &RepairPlace| {
+                let [x, y] = place.at_mm;
+                lift.point(map.point(placing.motion.point(FlatPoint::new(x, y))))
+            };
+            repair.notice.clone().at_places(repair.places.iter().filter_map(on_part))
+        }));
+        let landmarks = with_pictures.then(|| landmarks::landmarks(lift, &map, &exposure, &after, settings));
         notices.extend(facts.notices.iter().cloned());
         notices.sort_by_key(|notice| std::cmp::Reverse(notice.severity));
 
@@ -559,7 +572,7 @@ impl Pipeline {
             ink: placed.with_layers(is_ink),
             map,
         });
-        Ok(Corrected { dxf, drawing, profile, report, preview, marked })
+        Ok(Corrected { dxf, drawing, profile, report, preview, marked, landmarks })
     }
 }
 

@@ -19,6 +19,8 @@ pub(crate) use shell::quoted;
 
 /// Name and version of the JSON form of a [`Reason`]; `plugins/README.md` states what is stable.
 pub const SCHEMA: &str = "isomark.reason/1";
+/// Largest number of places of a notice.
+const MAX_PLACES: usize = 100;
 
 /// Why an input was rejected: what is wrong, where, the number with its unit, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,6 +97,9 @@ pub struct Notice {
     pub severity: Severity,
     /// The text for people, as one sentence with numbers and units.
     pub message: String,
+    /// The places on the part that it is about, in the part frame, mm; at most 100.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub places_mm: Vec<[f64; 3]>,
 }
 
 /// How much attention a [`Notice`] deserves.
@@ -258,12 +263,21 @@ impl std::fmt::Display for Quantity {
 impl Notice {
     /// A notice that needs no action.
     pub fn note(code: &str, message: impl Into<String>) -> Self {
-        Self { code: code.into(), severity: Severity::Note, message: message.into() }
+        Self { code: code.into(), severity: Severity::Note, message: message.into(), places_mm: Vec::new() }
     }
 
     /// A notice to look at before marking.
     pub fn warning(code: &str, message: impl Into<String>) -> Self {
-        Self { code: code.into(), severity: Severity::Warning, message: message.into() }
+        Self { severity: Severity::Warning, ..Self::note(code, message) }
+    }
+
+    /// Adds places on the part, mm in the part frame; those that are not finite are left out.
+    #[must_use]
+    pub fn at_places(mut self, places: impl IntoIterator<Item = [f64; 3]>) -> Self {
+        let is_finite = |place: &[f64; 3]| place.iter().all(|value| value.is_finite());
+        let room = MAX_PLACES.saturating_sub(self.places_mm.len());
+        self.places_mm.extend(places.into_iter().filter(is_finite).take(room));
+        self
     }
 }
 

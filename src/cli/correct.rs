@@ -11,12 +11,13 @@ use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
 use crate::formats::pattern::is_dxf;
-use crate::pipeline::PatternInput;
+use crate::pipeline::{Corrected, PatternInput};
 use crate::preview::{self, PartSource};
+use crate::report_html::{self, PageContent};
 
 const CORRECTION: &str = "Correction";
 /// What an operator does about a picture without the part's own mesh.
-const WITHOUT_MESH: &str = "`--on-part` shows only the side that faces the laser, because the part's mesh is not kept: name the \
+const WITHOUT_MESH: &str = "the picture on the part shows only the side that faces the laser, because the part's mesh is not kept: name the \
      part before the drawing";
 
 #[derive(Debug, Args)]
@@ -58,6 +59,10 @@ pub(super) struct CorrectArguments {
     /// the preview.
     #[arg(long, value_name = "FILE.glb")]
     on_part: Option<PathBuf>,
+    /// Writes the report as a page for people: the mark on the part in 3-D, the main values, the preview and all notices.
+    /// Any browser shows it, without a network.
+    #[arg(long, value_name = "FILE.html")]
+    report_html: Option<PathBuf>,
     /// Prints the report, or the reason of a refusal, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
@@ -69,6 +74,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--report", arguments.report.as_ref()),
         ("--preview", arguments.preview.as_ref()),
         ("--on-part", arguments.on_part.as_ref()),
+        ("--report-html", arguments.report_html.as_ref()),
     ];
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
@@ -76,6 +82,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let pictures = [
         ("--preview", arguments.preview.as_ref(), "svg", "an SVG picture"),
         ("--on-part", arguments.on_part.as_ref(), "glb", "a binary glTF file"),
+        ("--report-html", arguments.report_html.as_ref(), "html", "an HTML page"),
     ];
     for (option, file, ending, kind) in pictures {
         check_ending(option, file, ending, kind)?;
@@ -83,7 +90,8 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let previous = replaced(&arguments.out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
-    let with_pictures = arguments.preview.is_some() || arguments.on_part.is_some();
+    let with_pictures =
+        arguments.preview.is_some() || arguments.on_part.is_some() || arguments.report_html.is_some();
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
@@ -97,15 +105,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     if let Some(path) = &arguments.report {
         write_file(path, json.as_bytes())?;
     }
-    if let (Some(path), Some(picture)) = (&arguments.preview, &corrected.preview) {
-        write_file(path, preview::svg(picture).as_bytes())?;
-    }
-    let mut shows_heights = false;
-    if let (Some(path), Some(marked)) = (&arguments.on_part, &corrected.marked) {
-        let picture = pipeline.on_part(learned, marked);
-        write_file(path, &preview::glb(&picture))?;
-        shows_heights = picture.part_source == PartSource::Heights && learned.kept.facts.scan.is_none();
-    }
+    let shows_heights = arguments.write_pictures(&job, &corrected)?;
     if arguments.json {
         print_json(&json);
     }
@@ -142,6 +142,33 @@ fn replaced(out: &Path) -> Result<Option<Vec<u8>>, Failure> {
 }
 
 impl CorrectArguments {
+    /// Writes the pictures that the options name; returns whether one of them lacks the part's mesh.
+    fn write_pictures(&self, job: &Job, corrected: &Corrected) -> Result<bool, Failure> {
+        let Corrected { preview: Some(flat), marked: Some(marked), landmarks: Some(landmarks), .. } =
+            corrected
+        else {
+            return Ok(false);
+        };
+        let panels = (self.preview.is_some() || self.report_html.is_some()).then(|| preview::svg(flat));
+        if let (Some(path), Some(panels)) = (&self.preview, &panels) {
+            write_file(path, panels.as_bytes())?;
+        }
+        if self.on_part.is_none() && self.report_html.is_none() {
+            return Ok(false);
+        }
+        let on_part = job.pipeline.on_part(&job.learned, marked);
+        let glb = preview::glb(&on_part);
+        if let Some(path) = &self.on_part {
+            write_file(path, &glb)?;
+        }
+        if let (Some(path), Some(panels)) = (&self.report_html, &panels) {
+            let report = &corrected.report;
+            let content = PageContent { report, panels, on_part: &on_part, glb: &glb, landmarks };
+            write_file(path, report_html::html(&content).as_bytes())?;
+        }
+        Ok(on_part.part_source == PartSource::Heights && job.learned.kept.facts.scan.is_none())
+    }
+
     /// The settings of options that only this command has.
     fn overrides(&self) -> Result<Overrides, Failure> {
         let mut overrides = Overrides::default();

@@ -41,6 +41,9 @@ const DROPS: &[(&str, &[u8])] = &[
     ("mandarin@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
 ];
 
+/// The page of the first drawing, in the reports folder.
+const REPORT: &str = "mouse/mouse@letters.dxf.report.html";
+
 pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     super::log::start(None).map_err(|error| Failure::environment(&error))?;
     let folder = &arguments.folder;
@@ -55,13 +58,15 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
     drop(progress);
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
     print(&format!(
-        "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, previews   {}\nsettings            {}\n\
+        "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, pictures   {}\nsettings            {}\n\
+         \nOpen the report of one in a browser, with the mark on the part in 3-D:\n  {}\n\
          \nDrop a part and a drawing into {} and run\n  {}\n",
         tally.delivered,
         tally.rejected,
         shown(&folders.import),
         shown(&folders.reports),
         shown(&folder.join("station.toml")),
+        shown(&folders.reports.join(REPORT)),
         shown(&folders.hot),
         shell::command(&["watch", &shell::path(&folder.join("station.toml"))]),
     ));

@@ -114,11 +114,13 @@ pub enum PictureKind {
     Preview,
     /// The part with the mark on it, binary glTF.
     OnPart,
+    /// The report as a page for people, HTML.
+    Page,
 }
 
 impl PictureKind {
     /// All kinds.
-    pub const ALL: [Self; 2] = [Self::Preview, Self::OnPart];
+    pub const ALL: [Self; 3] = [Self::Preview, Self::OnPart, Self::Page];
 
     /// What follows the drawing's name in the name of the file.
     #[must_use]
@@ -126,6 +128,7 @@ impl PictureKind {
         match self {
             Self::Preview => "preview.svg",
             Self::OnPart => "on-part.glb",
+            Self::Page => "report.html",
         }
     }
 }

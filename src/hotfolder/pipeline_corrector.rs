@@ -1,6 +1,7 @@
 //! The [`Corrector`] of the hot folder, implemented with the [`Pipeline`].
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::cache::Cache;
@@ -12,9 +13,11 @@ use crate::hotfolder::api::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PictureKind,
     Sketch,
 };
-use crate::pipeline::{Corrected, LearnedPart, PatternInput, Pipeline, PipelineError};
-use crate::preview::{Backdrop, Preview, glb, svg, svg_on};
+use crate::pipeline::{Corrected, LearnedPart, Marked, PatternInput, Pipeline, PipelineError};
+use crate::preview::{Backdrop, OnPart, Preview, glb, svg, svg_on};
 use crate::reason::Reason;
+use crate::report::Report;
+use crate::report_html::{Landmarks, PageContent, html};
 
 /// Number of surfaces that are kept in memory: successive drops are usually for few products.
 const SURFACES: usize = 16;
@@ -49,6 +52,73 @@ impl Known {
         let (drawn_with, backdrop) =
             self.backdrop.get_or_init(|| (limit, Backdrop::of(&preview.part_outline)));
         if *drawn_with == limit { svg_on(backdrop, preview) } else { svg(preview) }
+    }
+}
+
+/// What the pictures of a drawing are drawn from after the delivery.
+struct Pictures {
+    pipeline: Pipeline,
+    known: Arc<Known>,
+    preview: Preview,
+    marked: Marked,
+    landmarks: Landmarks,
+    report: Report,
+    /// Whether the second reader has checked the drawing.
+    read_back: AtomicBool,
+    /// The flat panels: a picture and a part of the page.
+    panels: OnceLock<String>,
+    /// The mark on the part, and its file.
+    on_part: OnceLock<(OnPart, Vec<u8>)>,
+}
+
+impl Pictures {
+    fn of(corrected: &mut Corrected, pipeline: Pipeline, known: Arc<Known>) -> Option<Self> {
+        Some(Self {
+            pipeline,
+            known,
+            preview: corrected.preview.take()?,
+            marked: corrected.marked.take()?,
+            landmarks: corrected.landmarks.take()?,
+            report: corrected.report.clone(),
+            read_back: AtomicBool::new(false),
+            panels: OnceLock::new(),
+            on_part: OnceLock::new(),
+        })
+    }
+
+    fn sketches(self: &Arc<Self>) -> impl Iterator<Item = (PictureKind, Sketch)> {
+        PictureKind::ALL.into_iter().map(|kind| {
+            let pictures = self.clone();
+            (kind, Box::new(move || pictures.draw(kind)) as Sketch)
+        })
+    }
+
+    fn draw(&self, kind: PictureKind) -> Vec<u8> {
+        match kind {
+            PictureKind::Preview => self.panels().as_bytes().to_vec(),
+            PictureKind::OnPart => self.on_part().1.clone(),
+            PictureKind::Page => self.page().into_bytes(),
+        }
+    }
+
+    fn panels(&self) -> &str {
+        self.panels.get_or_init(|| self.known.draw(&self.preview))
+    }
+
+    fn on_part(&self) -> &(OnPart, Vec<u8>) {
+        self.on_part.get_or_init(|| {
+            let on_part = self.pipeline.on_part(&self.known.learned, &self.marked);
+            let file = glb(&on_part);
+            (on_part, file)
+        })
+    }
+
+    fn page(&self) -> String {
+        let mut report = self.report.clone();
+        report.output.read_back |= self.read_back.load(Ordering::Acquire);
+        let (on_part, glb) = self.on_part();
+        let landmarks = &self.landmarks;
+        html(&PageContent { report: &report, panels: self.panels(), on_part, glb, landmarks })
     }
 }
 
@@ -186,26 +256,22 @@ impl Corrector for PipelineCorrector {
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
         let mut corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
-        let mut pictures: Vec<(PictureKind, Sketch)> = Vec::new();
-        if let Some(preview) = corrected.preview.take() {
-            let known = known.clone();
-            pictures.push((PictureKind::Preview, Box::new(move || known.draw(&preview).into_bytes())));
-        }
-        if let Some(marked) = corrected.marked.take() {
-            let pipeline = self.pipeline();
-            let draw = move || glb(&pipeline.on_part(&known.learned, &marked));
-            pictures.push((PictureKind::OnPart, Box::new(draw)));
-        }
+        let drawing = std::mem::take(&mut corrected.dxf);
+        let pictures = Pictures::of(&mut corrected, self.pipeline(), known).map(Arc::new);
+        let read = pictures.clone();
         Ok(Delivery {
-            drawing: std::mem::take(&mut corrected.dxf),
+            drawing,
             report: report(&corrected)?,
-            pictures,
+            pictures: pictures.iter().flat_map(Pictures::sketches).collect(),
             size: Some([right - left, top - bottom]),
             summary: corrected.report.headline(),
             check: Some(Check {
                 vertices: pattern::readback_work(&corrected.drawing, corrected.profile),
                 read_back: Box::new(move |file| {
                     corrected.read_back(file).map_err(JobError::Rejected)?;
+                    if let Some(pictures) = read {
+                        pictures.read_back.store(true, Ordering::Release);
+                    }
                     report(&corrected)
                 }),
             }),

@@ -1,6 +1,7 @@
 //! The checks of a job: every reason for rejection and every warning, with its number and remedy.
 
 use super::causes::Cause;
+use super::landmarks::Lift;
 use super::{
     CachedSurface, CorrectionSettings, Distortion, Exposure, Ink, JobSettings, LengthTrueMap, Method,
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
@@ -480,6 +481,7 @@ pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
 pub(super) fn exposure(
     seen: &Exposure,
     part: &CachedSurface,
+    lift: Lift,
     ink: &Ink,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
@@ -502,14 +504,19 @@ pub(super) fn exposure(
             Some(0.0),
         ));
     }
-    incidence(seen, settings, notices)?;
+    incidence(seen, lift, settings, notices)?;
     focus(seen, settings, notices);
     field(seen, settings)?;
-    doubt(seen, settings, notices)?;
-    residual(seen, part, settings, notices)
+    doubt(seen, lift, settings, notices)?;
+    residual(seen, part, lift, settings, notices)
 }
 
-fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
+fn incidence(
+    seen: &Exposure,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
     let limits = &settings.optics.incidence;
     let degrees = seen.steepest.to_degrees();
     let at = seen.steepest_at;
@@ -532,9 +539,10 @@ fn incidence(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>)
             .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
     }
     if seen.steepest > limits.warn {
-        notices.push(Notice::warning("steep", format!("{text}; marks are paler and wider there")));
+        let text = format!("{text}; marks are paler and wider there");
+        notices.push(Notice::warning("steep", text).at_places(lift.point(at)));
     } else if seen.steepest > limits.note {
-        notices.push(Notice::note("inclined", text));
+        notices.push(Notice::note("inclined", text).at_places(lift.point(at)));
     }
     Ok(())
 }
@@ -574,7 +582,12 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
 }
 
 /// Checks for normals that contradict the facets: then the shape of the part between its vertices is not known.
-fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
+fn doubt(
+    seen: &Exposure,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
     let (largest, limit) = (seen.max_doubt, settings.correction.max_residual);
     let at = seen.max_doubt_at;
     if largest > limit {
@@ -589,14 +602,12 @@ fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> 
         .with_number("uncertainty of the height", largest, "mm", Some(limit)));
     }
     if largest > limit / 5.0 {
-        notices.push(Notice::warning(
-            "normals-contradict-facets",
-            format!(
-                "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be wrong by \
-                 {largest:.3} mm; export it with a smaller deviation",
-                at.x, at.y
-            ),
-        ));
+        let text = format!(
+            "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be wrong by \
+             {largest:.3} mm; export it with a smaller deviation",
+            at.x, at.y
+        );
+        notices.push(Notice::warning("normals-contradict-facets", text).at_places(lift.point(at)));
     }
     Ok(())
 }
@@ -604,6 +615,7 @@ fn doubt(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> 
 fn residual(
     seen: &Exposure,
     part: &CachedSurface,
+    lift: Lift,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
@@ -622,18 +634,16 @@ fn residual(
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("distance to the part", largest, "mm", Some(limit)));
     }
-    notices.push(Notice::warning(
-        "surface-loose",
-        format!(
-            "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm (up to {:.4} mm on the whole \
-             side): {}. {}",
-            at.x,
-            at.y,
-            part.surface.residual.max,
-            cause.clause(),
-            cause.remedy()
-        ),
-    ));
+    let text = format!(
+        "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm (up to {:.4} mm on the whole \
+         side): {}. {}",
+        at.x,
+        at.y,
+        part.surface.residual.max,
+        cause.clause(),
+        cause.remedy()
+    );
+    notices.push(Notice::warning("surface-loose", text).at_places(lift.point(at)));
     Ok(())
 }
 
@@ -708,32 +718,30 @@ pub(super) fn quality(
     map: &LengthTrueMap,
     after: &Distortion,
     part: &CachedSurface,
+    lift: Lift,
     drawn: &Extents,
     notices: &mut Vec<Notice>,
 ) {
+    let place = lift.point(map.point(after.max_stretch_at));
     if map.is_for_comparison() {
-        notices.push(Notice::warning(
-            "not-length-true",
-            format!(
-                "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
-                 better",
-                after.max_stretch * 100.0
-            ),
-        ));
+        let text = format!(
+            "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
+             better",
+            after.max_stretch * 100.0
+        );
+        notices.push(Notice::warning("not-length-true", text).at_places(place));
     } else if after.max_stretch > NOTABLE_STRETCH {
         let at = after.max_stretch_at;
         let length = drawn.size().max();
         let cause = Cause::of_stretch(part, map.point(at), after.max_stretch, length);
-        notices.push(Notice::warning(
-            "stretch-remains",
-            format!(
-                "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: {}. {}",
-                at.x,
-                at.y,
-                after.max_stretch * 100.0,
-                cause.clause(),
-                cause.remedy()
-            ),
-        ));
+        let text = format!(
+            "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: {}. {}",
+            at.x,
+            at.y,
+            after.max_stretch * 100.0,
+            cause.clause(),
+            cause.remedy()
+        );
+        notices.push(Notice::warning("stretch-remains", text).at_places(place));
     }
 }

@@ -2,9 +2,10 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+use super::landmarks::view_of;
 use super::preview::{lifted, piece};
 use super::{LearnedPart, Pipeline, program};
-use crate::config::{PartSettings, Sku};
+use crate::config::Sku;
 use crate::geometry::ink_mesh::FlatMesh;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::{Pattern, Segment, Shape};
@@ -110,14 +111,6 @@ impl Pipeline {
                 (PartSource::Heights, PictureMesh::of_heights(field, view, PictureMesh::MAX_TRIANGLES))
             }
         }
-    }
-}
-
-/// How the laser sees a part. The sizes of a primitive are given in the view.
-fn view_of(settings: &PartSettings) -> View {
-    match settings.primitive {
-        Some(_) => View::top(),
-        None => View::new(settings.facing, settings.roll),
     }
 }
 

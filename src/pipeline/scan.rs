@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::causes::NOISE_REACH;
 use super::checks;
+use super::landmarks::Lift;
 use crate::config::PartSettings;
 use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
 use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node};
@@ -79,9 +80,12 @@ fn fit_scan(
     settings: &PartSettings,
 ) -> Result<FittedSurface, FitError> {
     let found = ScanFacts::new(&scan.quality, settings.smoothing);
-    facts.notices.extend(notices(&found));
+    let uncertainty = scan.quality.uncertainty();
+    let surface = FittedSurface::of_field(scan.field);
+    let lift = surface.as_ref().ok().map(|surface| Lift::new(surface, settings));
+    facts.notices.extend(notices(&found, lift));
     facts.scan = Some(found);
-    Ok(FittedSurface::of_field(scan.field)?.uncertain(scan.quality.uncertainty()))
+    Ok(surface?.uncertain(uncertainty))
 }
 
 /// The surface of a mesh whose vertices scatter: that of the points of a scan, as long as it covers what the mesh does.
@@ -147,7 +151,7 @@ fn covers(field: &HeightField, part: &FacingPart) -> bool {
     covered as f64 >= COVERED * all as f64
 }
 
-fn notices(facts: &ScanFacts) -> Vec<Notice> {
+fn notices(facts: &ScanFacts, lift: Option<Lift>) -> Vec<Notice> {
     let mut notices = Vec::new();
     let Some(main) = facts.surfaces.first() else { return notices };
     notices.push(Notice::note("scan-smoothed", facts.summary()));
@@ -166,7 +170,8 @@ fn notices(facts: &ScanFacts) -> Vec<Notice> {
              explains: an edge there was rounded; mark away from it, or smooth less",
             surface.departure_mm
         );
-        notices.push(Notice::warning("scan-rounded", text));
+        let place = lift.and_then(|lift| lift.point(ViewPoint::new(x, y)));
+        notices.push(Notice::warning("scan-rounded", text).at_places(place));
     }
     if facts.dropped as f64 > NOTABLE_LOSS * facts.points as f64 {
         let text = format!("{} of {} points were dropped as outliers or strays", facts.dropped, facts.points);

@@ -4,7 +4,7 @@ use super::Preview;
 use super::ink::{self, Line};
 use super::page::{Anchor, DARK, FAINT, Page, PathData, QUIET, Type, number};
 use super::relief::{Backdrop, PART, RESIDUAL, Relief, millimetres, round_step};
-use super::stretch_scale::{StretchScale, color, last_color, percent, round_percent};
+use super::stretch_scale::{StretchScale, color, last_color, range_text, round_percent};
 use super::window::{INSET, MARGIN, PANEL_TOP, Window, inset_window, panel_window, rectangle};
 use crate::geometry::space::Extents;
 use crate::printable::on_one_line;
@@ -370,12 +370,9 @@ fn stretch_range(lines: &[Line], measured: Option<[f64; 2]>) -> String {
             [min.min(stretch), max.max(stretch)]
         })
     };
-    let [min, max] = measured.unwrap_or_else(of_lines);
-    match (lines.is_empty(), min <= max) {
-        (true, _) => "nothing drawn".to_owned(),
-        (_, false) => "lengths on the part not measured".to_owned(),
-        _ if percent(min) == percent(max) => format!("length change on the part: {}", percent(min)),
-        _ => format!("length change on the part: {} to {}", percent(min), percent(max)),
+    match lines {
+        [] => "nothing drawn".to_owned(),
+        _ => range_text(Some(measured.unwrap_or_else(of_lines))),
     }
 }
 

@@ -26,8 +26,10 @@ use crate::geometry::space::Extents;
 
 pub use layout::{svg, svg_on};
 pub use on_part::{INK_LIFT, InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
+pub(crate) use page::escaped;
 pub use relief::Backdrop;
 pub use sides::{SidePicture, sides_svg};
+pub(crate) use stretch_scale::{colors as stretch_colors, range_text as stretch_range_text};
 
 /// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -222,7 +222,7 @@ pub(super) fn number(value: f64) -> String {
 
 /// Text escaped for XML content and attributes; non-printing characters are escaped, and characters that XML does not
 /// allow are omitted.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in on_one_line(text).chars() {
         match letter {

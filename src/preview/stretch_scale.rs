@@ -83,6 +83,22 @@ pub(super) fn rgb(shade: Shade) -> [u8; 3] {
     [0, 1, 2].map(|channel| (from[channel] + (to[channel] - from[channel]) * t).round() as u8)
 }
 
+/// The colours of all steps, from the shortest to the longest, as `#rrggbb`.
+pub(crate) fn colors() -> impl Iterator<Item = String> {
+    StretchScale::steps().map(|step| color(Some(step)))
+}
+
+/// The smallest and largest stretch as text.
+pub(crate) fn range_text(range: Option<[f64; 2]>) -> String {
+    match range.filter(|[min, max]| min <= max) {
+        None => "lengths on the part not measured".to_owned(),
+        Some([min, max]) if percent(min) == percent(max) => {
+            format!("length change on the part: {}", percent(min))
+        }
+        Some([min, max]) => format!("length change on the part: {} to {}", percent(min), percent(max)),
+    }
+}
+
 /// A stretch as text: sign, a number with enough decimals, and unit.
 pub(super) fn percent(stretch: f64) -> String {
     let value = stretch * 100.0;

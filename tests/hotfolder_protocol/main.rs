@@ -138,6 +138,7 @@ impl Corrector for StandIn {
             pictures: vec![
                 (PictureKind::Preview, Box::new(|| b"<svg/>".to_vec())),
                 (PictureKind::OnPart, Box::new(|| b"glTF".to_vec())),
+                (PictureKind::Page, Box::new(|| b"<!DOCTYPE html>".to_vec())),
             ],
             size: None,
             summary: "good".into(),
@@ -320,10 +321,12 @@ fn a_part_and_its_patterns_in_any_order() {
             [
                 "can/can.dxf.on-part.glb",
                 "can/can.dxf.preview.svg",
+                "can/can.dxf.report.html",
                 "can/can.dxf.report.json",
                 "can/can.glb.report.json",
                 "can/can@date.dxf.on-part.glb",
                 "can/can@date.dxf.preview.svg",
+                "can/can@date.dxf.report.html",
                 "can/can@date.dxf.report.json"
             ]
         );

@@ -37,6 +37,8 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
         let reports = files(&demo.join("reports"));
         assert_eq!(reports.iter().filter(|name| name.ends_with(".preview.svg")).count(), 6);
         assert_eq!(reports.iter().filter(|name| name.ends_with(".on-part.glb")).count(), 6);
+        let page = output.out.lines().find(|line| line.ends_with(".report.html")).unwrap();
+        assert!(desk.text(page.trim()).contains("id=\"mark-on-part\""), "{page}");
         // The folders in the table exist.
         for line in
             output.out.lines().filter(|line| line.starts_with("corrected") || line.starts_with("reports"))

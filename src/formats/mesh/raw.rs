@@ -285,7 +285,7 @@ fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {
          open",
         at.x, at.y, at.z
     );
-    Some(Notice::warning("hole-bridged", message))
+    Some(Notice::warning("hole-bridged", message).at_places(bridges.iter().map(|bridge| bridge.at.into())))
 }
 
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
@@ -303,7 +303,7 @@ fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = 
              the surface is unknown near ({:.2}, {:.2}, {:.2}) mm of the part; repair the mesh",
             at.x, at.y, at.z
         );
-        Notice::warning("winding-contradicts", message)
+        Notice::warning("winding-contradicts", message).at_places([at.into()])
     });
     reversed.into_iter().chain(contradiction)
 }

@@ -20,6 +20,8 @@ const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 /// The largest number of delivered drawings whose reports and pictures stay in memory until they can be filed.
 const MAX_UNFILED: usize = 200;
+/// The largest size of these reports and pictures, bytes.
+const MAX_UNFILED_BYTES: usize = 64 << 20;
 
 impl<C: Corrector> Dispatcher<'_, C> {
     /// Handles the end of a job.
@@ -79,7 +81,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::NoImportFolder(reason) => self.retry_later(path, Obstacle::NoImportFolder, reason),
             Outcome::Retry(reason, unfiled) => {
                 // Without this record, the job is done again from the stage that the journal contains.
-                if let Some(unfiled) = unfiled.filter(|_| self.unfiled.len() < MAX_UNFILED) {
+                let kept: usize = self.unfiled.values().map(|unfiled| unfiled.bytes()).sum();
+                if let Some(unfiled) = unfiled.filter(|unfiled| {
+                    self.unfiled.len() < MAX_UNFILED && kept + unfiled.bytes() <= MAX_UNFILED_BYTES
+                }) {
                     self.unfiled.insert(path.into(), *unfiled);
                 }
                 self.retry_later(path, Obstacle::Other, reason);

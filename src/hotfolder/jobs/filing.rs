@@ -3,7 +3,7 @@
 //! ```text
 //! import/<name>.dxf                       the corrected drawing, and never anything else
 //! reports/<sku>/<name>.report.json        of the latest drawing or part with that name
-//! reports/<sku>/<name>.preview.svg        and .on-part.glb
+//! reports/<sku>/<name>.preview.svg        and .on-part.glb, .report.html
 //! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
 //! archive/<sku>/current-part.txt          which archived part the surface comes from
 //! rejected/[<folder>/]<name>              as it was in the hot folder; when taken: rejected/(2)/<name> and so on

@@ -96,6 +96,13 @@ pub(crate) struct Unfiled {
     pub(crate) asked: bool,
 }
 
+impl Unfiled {
+    /// Size of the report and the pictures, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.delivery.report.len() + self.pictures.iter().map(|(_, picture)| picture.len()).sum::<usize>()
+    }
+}
+
 /// The end of a job.
 pub(crate) struct End {
     pub(crate) outcome: Outcome,
