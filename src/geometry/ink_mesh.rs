@@ -52,13 +52,14 @@ impl FlatMesh {
     }
 
     /// The triangles on a surface: vertices and triangles. They are divided until their sides follow the surface to within
-    /// 0.004 mm, less closely if that takes more than `most` vertices. `image` gives the image of a point of the drawing, mm.
+    /// 0.004 mm, less closely if that takes more than `most` vertices and twice those of the flat mesh. `image` gives the image of a point of the drawing, mm.
     #[must_use]
     pub fn draped(
         &self,
         image: impl Fn(FlatPoint) -> Point3<f64>,
         most: usize,
     ) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
+        let most = most.max(2 * self.points.len());
         let corners: Vec<Point3<f64>> = self.points.iter().map(|point| image(*point)).collect();
         let mut result = (corners.clone(), self.triangles.clone());
         for sag in SAGS {
