@@ -16,7 +16,7 @@ const HALF_ANGLE: f64 = 0.6;
 /// A can of which a label at the front is named `mark`: by its material, or by its node.
 fn labelled_can(by_material: bool) -> Vec<u8> {
     let turn = std::f64::consts::TAU;
-    let (name, material) = if by_material { ("label", Some("mark")) } else { ("Mark", None) };
+    let (name, material) = if by_material { ("label", Some("mark")) } else { ("mark", None) };
     let can = Glb::default()
         .can_from_to("bottom", Some("steel"), RADIUS, [0.0, LABEL[0]], [0.0, turn])
         .can_from_to(name, material, RADIUS, LABEL, [-HALF_ANGLE, HALF_ANGLE])
@@ -78,7 +78,7 @@ fn groups_and_materials_of_obj_bound_ink_too() {
     let desk = Desk::new();
     desk.write("line.dxf", line());
     // A plate of 100 x 60 mm in squares; those with |x| < 20 and |y| < 10 are named.
-    for (begin, end) in [("g mark", "g rest"), ("usemtl mark", "usemtl steel"), ("o MARK", "o plate")] {
+    for (begin, end) in [("g mark", "g rest"), ("usemtl mark", "usemtl steel"), ("o mark", "o MARK")] {
         let mut text = String::from("# mm\n");
         for row in 0..=12 {
             for column in 0..=20 {

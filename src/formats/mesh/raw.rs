@@ -152,9 +152,10 @@ fn area([a, b, c]: &[Point3<f64>; 3]) -> f64 {
     (b - a).cross(&(c - a)).norm() / 2.0
 }
 
-/// Whether a body, group or material of this name bounds where ink may be.
+/// Whether a body, group or material of this name bounds where ink may be. Other spellings are names of their own, such as
+/// `MARK` for a material.
 pub(super) fn bounds_ink(name: &str) -> bool {
-    name.trim().eq_ignore_ascii_case("mark")
+    name.trim() == "mark"
 }
 
 impl RawPart {
