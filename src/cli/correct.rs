@@ -17,8 +17,7 @@ use crate::report_html::{self, PageContent};
 
 const CORRECTION: &str = "Correction";
 /// What an operator does about a picture without the part's own mesh.
-const WITHOUT_MESH: &str = "the picture on the part shows only the side that faces the laser, because the part's mesh is not kept: name the \
-     part before the drawing";
+const WITHOUT_MESH: &str = "shows only the side that faces the laser, because the part's mesh is not kept: name the part before the drawing";
 
 #[derive(Debug, Args)]
 #[command(
@@ -111,7 +110,8 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     }
     tell(&corrected.report.summary_replacing(&name_of(&arguments.out)?));
     if shows_heights {
-        tell(WITHOUT_MESH);
+        let option = if arguments.on_part.is_some() { "--on-part" } else { "--report-html" };
+        tell(&format!("`{option}` {WITHOUT_MESH}"));
     }
     Ok(())
 }

@@ -347,6 +347,9 @@ fn results_never_replace_input_files() {
     job(&["-o", "x.dxf", "--on-part", "./mouse.glb"]).refused(2, &["`--on-part`", "which is also read"]);
     job(&["-o", "x.dxf", "--on-part", "mouse.gltf"])
         .refused(2, &["binary glTF", "mouse.gltf", "remedy: Give the file the ending .glb"]);
+    job(&["-o", "x.dxf", "--report-html", "abc.dxf"]).refused(2, &["`--report-html`", "which is also read"]);
+    job(&["-o", "x.dxf", "--report-html", "mouse.pdf"])
+        .refused(2, &["HTML", "mouse.pdf", "remedy: Give the file the ending .html"]);
     job(&["-o", "x.dxf", "--preview", "x.svg", "--on-part", "x.svg"])
         .refused(2, &["`--preview` and `--on-part` name the same file"]);
     job(&["-o", "x.dxf", "--report", "x.dxf"]).refused(2, &["`--out` and `--report` name the same file"]);

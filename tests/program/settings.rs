@@ -54,6 +54,7 @@ const OTHERS: &[&str] = &[
     "--report",
     "--preview",
     "--on-part",
+    "--report-html",
     "--json",
     "--set",
     "--help",
