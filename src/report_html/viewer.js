@@ -115,6 +115,10 @@
   // The arrow of the beam points at the mark from outside: some of its points are enough to find where that is.
   const aims = mark.filter((_, i) => i % Math.ceil(mark.length / 300) === 0).map(s => s[0]);
   if (!aims.length) aims.push(whole.center);
+  // Lines that are close together are drawn thinner, so that they do not merge: their usual distance, mm.
+  const spread = axis => { const v = aims.map(p => dot(axis, p)); return Math.max(...v) - Math.min(...v); };
+  const length = mark.reduce((sum, [a, b]) => sum + Math.hypot(...add(b, a, -1)), 0);
+  const gap = length ? spread(right) * spread(up) / length : Infinity;
 
   // Edges of the part: where the normals of two facets differ by more than 35 degrees, and open borders.
   const edges = () => {
@@ -312,15 +316,15 @@
       gl.bindVertexArray(thing.array);
       gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, thing.count);
     };
-    const stretch = on('stretch');
+    const stretch = on('stretch'), thin = width => clamp(0.4 * gap * px / scale, 0.7, width);
     if (on('part')) {
       mesh(things.part, colors.part, 0, 1);
       stroke(things.edges, colors.edge, 0.004, 1);
       stroke(things.seen, GREY, 0.006, 1);
     }
     if (on('after') && !stretch) mesh(things.ink, colors.ink, 0.008, 0);
-    if (on('before')) stroke(things.drawn, colors.before, 0.010, 1.6, stretch);
-    if (on('after')) stroke(things.mark, colors.ink, 0.012, stretch ? 2.4 : 1.8, stretch);
+    if (on('before')) stroke(things.drawn, colors.before, 0.010, thin(1.6), stretch);
+    if (on('after')) stroke(things.mark, colors.ink, 0.012, thin(stretch ? 2.4 : 1.8), stretch);
     gl.depthMask(false);
     things.planes.forEach(({ fill, rim }, i) => {
       const isField = i >= planes.length - (scene.field ? 1 : 0);
