@@ -1,0 +1,727 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The task panel: what is marked where, how accurate it is, and the station's answer."""
+
+import html
+import os
+
+import FreeCAD
+import FreeCADGui
+from PySide import QtCore, QtGui
+
+from . import choice, job, mark, part, program, settings, station
+from .child import Background, Child
+from .frame import dot
+from .overlay import Overlay
+from .wording import Trouble, translate
+
+#: Pause after the last change before the drawing is corrected again, ms.
+SETTLE_MS = 300
+#: Pause between two looks at the station's folders, and between two questions for its status, s.
+LOOK_S, STATUS_S = 1.0, 5.0
+
+_open = None
+
+
+def open_panel():
+    """Opens the panel for the active document."""
+    global _open
+    _open = Panel(FreeCAD.ActiveDocument)
+    FreeCADGui.Control.showDialog(_open)
+    return _open
+
+
+def opened():
+    """The panel that is open, or `None`."""
+    return _open
+
+
+class Panel:
+    """The task panel of one document."""
+
+    def __init__(self, document):
+        self.document = document.Name
+        self.choice = choice.Choice()
+        self.folder = job.Folder()
+        self.overlay = Overlay(document.Name)
+        self.child = None
+        self.tester = None
+        self.steps = None
+        self.tessellated = None
+        self.tessellated_key = None
+        self.made = None
+        self.frame = None
+        self.result = None
+        self.sending = Sending(self)
+        self.form = QtGui.QWidget()
+        self.form.setObjectName("IsomarkPanel")
+        self.form.setWindowTitle(translate("Isomark", "Mark on part"))
+        self.form.setWindowIcon(
+            QtGui.QIcon(os.path.join(os.path.dirname(__file__), "resources", "icons", "Isomark.svg"))
+        )
+        self._timer = QtCore.QTimer()
+        self._timer.setSingleShot(True)
+        self._timer.timeout.connect(self.correct)
+        self._stepper = QtCore.QTimer()
+        self._stepper.timeout.connect(self._step)
+        self._build()
+        for edit in (self.product, self.drawing_name):
+            edit.setMinimumWidth(40)
+        self._observer = _Observer(self)
+        FreeCAD.addDocumentObserver(self._observer)
+        QtCore.QCoreApplication.instance().aboutToQuit.connect(self.close)
+        self.use_selection()
+
+    # The widgets.
+
+    def _build(self):
+        layout = QtGui.QVBoxLayout(self.form)
+        layout.setContentsMargins(6, 6, 6, 6)
+
+        what = self._group(layout, translate("Isomark", "What is marked"))
+        self.part_label, self.drawing_label = self._row_label(), self._row_label()
+        what.addRow(translate("Isomark", "Part"), self.part_label)
+        what.addRow(translate("Isomark", "Drawing"), self.drawing_label)
+        row = QtGui.QHBoxLayout()
+        self.select_button = self._button(row, translate("Isomark", "Use selection"), self.use_selection)
+        self.file_button = self._button(row, translate("Isomark", "File…"), self.choose_file)
+        self.file_button.setToolTip(translate("Isomark", "A DXF file or a picture as the drawing, at the clicked point"))
+        what.addRow(row)
+        self.rotate = QtGui.QDoubleSpinBox()
+        self.rotate.setRange(-360.0, 360.0)
+        self.rotate.setSuffix("°")
+        self.rotate.valueChanged.connect(self.changed)
+        what.addRow(translate("Isomark", "Rotate"), self.rotate)
+        self.width = QtGui.QDoubleSpinBox()
+        self.width.setRange(0.0, 10000.0)
+        self.width.setSuffix(" mm")
+        self.width.setSpecialValueText(translate("Isomark", "as in the file"))
+        self.width.valueChanged.connect(self.changed)
+        self.width_label = QtGui.QLabel(translate("Isomark", "Width of picture"))
+        what.addRow(self.width_label, self.width)
+        self.other_side = self._check(what, translate("Isomark", "Laser on the other side"), False)
+        self.other_side.toggled.connect(self.changed)
+        self.bound = self._check(what, translate("Isomark", "Only on the selected faces"), False)
+        self.bound.toggled.connect(self.changed)
+
+        result = self._group(layout, translate("Isomark", "Result"))
+        self.table = QtGui.QLabel()
+        self.table.setTextInteractionFlags(QtCore.Qt.TextSelectableByMouse)
+        result.addRow(self.table)
+        self.message = self._message()
+        result.addRow(self.message)
+        self.show_drawn = self._check(result, translate("Isomark", "Show without correction"), False)
+        self.show_view = self._check(result, translate("Isomark", "Show the laser's view"), False)
+        for box, name in ((self.show_drawn, "drawn"), (self.show_view, "view")):
+            box.toggled.connect(lambda on, name=name: self.overlay.set_visible(name, on))
+            self.overlay.set_visible(name, False)
+        self.overlay.set_visible("mark", True)
+        self.overlay.set_visible("mark-ink", True)
+        row = QtGui.QHBoxLayout()
+        self.keep_button = self._button(row, translate("Isomark", "Keep in document"), self.keep)
+        result.addRow(row)
+
+        send = self._group(layout, translate("Isomark", "Station"))
+        self.station, row = self._path(settings.station(), self.choose_station)
+        self.station.setPlaceholderText(translate("Isomark", "station.toml, or a hot folder"))
+        self.station.editingFinished.connect(self._station_changed)
+        send.addRow(translate("Isomark", "Station"), row)
+        self.product, self.drawing_name = QtGui.QLineEdit(), QtGui.QLineEdit()
+        for edit in (self.product, self.drawing_name):
+            edit.editingFinished.connect(self.changed)
+        send.addRow(translate("Isomark", "Product"), self.product)
+        send.addRow(translate("Isomark", "Name"), self.drawing_name)
+        row = QtGui.QHBoxLayout()
+        self.send_button = self._button(row, translate("Isomark", "Send to hot folder"), self.sending.send)
+        send.addRow(row)
+        self.answer = self._message()
+        send.addRow(self.answer)
+
+        found = self._group(layout, translate("Isomark", "Program"))
+        self.program, row = self._path(settings.program(), self.choose_program)
+        self.program.setPlaceholderText(translate("Isomark", "search for isomark"))
+        self.program.editingFinished.connect(self._program_changed)
+        self.test_button = self._button(row, translate("Isomark", "Test"), self.test)
+        found.addRow(row)
+        self.version = self._message()
+        found.addRow(self.version)
+        layout.addStretch(1)
+        for name in (
+            "select_button file_button rotate width other_side bound table message show_drawn show_view keep_button station "
+            "product drawing_name send_button answer program test_button version part_label drawing_label"
+        ).split():
+            getattr(self, name).setObjectName("Isomark_" + name)
+
+    def _group(self, layout, title):
+        box = QtGui.QGroupBox(title)
+        form = QtGui.QFormLayout(box)
+        form.setFieldGrowthPolicy(QtGui.QFormLayout.AllNonFixedFieldsGrow)
+        form.setContentsMargins(4, 4, 4, 4)
+        form.setVerticalSpacing(4)
+        layout.addWidget(box)
+        return form
+
+    def _row_label(self):
+        label = QtGui.QLabel()
+        label.setWordWrap(True)
+        label.setTextFormat(QtCore.Qt.PlainText)
+        return label
+
+    def _message(self):
+        label = QtGui.QLabel()
+        label.setWordWrap(True)
+        label.setTextFormat(QtCore.Qt.RichText)
+        label.setTextInteractionFlags(QtCore.Qt.TextSelectableByMouse)
+        label.hide()
+        return label
+
+    def _button(self, row, text, slot):
+        button = QtGui.QPushButton(text)
+        button.setAutoDefault(False)
+        button.setMinimumWidth(40)
+        button.clicked.connect(lambda *_: slot())
+        row.addWidget(button)
+        return button
+
+    def _check(self, form, text, on):
+        box = QtGui.QCheckBox(text)
+        box.setChecked(on)
+        form.addRow(box)
+        return box
+
+    def _path(self, text, slot):
+        row = QtGui.QHBoxLayout()
+        edit = QtGui.QLineEdit(text)
+        edit.setMinimumWidth(40)
+        row.addWidget(edit)
+        button = QtGui.QToolButton()
+        button.setText("…")
+        button.clicked.connect(lambda *_: slot())
+        row.addWidget(button)
+        return edit, row
+
+    # What FreeCAD asks of a task panel.
+
+    def getStandardButtons(self):
+        button = QtGui.QDialogButtonBox.Close
+        try:
+            return int(button)
+        except TypeError:  # PySide6
+            return button
+
+    def isAllowedAlterDocument(self):
+        return True
+
+    def isAllowedAlterView(self):
+        return True
+
+    def isAllowedAlterSelection(self):
+        return True
+
+    def reject(self):
+        self.close()
+        FreeCADGui.Control.closeDialog()
+        return True
+
+    def close(self):
+        """Ends everything that the panel started, and removes what it drew."""
+        global _open
+        if self.folder is None:
+            return
+        for timer in (self._timer, self._stepper):
+            timer.stop()
+        FreeCAD.removeDocumentObserver(self._observer)
+        QtCore.QCoreApplication.instance().aboutToQuit.disconnect(self.close)
+        for child in (self.child, self.tester):
+            if child is not None:
+                child.kill()
+        self.sending.close()
+        self.overlay.close()
+        self.folder.close()
+        self.folder = None
+        _open = None
+
+    # What is marked.
+
+    def use_selection(self):
+        """Takes the part and the drawing from the selection."""
+        entries = [
+            entry
+            for entry in FreeCADGui.Selection.getSelectionEx("", 0)
+            if entry.Object.Document.Name == self.document
+        ]
+        new = choice.of_selection(entries)
+        if not new.drawing and new.part is not None:
+            # A new place for the drawing that is already chosen.
+            new.drawing, new.file = self.choice.drawing, self.choice.file
+        elif new.drawing and new.part is None:
+            new.part, new.faces, new.picked = self.choice.part, self.choice.faces, self.choice.picked
+        if entries:
+            self.choice = new
+            self._suggest()
+            # A selected object is shown in another colour, which would hide the mark.
+            FreeCADGui.Selection.clearSelection()
+        self._show_choice()
+        self.changed()
+
+    def choose_file(self):
+        """Asks for a file as the drawing."""
+        kinds = " ".join("*" + ending for ending in choice.DRAWINGS)
+        path, _ = QtGui.QFileDialog.getOpenFileName(
+            self.form,
+            translate("Isomark", "Choose a drawing"),
+            "",
+            translate("Isomark", "Drawings ({kinds})", kinds=kinds),
+        )
+        if path:
+            self.set_file(path)
+
+    def set_file(self, path):
+        """Makes a file the drawing."""
+        self.choice.drawing = []
+        self.choice.file = path
+        self._suggest()
+        self._show_choice()
+        self.changed()
+
+    def _suggest(self):
+        """The names and the side that follow from what is chosen."""
+        try:
+            self.other_side.setChecked(bool(self.choice.drawing) and self.choice.suggests_other_side())
+            document = FreeCAD.getDocument(self.document)
+            if self.choice.part is not None and document.FileName:
+                stem = os.path.splitext(os.path.basename(document.FileName))[0]
+                self.product.setText(station.plain_name("%s-%s" % (stem, self.choice.part.label)))
+            if self.choice.file:
+                stem = os.path.splitext(os.path.basename(self.choice.file))[0]
+                self.drawing_name.setText(station.plain_name(stem))
+            elif self.choice.drawing:
+                self.drawing_name.setText(station.plain_name(self.choice.drawing[0].label))
+        except (Trouble, SHAPE_ERRORS):
+            # `correct` shows it.
+            pass
+
+    def _show_choice(self):
+        nothing = translate("Isomark", "nothing selected")
+        try:
+            faces = ", ".join("Face%d" % (number + 1) for number in self.choice.faces)
+            label = self.choice.part.label if self.choice.part else nothing
+            self.part_label.setText("%s (%s)" % (label, faces) if faces else label)
+            labels = ", ".join(ref.label for ref in self.choice.drawing)
+        except Trouble:
+            labels = ""
+        self.drawing_label.setText(labels or os.path.basename(self.choice.file) or nothing)
+        is_picture = self.choice.is_picture()
+        for widget in (self.width, self.width_label):
+            widget.setVisible(is_picture)
+        self.other_side.setVisible(not self.choice.file)
+        self.bound.setVisible(bool(self.choice.faces))
+
+    def options(self):
+        """The settings of the drawing."""
+        return {
+            "anchor": "center" if self.choice.file else "origin",
+            "rotate_deg": self.rotate.value(),
+            "width_mm": self.width.value() if self.choice.is_picture() else 0.0,
+        }
+
+    def names(self):
+        """The names of product and drawing; placeholders while they are empty."""
+        return self.product.text().strip() or "part", self.drawing_name.text().strip() or "drawing"
+
+    # The correction.
+
+    def changed(self, *_):
+        """Corrects the drawing again, soon."""
+        if self.folder is not None:
+            self._timer.start(SETTLE_MS)
+
+    def correct(self):
+        """Makes the files of what is chosen, a little at a time, and starts the program."""
+        self._stop()
+        self.result = None
+        self.made = None
+        try:
+            self.choice.check()
+            self.frame = self.choice.frame(self.other_side.isChecked() and not self.choice.file)
+            shape = self.choice.part.shape()
+            bounding = tuple(self.choice.faces) if self.bound.isChecked() else ()
+            key = (shape.hashCode(), str(shape.Placement), bounding)
+            self._say(self.message, translate("Isomark", "Calculating…"))
+            if key == self.tessellated_key:
+                self._start()
+                return
+            self.steps = part.tessellate(shape, bounding)
+            self.tessellated_key = key
+            self.tessellated = None
+            self._stepper.start(0)
+        except Trouble as trouble:
+            self._trouble(trouble)
+        except SHAPE_ERRORS as error:
+            self._trouble(_of_freecad(error))
+
+    def _stop(self):
+        self._stepper.stop()
+        self.steps = None
+        if self.tessellated is None:
+            self.tessellated_key = None
+        if self.child is not None:
+            self.child.kill()
+            self.child = None
+
+    def _step(self):
+        try:
+            next(self.steps)
+        except StopIteration as end:
+            self._stepper.stop()
+            self.tessellated = end.value
+            try:
+                self._start()
+            except Trouble as trouble:
+                self._trouble(trouble)
+            except SHAPE_ERRORS as error:
+                self._trouble(_of_freecad(error))
+        except Trouble as trouble:
+            self._stop()
+            self._trouble(trouble)
+        except SHAPE_ERRORS as error:
+            self._stop()
+            self._trouble(_of_freecad(error))
+
+    def _start(self):
+        product, drawing = self.names()
+        station.check_name(product, translate("Isomark", "product"))
+        station.check_name(drawing, translate("Isomark", "drawing"))
+        self.made = job.files(self.choice, self.tessellated, self.frame)
+        options = self.options()
+        if self.station.text().strip():
+            options["station"] = station.open_station(self.station.text()).file
+        run = job.Run(self.folder, self.made, product, drawing, options)
+        path = program.find(self.program.text())
+
+        def done(code, output, errors):
+            self.child = None
+            try:
+                self._show(*run.result(code, output, errors))
+            except Trouble as trouble:
+                self._trouble(trouble)
+
+        def failed(words):
+            self.child = None
+            self._trouble(Trouble(words, program.install_remedy()))
+
+        self.child = Child(path, run.arguments, done, failed, self.folder.path)
+
+    def _show(self, report, found):
+        self.result = (report, found)
+        self.overlay.show(found)
+        cells = "".join(
+            "<tr><td>%s&nbsp;</td><td align='right'><b>%s</b></td></tr>" % (html.escape(name), html.escape(value))
+            for name, value in job.numbers(report)
+        )
+        self.table.setText("<table>%s</table>" % cells)
+        lines = [_line(severity == "warning", words) for severity, words in job.notices(report)]
+        lines = self._side(report) + lines
+        self.message.setText("".join(lines))
+        self.message.setVisible(bool(lines))
+
+    def _side(self, report):
+        """A warning if isomark marks another side than the one that the drawing faces."""
+        facing = (report.get("placement") or {}).get("facing") or self.frame.z
+        if dot(facing, self.frame.z) > 0.999:
+            return []
+        return [
+            _line(
+                True,
+                translate("Isomark", "The mark is on another side of the part than the drawing."),
+                translate(
+                    "Isomark",
+                    "Remove facing, roll_deg and frame from the settings of this product, or install a newer isomark, "
+                    "which knows marking frames.",
+                ),
+            )
+        ]
+
+    def _trouble(self, trouble):
+        """Shows why there is no result."""
+        self.result = None
+        self.overlay.clear()
+        self.table.setText("")
+        self._say(self.message, trouble.what, trouble.remedy, True)
+
+    def _say(self, label, what, remedy="", wrong=False):
+        label.setText(_line(wrong, what, remedy))
+        label.show()
+
+    # The document.
+
+    def keep(self):
+        """Keeps the mark in the document."""
+        if self.result is None:
+            self._trouble(
+                Trouble(
+                    translate("Isomark", "There is no mark to keep."),
+                    translate("Isomark", "Wait for the result, or resolve what is shown here."),
+                )
+            )
+            self.changed()
+            return
+        report, found = self.result
+        product, drawing = self.names()
+        refs = [self.choice.part.names()] + [ref.names() for ref in self.choice.drawing] + [self.choice.file]
+        after = (report.get("quality") or {}).get("after") or {}
+        facts = [
+            ("Product", product),
+            ("Drawing", drawing),
+            ("LengthError", "%.3f mm" % after.get("length_error_mm", 0.0)),
+            ("Program", str(report.get("program", ""))),
+        ]
+        title = translate("Isomark", "Mark {drawing} on {part}", drawing=drawing, part=self.choice.part.label)
+        # The observer must not answer to what the panel itself adds.
+        self._observer.quiet = True
+        try:
+            mark.keep(FreeCAD.getDocument(self.document), found, title, " ".join(refs).strip(), facts)
+        finally:
+            self._observer.quiet = False
+
+    # The station and the program.
+
+    def choose_station(self):
+        path, _ = QtGui.QFileDialog.getOpenFileName(
+            self.form,
+            translate("Isomark", "Choose the settings of the station"),
+            os.path.dirname(self.station.text()),
+            translate("Isomark", "Station (*.toml);;All files (*)"),
+        )
+        if path:
+            self.station.setText(path)
+            self._station_changed()
+
+    def _station_changed(self):
+        if self.station.text().strip() != settings.station():
+            settings.set_station(self.station.text().strip())
+            self.changed()
+
+    def choose_program(self):
+        path, _ = QtGui.QFileDialog.getOpenFileName(self.form, translate("Isomark", "Choose the program isomark"))
+        if path:
+            self.program.setText(path)
+            self._program_changed()
+
+    def _program_changed(self):
+        if self.program.text().strip() != settings.program():
+            settings.set_program(self.program.text().strip())
+            self.changed()
+
+    def test(self):
+        """Shows which isomark is used."""
+        self._program_changed()
+        if self.tester is not None:
+            self.tester.kill()
+            self.tester = None
+        try:
+            path = program.find(self.program.text())
+        except Trouble as trouble:
+            self._say(self.version, trouble.what, trouble.remedy, True)
+            return
+
+        def done(_code, output, _errors):
+            self.tester = None
+            try:
+                words = translate("Isomark", "{version} ({path})", version=program.version(output), path=path)
+                self._say(self.version, words)
+            except Trouble as trouble:
+                self._say(self.version, trouble.what, trouble.remedy, True)
+
+        def failed(words):
+            self.tester = None
+            self._say(self.version, words, program.install_remedy(), True)
+
+        self.tester = Child(path, ["--version"], done, failed, self.folder.path, limit_s=10.0)
+
+
+class Sending:
+    """Sends part and drawing to the station, and shows its answer."""
+
+    def __init__(self, panel):
+        self.panel = panel
+        self.work = None
+        self.asked = None
+        self.answer = None
+        self.station = None
+        self.waiting = ("", "")
+        self.since_status = 0.0
+        self.timer = QtCore.QTimer()
+        self.timer.timeout.connect(self._look)
+
+    def close(self):
+        """Forgets the station's answer."""
+        self.timer.stop()
+        if self.work is not None:
+            self.work.forget()
+            self.work = None
+        if self.asked is not None:
+            self.asked.kill()
+            self.asked = None
+        self.answer = None
+
+    def send(self):
+        """Puts the part, the drawing's settings and the drawing into the hot folder."""
+        panel = self.panel
+        self.close()
+        try:
+            product, drawing = panel.product.text().strip(), panel.drawing_name.text().strip()
+            self._check(product)
+            station.check_name(product, translate("Isomark", "product"))
+            station.check_name(drawing, translate("Isomark", "drawing"))
+            if panel.made is None or panel._timer.isActive() or panel.steps is not None and panel.tessellated is None:
+                raise Trouble(
+                    translate("Isomark", "The drawing is not ready."),
+                    translate("Isomark", "Wait for the result above, or resolve what is shown there, and send again."),
+                )
+            if not panel.station.text().strip():
+                raise Trouble(
+                    translate("Isomark", "No station is chosen."),
+                    translate("Isomark", "Choose the station.toml of your station, or its hot folder."),
+                )
+            self.station = station.open_station(panel.station.text())
+            names = station.drop_names(product, drawing, panel.made.ending)
+            data = (panel.made.part, station.sidecar(panel.options()), panel.made.drawing)
+        except Trouble as trouble:
+            self._show(trouble.what, trouble.remedy, True)
+            return
+        panel.send_button.setEnabled(False)
+        self._show(translate("Isomark", "Sending…"))
+
+        def work():
+            answer = station.Answer(self.station, product, names[0], names[2])
+            station.send(self.station.hot, list(zip(names, data)))
+            return answer
+
+        self.work = Background(work, self._sent)
+
+    def _check(self, product):
+        document = FreeCAD.getDocument(self.panel.document)
+        if not product and not document.FileName:
+            raise Trouble(
+                translate("Isomark", "This document is not saved, so the product has no name."),
+                translate("Isomark", "Save the document and click Use selection, or enter a product."),
+            )
+
+    def _sent(self, answer, error):
+        self.work = None
+        self.panel.send_button.setEnabled(True)
+        if error is not None:
+            self._show(str(getattr(error, "what", error)), getattr(error, "remedy", ""), True)
+            return
+        self.answer = answer
+        self.waiting = ("", "")
+        self.since_status = 0.0
+        self._show(translate("Isomark", "Sent. Waiting for the station."))
+        self.timer.start(int(LOOK_S * 1000))
+
+    def _look(self):
+        # A share may answer slowly: never in the window's thread, and never two at a time.
+        if self.work is None and self.answer is not None:
+            self.work = Background(self.answer.look, self._seen)
+        self.since_status += LOOK_S
+        if self.since_status >= 2.0 * LOOK_S and self.asked is None and self.station.file:
+            self.since_status = LOOK_S - STATUS_S
+            self._ask()
+
+    def _seen(self, state, error):
+        self.work = None
+        if error is not None:
+            self._show(str(error), "", True)
+            return
+        state, document = state
+        if state == station.DELIVERED:
+            self.timer.stop()
+            after = ((document.get("quality") or {}).get("after") or {}).get("length_error_mm")
+            words = translate("Isomark", "Delivered: {name}.", name=self.answer.drawing)
+            if after is not None:
+                words += " " + translate("Isomark", "Length error {error:.3f} mm.", error=after)
+            self._show(words)
+        elif state == station.REJECTED:
+            self.timer.stop()
+            words = translate("Isomark", "Rejected: {what}", what=document.get("what", ""))
+            self._show(words, document.get("remedy", ""), True)
+        elif state == station.FILED:
+            self.timer.stop()
+            self._show(
+                translate("Isomark", "The station filed the drawing without delivering it: it delivered the same before."),
+                translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
+            )
+        else:
+            self._show(translate("Isomark", "Waiting.") + " " + self.waiting[0], self.waiting[1])
+        if state != station.WAITING and self.asked is not None:
+            self.asked.kill()
+            self.asked = None
+
+    def _ask(self):
+        """Asks the station why it waits."""
+
+        def done(_code, output, errors):
+            self.asked = None
+            try:
+                status = program.answer(0, output, errors)
+                if status.get("schema", "").startswith("isomark.status/"):
+                    self.waiting = station.waiting_words(status, self.answer.drops)
+                else:
+                    self.waiting = (status.get("what", ""), status.get("remedy", ""))
+            except Trouble as trouble:
+                self.waiting = (trouble.what, trouble.remedy)
+
+        def failed(words):
+            self.asked = None
+            self.waiting = (words, "")
+
+        try:
+            path = program.find(self.panel.program.text())
+        except Trouble as trouble:
+            self.waiting = (trouble.what, trouble.remedy)
+            return
+        self.asked = Child(path, ["status", self.station.file, "--json"], done, failed, limit_s=20.0)
+
+    def _show(self, what, remedy="", wrong=False):
+        self.panel._say(self.panel.answer, what, remedy, wrong)
+
+
+class _Observer:
+    """Corrects the drawing again when the part or the drawing changed, and closes the panel with its document."""
+
+    def __init__(self, panel):
+        self.panel = panel
+        self.quiet = False
+
+    def slotRecomputedDocument(self, document):
+        if not self.quiet and document.Name == self.panel.document:
+            self.panel.changed()
+
+    def slotChangedObject(self, item, name):
+        if not self.quiet and name in ("Shape", "Placement") and item.Document.Name == self.panel.document:
+            if not mark.is_mark(item):
+                self.panel.changed()
+
+    def slotDeletedDocument(self, document):
+        if document.Name == self.panel.document:
+            self.panel.close()
+            # FreeCAD is still removing the document.
+            QtCore.QTimer.singleShot(0, FreeCADGui.Control.closeDialog)
+
+
+#: What FreeCAD and OpenCASCADE raise for shapes that they cannot handle.
+SHAPE_ERRORS = (RuntimeError, ValueError, AttributeError, ReferenceError, FreeCAD.Base.FreeCADError, ArithmeticError)
+
+
+def _of_freecad(error):
+    return Trouble(
+        translate("Isomark", "FreeCAD cannot read the part or the drawing: {error}.", error=str(error).rstrip(".")),
+        translate("Isomark", "Check both with Part > Check geometry, and repair them."),
+    )
+
+
+def _line(wrong, what, remedy=""):
+    """A paragraph: what is the case, and what to do about it."""
+    sign = "⚠ " if wrong else ""
+    remedy = "<br/><i>%s</i>" % html.escape(remedy) if remedy else ""
+    return "<p>%s%s%s</p>" % (sign, html.escape(what), remedy)

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""A station's folders: files go in complete or not at all, and its answer comes back. Without Qt."""
+
+import json
+import os
+import re
+import time
+import unicodedata
+import uuid
+
+from .wording import Trouble, translate
+
+#: The longest name that the station accepts, in bytes.
+_LONGEST = 230
+_PREFIX = ".isomark-freecad-"
+_FORBIDDEN = '/\\:*?"<>|@'
+
+
+class Station:
+    """The folders of a station: `file` is its settings, or empty if only the hot folder is known."""
+
+    def __init__(self, file, hot, reports, rejected):
+        self.file = file
+        self.hot = hot
+        self.reports = reports
+        self.rejected = rejected
+
+
+def open_station(path):
+    """The station of a `station.toml`, or of a hot folder. Raises `Trouble`."""
+    path = os.path.abspath(os.path.expanduser(path.strip()))
+    if os.path.isdir(path):
+        inside = os.path.join(path, "station.toml")
+        if not os.path.isfile(inside):
+            beside = os.path.dirname(path)
+            return Station("", path, os.path.join(beside, "reports"), os.path.join(beside, "rejected"))
+        path = inside
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            folders = _folders(file.read())
+    except (OSError, UnicodeDecodeError) as error:
+        raise Trouble(
+            translate("Isomark", "The station file {path} cannot be read: {error}.", path=path, error=_short(error)),
+            translate("Isomark", "Choose the station.toml of your station, or its hot folder."),
+        ) from error
+    base = os.path.dirname(path)
+    if not folders.get("hot"):
+        raise Trouble(
+            translate("Isomark", "The station file {path} names no hot folder.", path=path),
+            translate("Isomark", "Run `isomark check` on this file, or choose the hot folder itself."),
+        )
+    hot, reports, rejected = (
+        os.path.join(base, folders.get(name, name)) for name in ("hot", "reports", "rejected")
+    )
+    return Station(path, hot, reports, rejected)
+
+
+def _folders(text):
+    """The table `[folders]`."""
+    try:
+        import tomllib
+    except ImportError:  # Python before 3.11
+        return _folders_of_lines(text)
+    try:
+        folders = tomllib.loads(text).get("folders", {})
+    except tomllib.TOMLDecodeError:
+        # isomark names the mistake when it reads the file.
+        return _folders_of_lines(text)
+    return {name: value for name, value in folders.items() if isinstance(value, str)}
+
+
+def _folders_of_lines(text):
+    folders, table = {}, ""
+    for line in text.splitlines():
+        header = re.match(r"\s*\[\s*([\w.-]+)\s*\]", line)
+        entry = re.match(r"""\s*(?:folders\.)?(\w+)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*')""", line)
+        if header:
+            table = header.group(1)
+        elif entry and (table == "folders" or line.strip().startswith("folders.")):
+            value = entry.group(2)
+            folders[entry.group(1)] = value[1:-1] if value[0] == "'" else _unescaped(value)
+    return folders
+
+
+def _unescaped(text):
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text[1:-1]
+
+
+def check_name(name, what):
+    """Raises `Trouble` for a product or drawing name that the station does not accept."""
+    wrong = next((c for c in name if c in _FORBIDDEN or ord(c) < 32), None)
+    if not name:
+        problem = translate("Isomark", "The {what} has no name.", what=what)
+    elif wrong:
+        problem = translate("Isomark", "The name of the {what} contains {character}.", what=what, character=wrong)
+    elif not (name[0].isalnum() or name[0] == "_") or name[-1] in ". ":
+        problem = translate("Isomark", "The name of the {what} starts or ends with a wrong character.", what=what)
+    elif len(name) > 100:
+        problem = translate("Isomark", "The name of the {what} is longer than 100 characters.", what=what)
+    else:
+        return
+    raise Trouble(
+        problem,
+        translate("Isomark", "Enter a name of letters, digits, - and _."),
+    )
+
+
+def plain_name(text):
+    """A name made of a text that the station accepts."""
+    name = re.sub(r"[\s%s]+" % re.escape(_FORBIDDEN), "-", text).strip("-. ")
+    name = "".join(c for c in name if ord(c) >= 32)
+    return name[:60].rstrip("-. ") if name and (name[0].isalnum() or name[0] == "_") else name.lstrip("-.~")[:60]
+
+
+def sidecar(options):
+    """The settings of a drawing as a file beside it."""
+    lines = ["[placement]", 'anchor = "%s"' % options.get("anchor", "origin")]
+    lines.append("rotate_deg = %g" % options.get("rotate_deg", 0.0))
+    if options.get("width_mm"):
+        lines += ["", "[pattern]", "width_mm = %g" % options["width_mm"]]
+    return ("\n".join(lines) + "\n").encode("utf-8")
+
+
+def drop_names(product, drawing, ending):
+    """The names of part, settings and drawing in the hot folder. Raises `Trouble` for names that are too long."""
+    stem = "%s@%s" % (product, drawing)
+    if len((stem + ending).encode("utf-8")) > _LONGEST:
+        raise Trouble(
+            translate("Isomark", "The names of product and drawing are too long."),
+            translate("Isomark", "Enter shorter names."),
+        )
+    return product + ".glb", stem + ".toml", stem + ending
+
+
+def send(hot, files):
+    """Puts files, pairs of a name and bytes, into the hot folder: each complete or not at all, in this order.
+
+    All are written under names that the station ignores before the first gets its name, so an interruption leaves
+    nothing that the station could read. Raises `Trouble`.
+    """
+    if not os.path.isdir(hot):
+        raise Trouble(
+            translate("Isomark", "The hot folder {hot} is not available.", hot=hot),
+            translate("Isomark", "Connect the drive or share, or choose another station."),
+        )
+    token = uuid.uuid4().hex[:12]
+    _remove_leftovers(hot)
+    written = []
+    try:
+        for number, (name, data) in enumerate(files):
+            # Without the ending of the real name: no program takes it for a part or a drawing.
+            path = os.path.join(hot, "%s%s-%d.part" % (_PREFIX, token, number))
+            written.append((path, os.path.join(hot, name)))
+            with open(path, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+        for path, final in written:
+            _rename(path, final)
+    except OSError as error:
+        for path, _ in written:
+            try:
+                os.remove(path)
+            except OSError:
+                pass
+        raise _send_trouble(hot, error) from error
+
+
+def _rename(path, final):
+    for _ in range(10):
+        try:
+            os.replace(path, final)
+            return
+        except PermissionError:
+            # On Windows, a file of this name cannot be replaced while the station reads it.
+            if os.name != "nt":
+                raise
+            time.sleep(0.2)
+    os.replace(path, final)
+
+
+def _send_trouble(hot, error):
+    if isinstance(error, PermissionError) or error.errno == 30:
+        return Trouble(
+            translate("Isomark", "You may not write into the hot folder {hot}.", hot=hot),
+            translate("Isomark", "Ask for the right to write into it, or choose another station."),
+        )
+    return Trouble(
+        translate("Isomark", "The hot folder {hot} cannot be written: {error}.", hot=hot, error=_short(error)),
+        translate("Isomark", "Check the disk or share, then send again."),
+    )
+
+
+def _remove_leftovers(hot):
+    """Removes what an interrupted sending left more than an hour ago."""
+    try:
+        names = [name for name in os.listdir(hot) if name.startswith(_PREFIX)]
+    except OSError:
+        return
+    for name in names:
+        path = os.path.join(hot, name)
+        try:
+            if time.time() - os.stat(path).st_mtime > 3600.0:
+                os.remove(path)
+        except OSError:
+            pass
+
+
+def _short(error):
+    return getattr(error, "strerror", None) or str(error)
+
+
+WAITING, DELIVERED, REJECTED, FILED = "waiting", "delivered", "rejected", "filed"
+
+
+class Answer:
+    """Looks for the station's answer to files that are sent after this was made."""
+
+    def __init__(self, station, product, part, drawing):
+        self.station = station
+        self.drops = (part, drawing)
+        self.drawing = drawing
+        # The station's folders of a product have its name in lower case.
+        self.report = os.path.join(station.reports, _key(product), drawing + ".report.json")
+        self.report_before = _stamp(self.report)
+        self.reasons_before = {path: _stamp(path) for path in self._reasons()}
+        self.gone_since = None
+
+    def look(self):
+        """The state, and the report or reason that belongs to it."""
+        if _stamp(self.report) not in (None, self.report_before):
+            report = _json(self.report)
+            if report is not None:
+                return DELIVERED, report
+        for path in self._reasons():
+            if _stamp(path) != self.reasons_before.get(path):
+                reason = _json(path)
+                if reason is not None and reason.get("drop") in self.drops:
+                    return REJECTED, reason
+        if os.path.exists(os.path.join(self.station.hot, self.drawing)) or not os.path.isdir(self.station.hot):
+            self.gone_since = None
+            return WAITING, None
+        self.gone_since = self.gone_since or time.monotonic()
+        # The station writes report and reason before it moves the drop; a share may show them later.
+        return (FILED if time.monotonic() - self.gone_since > 10.0 else WAITING), None
+
+    def _reasons(self):
+        """The files with reasons that may belong to the drops: in the rejected folder and its numbered folders."""
+        starts = tuple(name[:40] for name in self.drops)
+        found = []
+        folders = [self.station.rejected]
+        try:
+            folders += [
+                entry.path for entry in os.scandir(self.station.rejected) if re.fullmatch(r"\(\d+\)", entry.name)
+            ]
+            for folder in folders:
+                for entry in os.scandir(folder):
+                    if entry.name.endswith(".reason.json") and entry.name.startswith(starts):
+                        found.append(entry.path)
+        except OSError:
+            pass
+        return found
+
+
+def _key(product):
+    """The name of the product's folder: two spellings that some file systems treat as one have one folder."""
+    return unicodedata.normalize("NFC", product).lower()
+
+
+def _stamp(path):
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return (status.st_mtime_ns, status.st_size, status.st_ino)
+
+
+def _json(path):
+    """The document of a file; `None` while it cannot be read."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            document = json.load(file)
+    except (OSError, ValueError):
+        return None
+    return document if isinstance(document, dict) else None
+
+
+def waiting_words(status, drops):
+    """What the drops wait for, from the station's status: a sentence and a remedy, which may be empty."""
+    state = status.get("state")
+    if state in ("stopped", "ended-silently"):
+        return (
+            translate("Isomark", "The station is not running. The drawing waits in its hot folder."),
+            translate("Isomark", "Start the station with `isomark watch`."),
+        )
+    if state == "silent":
+        return (
+            translate("Isomark", "The station runs, but does not report its state."),
+            translate("Isomark", "Read its log, or start it again."),
+        )
+    for name in ("waiting", "incomplete"):
+        for entry in (status.get(name) or {}).get("first", []):
+            if entry.get("drop") in drops:
+                reason = entry.get("reason") or {}
+                return reason.get("what", ""), reason.get("remedy", "")
+    for entry in (status.get("uncertain") or {}).get("first", []):
+        if entry.get("drop") in drops:
+            return (
+                translate("Isomark", "It is not known whether the drawing was delivered."),
+                translate("Isomark", "Check the import folder, and run `isomark retry` with the drawing's name."),
+            )
+    if any(entry.get("drop") in drops for entry in status.get("under_way", [])):
+        return translate("Isomark", "The station is working on the drawing."), ""
+    return translate("Isomark", "The station has not looked at the drawing yet."), ""

@@ -1,0 +1,246 @@
+"""Sketches and texts drawn by script come out with the lengths that were drawn, on any plane and in any container.
+
+Run by freecadcmd. The drawn lengths are those of the CAD kernel or were chosen here; the lengths on the part are measured on
+the formula of the surface.
+"""
+
+import os
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import harness
+
+harness.use_plugin()
+
+import Draft
+import FreeCAD
+import Part
+from freecad.Isomark import choice, glb, job, part
+from surfaces import Can, Cone, Mouse, Vector, any_rotation, length_on, lifted, polylines
+
+FONT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "fonts", "DejaVuSans-subset.ttf")
+#: The length error that a drawing may have, mm.
+LIMIT = 0.1
+
+
+def corrected(chosen, name, more=()):
+    """Runs the program for a choice: the frame, the corrected DXF, the report and the mark on the part."""
+    frame = chosen.frame()
+    tessellated = part.at_once(part.tessellate(chosen.part.shape()))
+    made = job.files(chosen, tessellated, frame)
+    folder = job.Folder()
+    try:
+        run = job.Run(folder, made, name, "drawing", {"anchor": "origin"})
+        report, mark = run.result(*harness.isomark(*run.arguments, *more))
+        with open(run.out, "rb") as file:
+            return frame, file.read(), report, mark
+    finally:
+        folder.close()
+
+
+def check(surface, placement, chosen, name, drawn, more=()):
+    """Compares the lengths on the surface with the drawn ones, and the place with that of the drawing's origin."""
+    frame, data, report, mark = corrected(chosen, name, more)
+    marked = polylines(data)
+    lengths = sorted(length_on(surface, placement, frame, *path) for path in marked if len(path[0]) > 1)
+    assert len(lengths) == len(drawn), "%d paths instead of %d" % (len(lengths), len(drawn))
+    error = sum(abs(a - b) for a, b in zip(lengths, sorted(drawn)))
+    assert error < LIMIT, "%s: the lengths differ by %.4f mm" % (name, error)
+    assert report["quality"]["after"]["length_error_mm"] < LIMIT
+    turn = placement.inverse()
+    farthest = max(
+        abs(surface.outside(turn.multVec(Vector(*point)))) for strip in mark.strips["mark"] for point in strip.points
+    )
+    assert farthest < 0.05, "%s: the mark is drawn %.4f mm off the surface" % (name, farthest)
+    # A point at the origin of the drawing is marked where its normal meets the part.
+    points = [path[0][0] for path in marked if len(path[0]) == 1]
+    if points:
+        hit = lifted(surface, placement, frame, *points[0])
+        x, y, _ = frame.local(hit)
+        assert abs(x) < 0.02 and abs(y) < 0.02, "%s: the origin is marked at %.4f, %.4f" % (name, x, y)
+    harness.say("   %s: length error %.4f mm on %.1f mm, %.4f mm off the surface" % (name, error, sum(drawn), farthest))
+
+
+def draw(sketch):
+    """Lines, arcs, a circle, an ellipse, a spline and a point; returns the drawn lengths of the paths."""
+    line, arc = Part.LineSegment, Part.Arc
+    sketch.addGeometry(Part.Point(Vector(0, 0, 0)))
+    sketch.addGeometry(line(Vector(-15, 2, 0), Vector(15, 2, 0)))
+    # A slot: two lines and two half circles, one contour.
+    sketch.addGeometry(line(Vector(-10, 5, 0), Vector(10, 5, 0)))
+    sketch.addGeometry(arc(Vector(10, 5, 0), Vector(12, 7, 0), Vector(10, 9, 0)))
+    sketch.addGeometry(line(Vector(10, 9, 0), Vector(-10, 9, 0)))
+    sketch.addGeometry(arc(Vector(-10, 9, 0), Vector(-12, 7, 0), Vector(-10, 5, 0)))
+    circle = Part.Circle(Vector(-8, -6, 0), Vector(0, 0, 1), 5.0)
+    sketch.addGeometry(circle)
+    ellipse = Part.Ellipse(Vector(14, -6, 0), Vector(8, -3, 0), Vector(8, -6, 0))
+    sketch.addGeometry(ellipse)
+    spline = Part.BSplineCurve()
+    spline.interpolate([Vector(-14, -12, 0), Vector(-5, -14, 0), Vector(4, -11, 0), Vector(13, -13, 0)])
+    sketch.addGeometry(spline)
+    construction = sketch.addGeometry(line(Vector(-40, -40, 0), Vector(40, 40, 0)))
+    sketch.toggleConstruction(construction)
+    slot = 2 * 20.0 + 2 * 3.141592653589793 * 2.0
+    return [30.0, slot, 2 * 3.141592653589793 * 5.0, ellipse.length(), spline.length()]
+
+
+def sketch_on(document, container, placement):
+    sketch = document.addObject("Sketcher::SketchObject", "Sketch")
+    if container is not None:
+        container.addObject(sketch)
+    sketch.Placement = placement
+    drawn = draw(sketch)
+    document.recompute()
+    return sketch, drawn
+
+
+def feature(document, surface, placement):
+    item = document.addObject("Part::Feature", "Shape")
+    item.Shape = surface.shape()
+    item.Placement = placement
+    document.recompute()
+    return item
+
+
+def chosen(part_item, drawings):
+    result = choice.Choice()
+    result.part = choice.Ref.of(part_item)
+    result.drawing = [choice.Ref.of(item) for item in drawings]
+    return result
+
+
+def a_sketch_in_front_of_an_upright_can():
+    document = FreeCAD.newDocument()
+    can = Can(36.5, 120.0)
+    item = feature(document, can, FreeCAD.Placement())
+    upright = FreeCAD.Rotation(Vector(0, 0, 1), 25) * FreeCAD.Rotation(Vector(1, 0, 0), 90)
+    sketch, drawn = sketch_on(document, None, FreeCAD.Placement(Vector(17, -36, 60), upright))
+    check(can, FreeCAD.Placement(), chosen(item, [sketch]), "upright", drawn)
+
+
+def a_sketch_in_a_body_that_is_turned_and_moved():
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    body = document.addObject("PartDesign::Body", "Body")
+    cylinder = document.addObject("PartDesign::AdditiveCylinder", "Cylinder")
+    body.addObject(cylinder)
+    cylinder.Radius, cylinder.Height = can.radius, can.height
+    # On the XZ plane through the axis: the mark is on the surface in front of it.
+    sketch, drawn = sketch_on(
+        document, body, FreeCAD.Placement(Vector(0, 0, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    )
+    body.Placement = FreeCAD.Placement(Vector(40, -25, 12), any_rotation(3))
+    document.recompute()
+    check(can, body.Placement, chosen(body, [sketch]), "body", drawn)
+
+
+def a_sketch_and_a_body_in_a_container():
+    document = FreeCAD.newDocument()
+    can = Can(40.0, 90.0)
+    container = document.addObject("App::Part", "Assembly")
+    item = feature(document, can, FreeCAD.Placement(Vector(5, 6, 7), FreeCAD.Rotation(Vector(0, 1, 0), 90)))
+    container.addObject(item)
+    sketch, drawn = sketch_on(
+        document, container, FreeCAD.Placement(Vector(50, 6, 60), FreeCAD.Rotation(Vector(0, 0, 1), 90))
+    )
+    container.Placement = FreeCAD.Placement(Vector(-10, 20, 30), any_rotation(5))
+    document.recompute()
+    check(can, container.Placement * item.Placement, chosen(item, [sketch]), "container", drawn)
+
+
+def a_sketch_on_a_cone():
+    document = FreeCAD.newDocument()
+    cone = Cone(30.0, 42.0, 120.0)
+    item = feature(document, cone, FreeCAD.Placement(Vector(3, 2, 1), any_rotation(8)))
+    front = FreeCAD.Placement(Vector(0, -40, 60), FreeCAD.Rotation(Vector(1, 0, 0), 95))
+    sketch, drawn = sketch_on(document, None, item.Placement * front)
+    check(cone, item.Placement, chosen(item, [sketch]), "cone", drawn)
+
+
+def text_on_a_mouse():
+    document = FreeCAD.newDocument()
+    mouse = Mouse()
+    item = feature(document, mouse, FreeCAD.Placement())
+    text = Draft.make_shapestring("isomark", FONT, 7.0)
+    # Above the back, and tilted a little.
+    text.Placement = FreeCAD.Placement(Vector(-15, 5, 45), FreeCAD.Rotation(Vector(1, 0, 0), 6))
+    document.recompute()
+    drawn = [wire.Length for face in text.Shape.Faces for wire in face.Wires]
+    assert len(drawn) == 10, "i, s, o, m, a, r, k have ten contours"
+    # The corners of the corrected polylines are on the curves, so polylines are shorter than curves, most of all in small
+    # letters: with the usual tolerance of 0.01 mm by 0.14 mm here.
+    check(mouse, FreeCAD.Placement(), chosen(item, [text]), "text", drawn, ["--tolerance", "0.001"])
+
+
+def draft_objects_on_a_mouse():
+    document = FreeCAD.newDocument()
+    mouse = Mouse()
+    item = feature(document, mouse, FreeCAD.Placement(Vector(0, 0, 0), any_rotation(13)))
+    above = item.Placement * FreeCAD.Placement(Vector(0, 5, 50), FreeCAD.Rotation(Vector(0, 0, 1), 30))
+    rectangle = Draft.make_rectangle(24.0, 10.0, face=True)
+    rectangle.Placement = above * FreeCAD.Placement(Vector(-12, -5, 0), FreeCAD.Rotation())
+    circle = Draft.make_circle(4.0)
+    circle.Placement = above
+    wire = Draft.make_wire([above.multVec(Vector(x, y, 0)) for x, y in ((-10, 9), (-3, 14), (8, 9))], face=False)
+    document.recompute()
+    drawn = [68.0, 2 * 3.141592653589793 * 4.0, (49 + 25) ** 0.5 + (121 + 25) ** 0.5]
+    check(mouse, item.Placement, chosen(item, [rectangle, circle, wire]), "draft", drawn)
+
+
+def the_part_is_written_as_glb_with_outward_normals():
+    shape = Part.makeBox(10, 20, 30).cut(Part.makeCylinder(3, 30, Vector(5, 10, 0))).fuse(Part.makeSphere(6, Vector(5, 10, 33)))
+    tessellated = part.at_once(part.tessellate(shape))
+    primitive = tessellated.others
+    inside = 0
+    for n in range(0, len(primitive.positions), 3):
+        at = glb.to_document([primitive.positions[n + axis] * 1000.0 for axis in range(3)])
+        normal = glb.to_document(primitive.normals[n : n + 3])
+        if shape.isInside(Vector(*(a + 0.05 * b for a, b in zip(at, normal))), 1e-3, False):
+            inside += 1
+    # Only vertices in concave edges may have the part in front of them.
+    assert inside < 0.2 * primitive.vertices(), "%d of %d normals point inwards" % (inside, primitive.vertices())
+
+
+def a_drawing_beside_the_part_is_refused_with_a_remedy():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(20.0, 50.0), FreeCAD.Placement())
+    sketch, _ = sketch_on(
+        document, None, FreeCAD.Placement(Vector(300, -20, 25), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    )
+    try:
+        corrected(chosen(item, [sketch]), "beside")
+    except job.Trouble as trouble:
+        assert "No face of the part" in trouble.what and trouble.remedy
+        return
+    raise AssertionError("a drawing beside the part was accepted")
+
+
+def lines_that_are_not_flat_are_refused():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(20.0, 50.0), FreeCAD.Placement())
+    bent = document.addObject("Part::Feature", "Bent")
+    bent.Shape = Part.makePolygon([Vector(-5, -25, 20), Vector(5, -25, 20), Vector(5, -27, 30), Vector(0, -21, 31)])
+    try:
+        corrected(chosen(item, [bent]), "bent")
+    except job.Trouble as trouble:
+        assert "not flat" in trouble.what and trouble.remedy
+        return
+    raise AssertionError("a bent drawing was accepted")
+
+
+if os.environ.get("ISOMARK_KEEP"):
+    tempfile.tempdir = os.environ["ISOMARK_KEEP"]
+harness.run(
+    [
+        the_part_is_written_as_glb_with_outward_normals,
+        a_drawing_beside_the_part_is_refused_with_a_remedy,
+        lines_that_are_not_flat_are_refused,
+        a_sketch_in_front_of_an_upright_can,
+        a_sketch_in_a_body_that_is_turned_and_moved,
+        a_sketch_and_a_body_in_a_container,
+        a_sketch_on_a_cone,
+        text_on_a_mouse,
+        draft_objects_on_a_mouse,
+    ]
+)

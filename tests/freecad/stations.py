@@ -1,0 +1,359 @@
+"""A running station receives what the workbench sends, and the workbench finds its answer.
+
+Run by freecadcmd, with `ISOMARK` naming the program.
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import harness
+
+harness.use_plugin()
+
+import FreeCAD
+import Part
+from freecad.Isomark import choice, dxf, job, part, program, station
+from PySide import QtCore
+from surfaces import Vector
+
+#: The longest time that anything here may take, s.
+PATIENCE = 60.0
+
+application = QtCore.QCoreApplication.instance() or QtCore.QCoreApplication([])
+
+
+class Running:
+    """A station in a folder of its own; `watch` runs it until the end of the `with` block."""
+
+    def __init__(self, watched=True):
+        self.watched = watched
+        self.process = None
+
+    def __enter__(self):
+        self.folder = tempfile.mkdtemp(prefix="isomark-station-")
+        code, _, errors = harness.isomark("init", self.folder)
+        assert code == 0, errors
+        self.file = os.path.join(self.folder, "station.toml")
+        self.station = station.open_station(self.file)
+        if self.watched:
+            self.watch()
+        return self
+
+    def watch(self):
+        self.process = subprocess.Popen(
+            [program.find(""), "watch", self.file],
+            env=program.environment(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def __exit__(self, *_):
+        if self.process is not None:
+            self.process.terminate()
+            self.process.wait(PATIENCE)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def status(self):
+        _, output, errors = harness.isomark("status", self.file, "--json")
+        return program.answer(0, output, errors)
+
+
+def until(ready, what):
+    """Waits until a function returns something, and returns it."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        found = ready()
+        if found:
+            return found
+        application.processEvents()
+        time.sleep(0.02)
+    raise AssertionError("not within %g s: %s" % (PATIENCE, what))
+
+
+def made_can():
+    """The files of a can of radius 30 mm with a line of 20 mm and a circle, and the drawing's settings."""
+    document = FreeCAD.newDocument()
+    item = document.addObject("Part::Feature", "Can")
+    item.Shape = Part.makeCylinder(30.0, 80.0)
+    sketch = document.addObject("Sketcher::SketchObject", "Label")
+    sketch.addGeometry(Part.LineSegment(Vector(-10, 0, 0), Vector(10, 0, 0)))
+    sketch.addGeometry(Part.Circle(Vector(0, 10, 0), Vector(0, 0, 1), 5.0))
+    # The middle of the field is the part's own origin, so the sketch is at its height.
+    sketch.Placement = FreeCAD.Placement(Vector(0, -30, 0), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    item.Placement = FreeCAD.Placement(Vector(0, 0, -40), FreeCAD.Rotation())
+    document.recompute()
+    chosen = choice.Choice()
+    chosen.part, chosen.drawing = choice.Ref.of(item), [choice.Ref.of(sketch)]
+    frame = chosen.frame()
+    tessellated = part.at_once(part.tessellate(chosen.part.shape()))
+    return job.files(chosen, tessellated, frame), station.sidecar({"anchor": "origin"})
+
+
+def send(to, made, sidecar, product="can", name="label", drawing=None):
+    names = station.drop_names(product, name, made.ending)
+    answer = station.Answer(to, product, names[0], names[2])
+    station.send(to.hot, list(zip(names, (made.part, sidecar, drawing or made.drawing))))
+    return answer
+
+
+def final(answer):
+    def look():
+        state, document = answer.look()
+        return (state, document) if state != station.WAITING else None
+
+    return until(look, "an answer of the station")
+
+
+def a_running_station_delivers_what_is_sent():
+    made, sidecar = made_can()
+    with Running() as running:
+        state, report = final(send(running.station, made, sidecar))
+        assert state == station.DELIVERED, (state, report)
+        assert report["quality"]["after"]["length_error_mm"] < 0.1
+        assert abs(report["quality"]["after"]["length_mm"] - 20.0 - 31.415927) < 0.01
+        assert os.path.isfile(os.path.join(running.folder, "import", "can@label.dxf"))
+        assert leftovers(running) == []
+        # The same again is answered again.
+        state, _ = final(send(running.station, made, sidecar))
+        assert state in (station.DELIVERED, station.FILED)
+
+
+def a_rejected_drawing_comes_back_with_its_reason():
+    made, sidecar = made_can()
+    with Running() as running:
+        too_wide = dxf.write([dxf.Path("Label", [(-200.0, 0.0, 0.0), (200.0, 0.0, 0.0)])])
+        state, reason = final(send(running.station, made, sidecar, drawing=too_wide))
+        assert state == station.REJECTED
+        assert reason["what"] and reason["remedy"] and reason["drop"] == "can@label.dxf"
+        # A later drawing of this name is not taken for the rejected one.
+        state, document = final(send(running.station, made, sidecar))
+        assert state == station.DELIVERED, document
+
+
+def a_rejected_part_is_the_answer_to_its_drawing():
+    made, sidecar = made_can()
+    with Running() as running:
+        # Lines instead of triangles.
+        assert b'"mode":4' in made.part
+        made.part = made.part.replace(b'"mode":4', b'"mode":1')
+        state, reason = final(send(running.station, made, sidecar))
+        assert state == station.REJECTED and reason["drop"] == "can.glb", reason
+
+
+def a_station_that_does_not_run_is_named():
+    made, sidecar = made_can()
+    with Running() as running:
+        # It ran once, so that it has a status, and was stopped.
+        until(lambda: os.path.exists(os.path.join(running.folder, "state", "status.json")), "a status")
+        running.process.terminate()
+        running.process.wait(PATIENCE)
+        answer = send(running.station, made, sidecar)
+        assert answer.look() == (station.WAITING, None)
+        what, remedy = station.waiting_words(running.status(), answer.drops)
+        assert "not running" in what and "isomark watch" in remedy, (what, remedy)
+        running.watch()
+        assert final(answer)[0] == station.DELIVERED
+
+
+def a_drawing_that_waits_is_shown_with_what_it_waits_for():
+    made, sidecar = made_can()
+    with Running() as running:
+        os.rmdir(os.path.join(running.folder, "import"))
+        answer = send(running.station, made, sidecar)
+
+        def words():
+            found = station.waiting_words(running.status(), answer.drops)
+            return found if "import" in found[0] and found[1] else None
+
+        try:
+            until(words, "the reason for waiting")
+        finally:
+            os.mkdir(os.path.join(running.folder, "import"))
+        assert final(answer)[0] == station.DELIVERED
+
+
+def a_hot_folder_that_may_not_be_written_has_a_remedy():
+    made, sidecar = made_can()
+    with Running(watched=False) as running:
+        os.chmod(running.folder, 0o755)
+        os.chmod(running.station.hot, 0o555)
+        user = os.geteuid()
+        if user == 0:
+            # Nothing is forbidden to root.
+            os.seteuid(65534)
+        try:
+            send(running.station, made, sidecar)
+        except station.Trouble as trouble:
+            assert "may not write" in trouble.what and trouble.remedy, trouble
+        else:
+            raise AssertionError("a folder that may not be written was written")
+        finally:
+            os.seteuid(user)
+            os.chmod(running.station.hot, 0o755)
+        assert os.listdir(running.station.hot) == []
+
+
+def a_missing_hot_folder_has_a_remedy():
+    made, sidecar = made_can()
+    with Running(watched=False) as running:
+        os.rmdir(running.station.hot)
+        try:
+            send(running.station, made, sidecar)
+        except station.Trouble as trouble:
+            assert "not available" in trouble.what and trouble.remedy, trouble
+            return
+        raise AssertionError("a missing folder was written")
+
+
+def killed_while_sending_nothing_half_is_left():
+    """Sends a large part again and again from a process that is killed at different moments."""
+    with Running(watched=False) as running:
+        code = (
+            "import sys; sys.path.insert(0, %r); from Isomark import station\n"
+            "data = bytes(range(256)) * 40000\n"
+            "print('sending', flush=True)\n"
+            "while True: station.send(%r, [('can.glb', data), ('can@a.toml', data), ('can@a.dxf', data)])\n"
+        ) % (harness.PLUGIN, running.station.hot)
+        whole = 256 * 40000
+        for moment in range(12):
+            sender = subprocess.Popen(
+                [python(), "-c", code], stdout=subprocess.PIPE, env=program.environment()
+            )
+            sender.stdout.readline()
+            until_written = time.monotonic() + 0.013 * moment
+            while time.monotonic() < until_written:
+                pass
+            sender.send_signal(signal.SIGKILL)
+            sender.wait()
+            sender.stdout.close()
+            for name in os.listdir(running.station.hot):
+                if not name.startswith("."):
+                    size = os.path.getsize(os.path.join(running.station.hot, name))
+                    assert size == whole, "%s has %d bytes" % (name, size)
+        # What is left has ignored names, and is removed by a later sending when it is old.
+        for name in leftovers(running):
+            os.utime(os.path.join(running.station.hot, name), (0, 0))
+        station.send(running.station.hot, [("can.glb", b"x")])
+        assert leftovers(running) == []
+
+
+def python():
+    """A Python that can import the workbench's parts that need no FreeCAD."""
+    return shutil.which("python3") or sys.executable
+
+
+def leftovers(running):
+    return [name for name in os.listdir(running.station.hot) if name.startswith(".")]
+
+
+def the_station_file_is_understood_like_isomark_does():
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "station.toml")
+        for text, hot, reports in (
+            ('[station]\nname="x"\n[folders]\nhot = "in"  # comment\nimport = "import"\n', "in", "reports"),
+            ("[folders]\nhot = 'a b/in'\nreports = '../r'\n[field]\nhot = 3\n", "a b/in", "../r"),
+            ('folders.hot = "h\\u00e4t"\nfolders.reports = "/abs"\n', "hät", "/abs"),
+        ):
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+            found = station.open_station(path)
+            assert found.hot == os.path.join(folder, hot), found.hot
+            assert found.reports == os.path.join(folder, reports)
+            # Without a TOML parser, as in Python 3.10 and older.
+            assert station._folders_of_lines(text)["hot"] == hot
+        by_folder = station.open_station(os.path.join(folder))
+        assert by_folder.file == path
+        try:
+            station.open_station(os.path.join(folder, "none.toml"))
+        except station.Trouble as trouble:
+            assert trouble.remedy
+        else:
+            raise AssertionError("a missing station file was accepted")
+
+
+def programs_that_are_not_isomark_have_a_remedy():
+    with tempfile.TemporaryDirectory() as folder:
+        wrong = os.path.join(folder, "wrong")
+        with open(wrong, "w", encoding="utf-8") as file:
+            file.write("#!/bin/sh\necho hello\n")
+        for path in (os.path.join(folder, "missing"), wrong):
+            try:
+                program.find(path)
+            except program.Trouble as trouble:
+                assert path in trouble.what and trouble.remedy
+            else:
+                raise AssertionError("%s was accepted" % path)
+        os.chmod(wrong, 0o755)
+        assert program.find(wrong) == wrong
+        for answer in (b"hello\n", b"", b"\xff"):
+            try:
+                program.version(answer)
+            except program.Trouble as trouble:
+                assert trouble.remedy
+            else:
+                raise AssertionError("%r was accepted" % answer)
+        old = json.dumps({"code": "usage", "what": "Unexpected argument '--on-part' found.", "remedy": "x"})
+        for output, errors in ((old.encode(), b""), (b"", b"error: unexpected argument '--on-part' found")):
+            try:
+                program.answer(2, output, errors)
+            except program.Trouble as trouble:
+                assert "too old" in trouble.what and trouble.remedy
+            else:
+                raise AssertionError("an old isomark was accepted")
+
+
+def the_program_gets_a_clean_environment():
+    for name in program.UNWANTED:
+        os.environ[name] = "of FreeCAD"
+    try:
+        assert not set(program.environment()) & set(program.UNWANTED)
+    finally:
+        for name in program.UNWANTED:
+            del os.environ[name]
+
+
+def a_child_that_is_killed_leaves_no_process():
+    from freecad.Isomark.child import Child
+
+    called = []
+    child = Child(shutil.which("sleep"), ["600"], lambda *_: called.append(1), lambda *_: called.append(2))
+    process = child._process
+    until(lambda: process.state() == QtCore.QProcess.Running, "a running program")
+    number = int(process.processId())
+    child.kill()
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        pass
+    else:
+        raise AssertionError("process %d still runs" % number)
+    application.processEvents()
+    assert called == []
+    Child(os.path.join(tempfile.gettempdir(), "no-such-program"), [], None, called.append)
+    until(lambda: called, "a sentence")
+    assert "cannot be started" in called[0]
+
+
+harness.run(
+    [
+        the_station_file_is_understood_like_isomark_does,
+        programs_that_are_not_isomark_have_a_remedy,
+        the_program_gets_a_clean_environment,
+        a_child_that_is_killed_leaves_no_process,
+        a_running_station_delivers_what_is_sent,
+        a_rejected_drawing_comes_back_with_its_reason,
+        a_rejected_part_is_the_answer_to_its_drawing,
+        a_station_that_does_not_run_is_named,
+        a_drawing_that_waits_is_shown_with_what_it_waits_for,
+        a_hot_folder_that_may_not_be_written_has_a_remedy,
+        a_missing_hot_folder_has_a_remedy,
+        killed_while_sending_nothing_half_is_left,
+    ]
+)
