@@ -113,7 +113,7 @@ def numbers(report):
         row(translate("Isomark", "Largest stretch"), "largest_stretch", 100.0, 2, "%"),
     ]
     if after.get("area_mm2"):
-        rows.append(row(translate("Isomark", "Area error"), "area_error_mm2", 1.0, 3, "mm²"))
+        rows.append(row(translate("Isomark", "Area error"), "area_error_mm2", 1.0, 2, "mm²"))
     incidence = (report.get("exposure") or {}).get("incidence_deg")
     if incidence is not None:
         rows.append((translate("Isomark", "Beam to normal"), "≤ %.1f°" % incidence))

@@ -75,7 +75,7 @@ class Panel:
 
     def _build(self):
         layout = QtGui.QVBoxLayout(self.form)
-        layout.setContentsMargins(6, 6, 6, 6)
+        layout.setContentsMargins(0, 0, 0, 0)
 
         what = self._group(layout, translate("Isomark", "What is marked"))
         self.part_label, self.drawing_label = self._row_label(), self._row_label()
@@ -104,7 +104,9 @@ class Panel:
         self.bound.toggled.connect(self.changed)
 
         result = self._group(layout, translate("Isomark", "Result"))
-        self.table = QtGui.QLabel()
+        self.result_box = result.parentWidget()
+        self.table = _Message()
+        self.table.setWordWrap(True)
         self.table.setTextInteractionFlags(QtCore.Qt.TextSelectableByMouse)
         result.addRow(self.table)
         self.message = self._message()
@@ -167,7 +169,7 @@ class Panel:
         return label
 
     def _message(self):
-        label = QtGui.QLabel()
+        label = _Message()
         label.setWordWrap(True)
         label.setTextFormat(QtCore.Qt.RichText)
         label.setTextInteractionFlags(QtCore.Qt.TextSelectableByMouse)
@@ -333,6 +335,7 @@ class Panel:
     def changed(self, *_):
         """Corrects the drawing again, soon."""
         if self.folder is not None:
+            self.sending.forget_answer()
             self._timer.start(SETTLE_MS)
 
     def correct(self):
@@ -346,7 +349,7 @@ class Panel:
             shape = self.choice.part.shape()
             bounding = tuple(self.choice.faces) if self.bound.isChecked() else ()
             key = (shape.hashCode(), str(shape.Placement), bounding)
-            self._say(self.message, translate("Isomark", "Calculating…"))
+            self._busy(True)
             if key == self.tessellated_key:
                 self._start()
                 return
@@ -359,7 +362,12 @@ class Panel:
         except SHAPE_ERRORS as error:
             self._trouble(_of_freecad(error))
 
+    def _busy(self, busy):
+        # The last result stays until the next one is there, so that the panel does not jump.
+        self.result_box.setTitle(translate("Isomark", "Result: calculating…") if busy else translate("Isomark", "Result"))
+
     def _stop(self):
+        self._busy(False)
         self._stepper.stop()
         self.steps = None
         if self.tessellated is None:
@@ -412,10 +420,11 @@ class Panel:
         self.child = Child(path, run.arguments, done, failed, self.folder.path)
 
     def _show(self, report, found):
+        self._busy(False)
         self.result = (report, found)
         self.overlay.show(found)
         cells = "".join(
-            "<tr><td>%s&nbsp;</td><td align='right'><b>%s</b></td></tr>" % (html.escape(name), html.escape(value))
+            "<tr><td>%s&nbsp;</td><td align='right'>%s</td></tr>" % (html.escape(name), html.escape(value))
             for name, value in job.numbers(report)
         )
         self.table.setText("<table>%s</table>" % cells)
@@ -443,6 +452,7 @@ class Panel:
 
     def _trouble(self, trouble):
         """Shows why there is no result."""
+        self._busy(False)
         self.result = None
         self.overlay.clear()
         self.table.setText("")
@@ -539,6 +549,21 @@ class Panel:
         self.tester = Child(path, ["--version"], done, failed, self.folder.path, limit_s=10.0)
 
 
+class _Message(QtGui.QLabel):
+    """A text of several lines that gets the height that it needs: the layouts of task panels give less."""
+
+    def setText(self, text):
+        super().setText(text)
+        self._fit()
+
+    def resizeEvent(self, event):
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self):
+        self.setMinimumHeight(max(0, self.heightForWidth(self.width())))
+
+
 class Sending:
     """Sends part and drawing to the station, and shows its answer."""
 
@@ -563,6 +588,11 @@ class Sending:
             self.asked.kill()
             self.asked = None
         self.answer = None
+
+    def forget_answer(self):
+        """Hides an answer that belongs to an earlier state of the drawing."""
+        if not self.timer.isActive() and self.work is None:
+            self.panel.answer.hide()
 
     def send(self):
         """Puts the part, the drawing's settings and the drawing into the hot folder."""

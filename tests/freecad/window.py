@@ -1,0 +1,352 @@
+"""The workbench in a real window: what a user clicks, and what the panel then shows.
+
+Run by freecad on an X server, with the workbench installed; `ISOMARK` names the program. Clicks are real: xdotool moves the
+pointer. With `ISOMARK_PICTURES`, pictures of the window are kept in that folder; with `ISOMARK_PANEL_PICTURE`, the picture of
+README is written there.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import traceback
+
+import FreeCAD
+import FreeCADGui
+import Part
+from PySide import QtCore, QtGui
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+PICTURES = os.environ.get("ISOMARK_PICTURES", "")
+PANEL_PICTURE = os.environ.get("ISOMARK_PANEL_PICTURE", "")
+#: The longest time for any step, ms.
+PATIENCE = 40000
+
+Vector = FreeCAD.Vector
+folder = tempfile.mkdtemp(prefix="isomark-window-")
+station_process = None
+
+
+class Until:
+    """A condition to wait for."""
+
+    def __init__(self, ready, what):
+        self.ready, self.what = ready, what
+
+
+def say(*words):
+    print("\n" + " ".join(str(word) for word in words), flush=True)
+
+
+def picture(name):
+    if PICTURES:
+        QtGui.QApplication.primaryScreen().grabWindow(0).save(os.path.join(PICTURES, name + ".png"))
+
+
+def pointer(place, ctrl=False):
+    """Clicks at a point of the screen, in Qt's coordinates: press, pause, release."""
+    ratio = FreeCADGui.getMainWindow().devicePixelRatioF()
+    x, y = round(place.x() * ratio), round(place.y() * ratio)
+    keys = (["keydown", "ctrl"], ["keyup", "ctrl"]) if ctrl else ([], [])
+    command = ["xdotool", "mousemove", str(x - 1), str(y), "mousemove", str(x), str(y), "sleep", "0.3"] + keys[0]
+    command += ["mousedown", "1", "sleep", "0.2", "mouseup", "1", "sleep", "0.2"] + keys[1]
+    process = subprocess.Popen(command)
+    return Until(lambda: process.poll() is not None, "the pointer")
+
+
+def click(widget):
+    """Clicks the middle of a widget, after making it visible and when it stays at its place."""
+    area = widget.parent()
+    while area is not None and not isinstance(area, QtGui.QScrollArea):
+        area = area.parent()
+    if area is not None:
+        area.ensureWidgetVisible(widget)
+        QtGui.QApplication.processEvents()
+    yield settled(widget)
+    yield pointer(widget.mapToGlobal(widget.rect().center()))
+
+
+def click_in_view(point, ctrl=False):
+    """Clicks a point of the document in the 3-D view."""
+    view = FreeCADGui.activeDocument().activeView()
+    x, y = view.getPointOnScreen(Vector(*point))
+    window = FreeCADGui.getMainWindow()
+    viewports = [area for area in window.findChildren(QtGui.QGraphicsView) if area.isVisible()]
+    viewport = max(viewports, key=lambda area: area.width() * area.height())
+    # The view counts from below, in pixels of the screen.
+    ratio = viewport.devicePixelRatioF()
+    place = viewport.mapToGlobal(QtCore.QPoint(int(x / ratio), viewport.height() - int(y / ratio)))
+    return pointer(place, ctrl)
+
+
+def toolbar_button(command):
+    window = FreeCADGui.getMainWindow()
+    for bar in window.findChildren(QtGui.QToolBar):
+        for action in bar.actions():
+            if action.objectName() == command or action.data() == command or action.text() == "Mark on part":
+                widget = bar.widgetForAction(action)
+                if widget is not None and widget.isVisible():
+                    return widget
+    raise AssertionError("no button for " + command)
+
+
+def panel():
+    from freecad.Isomark import panel
+
+    return panel.opened()
+
+
+def settled(widget):
+    """A condition: the widget stays at one place; the window arranges itself in several steps."""
+    seen = []
+
+    def ready():
+        found = widget() if callable(widget) else widget
+        seen.append(found.mapToGlobal(found.rect().center()))
+        return len(seen) > 10 and len({(place.x(), place.y()) for place in seen[-10:]}) == 1
+
+    return Until(ready, "a window at rest")
+
+
+def shows(label, *words):
+    """A condition: the label of the panel shows all words."""
+
+    def ready():
+        text = label.text() if label.isVisible() else ""
+        return all(word in text for word in words)
+
+    return Until(ready, "%r in %s, which shows %r" % (words, label.objectName(), label.text()))
+
+
+def processes():
+    """The processes that FreeCAD started and that still run: isomark."""
+    found = subprocess.run(["ps", "-o", "args=", "--ppid", str(os.getpid())], capture_output=True, text=True)
+    return [line for line in found.stdout.splitlines() if "isomark" in line and "watch" not in line]
+
+
+def can_with_label():
+    document = FreeCAD.newDocument("Mug")
+    body = document.addObject("PartDesign::Body", "Can")
+    cylinder = document.addObject("PartDesign::AdditiveCylinder", "Cylinder")
+    body.addObject(cylinder)
+    cylinder.Radius, cylinder.Height = 36.5, 110.0
+    label = document.addObject("Sketcher::SketchObject", "Label")
+    label.addGeometry(Part.Circle(Vector(0, 0, 0), Vector(0, 0, 1), 15))
+    corners = [Vector(-20, -16, 0), Vector(20, -16, 0), Vector(20, 16, 0), Vector(-20, 16, 0)]
+    for number in range(4):
+        label.addGeometry(Part.LineSegment(corners[number], corners[(number + 1) % 4]))
+    label.Placement = FreeCAD.Placement(Vector(0, -38, 55), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    document.recompute()
+    # The middle of the field is the part's own origin.
+    body.Placement = FreeCAD.Placement(Vector(0, 0, -55), FreeCAD.Rotation())
+    label.Placement = FreeCAD.Placement(Vector(0, -38, 0), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    document.recompute()
+    view = FreeCADGui.activeDocument().activeView()
+    view.viewFront()
+    FreeCADGui.SendMsgToActiveView("ViewFit")
+    return document
+
+
+def old_isomark():
+    path = os.path.join(folder, "old-isomark")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("#!/bin/sh\n[ \"$1\" = --version ] && { echo isomark 0.0.1; exit; }\n")
+        file.write("echo \"error: unexpected argument '--on-part' found\" >&2; exit 2\n")
+    os.chmod(path, 0o755)
+    return path
+
+
+def scenario():
+    global station_process
+    window = FreeCADGui.getMainWindow()
+    window.showMaximized()
+    FreeCADGui.activateWorkbench("IsomarkWorkbench")
+    program = os.environ["ISOMARK"]
+    document = can_with_label()
+    yield settled(lambda: toolbar_button("Isomark_Mark"))
+
+    say("step: the command without a selection")
+    yield from click(toolbar_button("Isomark_Mark"))
+    yield Until(lambda: panel() is not None, "the panel")
+    view = panel()
+    yield settled(view.select_button)
+    yield shows(view.message, "Nothing is selected", "Use selection")
+
+    say("step: a face and a sketch, clicked in the 3-D view")
+    yield click_in_view((22, -36.5, 30))
+    yield Until(lambda: FreeCADGui.Selection.getSelectionEx("", 0), "a selected face")
+    yield click_in_view((-20, -38, 8), ctrl=True)
+    yield Until(lambda: len(FreeCADGui.Selection.getSelectionEx("", 0)) == 2, "a selected face and sketch")
+    yield from click(view.select_button)
+    yield shows(view.table, "Length error")
+    assert "Can" in view.part_label.text() and "Face" in view.part_label.text(), view.part_label.text()
+    assert view.drawing_label.text() == "Label"
+    report, found = view.result
+    assert report["quality"]["before"]["length_error_mm"] > 1.0 > 0.1 > report["quality"]["after"]["length_error_mm"]
+    assert found.strips["mark"]
+    picture("result")
+
+    say("step: the sketch changes, and the numbers follow")
+    before = view.table.text()
+    sketch = document.getObject("Label")
+    sketch.addGeometry(Part.LineSegment(Vector(-18, 0, 0), Vector(18, 0, 0)))
+    document.recompute()
+    yield Until(lambda: view.table.text() not in ("", before), "other numbers")
+
+    say("step: a document that is not saved has no product name")
+    view.station.setText(os.path.join(folder, "station", "station.toml"))
+    yield from click(view.send_button)
+    yield shows(view.answer, "not saved", "Save the document")
+
+    say("step: saved, but the station does not exist")
+    document.saveAs(os.path.join(folder, "mug.FCStd"))
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Mug", "Label")
+    yield from click(view.select_button)
+    yield Until(lambda: view.product.text() == "mug-Can", "a product name")
+    yield shows(view.message, "cannot be read", "Choose the station.toml")
+
+    say("step: a hot folder that may not be written")
+    view.station.setText("/sys/kernel")
+    view.changed()
+    yield shows(view.table, "Length error")
+    yield from click(view.send_button)
+    yield shows(view.answer, "may not write", "another station")
+
+    say("step: a station that runs delivers")
+    station = os.path.join(folder, "station")
+    subprocess.run([program, "init", station], check=True, capture_output=True)
+    station_process = subprocess.Popen(
+        [program, "watch", os.path.join(station, "station.toml")], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    view.station.setText(os.path.join(station, "station.toml"))
+    view._station_changed()
+    yield shows(view.table, "Length error")
+    yield from click(view.send_button)
+    yield shows(view.answer, "Delivered", "mug-Can@Label.dxf")
+    assert os.path.isfile(os.path.join(station, "import", "mug-Can@Label.dxf"))
+    picture("delivered")
+
+    say("step: a rejected drawing shows its reason")
+    sketch.addGeometry(Part.LineSegment(Vector(20, 0, 0), Vector(80, 0, 0)))
+    document.recompute()
+    yield shows(view.message, "⚠")
+    yield Until(lambda: view.made is not None and view.child is None, "files")
+    yield from click(view.send_button)
+    yield shows(view.answer, "Rejected")
+    picture("rejected")
+    sketch.delGeometry(sketch.GeometryCount - 1)
+    document.recompute()
+    yield shows(view.table, "Length error")
+
+    say("step: a wrong path and an old isomark")
+    view.program.setText(os.path.join(folder, "nothing"))
+    yield from click(view.test_button)
+    yield shows(view.version, "There is no program", "Correct the path")
+    view.program.setText(old_isomark())
+    yield from click(view.test_button)
+    yield shows(view.version, "isomark 0.0.1")
+    yield shows(view.message, "too old", "newer")
+    view.program.setText(program)
+    yield from click(view.test_button)
+    yield shows(view.version, "isomark ", program)
+    yield shows(view.table, "Length error")
+
+    say("step: the mark is kept, undone and done again")
+    yield from click(view.keep_button)
+    yield Until(lambda: document.getObject("Mark") is not None, "the kept mark")
+    marks = document.getObject("Mark").Group
+    assert [item.TypeId for item in marks][0] == "Part::Feature"
+    document.undo()
+    assert document.getObject("Mark") is None and document.getObject("MarkLines") is None
+    document.redo()
+    assert document.getObject("Mark") is not None
+    FreeCADGui.activeDocument().activeView().viewIsometric()
+    picture("kept")
+    if PANEL_PICTURE:
+        yield from readme_picture(document, view, window)
+
+    say("step: the panel closes, and nothing is left")
+    temporary = view.folder.path
+    view.changed()
+    yield Until(lambda: view.child is not None, "a running program")
+    close = [
+        button for button in window.findChildren(QtGui.QPushButton) if button.text().replace("&", "") == "Close" and button.isVisible()
+    ]
+    yield from click(close[0])
+    yield Until(lambda: panel() is None, "the closed panel")
+    assert not os.path.exists(temporary)
+    assert processes() == [], processes()
+
+    say("step: a document is closed while its panel is open")
+    document.save()
+    FreeCADGui.runCommand("Isomark_Mark")
+    view = panel()
+    temporary = view.folder.path
+    FreeCAD.closeDocument("Mug")
+    yield Until(lambda: panel() is None and not FreeCADGui.Control.activeDialog(), "the closed dialog")
+    assert not os.path.exists(temporary)
+
+    say("step: the saved document opens again")
+    document = FreeCAD.openDocument(os.path.join(folder, "mug.FCStd"))
+    assert document.getObject("MarkLines").Shape.Length > 100.0
+    assert document.getObject("Mark").Product == "mug-Can"
+
+
+def readme_picture(document, view, window):
+    """Writes the picture of README: the window with the panel and the mark."""
+    document.undo()
+    dock = view.form
+    while dock is not None and not isinstance(dock, QtGui.QDockWidget):
+        dock = dock.parent()
+    window.resizeDocks([dock], [330], QtCore.Qt.Horizontal)
+    camera = FreeCADGui.activeDocument().activeView()
+    camera.setCameraOrientation(FreeCAD.Rotation(Vector(1, 0, 0), 68) * FreeCAD.Rotation(Vector(0, 1, 0), -24))
+    FreeCADGui.SendMsgToActiveView("ViewFit")
+    view.show_drawn.setChecked(True)
+    wait = QtCore.QElapsedTimer()
+    wait.start()
+    yield Until(lambda: wait.elapsed() > 1500, "the picture")
+    grabbed = QtGui.QApplication.primaryScreen().grabWindow(window.winId())
+    # As few colours as a palette has: the picture stays small.
+    grabbed.toImage().convertToFormat(QtGui.QImage.Format_Indexed8).save(PANEL_PICTURE, "PNG", 0)
+
+
+class Driver:
+    """Runs the scenario step by step in the window's own event loop."""
+
+    def __init__(self):
+        self.steps = scenario()
+        self.condition = None
+        self.waited = 0
+        self.timer = QtCore.QTimer()
+        self.timer.timeout.connect(self.advance)
+        self.timer.start(50)
+
+    def advance(self):
+        try:
+            if self.condition is not None and not self.condition.ready():
+                self.waited += 50
+                if self.waited > PATIENCE:
+                    raise AssertionError("not in time: " + self.condition.what)
+                return
+            self.waited = 0
+            self.condition = next(self.steps)
+        except StopIteration:
+            end(0)
+        except BaseException:
+            picture("failed")
+            say("FAILED", traceback.format_exc())
+            end(1)
+
+
+def end(code):
+    if station_process is not None:
+        station_process.terminate()
+        station_process.wait(30)
+    say("ok the window" if code == 0 else "the window failed")
+    sys.stdout.flush()
+    os._exit(code)
+
+
+QtCore.QTimer.singleShot(1500, lambda: globals().update(driver=Driver()))
