@@ -4,9 +4,12 @@ Run by freecadcmd. The drawn lengths are those of the CAD kernel or were chosen 
 the formula of the surface.
 """
 
+import math
 import os
+import struct
 import sys
 import tempfile
+import zipfile
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import harness
@@ -16,7 +19,9 @@ harness.use_plugin()
 import Draft
 import FreeCAD
 import Part
-from freecad.Isomark import choice, glb, job, part
+from freecad.Isomark import choice, dxf, glb, job, part
+from freecad.Isomark import mark as kept_in
+from freecad.Isomark.dxf import Path
 from surfaces import Can, Cone, Mouse, Vector, any_rotation, length_on, lifted, polylines
 
 FONT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "fonts", "DejaVuSans-subset.ttf")
@@ -24,14 +29,14 @@ FONT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "fon
 LIMIT = 0.1
 
 
-def corrected(chosen, name, more=()):
+def corrected(chosen, name, more=(), options=None, other_side=False, bounding=()):
     """Runs the program for a choice: the frame, the corrected DXF, the report and the mark on the part."""
-    frame = chosen.frame()
-    tessellated = part.at_once(part.tessellate(chosen.part.shape()))
+    frame = chosen.frame(other_side)
+    tessellated = part.at_once(part.tessellate(chosen.part.shape(), bounding))
     made = job.files(chosen, tessellated, frame)
     folder = job.Folder()
     try:
-        run = job.Run(folder, made, name, "drawing", {"anchor": "origin"})
+        run = job.Run(folder, made, name, "drawing", options or {"anchor": "origin"})
         report, mark = run.result(*harness.isomark(*run.arguments, *more))
         with open(run.out, "rb") as file:
             return frame, file.read(), report, mark
@@ -39,7 +44,7 @@ def corrected(chosen, name, more=()):
         folder.close()
 
 
-def check(surface, placement, chosen, name, drawn, more=()):
+def check(surface, placement, chosen, name, drawn, more=(), has_origin=True):
     """Compares the lengths on the surface with the drawn ones, and the place with that of the drawing's origin."""
     frame, data, report, mark = corrected(chosen, name, more)
     marked = polylines(data)
@@ -53,19 +58,19 @@ def check(surface, placement, chosen, name, drawn, more=()):
         abs(surface.outside(turn.multVec(Vector(*point)))) for strip in mark.strips["mark"] for point in strip.points
     )
     assert farthest < 0.05, "%s: the mark is drawn %.4f mm off the surface" % (name, farthest)
-    # A point at the origin of the drawing is marked where its normal meets the part.
-    points = [path[0][0] for path in marked if len(path[0]) == 1]
-    if points:
-        hit = lifted(surface, placement, frame, *points[0])
-        x, y, _ = frame.local(hit)
+    # What was drawn about the origin is marked where the normal of the drawing meets the part.
+    smallest = min((path[0] for path in marked), key=lambda corners: math.dist(corners[0], corners[len(corners) // 2]))
+    if has_origin:
+        middle = [(min(axis) + max(axis)) / 2 for axis in zip(*smallest)]
+        x, y, _ = frame.local(lifted(surface, placement, frame, *middle))
         assert abs(x) < 0.02 and abs(y) < 0.02, "%s: the origin is marked at %.4f, %.4f" % (name, x, y)
     harness.say("   %s: length error %.4f mm on %.1f mm, %.4f mm off the surface" % (name, error, sum(drawn), farthest))
 
 
 def draw(sketch):
-    """Lines, arcs, a circle, an ellipse, a spline and a point; returns the drawn lengths of the paths."""
+    """Lines, arcs, circles, an ellipse and a spline; returns the drawn lengths of the paths."""
     line, arc = Part.LineSegment, Part.Arc
-    sketch.addGeometry(Part.Point(Vector(0, 0, 0)))
+    sketch.addGeometry(Part.Circle(Vector(0, 0, 0), Vector(0, 0, 1), 0.5))
     sketch.addGeometry(line(Vector(-15, 2, 0), Vector(15, 2, 0)))
     # A slot: two lines and two half circles, one contour.
     sketch.addGeometry(line(Vector(-10, 5, 0), Vector(10, 5, 0)))
@@ -81,8 +86,8 @@ def draw(sketch):
     sketch.addGeometry(spline)
     construction = sketch.addGeometry(line(Vector(-40, -40, 0), Vector(40, 40, 0)))
     sketch.toggleConstruction(construction)
-    slot = 2 * 20.0 + 2 * 3.141592653589793 * 2.0
-    return [30.0, slot, 2 * 3.141592653589793 * 5.0, ellipse.length(), spline.length()]
+    slot = 2 * 20.0 + 2 * math.pi * 2.0
+    return [2 * math.pi * 0.5, 30.0, slot, 2 * math.pi * 5.0, ellipse.length(), spline.length()]
 
 
 def sketch_on(document, container, placement):
@@ -170,7 +175,7 @@ def text_on_a_mouse():
     assert len(drawn) == 10, "i, s, o, m, a, r, k have ten contours"
     # The corners of the corrected polylines are on the curves, so polylines are shorter than curves, most of all in small
     # letters: with the usual tolerance of 0.01 mm by 0.14 mm here.
-    check(mouse, FreeCAD.Placement(), chosen(item, [text]), "text", drawn, ["--tolerance", "0.001"])
+    check(mouse, FreeCAD.Placement(), chosen(item, [text]), "text", drawn, ["--tolerance", "0.001"], False)
 
 
 def draft_objects_on_a_mouse():
@@ -182,10 +187,141 @@ def draft_objects_on_a_mouse():
     rectangle.Placement = above * FreeCAD.Placement(Vector(-12, -5, 0), FreeCAD.Rotation())
     circle = Draft.make_circle(4.0)
     circle.Placement = above
+    # At the origin of the frame, which is that of the first object.
+    point = Draft.make_point(*rectangle.Placement.Base)
     wire = Draft.make_wire([above.multVec(Vector(x, y, 0)) for x, y in ((-10, 9), (-3, 14), (8, 9))], face=False)
     document.recompute()
-    drawn = [68.0, 2 * 3.141592653589793 * 4.0, (49 + 25) ** 0.5 + (121 + 25) ** 0.5]
-    check(mouse, item.Placement, chosen(item, [rectangle, circle, wire]), "draft", drawn)
+    drawn = [68.0, 2 * math.pi * 4.0, (49 + 25) ** 0.5 + (121 + 25) ** 0.5]
+    check(mouse, item.Placement, chosen(item, [rectangle, circle, wire, point]), "draft", drawn)
+
+
+def a_drawing_seen_from_its_back_is_marked_at_its_place():
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    item = feature(document, can, FreeCAD.Placement())
+    # The normal of this sketch points into the can, at its back: the laser is behind the sketch.
+    inwards = FreeCAD.Placement(Vector(0, 40, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch = document.addObject("Sketcher::SketchObject", "Sketch")
+    sketch.addGeometry(Part.LineSegment(Vector(4, -5, 0), Vector(12, 3, 0)))
+    sketch.Placement = inwards
+    document.recompute()
+    choices = chosen(item, [sketch])
+    choices.faces = [0]
+    choices.picked = (0.0, 30.0, 50.0)
+    assert choices.suggests_other_side(), "the clicked face looks away from the sketch's own laser"
+    choices.faces, choices.picked = [], None
+    _, _, report, mark = corrected(choices, "behind", other_side=True)
+    assert report["quality"]["after"]["length_error_mm"] < 0.01
+    points = [point for strip in mark.strips["mark"] for point in strip.points]
+    assert all(point[1] > 20.0 for point in points), "the mark is not at the back"
+    start = min(points, key=lambda point: point[2])
+    end = max(points, key=lambda point: point[2])
+    # The line is straight on the unrolled can, and its middle keeps its place up to the unrolling of the drawing.
+    assert abs(start[2] - 45.0) < 0.05 and abs(end[2] - 53.0) < 0.05, (start, end)
+    around = [30.0 * math.asin(point[0] / 30.0) for point in (start, end)]
+    assert abs(around[0] - 4.0) < 0.05 and abs(around[1] - 12.0) < 0.05, around
+
+
+def files_are_placed_at_the_clicked_point():
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    item = feature(document, can, FreeCAD.Placement(Vector(7, 8, 9), FreeCAD.Rotation(Vector(0, 0, 1), 40)))
+    choices = chosen(item, [])
+    choices.faces = [next(n for n, face in enumerate(item.Shape.Faces) if isinstance(face.Surface, Part.Cylinder))]
+    angle = math.radians(200.0)
+    clicked = (7 + 30 * math.cos(angle), 8 + 30 * math.sin(angle), 9 + 62.0)
+    choices.picked = clicked
+    with tempfile.TemporaryDirectory() as folder:
+        for name, data, options in (
+            ("cross.dxf", dxf.write([Path("0", [(100, 50, 0), (110, 50, 0)]), Path("0", [(105, 45, 0), (105, 55, 0)])]), {}),
+            ("logo.bmp", bitmap(), {"width_mm": 12.0}),
+        ):
+            choices.file = os.path.join(folder, name)
+            with open(choices.file, "wb") as file:
+                file.write(data)
+            _, _, report, mark = corrected(choices, "file", options=dict(options, anchor="center"))
+            points = [point for strip in mark.strips["mark"] for point in strip.points]
+            middle = [sum(point[axis] for point in points) / len(points) for axis in range(3)]
+            assert math.dist(middle, clicked) < 2.0, (name, middle, clicked)
+            heights = [point[2] for point in points]
+            assert abs((max(heights) + min(heights)) / 2 - 71.0) < 0.1, name
+            assert report["quality"]["after"]["length_error_mm"] < LIMIT
+
+
+def bitmap():
+    """A black square in a white picture of 24 x 24 pixels, 24 bits each."""
+    size = 24
+    rows = b"".join(
+        b"".join(b"\0\0\0" if 6 <= x < 18 and 6 <= y < 18 else b"\xff\xff\xff" for x in range(size)) for y in range(size)
+    )
+    head = struct.pack("<2sIHHI", b"BM", 54 + len(rows), 0, 0, 54)
+    return head + struct.pack("<IiiHHIIiiII", 40, size, size, 1, 24, 0, len(rows), 2835, 2835, 0, 0) + rows
+
+
+def ink_beyond_the_selected_faces_is_refused():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
+    sketch, _ = sketch_on(
+        document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    )
+    faces = item.Shape.Faces
+    side = next(number for number, face in enumerate(faces) if isinstance(face.Surface, Part.Cylinder))
+    corrected(chosen(item, [sketch]), "inside", bounding=(side,))
+    try:
+        corrected(chosen(item, [sketch]), "outside", bounding=((side + 1) % len(faces),))
+    except job.Trouble as trouble:
+        assert "Only on the selected faces" in trouble.remedy, trouble
+        return
+    raise AssertionError("ink beyond the selected faces was accepted")
+
+
+def the_mark_is_kept_as_plain_objects():
+    document = FreeCAD.newDocument()
+    document.UndoMode = 1
+    can = Can(36.5, 120.0)
+    item = feature(document, can, FreeCAD.Placement())
+    sketch, drawn = sketch_on(
+        document, None, FreeCAD.Placement(Vector(0, -36, 60), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    )
+    _, _, _, mark = corrected(chosen(item, [sketch]), "kept")
+    kept_in.keep(document, mark, "Mark", "Shape Sketch", [("Product", "kept")])
+    lines = document.getObject("MarkLines")
+    assert abs(lines.Shape.Length - sum(drawn)) < 0.5, lines.Shape.Length
+    assert {entry.TypeId for entry in document.getObject("Mark").Group} <= {"Part::Feature", "Mesh::Feature"}
+    # Again: it replaces the first one, and Undo brings that back in one step.
+    kept_in.keep(document, mark, "Mark again", "Shape Sketch", [("Product", "kept")])
+    assert len([entry for entry in document.Objects if kept_in.is_mark(entry)]) == 2 + ("mark-ink" in mark.meshes)
+    document.undo()
+    assert document.getObject("Mark").Label == "Mark"
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "kept.FCStd")
+        document.saveAs(path)
+        # No class of the workbench is in the file, so that it opens without the workbench.
+        with zipfile.ZipFile(path) as archive:
+            text = archive.read("Document.xml").decode("utf-8")
+        assert "freecad.Isomark" not in text and "Proxy" not in text.replace("ShapeString", "")
+
+
+def the_files_are_valid_for_others():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
+    sketch, _ = sketch_on(
+        document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    )
+    choices = chosen(item, [sketch])
+    frame = choices.frame()
+    data = dxf.write(choices.paths(frame))
+    folder = os.environ.get("ISOMARK_FILES")
+    if folder:
+        tessellated = part.at_once(part.tessellate(choices.part.shape(), (0,)))
+        for name, content in (("drawing.dxf", data), ("part.glb", tessellated.glb(frame))):
+            with open(os.path.join(folder, name), "wb") as file:
+                file.write(content)
+    left, bottom, right, top = dxf.extents(choices.paths(frame))
+    box = sketch.Shape.optimalBoundingBox(False)
+    assert abs(left - box.XMin) < 1e-3 and abs(right - box.XMax) < 1e-3
+    assert abs(bottom - (box.ZMin - 50.0)) < 1e-3 and abs(top - (box.ZMax - 50.0)) < 1e-3
+    assert data.isascii()
 
 
 def the_part_is_written_as_glb_with_outward_normals():
@@ -229,11 +365,14 @@ def lines_that_are_not_flat_are_refused():
     raise AssertionError("a bent drawing was accepted")
 
 
-if os.environ.get("ISOMARK_KEEP"):
-    tempfile.tempdir = os.environ["ISOMARK_KEEP"]
 harness.run(
     [
         the_part_is_written_as_glb_with_outward_normals,
+        the_files_are_valid_for_others,
+        files_are_placed_at_the_clicked_point,
+        ink_beyond_the_selected_faces_is_refused,
+        a_drawing_seen_from_its_back_is_marked_at_its_place,
+        the_mark_is_kept_as_plain_objects,
         a_drawing_beside_the_part_is_refused_with_a_remedy,
         lines_that_are_not_flat_are_refused,
         a_sketch_in_front_of_an_upright_can,

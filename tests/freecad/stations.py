@@ -213,21 +213,31 @@ def a_missing_hot_folder_has_a_remedy():
 
 
 def killed_while_sending_nothing_half_is_left():
-    """Sends a large part again and again from a process that is killed at different moments."""
-    with Running(watched=False) as running:
-        code = (
-            "import sys; sys.path.insert(0, %r); from Isomark import station\n"
-            "data = bytes(range(256)) * 40000\n"
-            "print('sending', flush=True)\n"
-            "while True: station.send(%r, [('can.glb', data), ('can@a.toml', data), ('can@a.dxf', data)])\n"
-        ) % (harness.PLUGIN, running.station.hot)
-        whole = 256 * 40000
-        for moment in range(12):
-            sender = subprocess.Popen(
-                [python(), "-c", code], stdout=subprocess.PIPE, env=program.environment()
+    """Sends a large part again and again from a FreeCAD that is killed at different moments."""
+    with Running(watched=False) as running, tempfile.TemporaryDirectory() as folder:
+        script = os.path.join(folder, "sender.py")
+        with open(script, "w", encoding="utf-8") as file:
+            file.write(
+                "import sys; sys.path.insert(0, %r); import harness; harness.use_plugin()\n"
+                "from freecad.Isomark import station\n"
+                "data = bytes(range(256)) * 40000\n"
+                "harness.say('sending')\n"
+                "while True: station.send(%r, [('can.glb', data), ('can@a.toml', data), ('can@a.dxf', data)])\n"
+                % (os.path.dirname(os.path.abspath(__file__)), running.station.hot)
             )
-            sender.stdout.readline()
-            until_written = time.monotonic() + 0.013 * moment
+        whole = 256 * 40000
+        seen = set()
+        for moment in range(8):
+            sender = subprocess.Popen(
+                [shutil.which("freecadcmd") or shutil.which("FreeCADCmd"), script],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+            for line in sender.stdout:
+                if b"sending" in line:
+                    break
+            until_written = time.monotonic() + 0.017 * moment
             while time.monotonic() < until_written:
                 pass
             sender.send_signal(signal.SIGKILL)
@@ -235,18 +245,16 @@ def killed_while_sending_nothing_half_is_left():
             sender.stdout.close()
             for name in os.listdir(running.station.hot):
                 if not name.startswith("."):
+                    seen.add(name)
                     size = os.path.getsize(os.path.join(running.station.hot, name))
                     assert size == whole, "%s has %d bytes" % (name, size)
+        assert seen == {"can.glb", "can@a.toml", "can@a.dxf"}, seen
         # What is left has ignored names, and is removed by a later sending when it is old.
+        assert leftovers(running), "no kill interrupted a sending"
         for name in leftovers(running):
             os.utime(os.path.join(running.station.hot, name), (0, 0))
         station.send(running.station.hot, [("can.glb", b"x")])
         assert leftovers(running) == []
-
-
-def python():
-    """A Python that can import the workbench's parts that need no FreeCAD."""
-    return shutil.which("python3") or sys.executable
 
 
 def leftovers(running):

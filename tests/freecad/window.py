@@ -224,6 +224,7 @@ def scenario():
     yield shows(view.table, "Length error")
     yield from click(view.send_button)
     yield shows(view.answer, "Delivered", "mug-Can@Label.dxf")
+    yield settled(view.test_button)
     assert os.path.isfile(os.path.join(station, "import", "mug-Can@Label.dxf"))
     picture("delivered")
 
@@ -234,6 +235,7 @@ def scenario():
     yield Until(lambda: view.made is not None and view.child is None, "files")
     yield from click(view.send_button)
     yield shows(view.answer, "Rejected")
+    yield settled(view.test_button)
     picture("rejected")
     sketch.delGeometry(sketch.GeometryCount - 1)
     document.recompute()
@@ -262,6 +264,7 @@ def scenario():
     document.redo()
     assert document.getObject("Mark") is not None
     FreeCADGui.activeDocument().activeView().viewIsometric()
+    yield settled(view.test_button)
     picture("kept")
     if PANEL_PICTURE:
         yield from readme_picture(document, view, window)

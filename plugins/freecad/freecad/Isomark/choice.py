@@ -135,17 +135,22 @@ class Choice:
         return frame.other_side() if other_side else frame
 
     def suggests_other_side(self):
-        """Whether the chosen face looks away from the laser of the drawing's own frame."""
-        if self.file or not self.faces:
+        """Whether the clicked place looks away from the laser of the drawing's own frame."""
+        if self.file or not self.faces or self.picked is None:
             return False
         frame = self._frame_of_drawing()
-        _, normal = self._spot(None)
+        _, normal = self._spot(self.picked)
         return dot(normal, frame.z) < -0.1
 
     def _frame_of_drawing(self):
-        first = self.drawing[0]
-        shape = first.shape()
-        if not outline.has_lines(shape):
+        # A single point has no plane.
+        first, shape = self.drawing[0], None
+        for ref in self.drawing:
+            shape = ref.shape()
+            if outline.has_lines(shape) and shape.Edges:
+                first = ref
+                break
+        else:
             raise _no_lines(first)
         if first.item.isDerivedFrom("Part::Part2DObject"):
             frame = frame_of_placement(first.placement())
@@ -263,8 +268,10 @@ def is_drawing(ref):
     if item.isDerivedFrom("Part::Part2DObject"):
         return True
     shape = ref.shape()
-    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids or not shape.Edges:
+    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids:
         return False
+    if not shape.Edges:
+        return bool(shape.Vertexes)
     if any(not isinstance(face.Surface, Part.Plane) for face in shape.Faces):
         return False
     return not shape.Shells and shape.findPlane(outline.FLAT) is not None

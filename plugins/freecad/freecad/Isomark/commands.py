@@ -17,7 +17,7 @@ class _Mark:
     def GetResources(self):
         icons = os.path.join(os.path.dirname(__file__), "resources", "icons")
         return {
-            "Pixmap": os.path.join(icons, "Isomark_Mark.svg"),
+            "Pixmap": os.path.join(icons, "Isomark.svg"),
             "MenuText": translate("Isomark", "Mark on part"),
             "ToolTip": translate(
                 "Isomark",

@@ -106,7 +106,7 @@ class Panel:
         result = self._group(layout, translate("Isomark", "Result"))
         self.result_box = result.parentWidget()
         self.table = _Message()
-        self.table.setWordWrap(True)
+        self.table.hide()
         self.table.setTextInteractionFlags(QtCore.Qt.TextSelectableByMouse)
         result.addRow(self.table)
         self.message = self._message()
@@ -428,6 +428,7 @@ class Panel:
             for name, value in job.numbers(report)
         )
         self.table.setText("<table>%s</table>" % cells)
+        self.table.show()
         lines = [_line(severity == "warning", words) for severity, words in job.notices(report)]
         lines = self._side(report) + lines
         self.message.setText("".join(lines))
@@ -456,6 +457,7 @@ class Panel:
         self.result = None
         self.overlay.clear()
         self.table.setText("")
+        self.table.hide()
         self._say(self.message, trouble.what, trouble.remedy, True)
 
     def _say(self, label, what, remedy="", wrong=False):
@@ -561,7 +563,9 @@ class _Message(QtGui.QLabel):
         self._fit()
 
     def _fit(self):
-        self.setMinimumHeight(max(0, self.heightForWidth(self.width())))
+        # The height that a label asks for is never below its minimum.
+        self.setMinimumHeight(0)
+        self.setFixedHeight(max(0, self.heightForWidth(self.width())))
 
 
 class Sending:

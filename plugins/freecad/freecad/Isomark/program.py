@@ -116,7 +116,7 @@ def answer(code, output, errors):
             translate("Isomark", "Install the isomark that this workbench came with, or a newer one."),
         )
     if reason.get("what"):
-        raise Trouble(_of_place(reason), reason.get("remedy", ""))
+        raise Trouble(_of_place(reason), _remedy(reason))
     if not said:
         said = translate("Isomark", "It ended with code {code} and without an answer.", code=code)
     raise Trouble(
@@ -129,6 +129,19 @@ def _of_place(reason):
     """What is wrong, with the item that it concerns if the sentence does not name it."""
     item = (reason.get("place") or {}).get("item")
     return "%s: %s" % (item, reason["what"]) if item and item not in reason["what"] else reason["what"]
+
+
+def _remedy(reason):
+    """What to do: in the panel, where isomark's own sentence names options of its command line."""
+    here = {
+        "off-surface": translate(
+            "Isomark", "Move the drawing over the part, make it smaller, or turn its plane towards the part."
+        ),
+        "outside-mark": translate(
+            "Isomark", "Move the drawing, make it smaller, select more faces, or switch off “Only on the selected faces”."
+        ),
+    }
+    return here.get(reason.get("code"), reason.get("remedy", ""))
 
 
 def version(output):

@@ -1,0 +1,113 @@
+//! The FreeCAD workbench of `plugins/freecad` works with this program, in FreeCAD itself: without a window (`freecadcmd`), and
+//! in a window on an X server without a screen.
+//!
+//! The scripts in `tests/freecad` contain the checks; each prints a line per check and ends with a code.
+
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use fs_err as fs;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+/// The longest time that a script may take; on an idle machine, none takes a fifth of it.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// The first of the programs that is installed; in CI, one must be.
+fn installed(names: &[&str]) -> Option<String> {
+    let has = |name: &&&str| {
+        Command::new("sh")
+            .args(["-c", "command -v \"$0\"", name])
+            .stdout(Stdio::null())
+            .status()
+            .is_ok_and(|status| status.success())
+    };
+    let found = names.iter().find(has).map(|name| (*name).to_owned());
+    if found.is_none() {
+        assert!(std::env::var("CI").is_err(), "{} is required in CI", names[0]);
+        eprintln!("SKIPPED: {} is not installed, the FreeCAD workbench was not tested", names[0]);
+    }
+    found
+}
+
+/// Runs a command with settings of FreeCAD in `home`, and fails with its output unless it succeeds.
+fn succeeds(command: &mut Command, home: &Path) {
+    let output = home.join("output.txt");
+    let file = fs::File::create(&output).unwrap().into_parts().0;
+    let mut child = command
+        .env("FREECAD_USER_HOME", home)
+        .env("ISOMARK", env!("CARGO_BIN_EXE_isomark"))
+        .stdin(Stdio::null())
+        .stdout(file.try_clone().unwrap())
+        .stderr(file)
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break Some(status);
+        }
+        if start.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let mut said = Vec::new();
+    fs::File::open(&output).unwrap().read_to_end(&mut said).unwrap();
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.lines().any(|line| line.starts_with("ok ")), "no check ran:\n{said}");
+    assert!(status.is_some_and(|status| status.success()), "{status:?}:\n{said}");
+}
+
+fn without_window(script: &str) {
+    let Some(freecad) = installed(&["freecadcmd", "FreeCADCmd"]) else { return };
+    let home = tempfile::tempdir().unwrap();
+    succeeds(Command::new(freecad).arg(format!("{ROOT}/tests/freecad/{script}")), home.path());
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        match entry.path().is_dir() {
+            true => copy(&entry.path(), &target),
+            false => drop(fs::copy(entry.path(), target).unwrap()),
+        }
+    }
+}
+
+#[test]
+fn drawings_from_freecad_are_marked_with_the_lengths_that_were_drawn() {
+    without_window("lengths.py");
+}
+
+#[test]
+fn what_freecad_sends_reaches_a_station_and_its_answer_comes_back() {
+    without_window("stations.py");
+}
+
+#[test]
+fn the_workbench_works_in_a_window() {
+    let Some(freecad) = installed(&["freecad", "FreeCAD"]) else { return };
+    for tool in ["xvfb-run", "openbox", "xdotool"] {
+        if installed(&[tool]).is_none() {
+            return;
+        }
+    }
+    let home = tempfile::tempdir().unwrap();
+    copy(&Path::new(ROOT).join("plugins/freecad"), &home.path().join("Mod/isomark"));
+    // Without a window manager, dialogs get no focus.
+    let inside = format!("openbox & exec {freecad} {ROOT}/tests/freecad/window.py");
+    let mut command = Command::new("xvfb-run");
+    command.args(["-a", "-s", "-screen 0 1440x1000x24", "sh", "-c", &inside]);
+    // FreeCAD's start page does not run as root otherwise.
+    command.env("QTWEBENGINE_DISABLE_SANDBOX", "1").env("LIBGL_ALWAYS_SOFTWARE", "1");
+    succeeds(&mut command, home.path());
+}
