@@ -297,22 +297,30 @@ def scenario():
 
 
 def readme_picture(document, view, window):
-    """Writes the picture of README: the window with the panel and the mark."""
-    document.undo()
+    """Writes the picture of README: the panel and the mark, beside where the drawing would be without correction."""
+    kept = document.getObject("MarkLines").ViewObject
+    kept.Visibility = False
+    # Paths of this machine.
+    view.program.setText("")
+    view.version.hide()
     dock = view.form
     while dock is not None and not isinstance(dock, QtGui.QDockWidget):
         dock = dock.parent()
-    window.resizeDocks([dock], [330], QtCore.Qt.Horizontal)
+    window.resizeDocks([dock], [300], QtCore.Qt.Horizontal)
     camera = FreeCADGui.activeDocument().activeView()
-    camera.setCameraOrientation(FreeCAD.Rotation(Vector(1, 0, 0), 68) * FreeCAD.Rotation(Vector(0, 1, 0), -24))
+    camera.setCameraOrientation((FreeCAD.Rotation(Vector(0, 0, 1), 28) * FreeCAD.Rotation(Vector(1, 0, 0), 72)).Q)
     FreeCADGui.SendMsgToActiveView("ViewFit")
     view.show_drawn.setChecked(True)
-    wait = QtCore.QElapsedTimer()
-    wait.start()
-    yield Until(lambda: wait.elapsed() > 1500, "the picture")
-    grabbed = QtGui.QApplication.primaryScreen().grabWindow(window.winId())
-    # As few colours as a palette has: the picture stays small.
-    grabbed.toImage().convertToFormat(QtGui.QImage.Format_Indexed8).save(PANEL_PICTURE, "PNG", 0)
+    yield from click(view.send_button)
+    yield shows(view.answer, "Delivered")
+    yield settled(view.test_button)
+    grabbed = QtGui.QApplication.primaryScreen().grabWindow(0).toImage()
+    # The panel and the middle of the 3-D view.
+    ratio = window.devicePixelRatioF()
+    top = dock.mapToGlobal(QtCore.QPoint(0, 0)) * ratio
+    grabbed = grabbed.copy(top.x(), top.y(), round(0.8 * grabbed.width()), grabbed.height() - top.y() - round(70 * ratio))
+    grabbed.convertToFormat(QtGui.QImage.Format_RGB888).save(PANEL_PICTURE, "PNG", 0)
+    kept.Visibility = True
 
 
 class Driver:

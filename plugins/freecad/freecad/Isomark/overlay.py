@@ -5,7 +5,7 @@ import FreeCADGui
 from pivy import coin
 
 #: The nodes of isomark's file that are lines, with the width of their lines in pixels.
-LINES = {"mark": 3.0, "drawn": 1.0, "view": 1.0}
+LINES = {"mark": 3.0, "drawn": 2.0, "view": 1.0}
 INK = "mark-ink"
 
 
@@ -38,7 +38,10 @@ class Overlay:
             return
         for name, switch in self._switches.items():
             switch.removeAllChildren()
-            switch.addChild(_triangles(mark.meshes.get(name, [])) if name == INK else _lines(mark.strips.get(name, []), LINES[name]))
+            if name == INK:
+                switch.addChild(_triangles(mark.meshes.get(name, [])))
+            else:
+                switch.addChild(_lines(mark.strips.get(name, []), LINES[name]))
 
     def set_visible(self, name, visible):
         """Shows or hides one of the nodes of isomark's file."""
