@@ -122,5 +122,11 @@ fn the_workbench_works_in_a_window() {
     command.args(["-a", "-s", "-screen 0 1440x1000x24", "sh", "-c", &inside]);
     // FreeCAD's start page does not run as root otherwise.
     command.env("QTWEBENGINE_DISABLE_SANDBOX", "1").env("LIBGL_ALWAYS_SOFTWARE", "1");
+    command.env("ISOMARK_FILES", home.path());
     succeeds(&mut command, home.path());
+    // The window was closed while a program ran for it.
+    let child = fs::read_to_string(home.path().join("child")).unwrap();
+    let (number, folder) = child.trim_end().split_once('\n').unwrap();
+    assert!(!Path::new("/proc").join(number).exists(), "process {number} still runs");
+    assert!(!Path::new(folder).exists(), "{folder} is left");
 }

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from xml.etree import ElementTree
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import harness
@@ -221,7 +222,6 @@ def killed_while_sending_nothing_half_is_left():
                 "import sys; sys.path.insert(0, %r); import harness; harness.use_plugin()\n"
                 "from freecad.Isomark import station\n"
                 "data = bytes(range(256)) * 40000\n"
-                "harness.say('sending')\n"
                 "while True: station.send(%r, [('can.glb', data), ('can@a.toml', data), ('can@a.dxf', data)])\n"
                 % (os.path.dirname(os.path.abspath(__file__)), running.station.hot)
             )
@@ -231,22 +231,19 @@ def killed_while_sending_nothing_half_is_left():
             sender = subprocess.Popen(
                 [shutil.which("freecadcmd") or shutil.which("FreeCADCmd"), script],
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
-            for line in sender.stdout:
-                if b"sending" in line:
-                    break
-            until_written = time.monotonic() + 0.017 * moment
-            while time.monotonic() < until_written:
-                pass
+            # Killed after so many changes of the folder.
+            states = set()
+            end = time.monotonic() + PATIENCE
+            while len(states) < 2 * moment + 2 and time.monotonic() < end:
+                states.add(listing(running))
             sender.send_signal(signal.SIGKILL)
             sender.wait()
-            sender.stdout.close()
-            for name in os.listdir(running.station.hot):
+            for name, size in listing(running):
                 if not name.startswith("."):
                     seen.add(name)
-                    size = os.path.getsize(os.path.join(running.station.hot, name))
                     assert size == whole, "%s has %d bytes" % (name, size)
         assert seen == {"can.glb", "can@a.toml", "can@a.dxf"}, seen
         # What is left has ignored names, and is removed by a later sending when it is old.
@@ -255,6 +252,18 @@ def killed_while_sending_nothing_half_is_left():
             os.utime(os.path.join(running.station.hot, name), (0, 0))
         station.send(running.station.hot, [("can.glb", b"x")])
         assert leftovers(running) == []
+
+
+def listing(running):
+    """The names and sizes of the files in the hot folder."""
+    found = []
+    for entry in os.scandir(running.station.hot):
+        try:
+            found.append((entry.name, entry.stat().st_size))
+        except FileNotFoundError:
+            # It was renamed since.
+            pass
+    return tuple(sorted(found))
 
 
 def leftovers(running):
@@ -349,8 +358,30 @@ def a_child_that_is_killed_leaves_no_process():
     assert "cannot be started" in called[0]
 
 
+def the_package_names_what_it_contains():
+    folder = os.path.dirname(harness.PLUGIN)
+    space = "{https://wiki.freecad.org/Package_Metadata}"
+    root = ElementTree.parse(os.path.join(folder, "package.xml")).getroot()
+    classes = [entry.text for entry in root.iter(space + "classname")]
+    with open(os.path.join(harness.PLUGIN, "Isomark", "init_gui.py"), encoding="utf-8") as file:
+        source = file.read()
+    assert classes == ["IsomarkWorkbench"] and "class IsomarkWorkbench(" in source
+    files = [entry.text for entry in root.iter(space + "icon")]
+    files += [entry.get("file") for entry in root.iter(space + "license")]
+    assert len(files) == 4
+    for name in files:
+        assert os.path.isfile(os.path.join(folder, name)), name
+    for name in ("LICENSE-MIT", "LICENSE-APACHE"):
+        with open(os.path.join(folder, name)) as ours, open(os.path.join(folder, "..", "..", name)) as theirs:
+            assert ours.read() == theirs.read(), name
+    from freecad import Isomark
+
+    assert root.find(space + "version").text == Isomark.__version__
+
+
 harness.run(
     [
+        the_package_names_what_it_contains,
         the_station_file_is_understood_like_isomark_does,
         programs_that_are_not_isomark_have_a_remedy,
         the_program_gets_a_clean_environment,

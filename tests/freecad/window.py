@@ -6,8 +6,8 @@ README is written there.
 """
 
 import os
+import shutil
 import subprocess
-import sys
 import tempfile
 import traceback
 
@@ -295,6 +295,20 @@ def scenario():
     assert document.getObject("MarkLines").Shape.Length > 100.0
     assert document.getObject("Mark").Product == "mug-Can"
 
+    say("step: the window is closed while the program runs")
+    slow = os.path.join(folder, "slow-isomark")
+    with open(slow, "w", encoding="utf-8") as file:
+        file.write("#!/bin/sh\nexec sleep 600\n")
+    os.chmod(slow, 0o755)
+    FreeCADGui.Selection.addSelection("mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("mug", "Label")
+    FreeCADGui.runCommand("Isomark_Mark")
+    view = panel()
+    view.program.setText(slow)
+    yield Until(lambda: view.child is not None and view.child._process.processId(), "a running program")
+    with open(os.path.join(os.environ["ISOMARK_FILES"], "child"), "w", encoding="utf-8") as file:
+        file.write("%d\n%s\n" % (view.child._process.processId(), view.folder.path))
+
 
 def readme_picture(document, view, window):
     """Writes the picture of README: the panel and the mark, beside where the drawing would be without correction."""
@@ -355,9 +369,13 @@ def end(code):
     if station_process is not None:
         station_process.terminate()
         station_process.wait(30)
+    shutil.rmtree(folder, ignore_errors=True)
     say("ok the window" if code == 0 else "the window failed")
-    sys.stdout.flush()
-    os._exit(code)
+    driver.timer.stop()
+    if code == 0:
+        FreeCADGui.getMainWindow().close()
+    else:
+        os._exit(code)
 
 
 QtCore.QTimer.singleShot(1500, lambda: globals().update(driver=Driver()))

@@ -37,10 +37,7 @@ class Ref:
         document = FreeCAD.listDocuments().get(self.document)
         top = document.getObject(self.top) if document else None
         if top is None:
-            raise Trouble(
-                translate("Isomark", "An object that was chosen was removed."),
-                translate("Isomark", "Select the part and the drawing, and click Use selection."),
-            )
+            raise _removed()
         return top
 
     @property
@@ -49,10 +46,7 @@ class Ref:
         top = self._top()
         found = top.getSubObject(self.path, retType=1) if self.path else top
         if found is None:
-            raise Trouble(
-                translate("Isomark", "An object that was chosen was removed."),
-                translate("Isomark", "Select the part and the drawing, and click Use selection."),
-            )
+            raise _removed()
         return found
 
     @property
@@ -78,6 +72,13 @@ class Ref:
             other.top,
             other.path,
         )
+
+
+def _removed():
+    return Trouble(
+        translate("Isomark", "An object that was chosen was removed."),
+        translate("Isomark", "Select the part and the drawing, and click Use selection."),
+    )
 
 
 class Choice:

@@ -41,7 +41,9 @@ class Overlay:
             if name == INK:
                 switch.addChild(_triangles(mark.meshes.get(name, [])))
             else:
-                switch.addChild(_lines(mark.strips.get(name, []), LINES[name]))
+                # Wide lines would close the gaps of a code.
+                width = 1.0 if mark.meshes.get(INK) else LINES[name]
+                switch.addChild(_lines(mark.strips.get(name, []), width))
 
     def set_visible(self, name, visible):
         """Shows or hides one of the nodes of isomark's file."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """A station's folders: files go in complete or not at all, and its answer comes back. Without Qt."""
 
+import errno
 import json
 import os
 import re
@@ -183,7 +184,7 @@ def _rename(path, final):
 
 
 def _send_trouble(hot, error):
-    if isinstance(error, PermissionError) or error.errno == 30:
+    if isinstance(error, PermissionError) or error.errno == errno.EROFS:
         return Trouble(
             translate("Isomark", "You may not write into the hot folder {hot}.", hot=hot),
             translate("Isomark", "Ask for the right to write into it, or choose another station."),
