@@ -233,7 +233,11 @@ def files_are_placed_at_the_clicked_point():
     choices.picked = clicked
     with tempfile.TemporaryDirectory() as folder:
         for name, data, options in (
-            ("cross.dxf", dxf.write([Path("0", [(100, 50, 0), (110, 50, 0)]), Path("0", [(105, 45, 0), (105, 55, 0)])]), {}),
+            (
+                "cross.dxf",
+                dxf.write([Path("0", [(100, 50, 0), (110, 50, 0)]), Path("0", [(105, 45, 0), (105, 55, 0)])]),
+                {},
+            ),
             ("logo.bmp", bitmap(), {"width_mm": 12.0}),
         ):
             choices.file = os.path.join(folder, name)
@@ -252,7 +256,8 @@ def bitmap():
     """A black square in a white picture of 24 x 24 pixels, 24 bits each."""
     size = 24
     rows = b"".join(
-        b"".join(b"\0\0\0" if 6 <= x < 18 and 6 <= y < 18 else b"\xff\xff\xff" for x in range(size)) for y in range(size)
+        b"".join(b"\0\0\0" if 6 <= x < 18 and 6 <= y < 18 else b"\xff\xff\xff" for x in range(size))
+        for y in range(size)
     )
     head = struct.pack("<2sIHHI", b"BM", 54 + len(rows), 0, 0, 54)
     return head + struct.pack("<IiiHHIIiiII", 40, size, size, 1, 24, 0, len(rows), 2835, 2835, 0, 0) + rows
@@ -261,9 +266,7 @@ def bitmap():
 def ink_beyond_the_selected_faces_is_refused():
     document = FreeCAD.newDocument()
     item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
-    sketch, _ = sketch_on(
-        document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
-    )
+    sketch, _ = sketch_on(document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90)))
     faces = item.Shape.Faces
     side = next(number for number, face in enumerate(faces) if isinstance(face.Surface, Part.Cylinder))
     corrected(chosen(item, [sketch]), "inside", bounding=(side,))
@@ -305,9 +308,7 @@ def the_mark_is_kept_as_plain_objects():
 def the_files_are_valid_for_others():
     document = FreeCAD.newDocument()
     item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
-    sketch, _ = sketch_on(
-        document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
-    )
+    sketch, _ = sketch_on(document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90)))
     choices = chosen(item, [sketch])
     frame = choices.frame()
     data = dxf.write(choices.paths(frame))
@@ -325,7 +326,11 @@ def the_files_are_valid_for_others():
 
 
 def the_part_is_written_as_glb_with_outward_normals():
-    shape = Part.makeBox(10, 20, 30).cut(Part.makeCylinder(3, 30, Vector(5, 10, 0))).fuse(Part.makeSphere(6, Vector(5, 10, 33)))
+    shape = (
+        Part.makeBox(10, 20, 30)
+        .cut(Part.makeCylinder(3, 30, Vector(5, 10, 0)))
+        .fuse(Part.makeSphere(6, Vector(5, 10, 33)))
+    )
     tessellated = part.at_once(part.tessellate(shape))
     primitive = tessellated.others
     inside = 0

@@ -150,7 +150,7 @@ def can_with_label():
 def old_isomark():
     path = os.path.join(folder, "old-isomark")
     with open(path, "w", encoding="utf-8") as file:
-        file.write("#!/bin/sh\n[ \"$1\" = --version ] && { echo isomark 0.0.1; exit; }\n")
+        file.write('#!/bin/sh\n[ "$1" = --version ] && { echo isomark 0.0.1; exit; }\n')
         file.write("echo \"error: unexpected argument '--on-part' found\" >&2; exit 2\n")
     os.chmod(path, 0o755)
     return path
@@ -192,6 +192,13 @@ def scenario():
     sketch.addGeometry(Part.LineSegment(Vector(-18, 0, 0), Vector(18, 0, 0)))
     document.recompute()
     yield Until(lambda: view.table.text() not in ("", before), "other numbers")
+
+    say("step: the part changes, and the numbers follow")
+    for radius in (34.0, 36.5):
+        before = view.table.text()
+        document.getObject("Cylinder").Radius = radius
+        document.recompute()
+        yield Until(lambda: view.table.text() not in ("", before), "other numbers")
 
     say("step: a document that is not saved has no product name")
     view.station.setText(os.path.join(folder, "station", "station.toml"))
@@ -274,7 +281,9 @@ def scenario():
     view.changed()
     yield Until(lambda: view.child is not None, "a running program")
     close = [
-        button for button in window.findChildren(QtGui.QPushButton) if button.text().replace("&", "") == "Close" and button.isVisible()
+        button
+        for button in window.findChildren(QtGui.QPushButton)
+        if button.text().replace("&", "") == "Close" and button.isVisible()
     ]
     yield from click(close[0])
     yield Until(lambda: panel() is None, "the closed panel")
@@ -332,7 +341,9 @@ def readme_picture(document, view, window):
     # The panel and the middle of the 3-D view.
     ratio = window.devicePixelRatioF()
     top = dock.mapToGlobal(QtCore.QPoint(0, 0)) * ratio
-    grabbed = grabbed.copy(top.x(), top.y(), round(0.8 * grabbed.width()), grabbed.height() - top.y() - round(70 * ratio))
+    grabbed = grabbed.copy(
+        top.x(), top.y(), round(0.8 * grabbed.width()), grabbed.height() - top.y() - round(70 * ratio)
+    )
     grabbed.convertToFormat(QtGui.QImage.Format_RGB888).save(PANEL_PICTURE, "PNG", 0)
     kept.Visibility = True
 
@@ -378,4 +389,10 @@ def end(code):
         os._exit(code)
 
 
-QtCore.QTimer.singleShot(1500, lambda: globals().update(driver=Driver()))
+def start():
+    global driver
+    driver = Driver()
+
+
+driver = None
+QtCore.QTimer.singleShot(1500, start)

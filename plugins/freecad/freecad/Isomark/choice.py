@@ -316,5 +316,3 @@ def is_under(points, frame, box):
         left, right = min(left, x), max(right, x)
         bottom, top = min(bottom, y), max(top, y)
     return left <= box[2] and box[0] <= right and bottom <= box[3] and box[1] <= top
-
-

@@ -18,7 +18,9 @@ class IsomarkWorkbench(FreeCADGui.Workbench):
     """Drawings on curved parts with true lengths."""
 
     MenuText = translate("Isomark", "isomark")
-    ToolTip = translate("Isomark", "Shows a drawing on a curved part with true lengths, and sends it to a laser station")
+    ToolTip = translate(
+        "Isomark", "Shows a drawing on a curved part with true lengths, and sends it to a laser station"
+    )
     Icon = os.path.join(ICONS, "Isomark.svg")
 
     def Initialize(self):

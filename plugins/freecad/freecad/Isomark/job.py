@@ -27,7 +27,9 @@ def files(choice, tessellated, frame):
                 data = file.read()
         except OSError as error:
             raise Trouble(
-                translate("Isomark", "The drawing {file} cannot be read: {error}.", file=choice.file, error=error.strerror),
+                translate(
+                    "Isomark", "The drawing {file} cannot be read: {error}.", file=choice.file, error=error.strerror
+                ),
                 translate("Isomark", "Choose the drawing again with File."),
             ) from error
         return Files(part, data, os.path.splitext(choice.file)[1].lower())

@@ -84,7 +84,9 @@ class Panel:
         row = QtGui.QHBoxLayout()
         self.select_button = self._button(row, translate("Isomark", "Use selection"), self.use_selection)
         self.file_button = self._button(row, translate("Isomark", "File…"), self.choose_file)
-        self.file_button.setToolTip(translate("Isomark", "A DXF file or a picture as the drawing, at the clicked point"))
+        self.file_button.setToolTip(
+            translate("Isomark", "A DXF file or a picture as the drawing, at the clicked point")
+        )
         what.addRow(row)
         self.rotate = QtGui.QDoubleSpinBox()
         self.rotate.setRange(-360.0, 360.0)
@@ -247,9 +249,7 @@ class Panel:
     def use_selection(self):
         """Takes the part and the drawing from the selection."""
         entries = [
-            entry
-            for entry in FreeCADGui.Selection.getSelectionEx("", 0)
-            if entry.Object.Document.Name == self.document
+            entry for entry in FreeCADGui.Selection.getSelectionEx("", 0) if entry.Object.Document.Name == self.document
         ]
         new = choice.of_selection(entries)
         if not new.drawing and new.part is not None:
@@ -348,9 +348,11 @@ class Panel:
             self.frame = self.choice.frame(self.other_side.isChecked() and not self.choice.file)
             shape = self.choice.part.shape()
             bounding = tuple(self.choice.faces) if self.bound.isChecked() else ()
-            key = (shape.hashCode(), str(shape.Placement), bounding)
+            # The shape itself is kept: the hash of one that no longer exists may be that of a new one.
+            key = (shape, bounding)
             self._busy(True)
-            if key == self.tessellated_key:
+            known = self.tessellated_key
+            if known is not None and shape.isSame(known[0]) and bounding == known[1]:
                 self._start()
                 return
             self.steps = part.tessellate(shape, bounding)
@@ -364,7 +366,9 @@ class Panel:
 
     def _busy(self, busy):
         # The last result stays until the next one is there, so that the panel does not jump.
-        self.result_box.setTitle(translate("Isomark", "Result: calculating…") if busy else translate("Isomark", "Result"))
+        self.result_box.setTitle(
+            translate("Isomark", "Result: calculating…") if busy else translate("Isomark", "Result")
+        )
 
     def _stop(self):
         self._busy(False)
@@ -682,7 +686,9 @@ class Sending:
         elif state == station.FILED:
             self.timer.stop()
             self._show(
-                translate("Isomark", "The station filed the drawing without delivering it: it delivered the same before."),
+                translate(
+                    "Isomark", "The station filed the drawing without delivering it: it delivered the same before."
+                ),
                 translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
             )
         else:

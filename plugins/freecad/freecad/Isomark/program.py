@@ -37,9 +37,7 @@ def _is_program(path):
 
 
 def install_remedy():
-    text = translate(
-        "Isomark", "Install isomark, or enter the path of the program under Program and click Test."
-    )
+    text = translate("Isomark", "Install isomark, or enter the path of the program under Program and click Test.")
     if os.path.exists("/.flatpak-info"):
         text += " " + translate(
             "Isomark",
@@ -138,7 +136,8 @@ def _remedy(reason):
             "Isomark", "Move the drawing over the part, make it smaller, or turn its plane towards the part."
         ),
         "outside-mark": translate(
-            "Isomark", "Move the drawing, make it smaller, select more faces, or switch off “Only on the selected faces”."
+            "Isomark",
+            "Move the drawing, make it smaller, select more faces, or switch off “Only on the selected faces”.",
         ),
     }
     return here.get(reason.get("code"), reason.get("remedy", ""))

@@ -50,9 +50,7 @@ def open_station(path):
             translate("Isomark", "The station file {path} names no hot folder.", path=path),
             translate("Isomark", "Run `isomark check` on this file, or choose the hot folder itself."),
         )
-    hot, reports, rejected = (
-        os.path.join(base, folders.get(name, name)) for name in ("hot", "reports", "rejected")
-    )
+    hot, reports, rejected = (os.path.join(base, folders.get(name, name)) for name in ("hot", "reports", "rejected"))
     return Station(path, hot, reports, rejected)
 
 
