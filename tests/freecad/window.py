@@ -73,7 +73,7 @@ def click_in_view(point, ctrl=False):
     window = FreeCADGui.getMainWindow()
     viewports = [area for area in window.findChildren(QtGui.QGraphicsView) if area.isVisible()]
     viewport = max(viewports, key=lambda area: area.width() * area.height())
-    # The view counts from below, in pixels of the screen.
+    # The y of the view points up; its unit is a pixel of the screen.
     ratio = viewport.devicePixelRatioF()
     place = viewport.mapToGlobal(QtCore.QPoint(int(x / ratio), viewport.height() - int(y / ratio)))
     return pointer(place, ctrl)
@@ -184,6 +184,7 @@ def scenario():
     report, found = view.result
     assert report["quality"]["before"]["length_error_mm"] > 1.0 > 0.1 > report["quality"]["after"]["length_error_mm"]
     assert found.strips["mark"]
+    assert "another side" not in view.message.text()
     picture("result")
 
     say("step: the sketch changes, and the numbers follow")
@@ -234,6 +235,16 @@ def scenario():
     yield settled(view.test_button)
     assert os.path.isfile(os.path.join(station, "import", "mug-Can@Label.dxf"))
     picture("delivered")
+
+    say("step: settings of the product that name another side are pointed out")
+    settings = os.path.join(station, "skus", "mug-Can.toml")
+    with open(settings, "w", encoding="utf-8") as file:
+        file.write('[part]\nfacing = "+x"\n')
+    view.changed()
+    yield shows(view.message, "another side", "facing")
+    os.remove(settings)
+    view.changed()
+    yield Until(lambda: view.table.isVisible() and "another side" not in view.message.text(), "the side of the drawing")
 
     say("step: a rejected drawing shows its reason")
     sketch.addGeometry(Part.LineSegment(Vector(20, 0, 0), Vector(80, 0, 0)))

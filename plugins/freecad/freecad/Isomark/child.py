@@ -105,7 +105,7 @@ class Background:
     def _run(self, work):
         try:
             self._results.put((work(), None))
-        except Exception as error:  # handed to the window's thread, which knows what to show
+        except Exception as error:  # the window's thread shows it
             self._results.put((None, error))
 
     def _look(self):

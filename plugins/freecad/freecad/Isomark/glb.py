@@ -160,7 +160,7 @@ class MarkOnPart:
 
 
 class NotReadable(Exception):
-    """The file is not a glTF binary that this reader knows."""
+    """The file is not a glTF binary that this reader supports."""
 
 
 def read_mark(data):

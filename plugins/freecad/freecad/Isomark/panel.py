@@ -450,7 +450,7 @@ class Panel:
                 translate(
                     "Isomark",
                     "Remove facing, roll_deg and frame from the settings of this product, or install a newer isomark, "
-                    "which knows marking frames.",
+                    "which supports marking frames.",
                 ),
             )
         ]
