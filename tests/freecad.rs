@@ -16,6 +16,7 @@ use fs_err as fs;
 use ezdxf::{assert_clean, judged};
 
 mod ezdxf;
+mod khronos;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 /// The longest time that a script may take; on an idle machine, none takes a fifth of it.
@@ -94,7 +95,11 @@ fn copy(from: &Path, to: &Path) {
 #[test]
 fn drawings_from_freecad_are_marked_with_the_lengths_that_were_drawn() {
     let Some(files) = without_window("lengths.py") else { return };
-    // The drawing is valid for other programs, too.
+    // Part and drawing are valid for other programs, too.
+    if khronos::is_available() {
+        let found = &khronos::judged(&[files.path().join("part.glb")])[0]["issues"];
+        assert_eq!((&found["numErrors"], &found["numWarnings"]), (&0.into(), &0.into()), "{found}");
+    }
     let Some(report) = judged(&fs::read(files.path().join("drawing.dxf")).unwrap()) else { return };
     assert_clean(&report);
     assert_eq!((&report["version"], &report["units"]), (&"AC1015".into(), &4.into()));
