@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the buttons do."""
+
+import bpy
+from bpy.props import IntProperty
+from mathutils import Matrix, Vector
+
+from . import drawing, live, mark, part, program, session, station
+from .trouble import Trouble
+
+_TICK_S = 0.1
+
+
+class IsomarkUseSelected(bpy.types.Operator):
+    """Uses the selected mesh as the part, the selected curves, texts and strokes as the drawing, and the selected empty as
+    the frame"""
+    bl_idname = "isomark.use_selected"
+    bl_label = "Use Selected"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        settings = context.scene.isomark
+        chosen = [item for item in context.selected_objects if not mark.is_ours(item)]
+        parts = [item for item in chosen if item.type in part.TYPES]
+        drawings = sorted((item for item in chosen if item.type in drawing.TYPES), key=lambda item: item.name)
+        empties = [item for item in chosen if item.type == "EMPTY"]
+        for items, what in ((parts, "meshes"), (empties, "empties")):
+            if len(items) > 1:
+                names = ", ".join(item.name for item in items)
+                self.report({"ERROR"}, f"Several {what} are selected: {names}. Select one of them.")
+                return {"CANCELLED"}
+        if not (parts or drawings or empties):
+            self.report({"ERROR"}, "Nothing is selected that can be used. Select the part, the curves and texts of the "
+                                   "drawing, and the empty that is the frame; then press Use Selected.")
+            return {"CANCELLED"}
+        if parts:
+            settings.part = parts[0]
+        if drawings:
+            settings.drawings.clear()
+            for item in drawings:
+                settings.drawings.add().item = item
+        if empties:
+            settings.frame = empties[0]
+        return {"FINISHED"}
+
+
+class IsomarkRemoveDrawing(bpy.types.Operator):
+    """Removes the object from the drawing; the object stays in the scene"""
+    bl_idname = "isomark.remove_drawing"
+    bl_label = "Remove from Drawing"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(options={"HIDDEN"})
+
+    def execute(self, context):
+        context.scene.isomark.drawings.remove(self.index)
+        return {"FINISHED"}
+
+
+class IsomarkAddFrame(bpy.types.Operator):
+    """Adds an empty as the frame, on the part at the point that is nearest to the 3D cursor (Shift + right click)"""
+    bl_idname = "isomark.add_frame"
+    bl_label = "Add Frame at 3D Cursor"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT"
+
+    def execute(self, context):
+        settings = context.scene.isomark
+        origin, z, size = context.scene.cursor.location.copy(), Vector((0, 0, 1)), 0.02
+        item = settings.part
+        if item is not None and item.type == "MESH":
+            depsgraph = context.evaluated_depsgraph_get()
+            evaluated = item.evaluated_get(depsgraph)
+            world = evaluated.matrix_world
+            if abs(world.determinant()) > 1e-30:
+                found, point, normal, _ = evaluated.closest_point_on_mesh(world.inverted() @ origin)
+                if found:
+                    origin, z = world @ point, (world.inverted().transposed().to_3x3() @ normal).normalized()
+            size = max(item.dimensions) * 0.2
+        level = Vector((0, 0, 1)).cross(z)
+        x = level.normalized() if level.length > 0.1 else Vector((1, 0, 0))
+        x = (x - z * x.dot(z)).normalized()
+        empty = bpy.data.objects.new("frame", None)
+        empty.empty_display_type = "ARROWS"
+        empty.empty_display_size = size
+        axes = Matrix((x, z.cross(x), z)).transposed().to_4x4()
+        empty.matrix_world = Matrix.Translation(origin) @ axes
+        context.scene.collection.objects.link(empty)
+        settings.frame = empty
+        return {"FINISHED"}
+
+
+class IsomarkLayOnFrame(bpy.types.Operator):
+    """Moves the objects of the drawing to the frame: their origin to its origin, their X and Y to its X and Y"""
+    bl_idname = "isomark.lay_on_frame"
+    bl_label = "Lay Drawing on Frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT" and context.scene.isomark.frame is not None
+
+    def execute(self, context):
+        settings = context.scene.isomark
+        try:
+            frame = drawing.frame_of(settings.frame)
+        except Trouble as trouble:
+            self.report({"ERROR"}, str(trouble))
+            return {"CANCELLED"}
+        place = Matrix.Translation(frame.origin) @ Matrix(frame.axes.tolist()).to_4x4()
+        for entry in settings.drawings:
+            if entry.item is not None:
+                entry.item.matrix_world = place @ Matrix.Diagonal((*entry.item.matrix_world.to_scale(), 1.0))
+        return {"FINISHED"}
+
+
+class _Background(bpy.types.Operator):
+    """An operator that waits for a child process in the background, and that ESC ends."""
+    bl_options = {"INTERNAL"}
+    _timer = None
+
+    def begin(self, context):
+        """Starts; returns what has `poll` and `end`. Raises Trouble."""
+        raise NotImplementedError
+
+    def complete(self, context):
+        """Uses the result. Raises Trouble."""
+        raise NotImplementedError
+
+    def fail(self, context, trouble):
+        """Shows the trouble."""
+        self.report({"ERROR"}, str(trouble))
+        session.redraw()
+
+    def invoke(self, context, _event):
+        try:
+            self.job = self.begin(context)
+        except Trouble as trouble:
+            self.fail(context, trouble)
+            return {"CANCELLED"}
+        self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        session.redraw()
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" or getattr(self.job, "cancelled", False):
+            self.cancel(context)
+            self.report({"INFO"}, "Cancelled")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            if not self.job.poll():
+                return {"PASS_THROUGH"}
+            self.release(context)
+            self.complete(context)
+        except Trouble as trouble:
+            self.cancel(context)
+            self.fail(context, trouble)
+            return {"FINISHED"}
+        session.redraw()
+        return {"FINISHED"}
+
+    def execute(self, context):
+        """Waits for the result: for scripts."""
+        try:
+            self.job = self.begin(context)
+            while not self.job.poll():
+                pass
+            self.release(context)
+            self.complete(context)
+        except Trouble as trouble:
+            self.release(context)
+            self.fail(context, trouble)
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def cancel(self, context):
+        """Ends the child process; Blender calls this, too, when a file is loaded or the window is closed."""
+        self.job.end()
+        self.release(context)
+        session.redraw()
+
+    def release(self, context):
+        """Removes the timer."""
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+
+
+class IsomarkShow(_Background):
+    """Corrects the drawing for the part and shows the mark on it (ESC cancels)"""
+    bl_idname = "isomark.show"
+    bl_label = "Show Mark on Part"
+    bl_options = {"UNDO"}
+
+    @classmethod
+    def poll(cls, _context):
+        return session.run is None
+
+    def begin(self, context):
+        session.run = session.Run(context)
+        return session.run
+
+    def complete(self, context):
+        self.job.finish(context)
+
+    def fail(self, context, trouble):
+        session.note(context.scene, trouble)
+        super().fail(context, trouble)
+
+    def release(self, context):
+        super().release(context)
+        session.run = None
+
+
+class IsomarkTest(_Background):
+    """Runs isomark once and shows its version"""
+    bl_idname = "isomark.test"
+    bl_label = "Test"
+
+    def begin(self, context):
+        session.version, session.version_trouble = "", None
+        self.path = session.find_program(context)
+        self.child = program.Child(self.path, ["--version"], 10)
+        return self.child
+
+    def complete(self, context):
+        session.version = f"{program.version(self.child.wait())} ({self.path})"
+        self.report({"INFO"}, session.version)
+
+    def fail(self, context, trouble):
+        session.version_trouble = trouble
+        super().fail(context, trouble)
+
+
+class IsomarkCancel(bpy.types.Operator):
+    """Ends isomark"""
+    bl_idname = "isomark.cancel"
+    bl_label = "Cancel"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, _context):
+        if session.run is not None:
+            session.run.cancelled = True
+        return {"FINISHED"}
+
+
+class IsomarkClear(bpy.types.Operator):
+    """Removes the shown mark from the scene"""
+    bl_idname = "isomark.clear"
+    bl_label = "Remove Mark"
+    bl_options = {"UNDO"}
+
+    def execute(self, context):
+        context.scene.isomark.outcome = ""
+        return {"FINISHED"} if mark.clear(context.scene) else {"CANCELLED"}
+
+
+class IsomarkSend(bpy.types.Operator):
+    """Sends the part and the drawing to the hot folder, then shows the station's answer here"""
+    bl_idname = "isomark.send"
+    bl_label = "Send to Hot Folder"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, context):
+        preferences = session.preferences(context)
+        if session.courier is not None:
+            session.courier.stop()
+            session.courier = None
+        path = session.path_of(preferences.program)
+        try:
+            export = session.Export(context)
+            to = station.at(session.path_of(preferences.station), session.path_of(preferences.hot_folder))
+        except Trouble as trouble:
+            session.send_trouble = trouble
+            self.report({"ERROR"}, str(trouble))
+            return {"CANCELLED"}
+        session.send_trouble = None
+        session.courier = station.Courier(to, export.sku, export.files(), lambda: program.find(path))
+        session.courier.start()
+        if not bpy.app.timers.is_registered(_follow):
+            bpy.app.timers.register(_follow, first_interval=_TICK_S)
+        return {"FINISHED"}
+
+
+def _follow():
+    """Draws the answer again until it is final."""
+    session.redraw()
+    if session.courier is not None and session.courier.is_alive():
+        return 0.3
+    return None
+
+
+CLASSES = (IsomarkUseSelected, IsomarkRemoveDrawing, IsomarkAddFrame, IsomarkLayOnFrame, IsomarkShow, IsomarkTest,
+           IsomarkCancel, IsomarkClear, IsomarkSend)
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_):
+    live.stop()
+    session.end()
+
+
+def register():
+    for one in CLASSES:
+        bpy.utils.register_class(one)
+    bpy.app.handlers.load_pre.append(_before_load)
+
+
+def unregister():
+    live.stop()
+    session.end()
+    if bpy.app.timers.is_registered(_follow):
+        bpy.app.timers.unregister(_follow)
+    bpy.app.handlers.load_pre.remove(_before_load)
+    for one in reversed(CLASSES):
+        bpy.utils.unregister_class(one)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads an object of the scene as a part: its mesh with all modifiers, in the axes of the world, in metres."""
+
+from collections import namedtuple
+
+import numpy as np
+
+from . import drawing, glb
+from .trouble import Trouble
+
+# Types of objects that have a surface.
+TYPES = ("MESH", "SURFACE", "META")
+
+# What was read: the GLB file, the number of triangles, and sentences about how it was read.
+Part = namedtuple("Part", "glb triangles notices")
+
+# A longer part is assumed to be drawn in mm in a scene in metres; isomark would assume so, too.
+_LONGEST_M = 5.0
+
+
+def read(item, frame, context):
+    """The part as a GLB file with the marking frame; `frame` is a drawing.Frame, or None for none.
+
+    Raises Trouble if there is no object, it has no faces, or its size is not that of a part.
+    """
+    if item is None:
+        raise Trouble("There is no part yet.", "Select the part in the view and press Use Selected, or choose it under Part.")
+    if item.type not in TYPES:
+        raise Trouble(f"{item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
+    if item.mode == "EDIT" and item.type == "MESH":
+        item.update_from_editmode()
+    depsgraph = context.evaluated_depsgraph_get()
+    evaluated = item.evaluated_get(depsgraph)
+    metres = context.scene.unit_settings.scale_length
+    mesh = evaluated.to_mesh()
+    try:
+        pieces = _pieces(item, mesh, np.array(evaluated.matrix_world, float), metres)
+    finally:
+        evaluated.to_mesh_clear()
+    triangles = sum(len(piece.triangles) for piece in pieces)
+    if not triangles:
+        remedy = "Choose an object with faces as the part."
+        if any(modifier.type == "NODES" for modifier in item.modifiers):
+            remedy = "Realize its instances in the geometry nodes, or apply the modifier."
+        raise Trouble(f"The part {item.name} has no faces.", remedy)
+    points = np.vstack([piece.points for piece in pieces])
+    if not np.isfinite(points).all():
+        raise Trouble(f"The part {item.name} has points at infinity.", "Remove the broken vertices.")
+    size = np.ptp(points, axis=0)
+    if np.linalg.norm(size) > _LONGEST_M:
+        raise Trouble(f"The part {item.name} is {size.max():.3g} m long, because a unit of the scene is {metres:g} m.",
+                      "If it is drawn in mm, set Scene Properties > Units > Unit Scale to 0.001.")
+    node = None if frame is None else (tuple(frame.origin * metres), drawing.quaternion(frame))
+    name = "part" if item.name == "isomark" else item.name
+    return Part(glb.write_part(name, pieces, node), triangles, _notices(item))
+
+
+def _pieces(item, mesh, matrix, metres):
+    """One piece for each material, with the faces turned right side out if the object is mirrored."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    if not count:
+        return []
+    corners = np.empty(count * 3, np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    materials = np.empty(count, np.int32)
+    mesh.loop_triangles.foreach_get("material_index", materials)
+    vertex_of = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", vertex_of)
+    points = np.empty(len(mesh.vertices) * 3, np.float32)
+    mesh.vertices.foreach_get("co", points)
+    normals = np.empty(len(mesh.loops) * 3, np.float32)
+    if hasattr(mesh, "corner_normals"):
+        mesh.corner_normals.foreach_get("vector", normals)
+    else:
+        mesh.calc_normals_split()
+        mesh.loops.foreach_get("normal", normals)
+
+    turn = matrix[:3, :3]
+    points = (points.reshape(-1, 3) @ turn.T + matrix[:3, 3]) * metres
+    determinant = np.linalg.det(turn)
+    if abs(determinant) > 1e-30:
+        # Normals keep their right angle to the surface, also under a scale that differs between the axes.
+        normals = normals.reshape(-1, 3) @ np.linalg.inv(turn)
+    else:
+        normals = normals.reshape(-1, 3)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(length > 0, length, 1)
+    corners = corners.reshape(-1, 3)
+    if determinant < 0:
+        corners = corners[:, ::-1]
+
+    names = [slot.material.name if slot.material else None for slot in item.material_slots] or [None]
+    pieces = []
+    for index in np.unique(materials):
+        used, order = _distinct(corners[materials == index].reshape(-1), vertex_of, normals)
+        name = names[min(int(index), len(names) - 1)]
+        pieces.append(glb.Piece(name, points[vertex_of[used]], normals[used], order.reshape(-1, 3)))
+    return pieces
+
+
+def _distinct(corners, vertex_of, normals):
+    """Corners without repeats, where a repeat has the same vertex and the same normal to a thousandth; and for each corner
+    its number among them."""
+    steps = np.rint((normals[corners] + 1) * 511).astype(np.int64)
+    key = ((vertex_of[corners].astype(np.int64) * 1024 + steps[:, 0]) * 1024 + steps[:, 1]) * 1024 + steps[:, 2]
+    _, first, order = np.unique(key, return_index=True, return_inverse=True)
+    return corners[first], order
+
+
+def _notices(item):
+    notices = []
+    for modifier in item.modifiers:
+        if modifier.type == "SUBSURF" and modifier.show_viewport and modifier.levels < modifier.render_levels:
+            notices.append(f"{item.name} is read as the view shows it: {modifier.name} has {modifier.levels} levels in the "
+                           f"view and {modifier.render_levels} in renders. Set both to the level of the real part.")
+        elif modifier.type == "SUBSURF" and not modifier.show_viewport:
+            notices.append(f"{item.name}: {modifier.name} is switched off in the view and is not applied.")
+    return notices

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What runs at the moment: one correction, one test of the program, one courier. Nothing of it is saved in a file."""
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import bpy
+
+from . import drawing, dxf, glb, mark, part, program, station
+from .trouble import Trouble
+
+_RUN_LIMIT_S = 300
+
+run = None
+courier = None
+version = ""
+version_trouble = None
+live_digest = None
+send_trouble = None
+
+_folder = None
+_last_glb = {}
+
+
+def preferences(context):
+    """The add-on's preferences."""
+    return context.preferences.addons[__package__].preferences
+
+
+def path_of(text):
+    """A path from a field of Blender, where `//` is the folder of the saved file."""
+    return bpy.path.abspath(text) if text else ""
+
+
+def find_program(context):
+    """The path of isomark. Raises Trouble if there is none."""
+    return program.find(path_of(preferences(context).program))
+
+
+class Export:
+    """The part and the drawing of a scene as files, with sentences about what was not taken as it is."""
+
+    def __init__(self, context):
+        """Reads the scene. Raises Trouble with what is missing or wrong."""
+        settings = context.scene.isomark
+        items = [entry.item for entry in settings.drawings if entry.item is not None]
+        frame = drawing.frame_of(settings.frame)
+        read_part = part.read(settings.part, frame if settings.frame else None, context)
+        read_drawing = drawing.read(items, frame, context)
+        self.frame = frame if settings.frame else None
+        self.sku = station.plain_name(settings.sku or settings.part.name, "part")
+        self.name = station.plain_name(settings.name or items[0].name, "drawing")
+        self.part, self.drawing = read_part.glb, dxf.write(read_drawing.paths)
+        self.notices = [*read_part.notices, *read_drawing.notices]
+
+    def files(self):
+        """What is sent to a hot folder, in the order in which a station needs it: part, settings, drawing."""
+        stem = f"{self.sku}@{self.name}"
+        files = [(f"{self.sku}.glb", self.part), (f"{stem}.dxf", self.drawing)]
+        if self.frame is not None:
+            files.insert(1, (f"{stem}.toml", b'[placement]\nanchor = "origin"\n'))
+        return files
+
+    def digest(self):
+        """A value that changes with any of the files."""
+        return hash((self.part, self.drawing, self.sku, self.name))
+
+
+class Run:
+    """One correction by isomark, in a child process."""
+
+    def __init__(self, context, export=None):
+        """Exports and starts. Raises Trouble."""
+        self.export = export or Export(context)
+        found, settings_file = find_program(context), path_of(preferences(context).station)
+        folder = _work_folder()
+        place, pattern = folder / f"{self.export.sku}.glb", folder / f"{self.export.name}.dxf"
+        self._on_part = folder / "on-part.glb"
+        try:
+            self._on_part.unlink(missing_ok=True)
+            place.write_bytes(self.export.part)
+            pattern.write_bytes(self.export.drawing)
+        except OSError as error:
+            raise Trouble(f"Cannot write to {folder}: {error.strerror}.", "Free space on the disk.") from error
+        # Its own cache: a trial must not replace the surface that a station keeps for this product.
+        arguments = ["correct", str(place), str(pattern), "--out", str(folder / "out" / "corrected.dxf"), "--sku",
+                     self.export.sku, "--cache", str(folder / "cache"), "--on-part", str(self._on_part), "--json"]
+        if self.export.frame is not None:
+            arguments += ["--anchor", "origin"]
+        if settings_file:
+            arguments += ["--station", settings_file]
+        (folder / "out").mkdir(exist_ok=True)
+        self.cancelled = False
+        self._child = program.Child(found, arguments, _RUN_LIMIT_S)
+
+    def poll(self):
+        """Whether the child process has ended. Raises Trouble after the time limit."""
+        return self._child.poll() is not None
+
+    def finish(self, context):
+        """Waits, then shows the mark and the values. Raises Trouble with isomark's reason; the mark is removed then."""
+        try:
+            report = program.result(self._child.wait())
+            try:
+                data = self._on_part.read_bytes()
+            except OSError as error:
+                raise Trouble("isomark did not write the mark on the part.", "Install the newest isomark.") from error
+            on_part = glb.read_on_part(data)
+        except Trouble:
+            mark.clear(context.scene)
+            raise
+        _last_glb[context.scene.name] = on_part
+        mark.show(context.scene, on_part, context.scene.isomark)
+        context.scene.isomark.outcome = json.dumps(_outcome(report, self.export))
+
+    def end(self):
+        """Ends the child process."""
+        self._child.end()
+
+
+def show_again(context):
+    """Shows the mark of the last run with changed settings of the display."""
+    on_part = _last_glb.get(context.scene.name)
+    if on_part and mark.find(context.scene, "mark"):
+        mark.show(context.scene, on_part, context.scene.isomark)
+
+
+def note(scene, trouble):
+    """Shows the trouble in the panel."""
+    scene.isomark.outcome = json.dumps({"what": trouble.what, "remedy": trouble.remedy})
+
+
+def _outcome(report, export):
+    """The values for the panel from isomark's report."""
+    after, before = report["quality"]["after"], report["quality"].get("before") or {}
+    notices = [entry for entry in report.get("notices", []) if entry.get("severity") == "warning"]
+    warnings = [*export.notices, *(entry.get("message", "") for entry in notices)]
+    facing = report.get("placement", {}).get("facing")
+    if export.frame is not None and facing and float(export.frame.axes[:, 2] @ facing) < 0.999:
+        warnings.insert(0, "isomark did not use the frame: the settings name another side (`facing`), or this isomark is "
+                           "too old for frames.")
+    return {
+        "length_mm": after["length_mm"],
+        "before_mm": before.get("length_error_mm"),
+        "after_mm": after["length_error_mm"],
+        "stretch_before": before.get("largest_stretch"),
+        "stretch_after": after["largest_stretch"],
+        "incidence_deg": report["exposure"]["incidence_deg"],
+        "warnings": warnings,
+        "program": report.get("program", ""),
+    }
+
+
+def _work_folder():
+    global _folder
+    if _folder is None or not _folder.is_dir():
+        _folder = Path(tempfile.mkdtemp(prefix="isomark-"))
+    return _folder
+
+
+def end():
+    """Ends everything that runs, and removes the temporary files."""
+    global run, courier, _folder, live_digest
+    if run is not None:
+        run.end()
+        run = None
+    if courier is not None:
+        courier.stop()
+        courier = None
+    program.end_all()
+    live_digest = None
+    _last_glb.clear()
+    if _folder is not None:
+        shutil.rmtree(_folder, ignore_errors=True)
+        _folder = None
+
+
+def redraw():
+    """Draws the panels again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in ("VIEW_3D", "PREFERENCES"):
+                area.tag_redraw()
