@@ -23,7 +23,7 @@ class IsomarkPanel(bpy.types.Panel):
         settings = context.scene.isomark
         self._inputs(settings)
         self._mark(context, settings)
-        self._send(context)
+        self._send(context, settings)
 
     def _inputs(self, settings):
         layout = self.layout
@@ -87,8 +87,11 @@ class IsomarkPanel(bpy.types.Panel):
         for warning in outcome["warnings"]:
             wrap.label(layout, context, warning, "ERROR")
 
-    def _send(self, context):
+    def _send(self, context, settings):
         layout = self.layout.box()
+        sku, name = session.names(settings)
+        if sku and name:
+            layout.label(text=f"{sku}@{name}.dxf", icon="FILE")
         row = layout.row(align=True)
         row.operator("isomark.send", icon="EXPORT")
         row.operator("preferences.addon_show", text="", icon="PREFERENCES").module = __package__

@@ -88,7 +88,7 @@ class Child:
             code = self._process.poll()
             if code is None and time.monotonic() > self._deadline:
                 self.end()
-                raise Trouble(f"isomark did not finish within {self._limit_s:.0f} s and was ended.",
+                raise Trouble(f"The program did not finish within {self._limit_s:.0f} s and was ended.",
                               "Use fewer triangles or fewer points, or check the path of the program.")
             if code is None:
                 return None

@@ -39,6 +39,13 @@ def find_program(context):
     return program.find(path_of(preferences(context).program))
 
 
+def names(settings):
+    """The names of the product and of the drawing under which the files are sent; None for what is not chosen yet."""
+    first = next((entry.item for entry in settings.drawings if entry.item is not None), None)
+    sku, name = settings.sku or settings.part and settings.part.name, settings.name or first and first.name
+    return sku and station.plain_name(sku, "part"), name and station.plain_name(name, "drawing")
+
+
 class Export:
     """The part and the drawing of a scene as files, with sentences about what was not taken as it is."""
 
@@ -50,8 +57,7 @@ class Export:
         read_part = part.read(settings.part, frame if settings.frame else None, context)
         read_drawing = drawing.read(items, frame, context)
         self.frame = frame if settings.frame else None
-        self.sku = station.plain_name(settings.sku or settings.part.name, "part")
-        self.name = station.plain_name(settings.name or items[0].name, "drawing")
+        self.sku, self.name = names(settings)
         self.part, self.drawing = read_part.glb, dxf.write(read_drawing.paths)
         self.notices = [*read_part.notices, *read_drawing.notices]
 

@@ -203,7 +203,7 @@ class Courier(threading.Thread):
             if now >= next_status:
                 state, next_status = self._status(), now + _STATUS_EVERY_S
             is_there = os.path.lexists(station.hot / self.drawing)
-            busy = state is not None and any(job.get("drop") == self.drawing for job in state.get("under_way", []))
+            busy = isinstance(state, dict) and any(job.get("drop") == self.drawing for job in state.get("under_way", []))
             filed_since = None if is_there or busy else filed_since or now
             if filed_since and now - filed_since > _FILED_S:
                 if answer := self._filed(before):
@@ -249,7 +249,7 @@ class Courier(threading.Thread):
         return None
 
     def _status(self):
-        """The station's status, or None if it cannot be asked."""
+        """The station's status; None if it cannot be asked, a Trouble if isomark states why it has none."""
         if not self.station.file:
             return None
         try:
@@ -261,14 +261,16 @@ class Courier(threading.Thread):
             finally:
                 child.end()
             return program.result(ended)
-        except Trouble:
-            return None
+        except Trouble as trouble:
+            return trouble
 
     def _waiting(self, state):
         """What the files wait for."""
         still = f"Waiting for the station: {self.drawing}."
         if state is None:
             return Answer(WAITING, still)
+        if isinstance(state, Trouble):
+            return Answer(WAITING, f"{still} Its state is not known: {state.what}", state.remedy)
         names = [name for name, _ in self.files]
         for kind in ("waiting", "incomplete"):
             for drop in state.get(kind, {}).get("first", []):

@@ -3,8 +3,10 @@
 import importlib
 import math
 import re
+import tempfile
 import time
 import unittest
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -13,6 +15,24 @@ from mathutils import Matrix
 ISOMARK = ""
 MODULE = ""
 LIMIT_S = 60
+
+# Of a station.
+SETTINGS = """[station]
+name = "test"
+[folders]
+hot = "hot"
+import = "import"
+[field]
+width_mm = 250
+height_mm = 250
+# With the usual 0.01 mm, the chords of small letters lose 0.02 mm a turn, which is more than the correction leaves.
+[correction]
+tolerance_mm = 0.002
+[watch]
+settle_ms = 100
+rescan_s = 0.5
+incomplete_s = 2
+"""
 
 
 def addon(name):
@@ -39,7 +59,12 @@ class SceneTest(unittest.TestCase):
             bpy.ops.preferences.addon_enable(module=MODULE)
         bpy.context.scene.unit_settings.scale_length = 0.001
         self.preferences = bpy.context.preferences.addons[MODULE].preferences
-        self.preferences.program, self.preferences.station, self.preferences.hot_folder = ISOMARK, "", ""
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        station = self.folder / "station.toml"
+        station.write_text(SETTINGS)
+        self.preferences.program, self.preferences.station, self.preferences.hot_folder = ISOMARK, str(station), ""
 
     def tearDown(self):
         addon("session").end()
