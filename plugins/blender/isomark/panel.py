@@ -85,7 +85,7 @@ class IsomarkPanel(bpy.types.Panel):
             split.label(text=name)
             split.label(text=value)
         for warning in outcome["warnings"]:
-            wrap.label(layout, context, warning, "ERROR")
+            wrap.label(layout, context, warning[:1].upper() + warning[1:], "ERROR")
 
     def _send(self, context, settings):
         layout = self.layout.box()
