@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the buttons do."""
 
+import time
+
 import bpy
 from bpy.props import IntProperty
 from mathutils import Matrix, Vector
@@ -170,7 +172,7 @@ class _Background(bpy.types.Operator):
         try:
             self.job = self.begin(context)
             while not self.job.poll():
-                pass
+                time.sleep(_TICK_S / 10)
             self.release(context)
             self.complete(context)
         except Trouble as trouble:
