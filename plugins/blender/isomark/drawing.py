@@ -28,13 +28,14 @@ def millimetres(scene):
     return scene.unit_settings.scale_length * 1000
 
 
-def frame_of(empty):
+def frame_of(empty, context):
     """The marking frame of an empty; without one, that of the world: the laser looks down.
 
-    Raises Trouble if the axes of the empty have no length or are mirrored.
+    Raises Trouble if the empty is hidden, or its axes have no length or are mirrored.
     """
     if empty is None:
         return Frame(np.zeros(3), np.eye(3))
+    refuse_hidden(empty, context)
     matrix = np.array(empty.matrix_world, float)
     axes = matrix[:3, :3]
     if abs(np.linalg.det(axes)) < 1e-12 * max(1e-12, np.abs(axes).max() ** 3):
@@ -52,6 +53,15 @@ def quaternion(frame):
     return tuple(Matrix(frame.axes.tolist()).to_quaternion())
 
 
+def refuse_hidden(item, context):
+    """Raises Trouble for an object that Blender does not keep up to date, because it is not shown."""
+    if item.name not in context.view_layer.objects:
+        raise Trouble(f"{item.name} is not in this scene or view layer.", "Choose another object, or link it to the scene.")
+    if not item.visible_get(view_layer=context.view_layer):
+        raise Trouble(f"{item.name} is hidden, and Blender does not keep hidden objects up to date.",
+                      "Show it with its eye in the Outliner.")
+
+
 def read(objects, frame, context):
     """The drawing that the objects show, with one layer for each object.
 
@@ -67,6 +77,7 @@ def read(objects, frame, context):
         if item.type not in TYPES:
             raise Trouble(f"{item.name} is a {item.type.lower()}, which is not a drawing.",
                           "Convert it with Object > Convert > Curve, or remove it from the list.")
+        refuse_hidden(item, context)
         if item.mode == "EDIT" and item.type in ("CURVE", "FONT"):
             item.update_from_editmode()
         evaluated = item.evaluated_get(depsgraph)

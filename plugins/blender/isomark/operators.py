@@ -108,7 +108,7 @@ class IsomarkLayOnFrame(bpy.types.Operator):
     def execute(self, context):
         settings = context.scene.isomark
         try:
-            frame = drawing.frame_of(settings.frame)
+            frame = drawing.frame_of(settings.frame, context)
         except Trouble as trouble:
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}

@@ -62,9 +62,9 @@ class IsomarkPanel(bpy.types.Panel):
             self._outcome(layout, context, json.loads(settings.outcome))
         if mark.find(context.scene, "mark") is None:
             return
-        flow = layout.grid_flow(columns=2, align=True)
+        column = layout.column(align=True)
         for name in ("coloured", "show_ink", "show_uncorrected", "show_view"):
-            flow.prop(settings, name)
+            column.prop(settings, name)
         row = layout.row(align=True)
         row.prop(settings, "width_mm")
         row.operator("isomark.clear", text="", icon="TRASH")
@@ -74,16 +74,13 @@ class IsomarkPanel(bpy.types.Panel):
             wrap.label(layout, context, outcome["what"], "ERROR")
             wrap.label(layout, context, outcome["remedy"], "BLANK1")
             return
-        rows = [("Lines", f"{outcome['length_mm']:.1f} mm"),
-                ("Length error", _change(outcome["before_mm"], outcome["after_mm"], "{:.3f}", "mm")),
-                ("Largest stretch", _change(_percent(outcome["stretch_before"]), _percent(outcome["stretch_after"]),
-                                            "{:+.2f}", "%")),
-                ("Incidence", f"at most {outcome['incidence_deg']:.1f}°")]
         column = layout.column(align=True)
-        for name, value in rows:
-            split = column.split(factor=0.38)
-            split.label(text=name)
-            split.label(text=value)
+        stretch = (_percent(outcome["stretch_before"]), _percent(outcome["stretch_after"]))
+        for name, value in (("Length error:", _change(outcome["before_mm"], outcome["after_mm"], "{:.3f}", "mm")),
+                            (f"on {outcome['length_mm']:.1f} mm of lines", ""),
+                            ("Stretch:", _change(*stretch, "{:+.2f}", "%")),
+                            ("Incidence:", f"{outcome['incidence_deg']:.1f}°")):
+            column.label(text=f"{name} {value}")
         for warning in outcome["warnings"]:
             wrap.label(layout, context, warning[:1].upper() + warning[1:], "ERROR")
 

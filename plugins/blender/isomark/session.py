@@ -53,7 +53,7 @@ class Export:
         """Reads the scene. Raises Trouble with what is missing or wrong."""
         settings = context.scene.isomark
         items = [entry.item for entry in settings.drawings if entry.item is not None]
-        frame = drawing.frame_of(settings.frame)
+        frame = drawing.frame_of(settings.frame, context)
         read_part = part.read(settings.part, frame if settings.frame else None, context)
         read_drawing = drawing.read(items, frame, context)
         self.frame = frame if settings.frame else None

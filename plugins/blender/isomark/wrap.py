@@ -3,7 +3,7 @@
 
 import textwrap
 
-_LETTER_PX = 6.3
+_LETTER_PX = 6.9
 _MARGIN_PX = 62
 
 

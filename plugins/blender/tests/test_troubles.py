@@ -139,6 +139,19 @@ class Inputs(SceneTest):
         self.assertTrue(outcome["what"] and outcome["remedy"])
         self.assertNotIn("isomark", bpy.data.objects)
 
+    def test_a_hidden_object_is_pointed_out(self):
+        mouse = Mouse()
+        part, items, frame = mouse.part(), bench.drawings(mouse.frame_matrix), bench.frame_at(mouse.frame_matrix)
+        self.use(part, items, frame)
+        for item in (part, items[1], frame):
+            item.hide_set(True)
+            trouble = self.trouble(addon("session").Export, bpy.context)
+            self.assertEqual((trouble.what.split(",")[0], trouble.remedy),
+                             (f"{item.name} is hidden", "Show it with its eye in the Outliner."))
+            item.hide_set(False)
+        bpy.data.scenes["Scene"].collection.objects.unlink(part)
+        self.assertIn("not in this scene", self.trouble(addon("session").Export, bpy.context).what)
+
     def test_an_unsaved_file_works(self):
         self.assertFalse(bpy.data.is_saved)
         mouse = Mouse()
@@ -149,10 +162,10 @@ class Inputs(SceneTest):
         drawing = addon("drawing")
         frame = bench.frame_at(bench.Matrix.Diagonal((1, 1, -1, 1)))
         bpy.context.view_layer.update()
-        self.assertIn("negative", self.trouble(drawing.frame_of, frame).what)
+        self.assertIn("negative", self.trouble(drawing.frame_of, frame, bpy.context).what)
         frame.matrix_world = bench.Matrix.Diagonal((1, 0, 1, 1))
         bpy.context.view_layer.update()
-        self.assertIn("scale 0", self.trouble(drawing.frame_of, frame).what)
+        self.assertIn("scale 0", self.trouble(drawing.frame_of, frame, bpy.context).what)
 
     def test_a_part_must_have_faces_and_a_size(self):
         bpy.ops.object.empty_add()
@@ -212,12 +225,12 @@ class Inputs(SceneTest):
         bpy.ops.object.text_add(location=(0, 0, 3))
         text = bench.named("Text")
         bpy.context.view_layer.update()
-        read = addon("drawing").read([circle, text], addon("drawing").frame_of(None), bpy.context)
+        read = addon("drawing").read([circle, text], addon("drawing").frame_of(None, bpy.context), bpy.context)
         self.assertEqual(len([notice for notice in read.notices if "Circle" in notice]), 2)
         self.assertIn("3.00 mm off the plane", " ".join(read.notices))
         mouse = Mouse().part()
         read_mesh = addon("drawing").read
-        self.assertIn("Convert", self.trouble(read_mesh, [mouse], addon("drawing").frame_of(None), bpy.context).remedy)
+        self.assertIn("Convert", self.trouble(read_mesh, [mouse], addon("drawing").frame_of(None, bpy.context), bpy.context).remedy)
 
 
 class Folders(SceneTest):
@@ -280,7 +293,7 @@ class Files(SceneTest):
             self.skipTest("ezdxf is not installed")
         items = bench.drawings(bench.Matrix.Identity(4))
         items[0].name = "Größe/1|日本"
-        read = addon("drawing").read(items, addon("drawing").frame_of(None), bpy.context)
+        read = addon("drawing").read(items, addon("drawing").frame_of(None, bpy.context), bpy.context)
         path = self.folder / "drawing.dxf"
         path.write_bytes(addon("dxf").write(read.paths))
         document = ezdxf.readfile(path)
