@@ -53,7 +53,7 @@ def show(scene, on_part, settings):
         if field == "ink":
             _fill_mesh(item.data, shapes, to_scene)
         else:
-            width = settings.width_mm / 1000 * to_scene * (0.5 if field == "mark" else 0.3)
+            width = settings.width_mm / 2000 * to_scene
             _fill_curve(item.data, shapes, to_scene, field, settings.coloured and field in ("mark", "drawn"), width)
 
 

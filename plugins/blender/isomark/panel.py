@@ -56,7 +56,7 @@ class IsomarkPanel(bpy.types.Panel):
         if session.run is None:
             row.operator("isomark.show", icon="HIDE_OFF")
         else:
-            row.operator("isomark.cancel", text="Working: ESC or Click Cancels", icon="CANCEL")
+            row.operator("isomark.cancel", text="Cancel (ESC)", icon="CANCEL")
         row.prop(context.window_manager, "isomark_live", toggle=True, text="", icon="FILE_REFRESH")
         if settings.outcome:
             self._outcome(layout, context, json.loads(settings.outcome))
@@ -76,11 +76,11 @@ class IsomarkPanel(bpy.types.Panel):
             return
         column = layout.column(align=True)
         stretch = (_percent(outcome["stretch_before"]), _percent(outcome["stretch_after"]))
-        for name, value in (("Length error:", _change(outcome["before_mm"], outcome["after_mm"], "{:.3f}", "mm")),
-                            (f"on {outcome['length_mm']:.1f} mm of lines", ""),
-                            ("Stretch:", _change(*stretch, "{:+.2f}", "%")),
-                            ("Incidence:", f"{outcome['incidence_deg']:.1f}°")):
-            column.label(text=f"{name} {value}")
+        for text in (f"{outcome['length_mm']:.1f} mm of lines",
+                     f"Error: {_change(outcome['before_mm'], outcome['after_mm'], '{:.3f}', 'mm')}",
+                     f"Stretch: {_change(*stretch, '{:+.2f}', '%')}",
+                     f"Incidence: at most {outcome['incidence_deg']:.1f}°"):
+            column.label(text=text)
         for warning in outcome["warnings"]:
             wrap.label(layout, context, warning[:1].upper() + warning[1:], "ERROR")
 

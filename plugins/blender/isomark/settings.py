@@ -48,7 +48,7 @@ class IsomarkScene(bpy.types.PropertyGroup):
                                    description="Shows where the drawing would be without the correction")
     show_view: BoolProperty(name="Laser's View", default=False, update=_show_again,
                             description="Outlines what the laser can reach")
-    width_mm: FloatProperty(name="Line Width", default=0.3, min=0.0, soft_max=2.0, max=20.0, precision=2,
+    width_mm: FloatProperty(name="Line Width", default=0.6, min=0.0, soft_max=2.0, max=20.0, precision=2,
                             update=_show_again, description="Width of the shown lines, mm. The laser has its own")
     outcome: StringProperty(options={"HIDDEN"})
 

@@ -18,8 +18,9 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-WIDTH, HEIGHT = 1180, 860
+WIDTH, HEIGHT = 1180, 940
 LIMIT_S = 120
+DRAWN_S = 3
 STATION = """[station]
 name = "Laser 1"
 [folders]
@@ -31,9 +32,9 @@ height_mm = 250
 """
 # Where things are in a window of this size.
 VIEW, EMPTY_SPOT, TAB = (250, 640), (180, 700), (961, 270)
-USE_SELECTED, SHOW = (848, 147), (838, 364)
+USE_SELECTED, SHOW, UNCORRECTED, SEND = (848, 147), (838, 364), (773, 614), (838, 728)
 # What README shows: the view with its panel.
-SHOWN = "690x650+283+100"
+SHOWN = "790x740+183+100"
 
 
 def until(condition, what):
@@ -112,7 +113,8 @@ class Window:
         self.run("xdotool", "mousemove", *map(str, place), "sleep", "0.3", "key", name, "sleep", "0.8")
 
     def photograph(self, name):
-        """Writes a picture of the screen and returns its path."""
+        """Writes a picture of the screen and returns its path. Without a graphics card, drawing takes a moment."""
+        time.sleep(DRAWN_S)
         self.count += 1
         path = self.pictures / f"{self.count:02}-{name}.png"
         self.run("import", "-window", "root", str(path))
@@ -161,6 +163,17 @@ def walk(window, isomark):
     window.key(VIEW, "ctrl+shift+z")
     window.when(lambda state: state["marks"] == ["isomark"], "redo shows it again")
     window.photograph("mark")
+
+    window.click(UNCORRECTED)
+    window.when(lambda state: len(state["marks"]) == 2, "the uncorrected drawing is shown beside it")
+    window.photograph("uncorrected")
+    window.click(SEND)
+    window.when(lambda state: state["answer"] == "delivered", "the station's answer is shown")
+    assert (window.folder / "import" / "Can@Ring.dxf").is_file()
+    (window.folder / "hide.txt").touch()
+    until(lambda: not (window.folder / "hide.txt").exists(), "the flat drawing is hidden")
+    whole = window.photograph("delivered")
+    window.run("convert", str(whole), "-crop", SHOWN, "+repage", "-colors", "64", str(window.pictures / "panel.png"))
 
 
 def main():

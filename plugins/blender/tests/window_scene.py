@@ -5,11 +5,12 @@ Writes `state.json` into the folder, and takes the path of isomark from `program
 
 import importlib
 import json
+import math
 import os
 import sys
 
 import bpy
-from mathutils import Matrix
+from mathutils import Euler, Matrix
 
 FOLDER, STATION = sys.argv[sys.argv.index("--") + 1:]
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -51,10 +52,12 @@ def look():
         if area.type == "VIEW_3D":
             view = area.spaces.active
             view.clip_end, view.overlay.grid_scale = 10000, 10
+            overlay = view.overlay
+            overlay.show_cursor = overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
             view.shading.background_type, view.shading.background_color = "VIEWPORT", (0.35, 0.36, 0.38)
-            view.region_3d.view_distance = 190
-            view.region_3d.view_location = (20, 0, 2)
-            view.region_3d.view_rotation = (0.79, 0.60, 0.07, 0.10)
+            view.region_3d.view_distance = 135
+            view.region_3d.view_location = (14, 0, -2)
+            view.region_3d.view_rotation = Euler((math.radians(72), 0, math.radians(-10))).to_quaternion()
 
 
 def report():
@@ -65,6 +68,12 @@ def report():
         with open(path, encoding="utf-8") as file:
             bpy.context.preferences.addons[MODULE].preferences.program = file.read()
         os.remove(path)
+    hide = os.path.join(FOLDER, "hide.txt")
+    if os.path.exists(hide):
+        # For the picture: the flat drawing would cover the mark.
+        for name in ("Title", "Ring", "Front"):
+            bpy.data.objects[name].hide_set(True)
+        os.remove(hide)
     settings, courier = bpy.context.scene.isomark, session.courier
     state = {
         "part": settings.part and settings.part.name,
