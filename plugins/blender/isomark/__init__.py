@@ -10,7 +10,7 @@ bl_info = {
     "version": (0, 1, 0),
     "blender": (3, 4, 0),
     "location": "3D View > Sidebar > isomark",
-    "description": "True lengths on curved parts: see the mark and send it to the laser",
+    "description": "See marks with true lengths on curved parts, and send them to the laser",
     "category": "Import-Export",
 }
 

@@ -56,9 +56,9 @@ def quaternion(frame):
 def refuse_hidden(item, context):
     """Raises Trouble for an object that Blender does not keep up to date, because it is not shown."""
     if item.name not in context.view_layer.objects:
-        raise Trouble(f"{item.name} is not in this scene or view layer.", "Choose another object, or link it to the scene.")
+        raise Trouble(f"The object {item.name} is not in this scene or view layer.", "Choose another object, or link it to the scene.")
     if not item.visible_get(view_layer=context.view_layer):
-        raise Trouble(f"{item.name} is hidden, and Blender does not keep hidden objects up to date.",
+        raise Trouble(f"The object {item.name} is hidden, and Blender does not keep hidden objects up to date.",
                       "Show it with its eye in the Outliner.")
 
 
@@ -75,7 +75,7 @@ def read(objects, frame, context):
     paths, notices = [], []
     for item in objects:
         if item.type not in TYPES:
-            raise Trouble(f"{item.name} is a {item.type.lower()}, which is not a drawing.",
+            raise Trouble(f"The object {item.name} is a {item.type.lower()}, which is not a drawing.",
                           "Convert it with Object > Convert > Curve, or remove it from the list.")
         refuse_hidden(item, context)
         if item.mode == "EDIT" and item.type in ("CURVE", "FONT"):
@@ -92,7 +92,7 @@ def read(objects, frame, context):
         count = len(paths)
         for points, closed in found:
             if not np.isfinite(points).all():
-                raise Trouble(f"{item.name} has points at infinity.", "Remove the broken spline.")
+                raise Trouble(f"The object {item.name} has points at infinity.", "Remove the broken spline.")
             flat = _without_repeats(points[:, :2], closed)
             paths.append(dxf.Path(layer, closed and len(flat) > 2, flat.tolist()))
         if count == len(paths):

@@ -26,7 +26,7 @@ def read(item, frame, context):
     if item is None:
         raise Trouble("There is no part yet.", "Select the part in the view and press Use Selected, or choose it under Part.")
     if item.type not in TYPES:
-        raise Trouble(f"{item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
+        raise Trouble(f"The object {item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
     drawing.refuse_hidden(item, context)
     if item.mode == "EDIT" and item.type == "MESH":
         item.update_from_editmode()

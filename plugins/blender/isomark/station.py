@@ -42,9 +42,9 @@ def at(station_file="", hot_folder=""):
             folders = _folders(file.read_text(encoding="utf-8-sig"))
         except (OSError, UnicodeDecodeError) as error:
             raise of_system("read the station's settings", file, error) if isinstance(error, OSError) else Trouble(
-                f"{file} is not a text in UTF-8.", "Choose the station's settings file, station.toml.") from error
+                f"The file {file} is not a text in UTF-8.", "Choose the station's settings file, station.toml.") from error
         if not hot_folder.strip() and "hot" not in folders:
-            raise Trouble(f"{file} names no hot folder.", "Choose the station's settings file, station.toml.")
+            raise Trouble(f"The file {file} names no hot folder.", "Choose the station's settings file, station.toml.")
         place = {name: file.parent / folders.get(name, name) for name in ("hot", "reports", "rejected")}
         station = Station(str(file), place["hot"], place["reports"], place["rejected"])
         if hot_folder.strip():

@@ -147,7 +147,7 @@ class Inputs(SceneTest):
             item.hide_set(True)
             trouble = self.trouble(addon("session").Export, bpy.context)
             self.assertEqual((trouble.what.split(",")[0], trouble.remedy),
-                             (f"{item.name} is hidden", "Show it with its eye in the Outliner."))
+                             (f"The object {item.name} is hidden", "Show it with its eye in the Outliner."))
             item.hide_set(False)
         bpy.data.scenes["Scene"].collection.objects.unlink(part)
         self.assertIn("not in this scene", self.trouble(addon("session").Export, bpy.context).what)
