@@ -85,9 +85,9 @@ def read(objects, frame, context):
         if item.type in ("CURVE", "FONT"):
             found = _of_curve(item, evaluated, depsgraph, place, notices)
         elif item.type == "GPENCIL":
-            found = _of_old_pencil(item, evaluated, place, notices)
+            found = _of_old_pencil(item, place, notices)
         else:
-            found = _of_pencil(item, evaluated, context.scene, place, notices)
+            found = _of_pencil(item, place, notices)
         layer = dxf.layer_name(item.name)
         count = len(paths)
         for points, closed in found:
@@ -178,12 +178,13 @@ def _of_spline(spline, place):
     return points, closed
 
 
-def _of_old_pencil(item, evaluated, place, notices):
+def _of_old_pencil(item, place, notices):
     """Paths of grease pencil until Blender 4.2."""
     _note_modifiers(item, getattr(item, "grease_pencil_modifiers", ()), notices)
     for layer in item.data.layers:
         if layer.hide or layer.active_frame is None:
             continue
+        _note_parent(item, layer, notices)
         matrix = np.array(layer.matrix_layer, float)
         for stroke in layer.active_frame.strokes:
             if len(stroke.points) and (kind := _pencil_kind(item, stroke.material_index)):
@@ -191,13 +192,14 @@ def _of_old_pencil(item, evaluated, place, notices):
                 yield place(_coordinates(stroke.points, "co"), matrix), closed
 
 
-def _of_pencil(item, evaluated, scene, place, notices):
+def _of_pencil(item, place, notices):
     """Paths of grease pencil from Blender 4.3 on."""
     _note_modifiers(item, item.modifiers, notices)
     for layer in item.data.layers:
         frame = None if layer.hide else layer.current_frame()
         if frame is None or frame.drawing is None:
             continue
+        _note_parent(item, layer, notices)
         matrix = np.array(layer.matrix_local, float)
         curved = 0
         for stroke in frame.drawing.strokes:
@@ -228,3 +230,8 @@ def _note_modifiers(item, modifiers, notices):
     shown = [modifier.name for modifier in modifiers if modifier.show_viewport]
     if shown:
         notices.append(f"{item.name}: modifiers are ignored ({', '.join(shown)}). Apply them to mark what they show.")
+
+
+def _note_parent(item, layer, notices):
+    if layer.parent is not None:
+        notices.append(f"{item.name}: the parent {layer.parent.name} of a layer is ignored. Clear it to mark what you see.")

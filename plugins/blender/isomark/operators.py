@@ -283,7 +283,7 @@ class IsomarkSend(bpy.types.Operator):
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}
         session.send_trouble = None
-        session.courier = station.Courier(to, export.sku, export.files(), lambda: program.find(path))
+        session.courier = station.Courier(to, export.sku, export.files(), lambda: program.find(path), export.direction())
         session.courier.start()
         if not bpy.app.timers.is_registered(_follow):
             bpy.app.timers.register(_follow, first_interval=_TICK_S)
@@ -304,6 +304,7 @@ CLASSES = (IsomarkUseSelected, IsomarkRemoveDrawing, IsomarkAddFrame, IsomarkLay
 
 @bpy.app.handlers.persistent
 def _before_load(*_):
+    bpy.context.window_manager.isomark_live = False
     live.stop()
     session.end()
 

@@ -102,7 +102,7 @@ class IsomarkPanel(bpy.types.Panel):
                 error = answer.report["quality"]["after"]["length_error_mm"]
                 wrap.label(layout, context, f"Length error on the part: {error:.3f} mm.", "BLANK1")
             if answer.remedy:
-                wrap.label(layout, context, answer.remedy, "BLANK1")
+                wrap.label(layout, context, answer.remedy, "ERROR" if answer.kind == station.DELIVERED else "BLANK1")
 
 
 def _percent(share):

@@ -86,7 +86,8 @@ def _pieces(item, mesh, matrix, metres):
     else:
         normals = normals.reshape(-1, 3)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals / np.where(length > 0, length, 1)
+    # A face without an area has no normal, and glTF needs one.
+    normals = np.where(length > 0, normals / np.where(length > 0, length, 1), (0.0, 0.0, 1.0))
     corners = corners.reshape(-1, 3)
     if determinant < 0:
         corners = corners[:, ::-1]

@@ -152,6 +152,16 @@ def result(ended):
                   "Check in the add-on's preferences, with Test, that the path is that of isomark.")
 
 
+def unused_frame(report, direction):
+    """A sentence if the report shows that isomark looked at another side than the marking frame, whose Z is `direction` (or
+    None for no frame); otherwise None."""
+    facing = report.get("placement", {}).get("facing")
+    if direction is None or not facing or sum(a * b for a, b in zip(facing, direction)) > 0.999:
+        return None
+    return ("The frame was not used: the settings name another side (`facing`), or this isomark is too old for frames. "
+            "Remove `facing` from the settings, or install the newest isomark.")
+
+
 def version(ended):
     """The text of `isomark --version`. Raises Trouble if another program answered."""
     text = ended.out.strip()

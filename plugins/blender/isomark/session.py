@@ -69,6 +69,10 @@ class Export:
             files.insert(1, (f"{stem}.toml", b'[placement]\nanchor = "origin"\n'))
         return files
 
+    def direction(self):
+        """The direction to the laser, or None without a frame."""
+        return None if self.frame is None else self.frame.axes[:, 2].tolist()
+
     def digest(self):
         """A value that changes with any of the files."""
         return hash((self.part, self.drawing, self.sku, self.name))
@@ -143,10 +147,8 @@ def _outcome(report, export):
     after, before = report["quality"]["after"], report["quality"].get("before") or {}
     notices = [entry for entry in report.get("notices", []) if entry.get("severity") == "warning"]
     warnings = [*export.notices, *(entry.get("message", "") for entry in notices)]
-    facing = report.get("placement", {}).get("facing")
-    if export.frame is not None and facing and float(export.frame.axes[:, 2] @ facing) < 0.999:
-        warnings.insert(0, "isomark did not use the frame: the settings name another side (`facing`), or this isomark is "
-                           "too old for frames.")
+    if unused := program.unused_frame(report, export.direction()):
+        warnings.insert(0, unused)
     return {
         "length_mm": after["length_mm"],
         "before_mm": before.get("length_error_mm"),

@@ -161,10 +161,11 @@ class Courier(threading.Thread):
     `answer` is the newest Answer. A stopped courier no longer looks; the files stay where they are.
     """
 
-    def __init__(self, station, sku, files, find_program):
-        """`files` are pairs of name and bytes in the order of their arrival; the last is the drawing."""
+    def __init__(self, station, sku, files, find_program, direction=None):
+        """`files` are pairs of name and bytes in the order of their arrival; the last is the drawing. `direction` is the Z of
+        the marking frame, if there is one."""
         super().__init__(name="isomark courier", daemon=True)
-        self.station, self.files, self.find_program = station, files, find_program
+        self.station, self.files, self.find_program, self.direction = station, files, find_program, direction
         self.folder = unicodedata.normalize("NFC", sku).lower()
         self.drawing = files[-1][0]
         self.answer = Answer(SENDING, f"Sending {self.drawing} to {station.hot}.")
@@ -245,7 +246,8 @@ class Courier(threading.Thread):
         report = self._report()
         if report and _stamp(report) not in (None, before.get(report)):
             if document := _document(report):
-                return Answer(DELIVERED, f"Delivered as {self.drawing}.", report=document)
+                unused = program.unused_frame(document, self.direction) or ""
+                return Answer(DELIVERED, f"Delivered as {self.drawing}.", unused, document)
         return None
 
     def _status(self):

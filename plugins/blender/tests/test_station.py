@@ -80,6 +80,16 @@ class Answers(SceneTest):
         self.assertEqual(len(corrected), len(archived))
         self.assertLess(sum(map(abs, errors)), 0.1)
 
+    def test_a_side_in_the_settings_that_overrides_the_frame_is_pointed_out(self):
+        (self.station.folder / "skus").mkdir()
+        (self.station.folder / "skus" / "Can 1.toml").write_text('[part]\nfacing = "+y"\n')
+        self.station.start()
+        answer = self.final(self.send())
+        self.assertEqual(answer.kind, "delivered", answer)
+        self.assertIn("The frame was not used", answer.remedy)
+        self.assertEqual(bpy.ops.isomark.show(), {"FINISHED"})
+        self.assertIn("The frame was not used", json.loads(self.settings.outcome)["warnings"][0])
+
     def test_a_drawing_that_is_sent_again_is_reported_as_unchanged(self):
         self.station.start()
         self.final(self.send())
