@@ -19,8 +19,9 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 WIDTH, HEIGHT = 1180, 940
-LIMIT_S = 120
+LIMIT_S = 60
 DRAWN_S = 3
+CLICKS, NOTICED_S = 5, 12
 STATION = """[station]
 name = "Laser 1"
 [folders]
@@ -33,15 +34,19 @@ height_mm = 250
 # Where things are in a window of this size.
 VIEW, EMPTY_SPOT, TAB = (250, 640), (180, 700), (961, 270)
 USE_SELECTED, SHOW, UNCORRECTED, SEND = (848, 147), (838, 364), (773, 614), (838, 728)
+PREFERENCES, LIVE = (919, 429), (919, 364)
+# In the window of the preferences, which opens over the panel.
+TEST, CLOSE = (1074, 454), (1168, 169)
 # What README shows: the view with its panel.
 SHOWN = "790x740+183+100"
 
 
-def until(condition, what):
+def until(condition, what, otherwise=lambda: None):
     """Waits for a condition."""
     deadline = time.monotonic() + LIMIT_S
     while not (value := condition()):
         if time.monotonic() > deadline:
+            otherwise()
             raise SystemExit(f"FAILED: {what} did not happen within {LIMIT_S} s")
         time.sleep(0.1)
     print(f"ok: {what}", flush=True)
@@ -84,9 +89,14 @@ class Window:
             child.wait()
 
     def use_program(self, path):
-        """Changes the path of isomark in the add-on's preferences."""
+        """Changes the path of isomark in the add-on's preferences, as soon as Blender looks."""
         (self.folder / "program.part").write_text(str(path))
         os.replace(self.folder / "program.part", self.folder / "program.txt")
+
+    def ask(self, name, what):
+        """Asks the script in Blender for something and waits until it is done."""
+        (self.folder / name).touch()
+        until(lambda: not (self.folder / name).exists(), what)
 
     def state(self):
         """What Blender reported last."""
@@ -97,7 +107,8 @@ class Window:
 
     def when(self, condition, what):
         """Waits for a state."""
-        return until(lambda: (state := self.state()) and condition(state) and state, what)
+        return until(lambda: (state := self.state()) and condition(state) and state, what,
+                     lambda: self.photograph("failed"))
 
     def run(self, *command):
         """Runs a command on the screen."""
@@ -107,6 +118,19 @@ class Window:
         """Clicks as a hand does: Blender misses a press and a release in the same moment."""
         self.run("xdotool", "mousemove", *map(str, place), "sleep", "0.4", "mousedown", "1", "sleep", "0.3", "mouseup",
                  "1", "sleep", "0.6")
+
+    def press(self, place, condition, what):
+        """Clicks until the state is reached: on a busy machine, Blender misses some clicks."""
+        for _ in range(CLICKS):
+            self.click(place)
+            deadline = time.monotonic() + NOTICED_S
+            while time.monotonic() < deadline:
+                if (state := self.state()) and condition(state):
+                    print(f"ok: {what}", flush=True)
+                    return state
+                time.sleep(0.1)
+        self.photograph("failed")
+        raise SystemExit(f"FAILED: {what} did not happen after {CLICKS} clicks")
 
     def key(self, place, name):
         """Presses a key with the mouse at a place."""
@@ -127,8 +151,13 @@ def walk(window, isomark):
     window.key(VIEW, "n")
     window.click(TAB)
     window.photograph("panel")
-    window.click(USE_SELECTED)
-    window.when(lambda state: state["part"] == "Can" and state["drawings"] == ["Ring", "Title"], "the selection is used")
+    window.press(USE_SELECTED, lambda state: state["part"] == "Can" and state["drawings"] == ["Ring", "Title"],
+                 "the selection is used")
+    window.click(PREFERENCES)
+    window.photograph("preferences")
+    window.press(TEST, lambda state: state["version"].startswith("isomark "), "Test shows the version")
+    window.photograph("tested")
+    window.click(CLOSE)
     window.click(EMPTY_SPOT)
 
     # A program that never answers: the window stays alive, and ESC ends the program.
@@ -137,8 +166,7 @@ def walk(window, isomark):
     slow.chmod(0o755)
     window.use_program(slow)
     until(lambda: not (window.folder / "program.txt").exists(), "the slow program is used")
-    window.click(SHOW)
-    window.when(lambda state: state["running"], "the slow program runs and the window answers")
+    window.press(SHOW, lambda state: state["running"], "the slow program runs and the window answers")
     until(lambda: marker.is_file() and marker.read_text().strip(), "its process is known")
     window.photograph("working")
     window.key(VIEW, "Escape")
@@ -147,16 +175,14 @@ def walk(window, isomark):
 
     window.use_program(window.folder / "not-there")
     until(lambda: not (window.folder / "program.txt").exists(), "a wrong path is used")
-    window.click(SHOW)
-    window.when(lambda state: "not-there" in state["outcome"].get("what", ""), "the panel states the wrong path")
+    window.press(SHOW, lambda state: "not-there" in state["outcome"].get("what", ""), "the panel states the wrong path")
     # The message at the mouse goes away when the mouse leaves it.
     window.key(VIEW, "F13")
     window.photograph("wrong-path")
 
     window.use_program(isomark)
     until(lambda: not (window.folder / "program.txt").exists(), "the right path is used")
-    window.click(SHOW)
-    shown = window.when(lambda state: state["marks"] == ["isomark"], "the mark is shown")
+    shown = window.press(SHOW, lambda state: state["marks"] == ["isomark"], "the mark is shown")
     assert shown["outcome"]["after_mm"] < 0.1 < shown["outcome"]["before_mm"], shown
     window.key(VIEW, "ctrl+z")
     window.when(lambda state: not state["marks"], "undo removes the mark")
@@ -164,14 +190,18 @@ def walk(window, isomark):
     window.when(lambda state: state["marks"] == ["isomark"], "redo shows it again")
     window.photograph("mark")
 
-    window.click(UNCORRECTED)
-    window.when(lambda state: len(state["marks"]) == 2, "the uncorrected drawing is shown beside it")
+    window.press(LIVE, lambda state: state["live"], "Live is on")
+    window.ask("grow.txt", "the ring becomes larger")
+    longer = shown["outcome"]["length_mm"] + 10
+    window.when(lambda state: state["outcome"].get("length_mm", 0) > longer, "Live corrects it again")
+    window.photograph("live")
+    window.press(LIVE, lambda state: not state["live"], "Live is off")
+    window.press(UNCORRECTED, lambda state: len(state["marks"]) == 2, "the uncorrected drawing is shown beside it")
     window.photograph("uncorrected")
-    window.click(SEND)
+    window.press(SEND, lambda state: state["answer"], "the files are sent")
     window.when(lambda state: state["answer"] == "delivered", "the station's answer is shown")
     assert (window.folder / "import" / "Can@Ring.dxf").is_file()
-    (window.folder / "hide.txt").touch()
-    until(lambda: not (window.folder / "hide.txt").exists(), "the flat drawing is hidden")
+    window.ask("hide.txt", "the flat drawing is hidden")
     whole = window.photograph("delivered")
     window.run("convert", str(whole), "-crop", SHOWN, "+repage", "-colors", "64", str(window.pictures / "panel.png"))
 

@@ -60,6 +60,15 @@ def look():
             view.region_3d.view_rotation = Euler((math.radians(72), 0, math.radians(-10))).to_quaternion()
 
 
+def taken(name):
+    """Whether window.py asks for something; it asks once."""
+    path = os.path.join(FOLDER, name)
+    if not os.path.exists(path):
+        return False
+    os.remove(path)
+    return True
+
+
 def report():
     """Writes the state, and takes the path of isomark."""
     session = importlib.import_module(f"{MODULE}.session")
@@ -68,12 +77,12 @@ def report():
         with open(path, encoding="utf-8") as file:
             bpy.context.preferences.addons[MODULE].preferences.program = file.read()
         os.remove(path)
-    hide = os.path.join(FOLDER, "hide.txt")
-    if os.path.exists(hide):
+    if taken("grow.txt"):
+        bpy.data.objects["Ring"].scale *= 1.2
+    if taken("hide.txt"):
         # For the picture: the flat drawing would cover the mark.
         for name in ("Title", "Ring", "Front"):
             bpy.data.objects[name].hide_set(True)
-        os.remove(hide)
     settings, courier = bpy.context.scene.isomark, session.courier
     state = {
         "part": settings.part and settings.part.name,
@@ -81,6 +90,8 @@ def report():
         "outcome": json.loads(settings.outcome or "{}"),
         "marks": [item.name for item in bpy.data.objects if item.name.startswith("isomark")],
         "running": session.run is not None,
+        "version": session.version,
+        "live": bpy.context.window_manager.isomark_live,
         "answer": courier and courier.answer.kind,
     }
     with open(os.path.join(FOLDER, "state.part"), "w", encoding="utf-8") as file:
