@@ -274,16 +274,16 @@ class IsomarkSend(bpy.types.Operator):
         if session.courier is not None:
             session.courier.stop()
             session.courier = None
-        path = session.path_of(preferences.program)
+        path, file, folder = map(session.path_of, (preferences.program, preferences.station, preferences.hot_folder))
         try:
             export = session.Export(context)
-            to = station.at(session.path_of(preferences.station), session.path_of(preferences.hot_folder))
         except Trouble as trouble:
             session.send_trouble = trouble
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}
         session.send_trouble = None
-        session.courier = station.Courier(to, export.sku, export.files(), lambda: program.find(path), export.direction())
+        session.courier = station.Courier(lambda: station.at(file, folder), export.sku, export.files(),
+                                          lambda: program.find(path), export.direction())
         session.courier.start()
         if not bpy.app.timers.is_registered(_follow):
             bpy.app.timers.register(_follow, first_interval=_TICK_S)

@@ -161,14 +161,16 @@ class Courier(threading.Thread):
     `answer` is the newest Answer. A stopped courier no longer looks; the files stay where they are.
     """
 
-    def __init__(self, station, sku, files, find_program, direction=None):
-        """`files` are pairs of name and bytes in the order of their arrival; the last is the drawing. `direction` is the Z of
-        the marking frame, if there is one."""
+    def __init__(self, find_station, sku, files, find_program, direction=None):
+        """`find_station` returns the Station; it is called in the background, because a share may not answer. `files` are
+        pairs of name and bytes in the order of their arrival; the last is the drawing. `direction` is the Z of the marking
+        frame, if there is one."""
         super().__init__(name="isomark courier", daemon=True)
-        self.station, self.files, self.find_program, self.direction = station, files, find_program, direction
+        self.station, self.files, self.direction = None, files, direction
+        self.find_station, self.find_program = find_station, find_program
         self.folder = unicodedata.normalize("NFC", sku).lower()
         self.drawing = files[-1][0]
-        self.answer = Answer(SENDING, f"Sending {self.drawing} to {station.hot}.")
+        self.answer = Answer(SENDING, f"Sending {self.drawing}.")
         self._stopped = threading.Event()
         self._child = None
 
@@ -178,6 +180,7 @@ class Courier(threading.Thread):
 
     def run(self):
         try:
+            self.station = self.find_station()
             before = self._snapshot()
             put(self.station.hot, self.files)
             self._follow(before)

@@ -131,6 +131,24 @@ class Answers(SceneTest):
             names = ["Can 1.glb", "Can 1@front.dxf", "Can 1@front.toml"]
             self.assertEqual(sorted(os.listdir(folder)), names)
 
+    def test_a_hot_folder_that_is_missing_or_read_only_is_stated_in_the_panel(self):
+        (self.station.folder / "hot").rmdir()
+        answer = self.final(self.send())
+        self.assertEqual(answer.kind, "failed")
+        self.assertIn(str(self.station.folder / "hot"), answer.what)
+        self.assertIn("preferences", answer.remedy)
+        # The superuser may write everywhere but into the system's own file systems.
+        if os.name != "nt":
+            read_only = Path("/sys") if os.geteuid() == 0 else self.station.folder / "reports"
+            if read_only != Path("/sys"):
+                read_only.chmod(0o555)
+            self.preferences.hot_folder = str(read_only)
+            answer = self.final(self.send())
+            self.assertEqual(answer.kind, "failed")
+            self.assertIn("permission", answer.remedy)
+            if read_only != Path("/sys"):
+                read_only.chmod(0o755)
+
     def test_the_panel_shows_every_answer(self):
         answer, kinds = addon("station").Answer, addon("panel")._ANSWERS
         for kind in ("sending", "sent", "waiting", "delivered", "rejected", "failed"):
