@@ -98,7 +98,7 @@ fn bend_and_write(bencher: Bencher) {
             head: ScanHead::TELECENTRIC,
         };
         let drawing = projection.bend(black_box(&pattern), 0.01, Subdivision::Adaptive);
-        drawing.map(|drawing| pattern::write(&drawing, DxfProfile::R2000))
+        drawing.map(|bent| pattern::write(&bent.drawing, DxfProfile::R2000))
     });
 }
 

@@ -27,7 +27,7 @@ use crate::formats::mesh::{
 use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading, RepairPlace,
 };
-use crate::geometry::correction::{Exposure, Projection, Subdivision};
+use crate::geometry::correction::{Bent, Exposure, Projection, Subdivision};
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
@@ -478,15 +478,21 @@ impl Pipeline {
             Vertices::Adaptive => Subdivision::Adaptive,
             Vertices::Keep => Subdivision::Keep,
         };
-        let mut drawing = projection
+        let Bent { mut drawing, shortening, .. } = projection
             .bend(&placed, settings.correction.tolerance, subdivision)
             .map_err(|error| rejected(checks::above_lens(error.at)))?;
+        let marked = placed.paths.iter().zip(&shortening);
+        let marked = marked.filter(|(path, _)| {
+            placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
+        });
+        let shortening: f64 = marked.map(|(_, lost)| lost).sum();
         clock.lap("bend");
 
         steps.at(Step::Measure);
         let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
-        let after = measured(&|at| map.point(at))
+        let mut after = measured(&|at| map.point(at))
             .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
+        after.length_error += shortening;
         let before = measured(&|at| ViewPoint::from(at.coords())).ok();
         clock.lap("measure");
 
@@ -557,7 +563,7 @@ impl Pipeline {
             map: map_report,
             quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
             exposure: (&exposure).into(),
-            output: output_report(&dxf, &drawing, settings),
+            output: output_report(&dxf, &drawing, shortening, settings),
             changes,
             notices,
             timings,
@@ -909,7 +915,12 @@ fn job_in_comments(dxf: &[u8]) -> Vec<String> {
     head.lines().filter_map(job).collect()
 }
 
-fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -> OutputReport {
+fn output_report(
+    dxf: &[u8],
+    drawing: &MarkingDrawing,
+    shortening: f64,
+    settings: &JobSettings,
+) -> OutputReport {
     OutputReport {
         blake3: hash(dxf),
         bytes: dxf.len(),
@@ -917,6 +928,7 @@ fn output_report(dxf: &[u8], drawing: &MarkingDrawing, settings: &JobSettings) -
         paths: drawing.paths.len(),
         vertices: drawing.paths.iter().map(|path| path.shape.points().len()).sum(),
         extents_mm: report::corners(&drawing.extents()),
+        shortening_mm: shortening,
         read_back: false,
     }
 }

@@ -277,7 +277,7 @@ pub struct Quality {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct DistortionReport {
-    /// e_l, mm.
+    /// e_l, mm; with the correction, it includes the shortening by chords.
     pub length_error_mm: f64,
     /// e_l / length of all lines.
     pub length_error_relative: f64,
@@ -359,6 +359,9 @@ pub struct OutputReport {
     pub vertices: usize,
     /// Its bounding rectangle in the field: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
+    /// By how much the lines on the part are shorter than drawn because curves are marked as chords, mm; a part of e_l.
+    #[serde(default)]
+    pub shortening_mm: f64,
     /// Whether a second reader checked that the written file contains the intended drawing.
     #[serde(default)]
     pub read_back: bool,

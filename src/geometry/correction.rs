@@ -24,6 +24,8 @@ pub enum Subdivision {
 /// The share of the chord tolerance used when points are added along the true image; the rest is used to remove points
 /// that are not needed.
 const REFINEMENT_SHARE: f64 = 0.05;
+/// Chord tolerance for the length of a curve as drawn, mm.
+const DRAWN: f64 = 1e-4;
 /// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
 const MIN_BEND_RADIUS: f64 = 0.2;
 
@@ -38,6 +40,24 @@ pub struct Projection<'a> {
     pub fixture: Fixture,
     /// Maps the laser's frame into the field.
     pub head: ScanHead,
+}
+
+/// The corrected drawing, and what its chords cost.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Bent {
+    /// The drawing.
+    pub drawing: MarkingDrawing,
+    /// For each path, by how much the marked polyline is shorter on the part than the drawn curve, mm, because chords are
+    /// shorter than arcs.
+    pub shortening: Vec<f64>,
+}
+
+/// A point of the drawing with the field coordinates that mark it.
+#[derive(Debug, Clone, Copy)]
+struct Aimed {
+    flat: FlatPoint,
+    field: FieldPoint,
 }
 
 /// The part reaches up to the lens, where no beam can reach it.
@@ -66,6 +86,10 @@ impl Projection<'_> {
         self.head.aim(landing).ok_or(AboveLens { at: view })
     }
 
+    fn aimed(&self, flat: FlatPoint) -> Result<Aimed, AboveLens> {
+        Ok(Aimed { flat, field: self.aim(flat)? })
+    }
+
     /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
     /// `tolerance` mm of the true image.
     ///
@@ -76,46 +100,53 @@ impl Projection<'_> {
         pattern: &Pattern,
         tolerance: f64,
         subdivision: Subdivision,
-    ) -> Result<MarkingDrawing, AboveLens> {
+    ) -> Result<Bent, AboveLens> {
+        let mut shortening = Vec::with_capacity(pattern.paths.len());
         let mut paths = Vec::with_capacity(pattern.paths.len());
         let junctions = Junctions::of(pattern);
         for path in &pattern.paths {
-            let bend = |segments: &[Segment]| match subdivision {
-                Subdivision::Adaptive => self.bend_with_few_points(segments, tolerance, &junctions),
-                Subdivision::Keep => self.bend_point_by_point(segments, tolerance),
+            let bend = |segments: &[Segment]| {
+                let points = match subdivision {
+                    Subdivision::Adaptive => self.bend_with_few_points(segments, tolerance, &junctions)?,
+                    Subdivision::Keep => self.bend_point_by_point(segments, tolerance)?,
+                };
+                let chords = points.windows(2).map(|ends| ends[0].flat.distance(ends[1].flat)).sum::<f64>();
+                let lost = (drawn_length(segments) - chords).max(0.0);
+                Ok((points.iter().map(|point| point.field).collect::<Vec<_>>(), lost))
             };
-            let shape = match &path.shape {
-                Shape::Dot(point) => MarkingShape::Dot(self.aim(*point)?),
-                Shape::Open(segments) => MarkingShape::Open(bend(segments)?),
+            let (shape, lost) = match &path.shape {
+                Shape::Dot(point) => (MarkingShape::Dot(self.aim(*point)?), 0.0),
+                Shape::Open(segments) => {
+                    let (points, lost) = bend(segments)?;
+                    (MarkingShape::Open(points), lost)
+                }
                 Shape::Closed(segments) => {
-                    let mut points = bend(segments)?;
+                    let (mut points, lost) = bend(segments)?;
                     points.pop();
                     // A repeated first point may differ by rounding; the side between the two has no length.
                     while points.len() > 2 && points.first().zip(points.last()).is_some_and(is_same) {
                         points.pop();
                     }
-                    MarkingShape::Closed(points)
+                    (MarkingShape::Closed(points), lost)
                 }
             };
+            shortening.push(lost);
             paths.push(MarkingPath { layer: path.layer, color: path.color, shape });
         }
-        Ok(MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() })
+        let drawing = MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() };
+        Ok(Bent { drawing, shortening })
     }
 
     /// The images of the ends of all segments, after curves are flattened.
-    fn bend_point_by_point(
-        &self,
-        segments: &[Segment],
-        tolerance: f64,
-    ) -> Result<Vec<FieldPoint>, AboveLens> {
+    fn bend_point_by_point(&self, segments: &[Segment], tolerance: f64) -> Result<Vec<Aimed>, AboveLens> {
         let mut points = Vec::with_capacity(segments.len() + 1);
         for segment in segments {
             if points.is_empty() {
-                points.push(self.aim(segment.point(0.0))?);
+                points.push(self.aimed(segment.point(0.0))?);
             }
             let steps = segment.steps(tolerance);
             for step in 1..=steps {
-                points.push(self.aim(segment.point(step as f64 / steps as f64))?);
+                points.push(self.aimed(segment.point(step as f64 / steps as f64))?);
             }
         }
         Ok(points)
@@ -128,19 +159,17 @@ impl Projection<'_> {
         segments: &[Segment],
         tolerance: f64,
         junctions: &Junctions,
-    ) -> Result<Vec<FieldPoint>, AboveLens> {
+    ) -> Result<Vec<Aimed>, AboveLens> {
         let mut kept = Vec::new();
         // Points along the image since the last junction.
-        let mut points = Vec::with_capacity(segments.len() + 1);
-        let mut before: Option<FlatPoint> = None;
+        let mut points: Vec<Aimed> = Vec::with_capacity(segments.len() + 1);
         for segment in segments {
             let (from, to) = (segment.point(0.0), segment.point(1.0));
             let start = match points.last() {
-                Some(last) if before == Some(from) => *last,
-                _ => self.aim(from)?,
+                Some(last) if last.flat == from => *last,
+                _ => self.aimed(from)?,
             };
-            let end = self.aim(to)?;
-            before = Some(to);
+            let end = self.aimed(to)?;
             if points.is_empty() {
                 points.push(start);
             } else if junctions.contain(from) {
@@ -158,13 +187,13 @@ impl Projection<'_> {
     fn subdivide(
         &self,
         segment: &Segment,
-        from: (f64, FieldPoint),
-        to: (f64, FieldPoint),
+        from: (f64, Aimed),
+        to: (f64, Aimed),
         tolerance: f64,
-        points: &mut Vec<FieldPoint>,
+        points: &mut Vec<Aimed>,
     ) -> Result<(), AboveLens> {
         let span = to.0 - from.0;
-        let rough_length = from.1.distance(to.1);
+        let rough_length = from.1.field.distance(to.1.field);
         // An arc of this length with the smallest radius deviates from its chord by the tolerance.
         let is_short = |length: f64| length * length <= 8.0 * tolerance * MIN_BEND_RADIUS;
         if is_short(rough_length)
@@ -178,7 +207,7 @@ impl Projection<'_> {
         let middle = from.0 + span / 2.0;
         let close = |t: f64| -> Result<bool, AboveLens> {
             let image = self.aim(segment.point(t))?;
-            Ok(distance_to_line(image, from.1, to.1) <= tolerance)
+            Ok(distance_to_line(image, from.1.field, to.1.field) <= tolerance)
         };
         // A closed circle has a chord of length zero. The limit of 1e-5 ends the search at a fold between probes.
         let mut straight = span < 1.0 || !matches!(segment, Segment::Arc { sweep, .. } if sweep.abs() > 3.0);
@@ -189,7 +218,7 @@ impl Projection<'_> {
             points.push(to.1);
             return Ok(());
         }
-        let halfway = (middle, self.aim(segment.point(middle))?);
+        let halfway = (middle, self.aimed(segment.point(middle))?);
         self.subdivide(segment, from, halfway, tolerance, points)?;
         self.subdivide(segment, halfway, to, tolerance, points)
     }
@@ -309,23 +338,33 @@ pub struct Exposure {
     pub max_doubt_at: ViewPoint,
 }
 
+/// The length of a curve as drawn, mm.
+fn drawn_length(segments: &[Segment]) -> f64 {
+    let chords = |segment: &Segment| {
+        let steps = segment.steps(DRAWN);
+        let point = |step: usize| segment.point(step as f64 / steps as f64);
+        (1..=steps).map(|step| point(step - 1).distance(point(step))).sum::<f64>()
+    };
+    segments.iter().map(chords).sum()
+}
+
 /// A polyline through a small selection of the points, including both ends, such that all others are within `tolerance`
 /// mm of it.
 ///
 /// One pass along the points: from the last point kept, a line continues while it meets the discs of this radius round
 /// all points passed, each of which narrows a wedge of directions, and while the points move away from its start
 /// (Williams, An efficient algorithm for the piecewise linear approximation of planar curves, 1978).
-fn simplified(points: &[FieldPoint], tolerance: f64) -> Vec<FieldPoint> {
+fn simplified(points: &[Aimed], tolerance: f64) -> Vec<Aimed> {
     let [first, rest @ ..] = points else { return Vec::new() };
     let mut kept = vec![*first];
     let mut anchor = *first;
     let mut wedge = Wedge::default();
     for (last, point) in points.iter().zip(rest) {
-        if !wedge.narrow(*point - anchor, tolerance) {
+        if !wedge.narrow(point.field - anchor.field, tolerance) {
             kept.push(*last);
             anchor = *last;
             wedge = Wedge::default();
-            wedge.narrow(*point - anchor, tolerance);
+            wedge.narrow(point.field - anchor.field, tolerance);
         }
     }
     if let Some(end) = rest.last() {
@@ -425,7 +464,7 @@ mod tests {
         let map = LengthTrueMap::find(surface, pattern, |_| true, FlatPoint::new(0.0, 0.0), &method).unwrap();
         let projection =
             Projection { map: &map, surface, fixture: Fixture::default(), head: ScanHead::TELECENTRIC };
-        (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap(), map)
+        (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap().drawing, map)
     }
 
     #[test]
@@ -514,6 +553,50 @@ mod tests {
         assert!(points.iter().zip(corners).all(|(found, corner)| found.distance(corner) < 1e-6));
     }
 
+    /// The points that [`simplified`] keeps.
+    fn selected(points: &[FieldPoint], tolerance: f64) -> Vec<FieldPoint> {
+        let flat = FlatPoint::new(0.0, 0.0);
+        let points: Vec<Aimed> = points.iter().map(|&field| Aimed { flat, field }).collect();
+        simplified(&points, tolerance).iter().map(|point| point.field).collect()
+    }
+
+    #[test]
+    fn the_shortening_by_chords_is_that_of_the_inscribed_polygon() {
+        let surface = surface(|_, _| 0.0);
+        let turn = std::f64::consts::TAU;
+        let circle = |radius: f64| Segment::Arc {
+            center: FlatPoint::new(0.0, 0.0),
+            u: nalgebra::Vector2::new(radius, 0.0),
+            v: nalgebra::Vector2::new(0.0, radius),
+            start: 0.0,
+            sweep: turn,
+        };
+        let mut pattern = drawing(Shape::Closed(vec![circle(3.0)]));
+        pattern.paths.extend(line([-5.0, 0.0], [5.0, 1.0]).paths);
+        let map = LengthTrueMap::Plain;
+        let projection = Projection {
+            map: &map,
+            surface: &surface,
+            fixture: Fixture::default(),
+            head: ScanHead::TELECENTRIC,
+        };
+        for (tolerance, subdivision) in
+            [(0.1, Subdivision::Adaptive), (0.01, Subdivision::Adaptive), (0.01, Subdivision::Keep)]
+        {
+            let bent = projection.bend(&pattern, tolerance, subdivision).unwrap();
+            let points = bent.drawing.paths[0].shape.points();
+            let around = points.iter().zip(points.iter().cycle().skip(1));
+            let perimeter: f64 = around.map(|(from, to)| from.distance(*to)).sum();
+            let lost = 3.0 * turn - perimeter;
+            // A third of the tolerance for each radian of turning, at most.
+            assert!(
+                (bent.shortening[0] - lost).abs() < 2e-4 && lost <= turn * tolerance / 3.0 + 1e-3,
+                "{lost} mm"
+            );
+            assert!(lost > turn * tolerance / 30.0 && bent.shortening[1] < 1e-9, "{lost} mm");
+        }
+    }
+
     #[test]
     fn removed_points_are_within_the_tolerance_and_hairpins_are_kept() {
         // A walk with turns of every angle, including hairpins.
@@ -526,7 +609,7 @@ mod tests {
             points.push(FieldPoint::new(last.x + length * angle.cos(), last.y + length * angle.sin()));
         }
         for tolerance in [0.001, 0.01, 0.1] {
-            let kept = simplified(&points, tolerance);
+            let kept = selected(&points, tolerance);
             assert_eq!((kept[0], kept[kept.len() - 1]), (points[0], points[points.len() - 1]));
             assert!(kept.len() < points.len());
             // Every removed point is close to the piece that replaces it.
@@ -541,7 +624,7 @@ mod tests {
         }
         let hairpin =
             [[0.0, 0.0], [10.0, 0.0], [3.0, 0.001], [12.0, 0.0]].map(|[x, y]| FieldPoint::new(x, y));
-        assert_eq!(simplified(&hairpin, 0.01), hairpin);
+        assert_eq!(selected(&hairpin, 0.01), hairpin);
     }
 
     #[test]
