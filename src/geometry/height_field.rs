@@ -53,6 +53,12 @@ pub struct HeightField {
     nodes: Vec<Node>,
 }
 
+/// For every node, the triangle that the laser meets there, and where; `None` beside the part.
+type NodeHits = Vec<Option<(u32, Hit)>>;
+
+/// The nodes with a second skin, in ascending order, and its distance from the first, mm.
+type SecondSkins = Vec<(usize, f64)>;
+
 /// A part turned to the laser, ready to be sampled at any spacing.
 #[derive(Debug, Clone)]
 pub struct FacingPart {
@@ -208,10 +214,9 @@ impl FacingPart {
         }
     }
 
-    /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin, with its
-    /// distance, mm, in ascending order.
-    fn hits(&self, grid: &Grid) -> (Vec<Option<(u32, Hit)>>, Vec<(usize, f64)>) {
-        let mut hits: Vec<Option<(u32, Hit)>> = vec![None; grid.count()];
+    /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
+    fn hits(&self, grid: &Grid) -> (NodeHits, SecondSkins) {
+        let mut hits: NodeHits = vec![None; grid.count()];
         let mut doubled = Vec::new();
         for triangle in 0..self.mesh.triangles.len() {
             let points = self.mesh.corners(triangle).0;
