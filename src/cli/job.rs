@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::named_files::{cache_of, name_of, read_file, read_part};
+use super::named_files::{cache_of, known_cache, name_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
@@ -137,9 +137,14 @@ impl JobArguments {
         let settings = settings.with_overrides(&of_job)?;
         let drawing = read_file(pattern)?;
         refuse_options_of_pictures(&of_job, &name_of(pattern)?, &drawing)?;
-        let cache = cache_of(self.cache.as_deref(), live.as_ref().map(LiveSettings::station))?;
+        let station = live.as_ref().map(LiveSettings::station);
+        // Only a part that is not given must have been kept.
+        let cache = match part.is_some() || settings.part.primitive.is_some() {
+            true => known_cache(self.cache.as_deref(), station),
+            false => Some(cache_of(self.cache.as_deref(), station)?),
+        };
         let progress = ProgressLine::start();
-        let pipeline = Pipeline::new(Some(cache)).observed(progress.observer());
+        let pipeline = Pipeline::new(cache).observed(progress.observer());
         let learned = match part {
             Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
             None => recall(&pipeline, &sku, &settings)?,

@@ -119,11 +119,21 @@ pub(super) fn station(file: Option<&Path>) -> Result<Option<Station>, Failure> {
 
 /// The cache to use: the named folder, else the station's, else the user's own.
 pub(super) fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Result<Cache, Failure> {
+    known_cache(named, station).ok_or_else(|| {
+        Failure::usage(
+            "No folder is known for fitted surfaces.",
+            "Name it with `--cache`, or a station with `--station`.",
+        )
+    })
+}
+
+/// Like [`cache_of`]; `None` if the environment names no folder of the user, as for some services.
+pub(super) fn known_cache(named: Option<&Path>, station: Option<&Station>) -> Option<Cache> {
     if let Some(folder) = named {
-        return Ok(Cache::new(folder));
+        return Some(Cache::new(folder));
     }
     if let Some(station) = station {
-        return Ok(Cache::new(&station.folders.cache));
+        return Some(Cache::new(&station.folders.cache));
     }
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let user = if cfg!(windows) {
@@ -131,10 +141,5 @@ pub(super) fn cache_of(named: Option<&Path>, station: Option<&Station>) -> Resul
     } else {
         variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
     };
-    user.map(|folder| Cache::new(folder.join("isomark"))).ok_or_else(|| {
-        Failure::usage(
-            "No folder is known for fitted surfaces.",
-            "Name it with `--cache`, or a station with `--station`.",
-        )
-    })
+    user.map(|folder| Cache::new(folder.join("isomark")))
 }

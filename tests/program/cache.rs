@@ -43,6 +43,31 @@ fn a_known_sku_needs_no_part() {
 }
 
 #[test]
+fn without_a_folder_for_surfaces_only_a_part_that_is_not_given_is_missing() {
+    let desk = Desk::new();
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_isomark"));
+        for variable in ["XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"] {
+            command.env_remove(variable);
+        }
+        command.args(arguments).current_dir(desk.root()).output().unwrap()
+    };
+    let (mouse, abc) = (part("mouse/fc020-gui.glb"), drawing("abc"));
+    for given in [&["correct", &mouse, &abc][..], &["correct", &abc, "--cylinder", "73,180", "--axis", "x"]] {
+        let output = run(&[given, &["-o", "out.dxf"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let left: Vec<_> =
+            fs::read_dir(desk.root()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["out.dxf"]);
+        fs::remove_file(desk.path("out.dxf")).unwrap();
+    }
+    let output = run(&["correct", &abc, "--sku", "mouse", "-o", "out.dxf"]);
+    let shown = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{shown}");
+    assert!(shown.contains("--cache"), "{shown}");
+}
+
+#[test]
 fn a_damaged_surface_is_reported_and_fitted_again() {
     let desk = with_mouse();
     damage(&desk);
