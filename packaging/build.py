@@ -75,9 +75,10 @@ class Program:
                           f"Give such a program with --program")
         return self
 
-    def triple(self):
-        """The target of Rust whose crates the program contains."""
-        return f"{self.processor}-{'unknown-linux-gnu' if self.system == 'linux' else 'pc-windows-gnu'}"
+    def triples(self):
+        """The targets of Rust that the program may have been built for."""
+        systems = {"linux": ("unknown-linux-gnu", "unknown-linux-musl"), "windows": ("pc-windows-gnu", "pc-windows-msvc")}
+        return [f"{self.processor}-{system}" for system in systems[self.system]]
 
     def libraries(self):
         """The packages of Debian that the program needs."""
@@ -234,7 +235,7 @@ def blender(folder):
 
 def notices(program):
     """The licences of all that is compiled into the program."""
-    return licenses.text(ROOT, program.triple()).encode()
+    return licenses.text(ROOT, program.triples()).encode()
 
 
 def write_sums(folder):
@@ -275,7 +276,9 @@ def main():
 
 
 if __name__ == "__main__":
+    if sys.version_info < (3, 11):
+        sys.exit("error: this Python is older than 3.11. Run the script with a newer one")
     try:
         main()
-    except Failure as failure:
+    except (Failure, OSError) as failure:
         sys.exit(f"error: {failure}")

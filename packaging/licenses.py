@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Collects the licences of all that is compiled into isomark.
 
-    python3 packaging/licenses.py TRIPLE     prints them, for a target of Rust such as x86_64-unknown-linux-gnu
+    python3 packaging/licenses.py TRIPLE ...     prints them, for targets of Rust such as x86_64-unknown-linux-gnu
 
 The texts are the files in the sources of the crates, as cargo downloaded them. Needs Python 3.11 and cargo, no other package.
 """
@@ -35,9 +35,9 @@ def metadata(root, *arguments):
     return json.loads(done.stdout)
 
 
-def crates(root, triple):
-    """The crates that the program for a target contains, by name and version."""
-    found = metadata(root, "--filter-platform", triple)
+def crates(root, triples):
+    """The crates that the program for one of the targets contains, by name and version."""
+    found = metadata(root, *(f"--filter-platform={triple}" for triple in triples))
     nodes = {node["id"]: node for node in found["resolve"]["nodes"]}
     own = found["resolve"]["root"]
     reached, waiting = {own}, [own]
@@ -75,8 +75,8 @@ def texts(root, crate):
     return [re.sub(r"(?m)^Copyright .*$", f"Copyright (c) {holders}", own, count=1)]
 
 
-def text(root, triple):
-    """The list of all crates, fonts and libraries in the program for a target, then each licence once."""
+def text(root, triples):
+    """The list of all crates, libraries and fonts in the program for one of the targets, then each licence once."""
     users = {}
 
     def add(user, found):
@@ -86,7 +86,7 @@ def text(root, triple):
             users[key].append(user)
 
     rows = []
-    for crate in crates(root, triple):
+    for crate in crates(root, triples):
         user = f"{crate['name']} {crate['version']}"
         rows.append(f"{user:<40} {crate['license'] or 'see below':<50} {crate['repository'] or ''}".rstrip())
         for found in texts(root, crate):
@@ -106,10 +106,10 @@ def text(root, triple):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
     try:
         sys.stdout.reconfigure(encoding="utf-8", newline="\n")
-        sys.stdout.write(text(Path(__file__).resolve().parent.parent, sys.argv[1]))
+        sys.stdout.write(text(Path(__file__).resolve().parent.parent, sys.argv[1:]))
     except Failure as failure:
         sys.exit(f"error: {failure}")
