@@ -124,7 +124,7 @@ fn assert_it_works(start: &dyn Fn() -> Command, samples: &Path) {
     assert!(empty.path().join("bent.dxf").metadata().unwrap().len() > 1000);
     let report = fs::read_to_string(empty.path().join("bent.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    // README states 5.639 mm before and 0.023 mm after.
+    // The same limits for a debug build, a release build and Windows.
     let error = |when: &str| report["quality"][when]["length_error_mm"].as_f64().unwrap();
     assert!(error("before") > 5.0 && error("after") < 0.1, "{}", report["quality"]);
 }
