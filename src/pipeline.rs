@@ -27,7 +27,7 @@ use crate::formats::mesh::{
 use crate::formats::pattern::{
     self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading, RepairPlace,
 };
-use crate::geometry::correction::{Bent, Exposure, Projection, Subdivision};
+use crate::geometry::correction::{self, Bent, Exposure, Projection, Subdivision};
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
@@ -485,7 +485,11 @@ impl Pipeline {
         let marked = marked.filter(|(path, _)| {
             placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
         });
-        let shortening: f64 = marked.map(|(_, lost)| lost).sum();
+        let (mut shortening, mut shortest) = (0.0, 0.0f64);
+        for (path, lost) in marked.filter(|(_, lost)| **lost > 0.0) {
+            shortening += lost;
+            shortest = shortest.max(lost / correction::drawn_length(path.shape.segments()));
+        }
         clock.lap("bend");
 
         steps.at(Step::Measure);
@@ -493,6 +497,7 @@ impl Pipeline {
         let mut after = measured(&|at| map.point(at))
             .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
         after.length_error += shortening;
+        after.max_stretch = after.max_stretch.max(shortest);
         let before = measured(&|at| ViewPoint::from(at.coords())).ok();
         clock.lap("measure");
 
@@ -503,7 +508,7 @@ impl Pipeline {
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, part, lift, &ink.extents, &mut notices);
-        checks::uncertain(&after, &mut notices);
+        checks::uncertain(&after, &part.facts, &mut notices);
         drawing.comments = comments(sku, learned, input, settings);
         let profile = profile(settings);
         let dxf = pattern::write(&drawing, profile);

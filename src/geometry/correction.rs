@@ -339,7 +339,7 @@ pub struct Exposure {
 }
 
 /// The length of a curve as drawn, mm.
-fn drawn_length(segments: &[Segment]) -> f64 {
+pub fn drawn_length(segments: &[Segment]) -> f64 {
     let chords = |segment: &Segment| {
         let steps = segment.steps(DRAWN);
         let point = |step: usize| segment.point(step as f64 / steps as f64);

@@ -7,7 +7,7 @@ use super::{
     PartSettings, Pattern, PatternFacts, Sku, Weighting,
 };
 use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
-use crate::formats::mesh::{PartFacts, SideFacts};
+use crate::formats::mesh::{NormalsUsed, PartFacts, SideFacts};
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -696,15 +696,24 @@ pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.
 /// Adds a notice if most of the reported length error is what the facets leave uncertain.
-pub(super) fn uncertain(after: &Distortion, notices: &mut Vec<Notice>) {
+pub(super) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec<Notice>) {
     let uncertain = &after.uncertain;
     if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
+        let (cause, remedy) = match (&facts.scan, facts.normals_used) {
+            (Some(_), _) => ("the points of the scan scatter", "scan with less noise or more points"),
+            (_, Some(NormalsUsed::File)) => {
+                ("the part's facets are coarse", "export the part with a smaller deviation")
+            }
+            _ => (
+                "the part's facets are coarse",
+                "export the part as glTF from CAD with its normals, or with a deviation of 0.05 mm",
+            ),
+        };
         notices.push(Notice::warning(
             "facets-coarse",
             format!(
-                "{:.3} mm of the reported length error of {:.3} mm is uncertain, because the part's facets are coarse: \
-                 under the drawing its surface may be wrong by {:.3} mm and {:.2} degrees; export the part as glTF from \
-                 CAD, or with a deviation of 0.05 mm",
+                "{:.3} mm of the reported length error of {:.3} mm is uncertain, because {cause}: under the drawing the \
+                 surface may be wrong by {:.3} mm and {:.2} degrees; {remedy}",
                 uncertain.length_error,
                 after.length_error,
                 uncertain.max_height,

@@ -283,12 +283,12 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "facets-coarse",
-        "The part's facets leave its surface uncertain under the drawing.",
+        "The part's facets, or the noise of a scan, leave its surface uncertain under the drawing.",
         "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
          facets lead to different slopes, the true surface is not known exactly. The reported errors of lengths, areas \
          and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
-        "Export the part as glTF from CAD, which contains the normals of the true surface, or with a deviation of 0.05 mm. \
-         In Blender, apply the Subdivision modifier.",
+        "Export the part as glTF from CAD, which contains the normals of the true surface, and with a deviation of 0.05 mm. \
+         In Blender, apply the Subdivision modifier. A scan needs less noise or more points.",
     ]),
     reason([
         "file-too-large",

@@ -45,3 +45,28 @@ fn a_copy_and_the_far_side_of_a_sheet_are_no_second_skin() {
         assert!(fit(&doubled(gap, radius, 1.0, turned)).is_ok(), "{gap} mm");
     }
 }
+
+#[test]
+fn a_part_that_is_in_the_file_twice_is_the_part() {
+    let once = fit(&shapes::graph(25.0, 3.0, shapes::sphere)).unwrap();
+    for turned in [false, true] {
+        let (mesh, other) = (shapes::graph(25.0, 3.0, shapes::sphere), doubled_at(3.0, turned));
+        assert_eq!(other.triangles().len(), 2 * mesh.triangles().len());
+        let twice = fit(&other).unwrap();
+        assert!((twice.residual.max - once.residual.max).abs() < 1e-9, "{:?}", twice.residual);
+        for (x, y) in [(0.4, 0.3), (5.0, -7.0), (-11.0, 2.5)] {
+            let at = isomark::geometry::space::ViewPoint::new(x, y);
+            assert!((twice.nurbs.height(at) - once.nurbs.height(at)).abs() < 1e-9);
+            assert_eq!(twice.uncertainty(at), once.uncertainty(at));
+            assert!(once.uncertainty(at).slope > 0.0);
+        }
+    }
+}
+
+/// A sphere with facets of a size, and its copy.
+fn doubled_at(edge: f64, turned: bool) -> TriMesh {
+    let mesh = shapes::graph(25.0, edge, shapes::sphere);
+    let copies = mesh.triangles().iter().map(|&[a, b, c]| if turned { [a, c, b] } else { [a, b, c] });
+    let triangles = mesh.triangles().iter().copied().chain(copies).collect();
+    TriMesh::new(mesh.positions().to_vec(), Vec::new(), triangles).unwrap()
+}

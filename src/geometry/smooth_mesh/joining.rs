@@ -23,6 +23,33 @@ const LEAST_ALONG: f64 = 0.5;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
 
+/// Which triangles are to be kept if some are in the mesh more than once; `None` if there are no copies.
+///
+/// A copied part has no side that exactly two triangles share, so every facet would be by itself.
+fn without_copies(places: &[[u32; 3]], opposite: &[u32]) -> Option<Vec<bool>> {
+    let sorted = |triangle: usize| {
+        let mut corners = places[triangle];
+        corners.sort_unstable();
+        corners
+    };
+    // At a border, a side and its copy are two.
+    let is_alone = |triangle: &usize| {
+        let mut sides = opposite[3 * triangle..3 * triangle + 3].iter();
+        sides.all(|&side| side == NONE || sorted(side as usize / 3) == sorted(*triangle))
+    };
+    let mut alone: Vec<_> =
+        (0..places.len()).filter(is_alone).map(|triangle| (sorted(triangle), triangle)).collect();
+    alone.sort_unstable();
+    let copies: Vec<usize> =
+        alone.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1).collect();
+    if copies.is_empty() {
+        return None;
+    }
+    let mut is_kept = vec![true; places.len()];
+    copies.into_iter().for_each(|copy| is_kept[copy] = false);
+    Some(is_kept)
+}
+
 impl SmoothMesh {
     /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
     /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
@@ -47,6 +74,9 @@ impl SmoothMesh {
         let places: Vec<[u32; 3]> =
             corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
         let mut opposite = opposite_sides(&places);
+        if let Some(is_kept) = without_copies(&places, &opposite) {
+            return Self::new(&mesh.with_only(&is_kept), view);
+        }
         let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
         let facet = |triangle: usize| {
             let Some(side) = sliver_side(points(triangle)) else { return facet_normal(points(triangle)) };

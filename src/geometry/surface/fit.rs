@@ -28,9 +28,9 @@ const CLIFF_REACH: usize = 2;
 /// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
 const RESOLVED: f64 = 1.0;
 
-/// Two skins on at least this share of the part are refused: nobody can tell which one is meant. Fewer are where facets
-/// overlap.
-const SKINS: f64 = 0.02;
+/// Two skins on at least this share of the part are refused: nobody can tell which one is meant. On a smaller share they are
+/// labels, inlays or overlapping facets.
+const SKINS: f64 = 0.5;
 
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
