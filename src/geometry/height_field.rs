@@ -168,7 +168,7 @@ impl FacingPart {
     /// ([`SmoothMesh::new`]).
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         // The table of continuing sides is large and no longer needed.
-        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::new(mesh, view) };
+        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view) };
         let corners = mesh.triangles.iter().flatten();
         let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
         Self { mesh, extents }

@@ -20,13 +20,17 @@ const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 const SAME_PLANE: f64 = 0.02;
 /// An edge that leaves its side further than this, as a cosine, is damage.
 const LEAST_ALONG: f64 = 0.5;
+/// Copies are looked for if at least this share of the facets continues nowhere.
+const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
 
-/// Which triangles are to be kept if some are in the mesh more than once; `None` if there are no copies.
-///
-/// A copied part has no side that exactly two triangles share, so every facet would be by itself.
-fn without_copies(places: &[[u32; 3]], opposite: &[u32]) -> Option<Vec<bool>> {
+/// The mesh without the triangles that are in it once more; `None` if there are no copies.
+fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
+    let welded = weld(mesh.positions());
+    let places: Vec<[u32; 3]> =
+        mesh.triangles().iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
+    let opposite = opposite_sides(&places);
     let sorted = |triangle: usize| {
         let mut corners = places[triangle];
         corners.sort_unstable();
@@ -47,7 +51,7 @@ fn without_copies(places: &[[u32; 3]], opposite: &[u32]) -> Option<Vec<bool>> {
     }
     let mut is_kept = vec![true; places.len()];
     copies.into_iter().for_each(|copy| is_kept[copy] = false);
-    Some(is_kept)
+    Some(mesh.with_only(&is_kept))
 }
 
 impl SmoothMesh {
@@ -74,9 +78,6 @@ impl SmoothMesh {
         let places: Vec<[u32; 3]> =
             corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
         let mut opposite = opposite_sides(&places);
-        if let Some(is_kept) = without_copies(&places, &opposite) {
-            return Self::new(&mesh.with_only(&is_kept), view);
-        }
         let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
         let facet = |triangle: usize| {
             let Some(side) = sliver_side(points(triangle)) else { return facet_normal(points(triangle)) };
@@ -194,6 +195,20 @@ impl SmoothMesh {
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
         smooth.slope_doubts = smooth.found_slope_doubts();
         smooth
+    }
+
+    /// The same for a mesh in which triangles may be more than once. A copied part has no side that exactly two triangles
+    /// share, so every facet would be by itself.
+    pub fn of_single(mesh: &TriMesh, view: &View) -> Self {
+        let smooth = Self::new(mesh, view);
+        let alone = smooth.continued.chunks_exact(3).filter(|sides| sides.iter().all(|&side| side == NONE));
+        if mesh.is_facetted() || (alone.count() as f64) < LEAST_ALONE * smooth.triangles.len() as f64 {
+            return smooth;
+        }
+        match without_copies(mesh) {
+            Some(single) => Self::new(&single, view),
+            None => smooth,
+        }
     }
 
     /// Every facet flat and by itself.
