@@ -24,6 +24,8 @@ pub enum Subdivision {
 /// The share of the chord tolerance used when points are added along the true image; the rest is used to remove points
 /// that are not needed.
 const REFINEMENT_SHARE: f64 = 0.05;
+/// A share of a length that is only rounding.
+const ROUNDING: f64 = 1e-9;
 /// Chord tolerance for the length of a curve as drawn, mm.
 const DRAWN: f64 = 1e-4;
 /// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
@@ -111,7 +113,8 @@ impl Projection<'_> {
                     Subdivision::Keep => self.bend_point_by_point(segments, tolerance)?,
                 };
                 let chords = points.windows(2).map(|ends| ends[0].flat.distance(ends[1].flat)).sum::<f64>();
-                let lost = (drawn_length(segments) - chords).max(0.0);
+                let drawn = drawn_length(segments);
+                let lost = if drawn - chords > ROUNDING * drawn { drawn - chords } else { 0.0 };
                 Ok((points.iter().map(|point| point.field).collect::<Vec<_>>(), lost))
             };
             let (shape, lost) = match &path.shape {

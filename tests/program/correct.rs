@@ -128,14 +128,15 @@ fn sample_parts_of_several_exporters_are_corrected() {
         assert_eq!(serde_json::from_slice::<Value>(&desk.read("report.json")).unwrap(), report);
 
         assert_eq!(report["map"]["method"], method, "{case}");
-        // What the map leaves; chords add to it where small curves are drawn.
-        let left =
-            number(&report, "/quality/after/length_error_mm") - number(&report, "/output/shortening_mm");
+        // What the map leaves; chords and what the facets leave uncertain add to it.
+        let uncertain = report.pointer("/quality/after/uncertain/length_error_mm").and_then(Value::as_f64);
+        let added = number(&report, "/output/shortening_mm") + uncertain.unwrap_or(0.0);
+        let left = number(&report, "/quality/after/length_error_mm") - added;
         let relative = left / number(&report, "/quality/after/length_mm");
         assert!(relative < remains, "{case}: {relative}");
         assert!(relative * 3.0 < number(&report, "/quality/before/length_error_relative"), "{case}");
         for (after, limit) in
-            [("rms_stretch", 0.02), ("largest_stretch", 0.1), ("largest_angle_error_deg", 12.0)]
+            [("rms_stretch", 0.03), ("largest_stretch", 0.1), ("largest_angle_error_deg", 20.0)]
         {
             let value = number(&report, &format!("/quality/after/{after}"));
             assert!((0.0..limit).contains(&value), "{case}: {after} {value}");
