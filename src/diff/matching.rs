@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use similar::{Algorithm, DiffOp, capture_diff_slices};
+use similar::DiffOp;
 
 use super::DiffKind;
+use super::in_order::{numbered, operations};
 use super::outline::{Outline, quantum};
 
 /// Maximum number of groups of paths that moved together.
@@ -108,17 +109,6 @@ fn items(old: &[Outline<'_>], new: &[Outline<'_>]) -> [Vec<Item>; 2] {
     })
 }
 
-/// A number for each key, in the order of the keys, so that it does not depend on the order of the drawings.
-fn numbered<'a, K: Ord + 'a>(
-    sides: [&'a [Outline<'a>]; 2],
-    key: impl Fn(&'a Outline<'a>) -> &'a K,
-) -> [Vec<usize>; 2] {
-    let mut keys: Vec<&K> = sides.iter().flat_map(|side| side.iter().map(&key)).collect();
-    keys.sort();
-    keys.dedup();
-    sides.map(|side| side.iter().map(|outline| keys.partition_point(|other| *other < key(outline))).collect())
-}
-
 struct Matching {
     items: [Vec<Item>; 2],
     tolerance: f64,
@@ -154,7 +144,7 @@ impl Matching {
     fn in_order(&mut self) {
         let [first, second] =
             [0, 1].map(|side| self.items[side].iter().map(Item::content).collect::<Vec<_>>());
-        for operation in capture_diff_slices(Algorithm::Myers, &first, &second) {
+        for operation in operations(&first, &second) {
             if let DiffOp::Equal { old_index, new_index, len } = operation {
                 let steps = (0..len).map(|step| (old_index + step, new_index + step));
                 self.pairs.extend(steps.map(|(old, new)| Pair { old, new, found: Found::InPlace }));

@@ -23,6 +23,7 @@
 
 mod path;
 mod outline;
+mod in_order;
 mod matching;
 mod words;
 
@@ -46,13 +47,18 @@ pub const TOLERANCE: f64 = 0.001;
 /// ```
 #[must_use]
 pub fn text_changes(old: &str, new: &str) -> Vec<String> {
-    let diff = similar::TextDiff::from_lines(old, new);
-    let changed = diff.iter_all_changes().filter_map(|change| match change.tag() {
-        similar::ChangeTag::Equal => None,
-        similar::ChangeTag::Delete => Some(format!("- {}", change.value().trim_end())),
-        similar::ChangeTag::Insert => Some(format!("+ {}", change.value().trim_end())),
-    });
-    changed.collect()
+    let [old, new]: [Vec<&str>; 2] = [old, new].map(|text| text.lines().map(str::trim_end).collect());
+    let removed = |from: usize, len: usize| old[from..from + len].iter().map(|line| format!("- {line}"));
+    let added = |from: usize, len: usize| new[from..from + len].iter().map(|line| format!("+ {line}"));
+    let mut changed = Vec::new();
+    for operation in in_order::operations(&old, &new) {
+        let [old, new] = [operation.old_range(), operation.new_range()];
+        if operation.tag() != similar::DiffTag::Equal {
+            changed.extend(removed(old.start, old.len()));
+            changed.extend(added(new.start, new.len()));
+        }
+    }
+    changed
 }
 
 /// The differences between an old and a new drawing. [`Display`](std::fmt::Display) gives a few lines, with similar

@@ -145,13 +145,13 @@ impl TriMesh {
         Self { meaning: Meaning::Surface, normals: Vec::new(), ..self }
     }
 
-    /// The same mesh with more triangles over its vertices.
     /// The mesh with only the triangles for which `is_kept` is true.
     pub(super) fn with_only(&self, is_kept: &[bool]) -> Self {
         let kept = self.triangles.iter().zip(is_kept).filter(|(_, is_kept)| **is_kept);
         Self { triangles: kept.map(|(corners, _)| *corners).collect(), ..self.clone() }
     }
 
+    /// The same mesh with more triangles over its vertices.
     pub(super) fn with_added(mut self, triangles: &[[u32; 3]]) -> Self {
         self.triangles.extend(triangles);
         self

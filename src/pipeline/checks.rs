@@ -694,7 +694,6 @@ pub(super) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
     }
 }
 
-/// Warns of errors that even the best map leaves, and of maps that are only for comparison.
 /// Adds a notice if most of the reported length error is what the facets leave uncertain.
 pub(super) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec<Notice>) {
     let uncertain = &after.uncertain;
@@ -723,6 +722,7 @@ pub(super) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec
     }
 }
 
+/// Warns of errors that even the best map leaves, and of maps that are only for comparison.
 pub(super) fn quality(
     map: &LengthTrueMap,
     after: &Distortion,
