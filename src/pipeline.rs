@@ -289,7 +289,11 @@ impl Pipeline {
         let surface =
             surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
         clock.lap("sample and fit");
-        let view = settings.for_part_with(reading.facts.marking_frame()).view();
+        let seen_settings = settings.for_part_with(reading.facts.marking_frame());
+        if let (Some(frame), Some(mesh)) = (seen_settings.view_source.frame(), reading.shape.mesh()) {
+            checks::frame_direction(frame, mesh).map_err(rejected)?;
+        }
+        let view = seen_settings.view();
         let mark = (!reading.mark_faces.is_empty())
             .then(|| MarkRegion::seen(&reading.mark_faces, &view, &surface.field));
         let kept = CachedSurface { origin: current.origin.clone(), facts: reading.facts, surface, mark };

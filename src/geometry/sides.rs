@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::mesh::TriMesh;
-use super::space::{Extents, Facing, View};
+use super::space::{Extents, Facing, MarkingFrame, View};
 
 /// The sides along the axes of the part, in the order in which they are listed.
 pub const SIDES: [(&str, Vector3<f64>); 6] = [
@@ -29,6 +29,49 @@ const CLIFF: f64 = 75.0 * std::f64::consts::PI / 180.0;
 const EQUAL: f64 = 0.9;
 /// A curved side is meant if it has at least this share of the largest area.
 const WORTH: f64 = 0.5;
+
+/// A marking frame this near to the surface is on it, mm.
+const ON_SURFACE: f64 = 0.5;
+
+/// How thick the part is behind the origin of a frame on its surface whose z axis points into it, mm; `None` for a frame that
+/// points out of the part, or whose origin is not on the surface.
+///
+/// A line from inside a closed surface crosses it an odd number of times, whichever way its triangles run. The line along
+/// z may meet an edge between triangles, which would be two crossings or none: the median of three lines decides.
+pub fn thickness_behind(frame: &MarkingFrame, mesh: &TriMesh) -> Option<f64> {
+    let view = View::new(frame.facing(), frame.roll());
+    let origin = view.point(frame.origin());
+    let beside = 1e-5 * mesh.size().norm();
+    let lines =
+        [[0.61, 0.79], [-0.98, 0.17], [0.34, -0.94]].map(|at| origin.xy() + beside * Vector2::from(at));
+    let mut crossings: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::new());
+    for &triangle in mesh.triangles() {
+        let corners = mesh.corners(triangle).map(|corner| view.point(corner));
+        for (line, heights) in lines.iter().zip(&mut crossings) {
+            heights.extend(height_at(&line.coords, &corners).map(|height| height - origin.z));
+        }
+    }
+    let mut behind = crossings.map(|heights| {
+        let is_on_surface = heights.iter().any(|height| height.abs() <= ON_SURFACE);
+        let above: Vec<f64> = heights.into_iter().filter(|height| *height > ON_SURFACE).collect();
+        let next = above.iter().copied().fold(f64::INFINITY, f64::min);
+        if is_on_surface && above.len() % 2 == 1 { next } else { f64::INFINITY }
+    });
+    behind.sort_unstable_by(f64::total_cmp);
+    Some(behind[1]).filter(|thickness| thickness.is_finite())
+}
+
+/// The height of a triangle of the view at a place, mm; `None` beside the triangle and for one that stands upright.
+fn height_at(at: &Vector2<f64>, triangle: &[Point3<f64>; 3]) -> Option<f64> {
+    let [a, b, c] = triangle.map(|corner| corner.coords.xy());
+    let across = |u: Vector2<f64>, v: Vector2<f64>| u.x * v.y - u.y * v.x;
+    let whole = across(b - a, c - a);
+    let shares =
+        [across(b - at, c - at), across(c - at, a - at), across(a - at, b - at)].map(|share| share / whole);
+    // A triangle without area gives shares that are not numbers.
+    let covers = whole != 0.0 && shares.iter().all(|share| *share >= -1e-9);
+    covers.then(|| shares.iter().zip(triangle).map(|(share, corner)| share * corner.z).sum())
+}
 
 /// A side of a part, as the laser sees it.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,13 +170,8 @@ impl SideHeights {
     /// Puts a triangle of the view into the cells whose middle it covers, where it is the highest.
     fn hit(&self, hits: &mut [Hit], triangle: &[Point3<f64>; 3]) {
         let [a, b, c] = triangle.map(|corner| corner.coords.xy());
-        let across = |u: Vector2<f64>, v: Vector2<f64>| u.x * v.y - u.y * v.x;
-        let whole = across(b - a, c - a);
         let [first, second, third] = triangle;
         let Some(normal) = (second - first).cross(&(third - first)).try_normalize(0.0) else { return };
-        if whole == 0.0 {
-            return;
-        }
         let normal = if normal.z < 0.0 { -normal } else { normal };
         let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)].map(|at| (at - self.origin) / self.step);
         let along = |low: f64, high: f64, count: usize| {
@@ -142,12 +180,7 @@ impl SideHeights {
         for row in along(low.y, high.y, self.rows) {
             for column in along(low.x, high.x, self.columns) {
                 let at = self.origin + Vector2::new(column as f64, row as f64) * self.step;
-                let shares = [across(b - at, c - at), across(c - at, a - at), across(a - at, b - at)];
-                let shares = shares.map(|share| share / whole);
-                if shares.iter().any(|share| *share < -1e-9) {
-                    continue;
-                }
-                let height: f64 = shares.iter().zip(triangle).map(|(share, corner)| share * corner.z).sum();
+                let Some(height) = height_at(&at, triangle) else { continue };
                 let hit = &mut hits[row * self.columns + column];
                 if hit.is_none_or(|(highest, _)| height > highest) {
                     *hit = Some((height, normal));

@@ -14,8 +14,10 @@ use crate::geometry::mapping::cylinder::CylinderError;
 use crate::geometry::mapping::floater::FloaterError;
 use crate::geometry::mapping::isometric::IsometricError;
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
+use crate::geometry::mesh::TriMesh;
 use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
+use crate::geometry::sides::thickness_behind;
 use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, View, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
@@ -35,8 +37,10 @@ const NOTABLE_STRETCH: f64 = 0.02;
 const OUTSIDE_MARK: f64 = 0.05;
 /// A drawing this much askew on a cylinder or cone is worth a warning, deg.
 const NOTABLE_SKEW: f64 = 0.5;
-/// A marking frame this far below the surface is probably turned away from it, mm.
+/// A marking frame this far below the surface may be meant for another place, mm.
 const FRAME_INSIDE: f64 = 1.0;
+/// A marking frame this far above the surface may be meant for another place, mm.
+const FRAME_ABOVE: f64 = 10.0;
 /// A drawing this many times as long as the part has stray lines or another unit.
 const STRAY: f64 = 3.0;
 
@@ -173,7 +177,24 @@ pub(super) fn alignment(round: Option<&RoundReport>, settings: &JobSettings) -> 
     })
 }
 
-/// Warns of a marking frame that is inside the part: its z axis usually points the wrong way.
+/// Refuses a marking frame on the surface whose z axis points into the part.
+pub(super) fn frame_direction(frame: &MarkingFrame, mesh: &TriMesh) -> Result<(), Reason> {
+    let Some(thickness) = thickness_behind(frame, mesh) else { return Ok(()) };
+    let (origin, z): (Vec<f64>, [f64; 3]) = (frame.origin().iter().copied().collect(), frame.z().into());
+    Err(Reason::new(
+        "frame-into-part",
+        format!(
+            "The marking frame points into the part: at its origin ({:.2}, {:.2}, {:.2}) mm, its z axis ({:.3}, {:.3}, {:.3}) \
+             runs through {thickness:.2} mm of the part.",
+            origin[0], origin[1], origin[2], z[0], z[1], z[2]
+        ),
+        "Turn the frame by half a turn about its x axis, until its z axis points out of the part, to the laser.",
+    )
+    .at(Place { coordinate: Some(origin), ..Place::default() })
+    .with_number("part behind the frame", thickness, "mm", Some(0.0)))
+}
+
+/// Mentions a marking frame that is far from the surface where the drawing lands.
 pub(super) fn frame_on_surface(
     frame: &MarkingFrame,
     part: &CachedSurface,
@@ -181,13 +202,17 @@ pub(super) fn frame_on_surface(
 ) -> Option<Notice> {
     let at = View::new(settings.facing, settings.roll).point(frame.origin());
     let depth = part.surface.sampled_height(ViewPoint::new(at.x, at.y))? - at.z;
-    (depth > FRAME_INSIDE).then(|| {
-        let message = format!(
-            "the marking frame's origin is {depth:.2} mm below the surface that the laser sees; check that its z axis points \
-             out of the part, to the laser"
-        );
-        Notice::warning("frame-inside", message)
-    })
+    let message = |distance: f64, side: &str| {
+        format!(
+            "the marking frame's origin is {distance:.2} mm {side} the surface that the laser sees; the drawing is placed on \
+             that surface"
+        )
+    };
+    if depth > FRAME_INSIDE {
+        Some(Notice::warning("frame-inside", message(depth, "below")))
+    } else {
+        (-depth > FRAME_ABOVE).then(|| Notice::note("frame-above", message(-depth, "above")))
+    }
 }
 
 pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {

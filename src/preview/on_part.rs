@@ -119,7 +119,7 @@ pub fn glb(picture: &OnPart) -> Vec<u8> {
         primitives,
     };
     let scene = Scene {
-        name: "isomark".into(),
+        name: "isomark-mark".into(),
         extras: json!({ "isomark": extras(picture, &scale) }),
         nodes: vec![
             node("part", PART, vec![part]),

@@ -381,12 +381,36 @@ const CODES: &[Code] = &[
          settings of the SKU or the command line.",
     ]),
     notice([
+        "frame-above",
+        "The marking frame is far above the surface that the laser sees.",
+        "The origin of the frame is where the drawing is placed. From there it is moved along the frame's z axis onto \
+         the surface, however far that is.",
+        "Check that the drawing lands where you meant it, in the picture of the result (`--preview`, `--report-html`), \
+         or move the frame's origin onto the surface.",
+    ]),
+    notice([
         "frame-inside",
         "The marking frame is below the surface that the laser sees.",
-        "The origin of the frame is where the drawing is placed, and its z axis points out of the part, to the \
-         laser. A z axis that points into the part shows the laser the opposite side.",
-        "Turn the frame until its z axis points out of the part, or move its origin onto the surface. Look at the \
-         picture of the result (`--preview`).",
+        "The origin of the frame is where the drawing is placed. From there it is moved along the frame's z axis onto \
+         the surface, however far that is.",
+        "Check that the drawing lands where you meant it, in the picture of the result (`--preview`, `--report-html`), \
+         or move the frame's origin onto the surface.",
+    ]),
+    reason([
+        "frame-into-part",
+        "The marking frame's z axis points into the part.",
+        "The origin of the frame is on the surface, and its z axis points to the laser, so it must point out of the \
+         part. As it points into the part, the laser would see the opposite side and the mark would be upside down \
+         there.",
+        "Turn the frame by half a turn about its x axis, until its z axis points out of the part.",
+    ]),
+    reason([
+        "frame-mirrored",
+        "The marking frame in the part's file is mirrored.",
+        "The node `isomark`, or an object that it belongs to, has a negative scale. It turns some axes of the frame \
+         round, so isomark cannot know which way the drawing is meant.",
+        "Give the empty and its parents a positive scale in the modelling program (Blender: Object, Apply, Scale) and \
+         export again.",
     ]),
     reason([
         "frame-without-axes",
@@ -510,6 +534,13 @@ const CODES: &[Code] = &[
          length errors may exist. The report's lengths are those of the delivered map.",
         "Look at the length error in the report. If it is too large, export the part with a smaller deviation, or \
          place the drawing elsewhere.",
+    ]),
+    notice([
+        "mark-misnamed",
+        "Faces of the part have nearly the name that bounds where ink may be.",
+        "A body, group or material named `mark` bounds where ink may be. Other spellings, such as `MARK`, or `mark.001` as \
+         Blender names copies, have no effect, because they may be names of something else.",
+        "Name the faces `mark` if they are meant to bound the ink, and export again.",
     ]),
     reason([
         "mesh-buffer-missing",

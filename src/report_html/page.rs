@@ -6,11 +6,11 @@ use serde_json::json;
 
 use super::content::{PageContent, Plane};
 use super::markup::{Markup, document};
-use super::spots::{SpotLabel, Spots, ValueLabels, rounded};
+use super::spots::{SpotLabel, Spots, ValueLabels, rounded, to_decimals};
 use crate::geometry::space::View;
 use crate::preview::{OnPart, PartSource, PreviewPath, stretch_colors, stretch_range_text};
 use crate::reason::{Notice, Severity};
-use crate::report::{DistortionReport, MapReport, Report};
+use crate::report::{DistortionReport, FrameReport, FrameSource, MapReport, Report};
 
 /// Room for notices, changes, and entities that are not marked, bytes: the rest is in the report in JSON.
 const NOTICE_BYTES: usize = 9_000;
@@ -445,17 +445,33 @@ fn inputs(body: &mut Markup, report: &Report) {
         ],
     );
     let placement = &report.placement;
-    let [fx, fy, fz] = rounded(placement.facing);
-    let [ax, ay] = placement.anchor_mm;
-    let [px, py] = placement.place_mm;
-    body.table(
-        "Settings",
-        &[
-            ("Faces the laser", format!("({fx:.3}, {fy:.3}, {fz:.3}) of the part, roll {:.2}°", placement.roll_deg)),
-            ("Place", format!("the drawing's ({ax:.2}, {ay:.2}) mm at ({px:.2}, {py:.2}) mm of the view, turned by {:.2}°", placement.rotate_deg)),
-            ("Method", method_text(&report.map)),
-        ],
-    );
+    let point = |point: [f64; 3]| {
+        let [x, y, z] = rounded(point);
+        format!("({x:.3}, {y:.3}, {z:.3})")
+    };
+    let [ax, ay] = to_decimals(placement.anchor_mm, 2);
+    let [px, py] = to_decimals(placement.place_mm, 2);
+    let [roll, rotate] = to_decimals([placement.roll_deg, placement.rotate_deg], 2);
+    let frame = placement.frame.as_ref().map(|FrameReport { source, frame }| {
+        let source = match source {
+            FrameSource::Settings => "the settings",
+            FrameSource::Part => "the part's file",
+        };
+        let [origin, z, x] = [frame.origin_mm, frame.z, frame.x].map(point);
+        format!("from {source}: origin {origin} mm of the part, z {z}, x {x}")
+    });
+    let settings = [
+        Some(("Faces the laser", format!("{} of the part, roll {roll:.2}°", point(placement.facing)))),
+        frame.map(|frame| ("Marking frame", frame)),
+        Some((
+            "Place",
+            format!(
+                "the drawing's ({ax:.2}, {ay:.2}) mm at ({px:.2}, {py:.2}) mm of the view, turned by {rotate:.2}°"
+            ),
+        )),
+        Some(("Method", method_text(&report.map))),
+    ];
+    body.table("Settings", &settings.into_iter().flatten().collect::<Vec<_>>());
     let [left, bottom, right, top] = output.extents_mm;
     body.table(
         "Corrected drawing",

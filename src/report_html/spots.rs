@@ -71,7 +71,7 @@ impl Spots {
     /// Labels and places as text.
     pub(super) fn lines(&self) -> impl Iterator<Item = (String, String)> {
         self.0.iter().map(|spot| {
-            let [x, y, z] = spot.at.first().copied().unwrap_or_default();
+            let [x, y, z] = to_decimals(spot.at.first().copied().unwrap_or_default(), 2);
             let more = match spot.at.len() {
                 0 | 1 => String::new(),
                 count => format!(" and {} more", count - 1),
@@ -83,5 +83,11 @@ impl Spots {
 
 /// A point to a thousandth of a millimetre, without negative zeros.
 pub(super) fn rounded(point: [f64; 3]) -> [f64; 3] {
-    point.map(|value| (value * 1000.0).round() / 1000.0 + 0.0)
+    to_decimals(point, 3)
+}
+
+/// Numbers with so many decimals, without negative zeros.
+pub(super) fn to_decimals<const N: usize>(values: [f64; N], decimals: i32) -> [f64; N] {
+    let scale = 10_f64.powi(decimals);
+    values.map(|value| (value * scale).round() / scale + 0.0)
 }

@@ -230,15 +230,78 @@ fn frames_that_cannot_be_used_are_refused_with_a_remedy() {
     let mut inward = Frame::on_can(RADIUS, 0.0, 60.0, 0.0);
     (inward.z, inward.x) = ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]);
     desk.write("inward.glb", can().frame(&inward).bytes());
-    let report = desk.correct("inward.glb", "line.dxf", "");
-    assert_eq!(about_frames(&report), ["frame-inside"]);
+    let inward_file = ["correct", "inward.glb", "line.dxf", "--out", "out.dxf"];
+    desk.isomark(&inward_file).refused(1, &["frame-into-part", "65.99 mm of the part", "half a turn"]);
+    let given = inward.option();
+    desk.isomark(&["correct", "can.glb", "line.dxf", "--out", "out.dxf", "--frame", &given])
+        .refused(1, &["frame-into-part"]);
     // Two of them, and none: the root of a picture of a mark.
     let (first, second) = (Frame::on_can(RADIUS, 0.0, 60.0, 0.0), Frame::on_can(RADIUS, 1.0, 60.0, 0.0));
     desk.write("two.glb", can().frame(&first).frame(&second).bytes());
     let report = desk.correct("two.glb", "line.dxf", "");
     assert_eq!(about_frames(&report), ["frame-ambiguous"]);
     assert_near(&numbers(&report, "/placement/frame/z"), &first.z, 1e-6);
-    let picture = json!({"name": "isomark", "extras": {"schema": "isomark.on-part/1"}});
-    desk.write("picture.glb", can().node(picture).bytes());
+    desk.correct("two.glb", "line.dxf", "--report-html page.html");
+    let page = desk.text("page.html");
+    assert!(
+        page.contains("Marking frame")
+            && page.contains("from the part&#39;s file: origin (0.000, -33.000, 60.000)")
+    );
+    desk.correct("can.glb", "line.dxf", "--facing -y --place 0,60 --on-part picture.glb");
     assert!(!desk.isomark(&["inspect", "picture.glb"]).out.contains("frame"));
+    // A negative scale turns some of the axes round.
+    let mirrored = json!({"name": "isomark", "translation": [0.0, 60.0, 33.0], "scale": [-1.0, 1.0, 1.0]});
+    desk.write("mirrored.glb", can().node(mirrored).bytes());
+    desk.isomark(&["correct", "mirrored.glb", "line.dxf", "--out", "out.dxf"])
+        .refused(1, &["frame-mirrored", "negative scale", "parents"]);
+}
+
+#[test]
+fn a_frame_away_from_the_surface_is_used_and_mentioned() {
+    let desk = Desk::new();
+    desk.write("line.dxf", line());
+    let on_surface = Frame::on_can(RADIUS, 0.4, 60.0, 0.2);
+    // On the axis of the can, where modelling programs put an empty at first, and far in front of the part.
+    for (distance, codes) in
+        [(-RADIUS, vec!["frame-inside"]), (50.0, vec!["frame-above"]), (5.0, vec![]), (-0.5, vec![])]
+    {
+        let origin: Vec<f64> =
+            (0..3).map(|axis| on_surface.origin[axis] + distance * on_surface.z[axis]).collect();
+        let frame = Frame { origin: origin.try_into().unwrap(), ..on_surface };
+        desk.write("can.glb", can().frame(&frame).bytes());
+        let report = desk.correct("can.glb", "line.dxf", "");
+        assert_eq!(about_frames(&report), codes, "{distance} mm");
+        assert_ends(ends(&desk.read("out.dxf")), true_ends(&on_surface, 0.4, 60.0, 0.2));
+    }
+}
+
+#[test]
+fn names_that_differ_little_are_used_for_a_frame_and_mentioned_for_faces() {
+    let desk = Desk::new();
+    desk.write("line.dxf", line());
+    let (frame, other) = (Frame::on_can(RADIUS, 0.4, 60.0, 0.2), Frame::on_can(RADIUS, -1.0, 60.0, 0.0));
+    for name in ["isomark.001", "Isomark", " ISOMARK.012 "] {
+        desk.write("can.glb", can().named_frame(name, &frame).bytes());
+        let report = desk.correct("can.glb", "line.dxf", "");
+        assert_near(&numbers(&report, "/placement/frame/z"), &frame.z, 1e-6);
+        // A node with exactly the documented name is preferred.
+        desk.write("both.glb", can().named_frame(name, &other).frame(&frame).bytes());
+        let report = desk.correct("both.glb", "line.dxf", "");
+        assert_near(&numbers(&report, "/placement/frame/z"), &frame.z, 1e-6);
+        assert!(about_frames(&report).is_empty(), "{report:#}");
+    }
+    for name in ["isomark.01", "isomark 2", "isomark.x01", "isomarks"] {
+        desk.write("can.glb", can().named_frame(name, &frame).bytes());
+        let report = desk.correct("can.glb", "line.dxf", "--facing -y --place 0,60");
+        assert!(report.pointer("/placement/frame").is_none_or(Value::is_null), "{name}");
+    }
+    let named =
+        |name: &str| format!("usemtl {name}\nv -20 -20 0\nv 20 -20 0\nv 20 20 0\nv -20 20 0\nf 1 2 3 4\n");
+    for (name, is_mentioned) in
+        [("MARK", true), ("mark.001", true), ("Mark", true), ("marker", false), ("mark", false)]
+    {
+        desk.write("plate.obj", named(name));
+        let report = desk.correct("plate.obj", "line.dxf", "");
+        assert_eq!(notices(&report).contains(&"mark-misnamed"), is_mentioned, "{name}");
+    }
 }

@@ -90,10 +90,15 @@ impl Glb {
 
     /// Adds the node of a marking frame.
     pub fn frame(self, frame: &Frame) -> Self {
+        self.named_frame("isomark", frame)
+    }
+
+    /// Adds the node of a marking frame under another name.
+    pub fn named_frame(self, name: &str, frame: &Frame) -> Self {
         // The node's own axes are turned like the part: its y axis is the frame's z.
         let [x, up, front] = [frame.x, frame.z, negative(cross(frame.z, frame.x))].map(y_up);
         let origin = y_up(frame.origin.map(|value| value / 1000.0));
-        self.node(json!({"name": "isomark", "translation": origin, "rotation": quaternion([x, up, front])}))
+        self.node(json!({"name": name, "translation": origin, "rotation": quaternion([x, up, front])}))
     }
 
     /// Adds a node.

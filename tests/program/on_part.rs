@@ -41,7 +41,7 @@ impl Picture {
         let document = gltf::Gltf::from_slice(&bytes).unwrap();
         let scene = document.default_scene().unwrap();
         let root = scene.nodes().next().unwrap();
-        assert_eq!((root.name(), scene.nodes().count()), (Some("isomark"), 1));
+        assert_eq!((root.name(), scene.nodes().count()), (Some("isomark-mark"), 1));
         let extras: Value = serde_json::from_str(root.extras().as_ref().unwrap().get()).unwrap();
         let nodes = root.children().map(|node| {
             assert_eq!(node.transform().decomposed(), ([0.0; 3], [0.0, 0.0, 0.0, 1.0], [1.0; 3]));

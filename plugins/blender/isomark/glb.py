@@ -100,7 +100,7 @@ def read_on_part(data):
     """
     try:
         document, body = _chunks(data)
-        root = next(node for node in document["nodes"] if node.get("name") == "isomark" and "extras" in node)
+        root = next(node for node in document["nodes"] if node.get("name") == "isomark-mark" and "extras" in node)
         facts = root["extras"]["isomark"] if "isomark" in root["extras"] else root["extras"]
         schema = str(facts.get("schema"))
         if not schema.startswith(_SCHEMA + "1"):

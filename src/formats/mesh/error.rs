@@ -159,6 +159,11 @@ pub enum MeshReadError {
     /// The node of the marking frame has a transform without directions.
     #[error("the marking frame, node `isomark`, has a scale of zero or axes that coincide")]
     FrameWithoutAxes,
+    /// The node of the marking frame has a transform that mirrors.
+    #[error(
+        "the marking frame, node `isomark`, is mirrored by a negative scale, so the direction of the drawing is unknown"
+    )]
+    FrameMirrored,
     /// A node is its own descendant, or the child of two nodes.
     #[error("{node} appears twice in the node tree")]
     NodeTwice {
@@ -349,6 +354,7 @@ impl MeshReadError {
             Self::BadDataUri { .. } => "mesh-data-uri",
             Self::BadTransform { .. } => "mesh-transform-invalid",
             Self::FrameWithoutAxes => "frame-without-axes",
+            Self::FrameMirrored => "frame-mirrored",
             Self::NodeTwice { .. } => "mesh-node-cycle",
             Self::NotFinite { .. } => "mesh-coordinate-not-finite",
             Self::TooFar { .. } => "mesh-coordinate-too-far",
@@ -378,7 +384,7 @@ impl MeshReadError {
             | Self::DataBeyondBuffer { item: at, .. }
             | Self::BadTransform { node: at }
             | Self::NodeTwice { node: at } => item(at),
-            Self::FrameWithoutAxes => item("node \"isomark\""),
+            Self::FrameWithoutAxes | Self::FrameMirrored => item("node \"isomark\""),
             Self::BufferName { name } | Self::BufferMissing { name, .. } | Self::BufferShort { name, .. } => {
                 item(&format!("buffer {name}"))
             }
@@ -436,6 +442,9 @@ impl MeshReadError {
                 "apply the object's transform in the modelling program and export again"
             }
             Self::FrameWithoutAxes => "give the empty `isomark` a scale of 1 and export again",
+            Self::FrameMirrored => {
+                "give the empty `isomark` and the objects that it belongs to (its parents) a positive scale and export again"
+            }
             Self::NotFinite { .. } => {
                 "repair the mesh in the modelling program (remove broken vertices) and export again"
             }

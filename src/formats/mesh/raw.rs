@@ -1,5 +1,7 @@
 //! A part in the unit and axes of its file, and the size limits of reading.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use super::clues::{Clues, Corners};
@@ -39,8 +41,8 @@ pub(super) struct RawPart {
     pub(super) missing: usize,
     /// For each triangle, whether it is one of the faces named `mark`; empty if there are none.
     pub(super) is_mark: Vec<bool>,
-    /// The transforms of the nodes that are marking frames, in the unit and axes of the file.
-    pub(super) frames: Vec<Matrix4<f64>>,
+    /// The nodes that are marking frames.
+    pub(super) frames: Vec<FrameNode>,
     pub(super) bodies: Vec<String>,
     pub(super) materials: Vec<String>,
     pub(super) skipped: Vec<String>,
@@ -89,6 +91,7 @@ impl RawPart {
         }
         let frame = self.frame(up, scale)?;
         let mark_faces = self.mark_faces();
+        let misnamed = self.misnamed();
         let mut understood = Understood::default();
         let shape = match self.is_scan {
             true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
@@ -118,6 +121,7 @@ impl RawPart {
             return Err(MeshReadError::NoPoints { missing: self.missing });
         }
         self.notices.extend(verdict.notices);
+        self.notices.extend(misnamed);
         self.notices.extend(understood.notices(triangles));
         let is_estimated = matches!(understood.used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed));
         self.notices.extend(self.normals_found.notice().filter(|_| is_estimated));
@@ -152,10 +156,32 @@ fn area([a, b, c]: &[Point3<f64>; 3]) -> f64 {
     (b - a).cross(&(c - a)).norm() / 2.0
 }
 
+/// A node of the file that is a marking frame.
+pub(super) struct FrameNode {
+    /// Whether its name is written exactly as documented.
+    pub(super) is_exact: bool,
+    /// Its transform, in the unit and axes of the file.
+    pub(super) transform: Matrix4<f64>,
+}
+
+/// The name of faces that bound where ink may be.
+const MARK: &str = "mark";
+/// Largest number of misspelt names that are reported.
+const MAX_MISNAMED: usize = 3;
+
 /// Whether a body, group or material of this name bounds where ink may be. Other spellings are names of their own, such as
-/// `MARK` for a material.
+/// `MARK` for a material; a notice reports them.
 pub(super) fn bounds_ink(name: &str) -> bool {
-    name.trim() == "mark"
+    name.trim() == MARK
+}
+
+/// Whether the names differ at most in case, in spaces around them, and in the number that Blender adds to the name of a
+/// copy (`.001`).
+pub(super) fn is_nearly(name: &str, documented: &str) -> bool {
+    let name = name.trim();
+    let is_number = |text: &str| text.len() >= 3 && text.bytes().all(|byte| byte.is_ascii_digit());
+    let name = name.rsplit_once('.').filter(|(_, number)| is_number(number)).map_or(name, |(name, _)| name);
+    name.eq_ignore_ascii_case(documented)
 }
 
 impl RawPart {
@@ -169,9 +195,29 @@ impl RawPart {
             .collect()
     }
 
+    /// Warns of names that differ little from that of faces that bound the ink.
+    fn misnamed(&self) -> Option<Notice> {
+        let names = self
+            .bodies
+            .iter()
+            .chain(&self.materials)
+            .filter(|name| is_nearly(name, MARK) && !bounds_ink(name));
+        let names: BTreeSet<String> = names.map(|name| format!("\"{}\"", name.escape_debug())).collect();
+        let names = names.into_iter().take(MAX_MISNAMED).collect::<Vec<_>>().join(", ");
+        (!names.is_empty()).then(|| {
+            let message = format!(
+                "faces named {names} do not bound where ink may be: only the name `{MARK}` does, in small letters and without a \
+                 number"
+            );
+            Notice::warning("mark-misnamed", message)
+        })
+    }
+
     /// The first marking frame of the file, in the part frame, mm, for a file with this axis up and this many mm a unit.
     fn frame(&mut self, up: UpAxis, scale: f64) -> Result<Option<MarkingFrame>, MeshReadError> {
-        let Some(first) = self.frames.first() else { return Ok(None) };
+        let is_exact = self.frames.iter().any(|node| node.is_exact);
+        self.frames.retain(|node| node.is_exact == is_exact);
+        let Some(FrameNode { transform: first, .. }) = self.frames.first() else { return Ok(None) };
         // The axes of a node are turned like the part: those of a node without rotation become those of the part frame.
         let turn =
             Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| up.to_z_up(axis)));
@@ -179,6 +225,9 @@ impl RawPart {
         let origin = Point3::from(up.to_z_up(first.fixed_view::<3, 1>(0, 3).into_owned()) * scale);
         let frame = MarkingFrame::new(origin, axes.column(2).into_owned(), axes.column(0).into_owned());
         let frame = frame.ok_or(MeshReadError::FrameWithoutAxes)?;
+        if axes.determinant() < 0.0 {
+            return Err(MeshReadError::FrameMirrored);
+        }
         if self.frames.len() > 1 {
             let message = format!(
                 "{} nodes of the file are named `isomark`; the first one, at ({:.2}, {:.2}, {:.2}) mm of the part, is the \

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::raw::bounds_ink;
+use crate::formats::mesh::raw::{FrameNode, bounds_ink, is_nearly};
 use crate::formats::mesh::{
     MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, QUICK_TRIANGLES, RawPart, at_most, check_pace,
     normals,
@@ -32,8 +32,6 @@ const BYTES_OF_TRIANGLE: usize = 6;
 const BYTES_OF_VERTEX: usize = 12;
 /// The name of the node that is the marking frame.
 const FRAME: &str = "isomark";
-/// In the extras of the node of this name that isomark writes into pictures of a mark; it is no frame.
-const PICTURE_OF_MARK: &str = "isomark.on-part";
 
 /// Reads the file's default scene; numbers stay in the file's unit and axes.
 pub(super) fn read(
@@ -167,7 +165,8 @@ impl Walk<'_> {
             self.skip("set of instances (only the first one is read)", usize::from(instanced));
         }
         if is_frame(node) {
-            self.part.frames.push(*transform);
+            let is_exact = node.name.as_deref() == Some(FRAME);
+            self.part.frames.push(FrameNode { is_exact, transform: *transform });
         }
         let Some(mesh_index) = node.mesh else { return Ok(()) };
         let meshes = &self.root.meshes;
@@ -351,10 +350,10 @@ impl Walk<'_> {
     }
 }
 
-/// Whether the node is a marking frame: an empty of its name.
+/// Whether the node is a marking frame: an empty of its name, also with the number that Blender adds to the name of a copy
+/// (`isomark.001`).
 pub(super) fn is_frame(node: &Node) -> bool {
-    let is_picture = node.extras.as_ref().is_some_and(|extras| extras.get().contains(PICTURE_OF_MARK));
-    node.name.as_deref() == Some(FRAME) && node.mesh.is_none() && !is_picture
+    node.mesh.is_none() && node.name.as_deref().is_some_and(|name| is_nearly(name, FRAME))
 }
 
 /// What the primitive is, unless it is a surface.
