@@ -257,15 +257,24 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
         text += &kept_words(kept);
     }
     if !status.under_way.is_empty() {
-        text += "working on\n";
-        let line = |job: &UnderWay| format!("  {}, for {:.1} s\n", on_one_line(&job.drop), job.for_s);
+        text += match status.state {
+            State::Running | State::Silent => "working on\n",
+            State::Stopped | State::EndedSilently => "was working on, and continues when it is started\n",
+        };
+        let line = |job: &UnderWay| match status.state {
+            State::Running | State::Silent => {
+                format!("  {}, for {:.1} s\n", on_one_line(&job.drop), job.for_s)
+            }
+            State::Stopped | State::EndedSilently => format!("  {}\n", on_one_line(&job.drop)),
+        };
         let lines = status.under_way.iter().map(line);
         text.extend(lines);
     }
     let waits = |waits: &Waits| format!("{}: {}", waits.drop, waits.reason.on_one_line());
     text += &list("waiting", &status.waiting, waits);
-    text +=
-        &list("not complete", &status.incomplete, |waits| format!("{}: {}", waits.drop, waits.reason.what));
+    text += &list("being copied, or queued", &status.incomplete, |waits| {
+        format!("{}: {}", waits.drop, waits.reason.what)
+    });
     if status.uncertain.count > 0 {
         text += &list("uncertain (may or may not be delivered)", &status.uncertain, |drawing| {
             format!("{}, interrupted before {}", on_one_line(&drawing.name), drawing.at)

@@ -592,6 +592,22 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
         return Ok(());
     }
     let beyond = (area.min - seen.field.min).sup(&(seen.field.max - area.max)).max();
+    let (drawn, there) = (seen.field.size(), area.size());
+    // Without a lens model the drawing moves with the part; through a lens, nearly so.
+    let shift = area.center() - seen.field.center();
+    let [x, y] = [settings.fixture.x + shift.x, settings.fixture.y + shift.y]
+        .map(|value| (value * 10.0).round() / 10.0 + 0.0);
+    let fits = drawn.x <= there.x && drawn.y <= there.y;
+    let remedy = match fits {
+        true => format!(
+            "Move the drawing (`place_mm`, `--place`), or move the part: `x_mm = {x:.1}` and `y_mm = {y:.1}` under [fixture] put \
+             the drawing into the middle of the field."
+        ),
+        false => format!(
+            "Make the drawing smaller: it is {:.1} x {:.1} mm in the field, which has {:.1} x {:.1} mm.",
+            drawn.x, drawn.y, there.x, there.y
+        ),
+    };
     Err(Reason::new(
         "outside-field",
         format!(
@@ -601,7 +617,7 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
             span(&area, 0),
             span(&area, 1)
         ),
-        "Move the drawing (`place_mm`, `--place`), or move the part with the station's `[fixture]`.",
+        remedy,
     )
     .with_number("overhang", beyond, "mm", Some(0.0)))
 }

@@ -203,6 +203,28 @@ fn a_station_is_asked_from_another_terminal() {
 }
 
 #[test]
+fn a_drawing_for_an_unknown_product_names_similar_ones() {
+    let station = delivered();
+    station.desk.write("skus/Thorough.toml", "[part]\n");
+    station.copy_into(&drawing("square"), "throug@2.dxf");
+    station.copy_into(&drawing("square"), "saddle.dxf");
+    station.once();
+    let waiting = status(&station)["waiting"].to_string();
+    assert!(
+        waiting.contains("If the drawing is for another product, begin its name with thorough@ or trough@."),
+        "{waiting}"
+    );
+    let saddle = status(&station)["waiting"]["first"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|drop| drop["drop"] == "saddle.dxf")
+        .unwrap()
+        .clone();
+    assert!(!saddle.to_string().contains("another product"), "{saddle}");
+}
+
+#[test]
 fn rejected_drops_are_tried_again() {
     let station = Station::new();
     station.desk.write("skus/trough.toml", OFF);
@@ -231,6 +253,14 @@ fn rejected_drops_are_tried_again() {
     let output = retry(&["trough.dxf"]);
     assert!(output.code == 0 && output.out == "trough.dxf is back in the hot folder\n", "{output:?}");
     assert!(station.once().out.starts_with("1 delivered"));
+    // What was put right is no longer listed.
+    let still_rejected = status(&station)["rejections"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|entry| entry["drop"].clone())
+        .collect::<Vec<_>>();
+    assert_eq!(still_rejected, ["trough@2.dxf"]);
     assert_eq!(retry(&["--rejected"]).out, "trough@2.dxf is back in the hot folder\n");
     assert!(files(&station.path("rejected")).is_empty());
     station.once();

@@ -1,6 +1,6 @@
 //! Invalid input: the exit code, and a message with file, place, number and remedy.
 
-use crate::desk::{Desk, Output, drawing, part};
+use crate::desk::{Desk, Output, drawing, numbers, part};
 
 const MOUSE: &str = "mouse/fc020-gui.glb";
 
@@ -198,9 +198,31 @@ fn a_drawing_wider_than_the_field() {
             "abc.dxf",
             "overhang 9.",
             "mm (limit 0 mm)",
-            "remedy: Move the drawing",
+            "remedy: Make the drawing smaller: it is ",
+            "in the field, which has 20.0 x 20.0 mm",
         ],
     );
+}
+
+#[test]
+fn a_drawing_beside_the_field_and_the_fixture_that_moves_it_there() {
+    let desk = Desk::new();
+    let stand = |fixture: &str| {
+        let text = "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 50\n\
+                    height_mm = 20\norigin = \"corner\"\n[fixture]\nrotation_deg = 10\n";
+        desk.write("station.toml", format!("{text}{fixture}"));
+    };
+    stand("x_mm = 3\n");
+    let refused = correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml");
+    refused.refused(1, &["remedy: Move the drawing", "under [fixture] put the drawing into the middle"]);
+    let offset = |axis: &str| {
+        let after = refused.err.split(&format!("`{axis}_mm = ")).nth(1).unwrap();
+        after.split('`').next().unwrap().parse::<f64>().unwrap()
+    };
+    stand(&format!("x_mm = {}\ny_mm = {}\n", offset("x"), offset("y")));
+    let report = desk.correct(&part(MOUSE), &drawing("abc"), "--station station.toml");
+    let [left, bottom, right, top] = numbers(&report, "/output/extents_mm")[..] else { panic!("{report}") };
+    assert!((left + right - 50.0).abs() < 0.2 && (bottom + top - 20.0).abs() < 0.2, "{report}");
 }
 
 /// At 20 mm the lens is below the mouse, at 36 mm the beam is too flat to reach its sides.

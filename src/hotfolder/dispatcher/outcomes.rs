@@ -43,7 +43,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 let until = self.now() + self.times().incomplete;
                 self.late.expect_companions(absent, &place, until);
                 self.tally.learned += 1;
-                self.status.learned();
+                self.status.learned(&running.drop.to_string());
                 self.done(path);
                 if let Some(sku) = running.sku() {
                     self.drops.release(sku);
@@ -53,7 +53,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::Delivered | Outcome::Uncertain => {
                 if matches!(outcome, Outcome::Delivered) {
                     self.tally.delivered += 1;
-                    self.status.delivered();
+                    self.status.delivered(&running.drop.to_string());
                 }
                 self.drawing_is_done(path, &running, went_along);
             }
@@ -140,7 +140,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         match outcome {
             Outcome::Delivered => {
                 self.tally.delivered += 1;
-                self.status.delivered();
+                self.status.delivered(name);
                 self.reprocessing.forget(name);
             }
             Outcome::Repeated => self.reprocessing.forget(name),

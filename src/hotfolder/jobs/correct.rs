@@ -8,7 +8,7 @@ use super::finish::{Ready, is_missing_for_server};
 use super::intake::Read;
 use super::resume::{Inputs, Original, Resume};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
-use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold};
+use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near};
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, Delivery, JobError};
 use crate::hotfolder::beamserver;
@@ -16,6 +16,9 @@ use crate::hotfolder::error::{folder_trouble, guarded};
 use crate::hotfolder::seen::{Meaning, delivered_as, folders, meaning, sidecar_of};
 use crate::hotfolder::state::{Certainty, Delivered, DropId, Import, Job};
 use crate::reason::Reason;
+
+/// Largest number of SKUs that are suggested for an unknown one.
+const NEAR_NAMES: usize = 3;
 
 /// A drawing that is being corrected.
 struct Correction<'a> {
@@ -97,7 +100,19 @@ impl<C: Corrector> Executor<'_, C> {
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
             let what = format!("The drawing waits for a part: {sku} has no surface yet.");
-            let remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
+            let mut remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
+            let known: Vec<String> = filing::known_skus(&task.station.folders).into_iter().collect();
+            let near: Vec<&str> =
+                near(&sku.key(), &known).into_iter().filter(|name| *name != sku.key()).collect();
+            if !near.is_empty() {
+                let names = near
+                    .iter()
+                    .take(NEAR_NAMES)
+                    .map(|name| format!("{name}@"))
+                    .collect::<Vec<_>>()
+                    .join(" or ");
+                remedy += &format!(" If the drawing is for another product, begin its name with {names}.");
+            }
             return Err(EarlyEnd::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
         }
         self.note_shape(sku, &task.settings, false);

@@ -13,13 +13,14 @@
 //! SKU folders have the SKU's name in lower case. Companions are beside their part. `isomark retry` moves a rejected drop
 //! back into the hot folder.
 
+use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
-use crate::config::{FolderPaths, Sku, Station};
+use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
 use crate::formats::pattern::is_drawing;
 use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
@@ -189,6 +190,22 @@ pub(crate) fn noted_part(folders: &FolderPaths, sku: &Sku) -> io::Result<Option<
 pub(crate) fn current_part(folders: &FolderPaths, sku: &Sku) -> Option<PathBuf> {
     let part = noted_part(folders, sku).ok()??;
     matches!(look(&part), Ok(Some(Found::File(_)))).then_some(part)
+}
+
+/// The keys of the SKUs that have an archived part or a settings file, sorted. A folder that cannot be listed has none.
+pub(crate) fn known_skus(folders: &FolderPaths) -> BTreeSet<String> {
+    let names = |folder: &Path| -> Vec<PathBuf> {
+        fs::read_dir(folder)
+            .map(|entries| entries.flatten().map(|entry| entry.path()).collect())
+            .unwrap_or_default()
+    };
+    let archived = names(&folders.archive).into_iter().filter(|folder| folder.join(CURRENT_PART).is_file());
+    let configured = names(&folders.skus)
+        .into_iter()
+        .filter(|file| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")));
+    let archived = archived.filter_map(|folder| Some(folder.file_name()?.to_str()?.to_owned()));
+    let configured = configured.filter_map(|file| Some(fold(file.file_stem()?.to_str()?)));
+    archived.chain(configured).collect()
 }
 
 /// Moves an original that cannot be processed into the rejected folder, with the reason beside it. The reason is

@@ -67,7 +67,7 @@ pub struct Status {
     /// Drawings that may not have been delivered.
     #[serde(default)]
     pub uncertain: Listed<UncertainDrawing>,
-    /// The last rejections, newest first.
+    /// The last rejections, newest first, without the drops that were put right since.
     pub rejections: Vec<Rejection>,
     /// What is kept for how long; absent before the first pass over the folders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -294,11 +294,15 @@ impl StatusBoard {
         self.station = station.name.clone();
     }
 
-    pub(crate) fn learned(&mut self) {
+    /// Notes a part whose surface is kept now; what was wrong with its drop before no longer matters.
+    pub(crate) fn learned(&mut self, drop: &str) {
+        self.rejections.retain(|rejection| rejection.drop != drop);
         self.done.learned += 1;
     }
 
-    pub(crate) fn delivered(&mut self) {
+    /// Notes a delivered drawing; what was wrong with its drop before no longer matters.
+    pub(crate) fn delivered(&mut self, drop: &str) {
+        self.rejections.retain(|rejection| rejection.drop != drop);
         self.done.delivered += 1;
         self.minute().1 += 1;
     }
