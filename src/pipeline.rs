@@ -847,7 +847,7 @@ pub(crate) fn unknown_part_format(name: &str) -> Reason {
         (
             format!("\"{name}\" cannot be read as a part: isomark does not read this format."),
             format!(
-                "{export}, with a deviation of at most 0.1 mm, in a program that opens it, such as FreeCAD."
+                "{export}, with a deviation of at most 0.05 mm, in a program that opens it, such as FreeCAD."
             ),
         )
     } else {

@@ -586,16 +586,20 @@ impl Report {
     pub(crate) fn summary_replacing(&self, previous: &str) -> String {
         let after = &self.quality.after;
         let before = self.quality.before.as_ref();
-        let from = |value: Option<f64>, digits: usize| {
-            value.map_or("?".to_owned(), |value| format!("{value:.digits$}"))
+        // Where the drawing as drawn is partly beside the part, it has no values there.
+        let from = |value: fn(&DistortionReport) -> f64, digits: usize| {
+            before.map_or(String::new(), |before| format!("{:.digits$} -> ", value(before)))
         };
         let mut text = format!(
-            "{}: {} ({:.1} x {:.1} mm, {} paths) corrected with `{}` on {} ({:.1} x {:.1} x {:.1} mm{}). ",
+            "{}: {} ({:.1} x {:.1} mm, {}) corrected with `{}` on {} ({:.1} x {:.1} x {:.1} mm{})",
             self.sku,
             self.pattern.file,
             self.pattern.facts.size[0],
             self.pattern.facts.size[1],
-            self.pattern.paths,
+            match self.pattern.paths {
+                1 => "1 path".to_owned(),
+                paths => format!("{paths} paths"),
+            },
             self.map.method(),
             self.part.origin.file,
             self.part.facts.size[0],
@@ -603,18 +607,31 @@ impl Report {
             self.part.facts.size[2],
             if self.part.surface_from_cache { ", from the cache" } else { "" },
         );
-        text += &format!(
-            "Length error {} -> {:.3} mm on {:.1} mm of lines, ",
-            from(before.map(|before| before.length_error_mm), 3),
+        let mut lines = vec![format!(
+            "length error  {}{:.3} mm on {:.1} mm of lines, at most {}{:.3} % of a piece",
+            from(|quality| quality.length_error_mm, 3),
             after.length_error_mm,
             after.length_mm,
-        );
+            from(|quality| quality.max_stretch * 100.0, 2),
+            after.max_stretch * 100.0,
+        )];
         if after.area_mm2 > 0.0 {
-            text += &format!(
-                "area error {} -> {:.3} mm2 on {:.1} mm2, ",
-                from(before.map(|before| before.area_error_mm2), 3),
+            lines.push(format!(
+                "area error    {}{:.3} mm2 on {:.1} mm2",
+                from(|quality| quality.area_error_mm2, 3),
                 after.area_error_mm2,
                 after.area_mm2,
+            ));
+        }
+        lines.push(format!(
+            "angle error   {}{:.2} deg at most",
+            from(|quality| quality.max_angle_error_deg, 2),
+            after.max_angle_error_deg,
+        ));
+        if before.is_none() {
+            lines.push(
+                "without values before the correction: the drawing as drawn is not completely on the part"
+                    .into(),
             );
         }
         let scan = self.part.facts.scan.as_ref();
@@ -624,22 +641,18 @@ impl Report {
             }
             None => "part".to_owned(),
         };
-        text += &format!(
-            "largest stretch {} -> {:.3} %, largest angle error {} -> {:.2} deg. Under the ink, the surface is within \
-             {:.4} mm of the {measured}. The beam hits it at up to {:.0} deg.",
-            from(before.map(|before| before.max_stretch * 100.0), 2),
-            after.max_stretch * 100.0,
-            from(before.map(|before| before.max_angle_error_deg), 2),
-            after.max_angle_error_deg,
-            self.part.residual.under_ink_mm,
-            self.exposure.incidence_deg,
-        );
+        lines.push(format!(
+            "surface       within {:.4} mm of the {measured} under the ink; the beam hits it at up to {:.0} deg",
+            self.part.residual.under_ink_mm, self.exposure.incidence_deg,
+        ));
         if let Some(scan) = scan {
-            let what =
-                if self.part.facts.triangles > 0 { "mesh is smoothed as a scan" } else { "part is a scan" };
-            text += &format!(" The {what}: {}.", scan.summary());
+            let what = if self.part.facts.triangles > 0 { "mesh, smoothed as a scan" } else { "scan" };
+            lines.push(format!("{what}: {}", scan.summary()));
         }
         text = on_one_line(&text);
+        for line in &lines {
+            text += &format!("\n  {}", on_one_line(line));
+        }
         for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
             text += &format!("\n  warning: {}", on_one_line(&notice.message));
         }

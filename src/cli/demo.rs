@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::outcome::{Failure, Outcome, print, shown};
+use super::outcome::{Failure, Outcome, print, shown, tell};
 use super::progress::ProgressLine;
 use super::shell;
 use crate::cache::Cache;
@@ -20,6 +20,9 @@ pub(super) struct DemoArguments {
     /// The folder to set the station up in.
     #[arg(default_value = "isomark-demo")]
     folder: PathBuf,
+    /// Opens the report of the first drawing in the browser, with the mark on the part in 3-D.
+    #[arg(long)]
+    open: bool,
 }
 
 /// The settings of the station and of its sample parts.
@@ -57,19 +60,26 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
         .map_err(|error| Failure::new(super::Exit::Environment, error.reason()))?;
     drop(progress);
     let table = table(&folders.reports).map_err(|error| Failure::environment(&error))?;
+    let page = folders.reports.join(REPORT);
+    let how = if arguments.open { "" } else { " (`isomark demo --open` does that)" };
     print(&format!(
-        "\n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, pictures   {}\nsettings            {}\n\
-         \nOpen the report of one in a browser, with the mark on the part in 3-D:\n  {}\n\
+        "\nThe mark on the part in 3-D, with all results; open it in a browser{how}:\n  {}\n\
+         \n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, pictures   {}\nsettings            {}\n\
          \nDrop a part and a drawing into {} and run\n  {}\n",
+        shown(&page),
         tally.delivered,
         tally.rejected,
         shown(&folders.import),
         shown(&folders.reports),
         shown(&folder.join("station.toml")),
-        shown(&folders.reports.join(REPORT)),
         shown(&folders.hot),
         shell::command(&["watch", &shell::path(&folder.join("station.toml"))]),
     ));
+    if arguments.open
+        && let Err(error) = std::path::absolute(&page).and_then(open::that_detached)
+    {
+        tell(&format!("isomark: warning: no browser could be opened: {error}"));
+    }
     Ok(())
 }
 
@@ -95,7 +105,7 @@ fn set_up(folder: &Path) -> std::io::Result<()> {
 fn table(reports: &Path) -> std::io::Result<String> {
     let mut text = format!(
         "{:<10} {:<16} {:<10} {:>14} {:>22} {:>9}\n",
-        "SKU", "drawing", "method", "residual mm", "length error mm", "time ms"
+        "SKU", "drawing", "method", "surface off mm", "length error mm", "work ms"
     );
     for (name, _) in DROPS {
         let Some((sku, _)) = name.split_once('@') else { continue };

@@ -123,7 +123,12 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                     line(&mut text, "written", &written.display().to_string());
                 }
             }
-            notices(&mut text, &reading.facts.notices);
+            // Unit and axis have lines of their own, with the reason.
+            let is_shown_above = |notice: &&Notice| {
+                notice.severity == Severity::Note
+                    && ["unit-assumed", "axis-assumed"].contains(&notice.code.as_str())
+            };
+            notices(&mut text, reading.facts.notices.iter().filter(|notice| !is_shown_above(notice)));
             (Inspection::Part(reading.facts), text)
         }
         None if arguments.surface.is_some() => {
@@ -498,11 +503,11 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     for repair in &facts.repairs {
         line(&mut text, "repaired", &repair.notice.message);
     }
-    notices(&mut text, &facts.notices);
+    notices(&mut text, facts.notices.iter());
     text
 }
 
-fn notices(text: &mut String, notices: &[Notice]) {
+fn notices<'a>(text: &mut String, notices: impl Iterator<Item = &'a Notice>) {
     for notice in notices {
         let label = match notice.severity {
             Severity::Note => "note",

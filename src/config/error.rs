@@ -138,7 +138,8 @@ impl ConfigError {
     /// The reason that people are shown.
     #[must_use]
     pub fn reason(&self) -> Reason {
-        let mut reason = Reason::new(self.code(), self.what(), self.remedy());
+        let written = |text: String| if self.is_option() { as_typed(&text) } else { text };
+        let mut reason = Reason::new(self.code(), written(self.what()), written(self.remedy()));
         reason.place = self.place();
         if let Self::OutOfRange { key, value, low, high, unit, .. } = self {
             let limit = Some(if *value < *low { *low } else { *high });
@@ -244,8 +245,28 @@ impl ConfigError {
 
 impl std::fmt::Display for ConfigError {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(out, "{}: {} {}", self.place(), self.what(), self.remedy())
+        let Reason { what, remedy, .. } = self.reason();
+        write!(out, "{}: {what} {remedy}", self.place())
     }
+}
+
+/// A message about a settings file as one about an option, which needs neither quotes nor the brackets of lists:
+/// `[12.5, -3]` becomes `12.5,-3`.
+fn as_typed(text: &str) -> String {
+    let mut typed = String::new();
+    let mut rest = text;
+    while let Some((before, list, after)) = rest
+        .split_once('[')
+        .and_then(|(before, rest)| rest.split_once(']').map(|(list, after)| (before, list, after)))
+    {
+        typed += before;
+        match list.contains(',') {
+            true => typed += &list.replace(", ", ","),
+            false => typed += &format!("[{list}]"),
+        }
+        rest = after;
+    }
+    (typed + rest).replace('"', "")
 }
 
 impl std::error::Error for ConfigError {

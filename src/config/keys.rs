@@ -270,7 +270,8 @@ impl PartKeys {
                     NameOr::Numbers(_) => "`part.facing` names no side of the part.".into(),
                 },
                 remedy:
-                    "Give \"+z\", \"-z\", \"+x\", \"-x\", \"+y\", \"-y\" or a direction such as [1, 0, 0.5]."
+                    "Give \"+z\" (top), \"-z\" (bottom), \"+x\" (right), \"-x\" (left), \"+y\" (back), \"-y\" (front) or a \
+                     direction such as [1, 0, 0.5]."
                         .into(),
             })?;
         }

@@ -439,7 +439,7 @@ fn inputs(body: &mut Markup, report: &Report) {
             ("Written by", optional(&facts.producer)),
             ("Unit", format!("{}: {}", facts.unit, facts.unit_why)),
             ("Size", format!("{:.2} × {:.2} mm", facts.size[0], facts.size[1])),
-            ("Paths", format!("{}, {} of them contours", pattern.paths, pattern.contours)),
+            ("Paths", format!("{}, of these {} contours", pattern.paths, pattern.contours)),
             ("Entities", kinds.collect::<Vec<_>>().join(", ")),
             ("Ink layers", pattern.ink_layers.as_ref().map_or("all".to_owned(), |layers| layers.join(", "))),
         ],

@@ -52,7 +52,38 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
         }
         first = bytes;
     }
+    opens_its_report(&desk);
     // A file with the name of the folder is an error with a remedy.
     desk.write("taken", "a file");
     desk.isomark(&["demo", "taken"]).refused(3, &["taken", "remedy: "]);
 }
+
+/// A stand-in for the desktop's program that opens files writes down what it is given.
+#[cfg(target_os = "linux")]
+fn opens_its_report(desk: &Desk) {
+    use std::os::unix::fs::PermissionsExt;
+
+    let (opener, opened) = (desk.path("bin/xdg-open"), desk.path("opened.txt"));
+    desk.write(
+        "bin/xdg-open",
+        format!("#!/bin/sh\nprintf %s \"$1\" > '{}.part'\nmv '{0}.part' '{0}'\n", opened.display()),
+    );
+    std::fs::set_permissions(&opener, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = std::env::join_paths([desk.path("bin"), "/usr/bin".into(), "/bin".into()]).unwrap();
+    let status = std::process::Command::new(env!("CARGO_BIN_EXE_isomark"))
+        .args(["demo", "--open"])
+        .current_dir(desk.root())
+        .env("PATH", path)
+        .stdout(std::process::Stdio::null())
+        .status();
+    assert!(status.unwrap().success());
+    let until = std::time::Instant::now() + std::time::Duration::from_secs(30);
+    while !opened.exists() && std::time::Instant::now() < until {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let page = desk.path("isomark-demo/reports/mouse/mouse@letters.dxf.report.html");
+    assert_eq!(desk.text("opened.txt"), page.to_str().unwrap());
+}
+
+#[cfg(not(target_os = "linux"))]
+fn opens_its_report(_: &Desk) {}

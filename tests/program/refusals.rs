@@ -325,9 +325,9 @@ fn wrong_usage() {
     let desk = Desk::new();
     let (mouse, abc) = (part(MOUSE), drawing("abc"));
     for (options, words) in [
-        ("--place nonsense", ["two numbers, such as [12.5, -3]", "where:  --place nonsense", "remedy: "]),
-        ("--place 1,2,3", ["two numbers", "where:  --place 1,2,3", "[12.5, -3]"]),
-        ("--facing up", ["`up`", "where:  --facing up", "\"-y\""]),
+        ("--place nonsense", ["two numbers, such as 12.5,-3", "where:  --place nonsense", "remedy: "]),
+        ("--place 1,2,3", ["two numbers", "where:  --place 1,2,3", " 12.5,-3"]),
+        ("--facing up", ["`up`", "where:  --facing up", " -y (front)"]),
         ("--facing 0,0,0", ["`0,0,0`", "--facing", "direction"]),
         ("--method magic", ["`magic`", "--method", "`isometric`"]),
         ("--weighting heavy", ["`heavy`", "--weighting", "`uniform`"]),

@@ -103,7 +103,7 @@ impl<C: Corrector> Executor<'_, C> {
             let mut remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             let known: Vec<String> = filing::known_skus(&task.station.folders).into_iter().collect();
             let near: Vec<&str> =
-                near(&sku.key(), &known).into_iter().filter(|name| *name != sku.key()).collect();
+                near(sku.key(), &known).into_iter().filter(|name| *name != sku.key()).collect();
             if !near.is_empty() {
                 let names = near
                     .iter()

@@ -172,10 +172,10 @@ impl Font {
             true => Typeface::Outline,
             false => self.face,
         };
-        let missing: BTreeSet<char> =
-            letters.iter().map(|letter| letter.char).filter(|letter| lacks(face, *letter)).collect();
+        let mut seen = BTreeSet::new();
+        let missing = letters.iter().map(|letter| letter.char).filter(|letter| lacks(face, *letter));
+        let missing: String = missing.filter(|letter| seen.insert(*letter)).take(12).collect();
         if !missing.is_empty() {
-            let missing: String = missing.into_iter().take(12).collect();
             return Err(format!(
                 "its letters {missing} are in no available font: convert the text to outlines in the drawing program"
             ));
