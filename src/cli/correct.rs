@@ -118,14 +118,17 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
 
 /// Refuses a picture whose name has the ending of another kind of file.
 pub(super) fn check_ending(option: &str, file: Option<&PathBuf>, ending: &str, kind: &str) -> Outcome {
-    let has_it = |file: &&PathBuf| file.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
-    match file.filter(|file| !has_it(file)) {
+    match file.filter(|file| !has_ending(file, ending)) {
         None => Ok(()),
         Some(file) => Err(Failure::usage(
             format!("`{option}` writes {kind}, and {} has another ending.", file.display()),
             format!("Give the file the ending .{ending}."),
         )),
     }
+}
+
+pub(super) fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
 /// The drawing that the corrected one replaces, if any. Refuses to replace a file that is not a drawing; an empty file

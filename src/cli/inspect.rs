@@ -7,7 +7,7 @@ use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::correct::check_ending;
+use super::correct::{check_ending, has_ending};
 use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
@@ -20,7 +20,6 @@ use crate::formats::mesh::{
 };
 use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
-use crate::geometry::mesh::TriMesh;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::sides::{SIDES, Side, SideHeights};
 use crate::geometry::space::View;
@@ -29,6 +28,7 @@ use crate::pipeline::{Progress, Step, surface_of, unknown_part_format};
 use crate::preview::{HeightPicture, SidePicture, sides_svg};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
+use crate::report_html::sides_html;
 
 /// Skipped entities are listed one by one up to this number.
 const MOST_LISTED: usize = 12;
@@ -47,8 +47,9 @@ pub(super) struct InspectArguments {
     /// Writes the surface that is fitted to this side, in the frame of the part's file: .step (the spline) or .obj (triangles).
     #[arg(long, value_name = "FILE")]
     surface: Option<PathBuf>,
-    /// Draws the side that `--facing` names, or all six, with axes, sizes and the place where a drawing fits, as SVG.
-    #[arg(long, value_name = "FILE.svg")]
+    /// Draws the side that `--facing` names, or all six, with axes, sizes and the place where a drawing fits, as a picture
+    /// (.svg) or as a page with a table (.html).
+    #[arg(long, value_name = "FILE.svg|html")]
     preview: Option<PathBuf>,
     #[command(flatten)]
     set: SetArguments,
@@ -71,7 +72,9 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let written: Vec<(&str, &Path)> =
         written.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?))).collect();
     apart(&[&arguments.file], &written)?;
-    check_ending("--preview", arguments.preview.as_ref(), "svg", "an SVG picture")?;
+    if !arguments.preview.as_ref().is_some_and(|file| has_ending(file, "html")) {
+        check_ending("--preview", arguments.preview.as_ref(), "svg", "an SVG picture or an HTML page")?;
+    }
     let mut overrides = Overrides::default();
     arguments.meaning.add_to(&mut overrides)?;
     arguments.scan.add_to(&mut overrides)?;
@@ -103,11 +106,20 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 None
             };
             if let Some(mesh) = reading.shape.mesh() {
-                let sides = Side::all(mesh, IncidenceLimits::default().refuse);
+                let limit = IncidenceLimits::default().refuse;
+                let sides = Side::all(mesh, limit);
                 reading.facts.sides = SideFacts::of_all(&sides);
+                let named = overrides
+                    .has("part.facing")
+                    .then(|| (facing_name(&settings.part), Side::seen(mesh, &settings.part.view(), limit)));
+                // A direction between the axes is one more side.
+                if let Some((name, side)) = &named
+                    && reading.facts.sides.iter().all(|other| other.side != *name)
+                {
+                    reading.facts.sides.push(SideFacts::of(name.clone(), side));
+                }
                 if let Some(preview) = &arguments.preview {
-                    let named = overrides.has("part.facing").then_some(&settings.part);
-                    draw_sides(preview, &name, mesh, &reading.facts, sides, named)?;
+                    draw_sides(preview, &name, &reading.facts, sides, named, &settings.part)?;
                 }
             } else if arguments.preview.is_some() {
                 return Err(Failure::usage(
@@ -268,10 +280,10 @@ fn part_text(name: &str, facts: &PartFacts) -> String {
 fn draw_sides(
     file: &Path,
     part: &str,
-    mesh: &TriMesh,
     facts: &PartFacts,
     sides: Vec<Side>,
-    named: Option<&PartSettings>,
+    named: Option<(String, Side)>,
+    settings: &PartSettings,
 ) -> Outcome {
     let pictures: Vec<SidePicture> = match named {
         None => {
@@ -283,12 +295,14 @@ fn draw_sides(
             })
             .collect()
         }
-        Some(settings) => {
-            let side = Side::seen(mesh, &settings.view(), IncidenceLimits::default().refuse);
-            vec![side_picture(&facing_name(settings), &settings.view(), side, "")]
-        }
+        Some((name, side)) => vec![side_picture(&name, &settings.view(), side, "")],
     };
-    write_file(file, sides_svg(&format!("{part} · sides of the part"), &pictures).as_bytes())
+    let title = format!("{part} · sides of the part");
+    let svg = sides_svg(&title, &pictures);
+    match has_ending(file, "html") {
+        true => write_file(file, sides_html(&title, &facts.sides, &svg).as_bytes()),
+        false => write_file(file, svg.as_bytes()),
+    }
 }
 
 /// The side that the laser sees, as `--facing` takes it.

@@ -17,8 +17,16 @@ pub const SIDES: [(&str, Vector3<f64>); 6] = [
     ("-y", Vector3::new(0.0, -1.0, 0.0)),
 ];
 
-/// Cells along the longer side of the view.
+/// Cells along the longer side of the view, at least.
 const CELLS: f64 = 160.0;
+/// Cells along the shorter side of the view, at least, unless there would be more than [`MAX_CELLS`] along the longer one.
+const CELLS_ACROSS: f64 = 40.0;
+const MAX_CELLS: f64 = 1600.0;
+/// Neighbouring cells whose normals differ by more than this are at an edge of the part, rad. On a round bar with
+/// [`CELLS_ACROSS`], they differ by less than a quarter of this.
+const EDGE: f64 = 25.0 * std::f64::consts::PI / 180.0;
+/// Cells between what fits and the end of what can be marked: a fitted surface is not kept up to the last edge of the part.
+const MARGIN: f64 = 2.0;
 /// A side is flat if this share of what can be marked has one direction, to within [`ONE_DIRECTION`].
 const FLAT: f64 = 0.5;
 /// Normals within this angle are of one direction, rad.
@@ -48,7 +56,9 @@ pub fn thickness_behind(frame: &MarkingFrame, mesh: &TriMesh) -> Option<f64> {
     for &triangle in mesh.triangles() {
         let corners = mesh.corners(triangle).map(|corner| view.point(corner));
         for (line, heights) in lines.iter().zip(&mut crossings) {
-            heights.extend(height_at(&line.coords, &corners).map(|height| height - origin.z));
+            heights.extend(
+                shares_at(&line.coords, &corners).map(|shares| height_of(shares, &corners) - origin.z),
+            );
         }
     }
     let mut behind = crossings.map(|heights| {
@@ -61,16 +71,20 @@ pub fn thickness_behind(frame: &MarkingFrame, mesh: &TriMesh) -> Option<f64> {
     Some(behind[1]).filter(|thickness| thickness.is_finite())
 }
 
-/// The height of a triangle of the view at a place, mm; `None` beside the triangle and for one that stands upright.
-fn height_at(at: &Vector2<f64>, triangle: &[Point3<f64>; 3]) -> Option<f64> {
+/// The shares of the corners in a place of the view that a triangle covers; `None` beside the triangle and for one that stands
+/// upright.
+fn shares_at(at: &Vector2<f64>, triangle: &[Point3<f64>; 3]) -> Option<[f64; 3]> {
     let [a, b, c] = triangle.map(|corner| corner.coords.xy());
     let across = |u: Vector2<f64>, v: Vector2<f64>| u.x * v.y - u.y * v.x;
     let whole = across(b - a, c - a);
     let shares =
         [across(b - at, c - at), across(c - at, a - at), across(a - at, b - at)].map(|share| share / whole);
     // A triangle without area gives shares that are not numbers.
-    let covers = whole != 0.0 && shares.iter().all(|share| *share >= -1e-9);
-    covers.then(|| shares.iter().zip(triangle).map(|(share, corner)| share * corner.z).sum())
+    (whole != 0.0 && shares.iter().all(|share| *share >= -1e-9)).then_some(shares)
+}
+
+fn height_of(shares: [f64; 3], triangle: &[Point3<f64>; 3]) -> f64 {
+    shares.iter().zip(triangle).map(|(share, corner)| share * corner.z).sum()
 }
 
 /// A side of a part, as the laser sees it.
@@ -83,7 +97,8 @@ pub struct Side {
     pub area: f64,
     /// Whether this surface is curved; false for one plane with small fillets.
     pub is_curved: bool,
-    /// The largest rectangle along the axes of the view that has such a surface without holes and steps in all of it, mm.
+    /// The largest rectangle along the axes of the view that has such a surface without holes, steps and edges in all of it
+    /// and a little beyond, mm.
     pub rectangle: Option<Extents>,
     /// The heights that were compared.
     pub heights: SideHeights,
@@ -108,37 +123,44 @@ pub struct SideHeights {
 type Hit = Option<(f64, Vector3<f64>)>;
 
 impl Side {
-    /// The part in this view; `limit` is the largest angle between beam and normal, rad, that can be marked. Facets are taken
-    /// as they are, whichever way round they run.
+    /// The part in this view; `limit` is the largest angle between beam and normal, rad, that can be marked. The normals are
+    /// those of the mesh if it has any, otherwise those of its facets, whichever way round they run.
     pub fn seen(mesh: &TriMesh, view: &View, limit: f64) -> Self {
         let corners =
             || mesh.triangles().iter().map(|triangle| mesh.corners(*triangle).map(|at| view.point(at)));
         let extents = Extents::of(corners().flatten().map(|corner| corner.coords.xy()));
-        let step = (extents.size().max() / CELLS).max(f64::MIN_POSITIVE);
+        let (longer, shorter) = (extents.size().max(), extents.size().min());
+        let step =
+            (longer / CELLS).min(shorter / CELLS_ACROSS).max(longer / MAX_CELLS).max(f64::MIN_POSITIVE);
         let [columns, rows] =
             [extents.size().x, extents.size().y].map(|side| ((side / step).ceil() as usize).max(1));
         let shown = Vector2::new(columns as f64, rows as f64) * step;
         let origin = extents.center() - shown / 2.0 + Vector2::repeat(step / 2.0);
         let grid = SideHeights { origin, step, columns, rows, heights: Vec::new() };
         let mut hits: Vec<Hit> = vec![None; columns * rows];
-        for triangle in corners() {
-            grid.hit(&mut hits, &triangle);
+        let has_normals = !mesh.normals().is_empty() && !mesh.normals_only_shade();
+        for (triangle, corners) in mesh.triangles().iter().zip(corners()) {
+            let normal_at =
+                |index: u32| mesh.normals().get(index as usize).map(|normal| view.vector(*normal));
+            let normals = if has_normals { triangle.map(normal_at) } else { [None; 3] };
+            grid.hit(&mut hits, &corners, normals);
         }
         let least = limit.cos();
         let upright = |hit: &Hit| hit.filter(|(_, normal)| normal.z >= least);
         let area = |normal: &Vector3<f64>| step * step / normal.z;
         let marked: Vec<Vector3<f64>> = hits.iter().filter_map(|hit| upright(hit).map(|hit| hit.1)).collect();
         let rectangle = largest_rectangle(columns, rows, |column, row| {
-            upright(&hits[row * columns + column]).is_some() && !grid.is_at_cliff(&hits, column, row)
+            upright(&hits[row * columns + column]).is_some() && !grid.is_at_edge(&hits, column, row)
         });
         let middle = |column: usize, row: usize| origin + Vector2::new(column as f64, row as f64) * step;
         Self {
             extents,
             area: marked.iter().map(area).fold(0.0, |sum, cell| sum + cell),
             is_curved: is_curved(&marked),
-            rectangle: rectangle.map(|[left, bottom, right, top]| Extents {
-                min: middle(left, bottom),
-                max: middle(right, top),
+            rectangle: rectangle.and_then(|[left, bottom, right, top]| {
+                let margin = Vector2::repeat(MARGIN * step);
+                let inside = Extents { min: middle(left, bottom) + margin, max: middle(right, top) - margin };
+                (inside.size().min() > 0.0).then_some(inside)
             }),
             heights: SideHeights { heights: hits.iter().map(|hit| hit.map(|hit| hit.0)).collect(), ..grid },
         }
@@ -167,12 +189,14 @@ impl Side {
 }
 
 impl SideHeights {
-    /// Puts a triangle of the view into the cells whose middle it covers, where it is the highest.
-    fn hit(&self, hits: &mut [Hit], triangle: &[Point3<f64>; 3]) {
+    /// Puts a triangle of the view, with the normals of its corners if they are known, into the cells whose middle it
+    /// covers, where it is the highest.
+    fn hit(&self, hits: &mut [Hit], triangle: &[Point3<f64>; 3], normals: [Option<Vector3<f64>>; 3]) {
         let [a, b, c] = triangle.map(|corner| corner.coords.xy());
         let [first, second, third] = triangle;
         let Some(normal) = (second - first).cross(&(third - first)).try_normalize(0.0) else { return };
-        let normal = if normal.z < 0.0 { -normal } else { normal };
+        let facet = if normal.z < 0.0 { -normal } else { normal };
+        let corner_normals = normals.map(|normal| normal.filter(|normal| *normal != Vector3::zeros()));
         let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)].map(|at| (at - self.origin) / self.step);
         let along = |low: f64, high: f64, count: usize| {
             (low.ceil().max(0.0) as usize)..((high.floor() + 1.0).clamp(0.0, count as f64) as usize)
@@ -180,22 +204,34 @@ impl SideHeights {
         for row in along(low.y, high.y, self.rows) {
             for column in along(low.x, high.x, self.columns) {
                 let at = self.origin + Vector2::new(column as f64, row as f64) * self.step;
-                let Some(height) = height_at(&at, triangle) else { continue };
+                let Some(shares) = shares_at(&at, triangle) else { continue };
+                let height = height_of(shares, triangle);
                 let hit = &mut hits[row * self.columns + column];
                 if hit.is_none_or(|(highest, _)| height > highest) {
-                    *hit = Some((height, normal));
+                    let between = match corner_normals {
+                        [Some(a), Some(b), Some(c)] => {
+                            (a * shares[0] + b * shares[1] + c * shares[2]).try_normalize(0.0)
+                        }
+                        _ => None,
+                    };
+                    // A normal that points away from the laser belongs to a triangle that runs the other way.
+                    let towards =
+                        between.map(|normal| if normal.dot(&facet) < 0.0 { -normal } else { normal });
+                    *hit = Some((height, towards.unwrap_or(facet)));
                 }
             }
         }
     }
 
-    /// Whether the surface ends or steps between a cell and one of its four neighbours.
-    fn is_at_cliff(&self, hits: &[Hit], column: usize, row: usize) -> bool {
+    /// Whether the surface ends, steps or has an edge between a cell and one of its four neighbours.
+    fn is_at_edge(&self, hits: &[Hit], column: usize, row: usize) -> bool {
         let at = |column: usize, row: usize| {
             let is_inside = column < self.columns && row < self.rows;
-            is_inside.then(|| hits[row * self.columns + column].map(|hit| hit.0))
+            is_inside.then(|| hits[row * self.columns + column])
         };
-        let Some(Some(here)) = at(column, row) else { return true };
+        let Some(Some((here, normal))) = at(column, row) else { return true };
+        // With fewer cells, the normals of a round part differ as much.
+        let shows_edges = self.columns.min(self.rows) as f64 >= CELLS_ACROSS;
         let around = [
             at(column.wrapping_sub(1), row),
             at(column + 1, row),
@@ -205,7 +241,10 @@ impl SideHeights {
         around.into_iter().flatten().any(|beside| match beside {
             // Beside the rim of the part there is nothing to fall from.
             None => false,
-            Some(beside) => (beside - here).abs() > self.step * CLIFF.tan(),
+            Some((beside, other)) => {
+                let is_edge = shows_edges && normal.dot(&other) < EDGE.cos();
+                is_edge || (beside - here).abs() > self.step * CLIFF.tan()
+            }
         })
     }
 }

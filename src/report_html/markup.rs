@@ -96,23 +96,35 @@ fn safe(text: &str) -> String {
 
 /// The document with this title and body. `scene` is JSON, and `glb` the mark on the part.
 pub(super) fn document(title: &str, body: &str, scene: &serde_json::Value, glb: &[u8]) -> String {
-    let (script, style) = (compact(SCRIPT), compact(STYLE));
+    let script = compact(SCRIPT);
     // In a script element, `<` could begin its end; in JSON it may be escaped everywhere.
     let scene = scene.to_string().replace('<', "\\u003c");
+    let scripts = format!(
+        "<script type=\"application/json\" id=\"scene\">{scene}</script>\n\
+         <script type=\"application/octet-stream\" id=\"mark-on-part\">{}</script>\n<script>{script}</script>\n",
+        STANDARD.encode(glb),
+    );
+    framed(title, &format!("script-src '{}'; ", hash(&script)), body, &scripts)
+}
+
+/// The document with this title and body, without a script.
+pub(super) fn flat_document(title: &str, body: &str) -> String {
+    framed(title, "", body, "")
+}
+
+/// A document whose policy also contains `policy`, and whose body ends with `scripts`.
+fn framed(title: &str, policy: &str, body: &str, scripts: &str) -> String {
+    let style = compact(STYLE);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src '{}'; style-src '{}'; \
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {policy}style-src '{}'; \
          img-src data:; base-uri 'none'; form-action 'none'\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"referrer\" content=\"no-referrer\">\n\
          <link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\
-         <script type=\"application/json\" id=\"scene\">{scene}</script>\n\
-         <script type=\"application/octet-stream\" id=\"mark-on-part\">{}</script>\n<script>{script}</script>\n\
-         </body>\n</html>\n",
-        hash(&script),
+         {scripts}</body>\n</html>\n",
         hash(&style),
         safe(title),
-        STANDARD.encode(glb),
     )
 }
 

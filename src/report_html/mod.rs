@@ -14,9 +14,11 @@ mod content;
 mod markup;
 mod spots;
 mod page;
+mod sides;
 
 pub use content::{Landmarks, PageContent, Plane};
 pub use markup::MAX_FRAME;
+pub use sides::sides_html;
 
 /// The report as an HTML document. It takes at most [`MAX_FRAME`] bytes in addition to the panels and to the GLB in
 /// base64; long lists are cut and state how many items are left out.

@@ -1,6 +1,6 @@
 //! What a part file contains, and how it was interpreted.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
@@ -210,18 +210,23 @@ impl SideFacts {
     /// The facts about the sides of a mesh, as [`Side::all`] returns them.
     #[must_use]
     pub fn of_all(sides: &[Side]) -> Vec<Self> {
-        let corners = |extents: &Extents| [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
         let named = SIDES.iter().zip(sides).zip(Side::meant(sides));
-        let facts = |(((name, _), side), meant): ((&(&str, Vector3<f64>), &Side), bool)| Self {
-            side: (*name).to_owned(),
+        named.map(|(((name, _), side), meant)| Self { meant, ..Self::of((*name).to_owned(), side) }).collect()
+    }
+
+    /// The facts about one side, which `name` gives as `facing` does.
+    #[must_use]
+    pub fn of(name: String, side: &Side) -> Self {
+        let corners = |extents: &Extents| [extents.min.x, extents.min.y, extents.max.x, extents.max.y];
+        Self {
+            side: name,
             area_mm2: side.area,
             curved: side.is_curved,
-            meant,
+            meant: false,
             extents_mm: corners(&side.extents),
             rectangle_mm: side.rectangle.as_ref().map(corners),
             place_mm: side.rectangle.as_ref().map(|rectangle| rectangle.center().into()),
-        };
-        named.map(facts).collect()
+        }
     }
 }
 
