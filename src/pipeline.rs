@@ -13,20 +13,14 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 
-use crate::cache::{Cache, CacheKey, CachedSurface, CurrentPart, Lookup, PartOrigin};
+use crate::cache::{Cache, CacheKey, CachedSurface};
 use crate::config::{
-    self, Align, Anchor, CorrectionSettings, DxfVersion, IncidenceLimits, JobSettings, PartSettings, Sku,
-    Verify, Vertices, ViewSource, Weighting, canonical,
+    self, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices, Weighting,
 };
 use crate::diff;
 use crate::formats::Pace;
-use crate::formats::mesh::{
-    self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
-    SideFacts, UpAxis,
-};
-use crate::formats::pattern::{
-    self, DxfProfile, PatternFacts, PatternOptions, PatternReadError, PatternReading, RepairPlace,
-};
+use crate::formats::mesh::PartFacts;
+use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, RepairPlace};
 use crate::geometry::correction::{self, Bent, Exposure, Projection, Subdivision};
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
@@ -34,23 +28,23 @@ use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
-use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::marking::MarkingDrawing;
-use crate::geometry::pattern::{Affine, Pattern};
+use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
-use crate::geometry::primitive::{Form, Primitive};
-use crate::geometry::sides::Side;
+use crate::geometry::primitive::Form;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
 use crate::report::{
-    self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport, WeightsReport,
+    self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport,
+    PlacementReport, Quality, Report, Timing, WeightsReport,
 };
-use crate::report::{FrameReport, FrameSource, PlacementReport, Quality, Report, RoundReport, Timing};
 use crate::report_html::Landmarks;
 
+mod learning;
 mod scan;
+mod placing;
 mod causes;
 mod checks;
 mod evaluate;
@@ -60,12 +54,14 @@ mod on_part;
 mod progress;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub(crate) use learning::unknown_part_format;
 pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use scan::surface_of;
 
 use landmarks::Lift;
-use progress::{Observer, Steps};
+use placing::{PlacedPattern, framed, mapped};
+use progress::Observer;
 
 /// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
@@ -209,236 +205,6 @@ impl Pipeline {
     /// Fails if `work` is more than the pace allows; `quick` is the limit for a quick job.
     fn check_pace(&self, work: usize, quick: usize) -> Result<(), PipelineError> {
         if self.pace.allows(work, quick) { Ok(()) } else { Err(PipelineError::TakesLong) }
-    }
-
-    /// Reads, samples and fits a part, or loads its surface from the cache, and makes it the SKU's part.
-    ///
-    /// # Errors
-    /// When the part cannot be read or has no surface to mark, or the cache's folder cannot be used.
-    pub fn learn(
-        &self,
-        sku: &Sku,
-        part: &PartFile,
-        settings: &PartSettings,
-    ) -> Result<LearnedPart, PipelineError> {
-        let (origin, clock) = identified(part);
-        self.learn_from(sku, part, origin, settings, clock)
-    }
-
-    /// Learns again a part that the SKU had before. Stations that share a cache also share the part of each SKU, so
-    /// this is rejected if another part has been learned since.
-    ///
-    /// # Errors
-    /// As [`learn`](Self::learn), and if another part has been learned since.
-    pub fn restore(
-        &self,
-        sku: &Sku,
-        part: &PartFile,
-        settings: &PartSettings,
-    ) -> Result<LearnedPart, PipelineError> {
-        let (origin, clock) = identified(part);
-        if let Some(CurrentPart { origin: current, .. }) =
-            self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten()
-            && current.blake3 != origin.blake3
-        {
-            return Err(checks::superseded(sku, &current.file).into());
-        }
-        self.learn_from(sku, part, origin, settings, clock)
-    }
-
-    fn learn_from(
-        &self,
-        sku: &Sku,
-        part: &PartFile,
-        origin: PartOrigin,
-        settings: &PartSettings,
-        mut clock: Clock,
-    ) -> Result<LearnedPart, PipelineError> {
-        let rejected = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
-        let steps = self.observer.steps(&part.name);
-        if let Some(primitive) = &settings.primitive {
-            return Err(rejected(checks::part_not_needed(primitive)));
-        }
-        let format = MeshFormat::from_name(&part.name).ok_or_else(|| unknown_part_format(&part.name))?;
-        let current = CurrentPart::new(origin, mesh::has_frame(&part.bytes, format));
-        let key = self.key(&current, settings);
-        let mut notices = Vec::new();
-        if let Some(kept) = self.look_up(sku, &key, &mut notices)? {
-            clock.lap("load surface");
-            if let Some(cache) = &self.cache {
-                cache.make_current(sku, &current)?;
-            }
-            let kept = CachedSurface { origin: current.origin, ..kept };
-            self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
-            let settings = settings.for_part_with(kept.facts.marking_frame());
-            let timings = clock.laps;
-            return Ok(LearnedPart { kept, key, from_cache: true, settings, mesh: None, notices, timings });
-        }
-        let options = self.mesh_options(settings);
-        steps.at(Step::Read);
-        let mut reading =
-            mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
-                MeshReadError::TakesLong => PipelineError::TakesLong,
-                error => rejected(error.reason()),
-            })?;
-        clock.lap("read part");
-        steps.at(Step::Fit);
-        if let Some(mesh) = reading.shape.mesh() {
-            reading.facts.sides = SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse));
-        }
-        let surface =
-            surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
-        clock.lap("sample and fit");
-        let seen_settings = settings.for_part_with(reading.facts.marking_frame());
-        if let (Some(frame), Some(mesh)) = (seen_settings.view_source.frame(), reading.shape.mesh()) {
-            checks::frame_direction(frame, mesh).map_err(rejected)?;
-        }
-        let view = seen_settings.view();
-        let mark = (!reading.mark_faces.is_empty())
-            .then(|| MarkRegion::seen(&reading.mark_faces, &view, &surface.field));
-        let kept = CachedSurface { origin: current.origin.clone(), facts: reading.facts, surface, mark };
-        let mesh = reading.shape.mesh().map(|mesh| PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES));
-        if let Some(cache) = &self.cache {
-            steps.at(Step::Keep);
-            cache.keep(sku, &key, &kept, mesh.as_ref())?;
-            cache.make_current(sku, &current)?;
-            clock.lap("keep surface");
-        }
-        let settings = settings.for_part_with(kept.facts.marking_frame());
-        Ok(LearnedPart { kept, key, from_cache: false, settings, mesh, notices, timings: clock.laps })
-    }
-
-    fn mesh_options(&self, settings: &PartSettings) -> MeshOptions {
-        MeshOptions {
-            unit: settings.unit,
-            up: settings.up,
-            normals: settings.normals,
-            bridge: settings.bridge,
-            pace: self.pace,
-        }
-    }
-
-    /// Keeps the mesh for pictures of a part whose surface was kept without it, by an older version. Without the mesh,
-    /// pictures are less complete, so nothing fails here.
-    fn complete_mesh(
-        &self,
-        sku: &Sku,
-        part: &PartFile,
-        format: MeshFormat,
-        key: &CacheKey,
-        facts: &PartFacts,
-        settings: &PartSettings,
-    ) {
-        let Some(cache) = self.cache.as_ref().filter(|cache| !cache.has_picture_mesh(sku, key)) else {
-            return;
-        };
-        // A scan has no triangles.
-        if facts.triangles == 0 {
-            return;
-        }
-        let reading = mesh::read(&part.bytes, format, &self.mesh_options(settings), &part.siblings);
-        if let Some(mesh) = reading.ok().as_ref().and_then(|reading| reading.shape.mesh())
-            && let Err(error) =
-                cache.keep_picture_mesh(sku, key, &PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES))
-        {
-            tracing::warn!("the mesh of {sku} for pictures cannot be kept: {error}");
-        }
-    }
-
-    /// The cached surface of a SKU under these settings; `None` if the part must be read (again). A damaged cache
-    /// entry is reported in `notices`. If the settings give the part by its sizes, its surface is computed and cached
-    /// when needed.
-    ///
-    /// # Errors
-    /// When the cache's folder cannot be used, or a part given by its sizes has no surface to mark.
-    pub fn recall(
-        &self,
-        sku: &Sku,
-        settings: &PartSettings,
-        notices: &mut Vec<Notice>,
-    ) -> Result<Option<LearnedPart>, PipelineError> {
-        let mut clock = Clock::start();
-        let Some(key) = self.current_key(sku, settings)? else { return Ok(None) };
-        let kept = self.look_up(sku, &key, notices)?;
-        clock.lap("load surface");
-        let from_cache = kept.is_some();
-        let kept = match (kept, &settings.primitive) {
-            (None, Some(primitive)) => {
-                let surface = primitive.surface().map_err(|error| checks::fit_reason(&error, settings))?;
-                let kept = CachedSurface {
-                    origin: primitive_origin(primitive),
-                    facts: primitive_facts(primitive),
-                    surface,
-                    mark: None,
-                };
-                clock.lap("sample and fit");
-                // The SKU's current part is kept for the case that the sizes are removed from the settings again.
-                if let Some(cache) = &self.cache {
-                    cache.keep(sku, &key, &kept, None)?;
-                    clock.lap("keep surface");
-                }
-                Some(kept)
-            }
-            (kept, _) => kept,
-        };
-        let timings = clock.laps;
-        let learned = |kept: CachedSurface| {
-            let settings = settings.for_part_with(kept.facts.marking_frame());
-            LearnedPart { kept, key, from_cache, settings, mesh: None, notices: Vec::new(), timings }
-        };
-        Ok(kept.map(learned))
-    }
-
-    /// The current part of the SKU, from a file or given by its sizes; `None` for an unknown SKU.
-    ///
-    /// # Errors
-    /// When the cache's folder cannot be used.
-    pub fn current_part(
-        &self,
-        sku: &Sku,
-        settings: &PartSettings,
-    ) -> Result<Option<CurrentPart>, PipelineError> {
-        match (&settings.primitive, &self.cache) {
-            (Some(primitive), _) => Ok(Some(CurrentPart::new(primitive_origin(primitive), false))),
-            (None, Some(cache)) => Ok(cache.current(sku)?),
-            (None, None) => Ok(None),
-        }
-    }
-
-    /// The cache key of the surface of the SKU's current part under these settings; `None` for an unknown SKU.
-    ///
-    /// # Errors
-    /// When the cache's folder cannot be used.
-    pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
-        Ok(self.current_part(sku, settings)?.map(|current| self.key(&current, settings)))
-    }
-
-    fn look_up(
-        &self,
-        sku: &Sku,
-        key: &CacheKey,
-        notices: &mut Vec<Notice>,
-    ) -> io::Result<Option<CachedSurface>> {
-        let Some(cache) = &self.cache else { return Ok(None) };
-        match cache.get(sku, key)? {
-            Lookup::Hit(kept) => Ok(Some(*kept)),
-            Lookup::Miss => Ok(None),
-            Lookup::Damaged(what) => {
-                let text =
-                    format!("the cached surface {} of {sku} is damaged and not used: {what}", key.as_str());
-                tracing::warn!("{text}");
-                notices.push(Notice::warning("cache-damaged", text));
-                Ok(None)
-            }
-        }
-    }
-
-    fn key(&self, part: &CurrentPart, settings: &PartSettings) -> CacheKey {
-        let text = match part.has_frame {
-            true => canonical::surface_of_framed_part(settings, &self.fit),
-            false => canonical::surface(settings, &self.fit),
-        };
-        CacheKey::new(&part.origin.blake3, &text)
     }
 
     /// Corrects a pattern for a surface.
@@ -619,158 +385,6 @@ fn seen_size(facts: &PartFacts, settings: &PartSettings) -> Option<[f64; 2]> {
     Some([side(Vector3::x())?, side(Vector3::y())?])
 }
 
-/// The settings for a part whose file may contain a marking frame, with what a person should know of it.
-fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice>) -> JobSettings {
-    let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
-    notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
-    let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
-    let frame = settings.part.view_source.frame();
-    notices.extend(checks::flat_side(&part.facts, &settings.part));
-    notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
-    settings
-}
-
-/// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
-/// settings ask for that.
-///
-/// # Errors
-/// When there is no map, or the turned drawing has ink where no part can be.
-fn mapped(
-    pattern: PlacedPattern,
-    part: &CachedSurface,
-    settings: &JobSettings,
-    name: &str,
-) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
-    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let method = method(settings);
-    let rejected = |reason: Reason, facts: &PatternFacts| {
-        PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
-    };
-    let find = |pattern: &PlacedPattern| {
-        let place = pattern.placing.place;
-        LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
-            .map_err(|error| rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts))
-    };
-    let map = find(&pattern)?;
-    let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
-        return Ok((pattern, map));
-    };
-    let PlacedPattern { facts, mut placing, placed, .. } = pattern;
-    placing.turn(turn);
-    let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
-    checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
-    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
-    let pattern = PlacedPattern { facts, placing, placed, ink };
-    let map = find(&pattern)?;
-    Ok((pattern, map))
-}
-
-/// A placed drawing.
-struct PlacedPattern {
-    facts: PatternFacts,
-    placing: Placing,
-    placed: Pattern,
-    ink: Ink,
-}
-
-impl Pipeline {
-    fn place(
-        &self,
-        input: PatternInput<'_>,
-        part: &CachedSurface,
-        settings: &JobSettings,
-        steps: &Steps<'_>,
-        clock: &mut Clock,
-    ) -> Result<PlacedPattern, PipelineError> {
-        steps.at(Step::Read);
-        let rejected = |reason: Reason| PipelineError::from(reason.in_file(input.name));
-        let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
-        let PatternReading { pattern, facts } =
-            pattern::read(input.bytes, &options).map_err(|error| match error {
-                PatternReadError::TakesLong => PipelineError::TakesLong,
-                error => rejected(error.reason()),
-            })?;
-        clock.lap("read pattern");
-        steps.at(Step::Place);
-        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-        let placing = Placing::new(&pattern, settings);
-        let placed = pattern.transformed(&placing.motion);
-        drop(pattern);
-        let length = checks::reach(&placed, is_ink, part)
-            .map_err(|reason| rejected(checks::doubting_unit(reason, &facts)))?;
-        checks::lost_ink(&facts, settings).map_err(rejected)?;
-        self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
-        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
-        checks::anything_inked(&ink, &placed, settings).map_err(rejected)?;
-        let work = ink.pieces.len() * WORK_OF_PIECE + ink.squares.len();
-        self.check_pace(work, QUICK_WORK)?;
-        clock.lap("place");
-        Ok(PlacedPattern { facts, placing, placed, ink })
-    }
-}
-
-/// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.
-struct Placing {
-    anchor: FlatPoint,
-    place: FlatPoint,
-    motion: Affine,
-    /// The turn along the axis of a cylinder or cone, rad, in addition to that of the settings.
-    aligned: f64,
-}
-
-impl Placing {
-    fn new(pattern: &Pattern, settings: &JobSettings) -> Self {
-        let anchor = match settings.placement.anchor {
-            Anchor::Center => pattern.extents().center().into(),
-            Anchor::Origin => FlatPoint::new(0.0, 0.0),
-            Anchor::At(point) => point,
-        };
-        let place = settings.placement.place.map(|place| place.coords());
-        let place = match &settings.part.view_source {
-            ViewSource::Station | ViewSource::Sides => place.map_or(anchor, FlatPoint::from),
-            source @ (ViewSource::Frame(frame) | ViewSource::FrameOfFile(frame)) => {
-                let is_used = settings.placement.is_place_given || matches!(source, ViewSource::Frame(_));
-                (frame.place().coords() + place.filter(|_| is_used).unwrap_or_default()).into()
-            }
-        };
-        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place), aligned: 0.0 }
-    }
-
-    /// Turns the placed drawing about its anchor by this angle, rad.
-    fn turn(&mut self, angle: f64) {
-        self.aligned += angle;
-    }
-
-    /// The direction of the drawing's x beside that round the axis of the map, if it has one.
-    fn round(&self, map: &LengthTrueMap, settings: &JobSettings) -> Option<RoundReport> {
-        let round = map.round_angle()?;
-        let whole = std::f64::consts::TAU;
-        let from_round = settings.placement.rotate + self.aligned - round;
-        let from_round = from_round - whole * (from_round / whole).round();
-        Some(RoundReport { turned_deg: self.aligned.to_degrees(), angle_deg: from_round.to_degrees() })
-    }
-
-    fn report(&self, settings: &JobSettings) -> PlacementReport {
-        PlacementReport {
-            facing: settings.part.facing.direction().into(),
-            roll_deg: settings.part.roll.to_degrees(),
-            anchor_mm: self.anchor.coords().into(),
-            place_mm: self.place.coords().into(),
-            rotate_deg: settings.placement.rotate.to_degrees(),
-            round: None,
-            frame: match settings.part.view_source {
-                ViewSource::Station | ViewSource::Sides => None,
-                ViewSource::Frame(frame) => {
-                    Some(FrameReport { source: FrameSource::Settings, frame: frame.into() })
-                }
-                ViewSource::FrameOfFile(frame) => {
-                    Some(FrameReport { source: FrameSource::Part, frame: frame.into() })
-                }
-            },
-        }
-    }
-}
-
 /// Name and version of the program.
 #[must_use]
 pub fn program() -> String {
@@ -779,81 +393,6 @@ pub fn program() -> String {
 
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
-}
-
-/// The origin of a part, and a clock with the time that hashing took. The hash must stay the same in every version:
-/// drawings for a part with another hash are outdated.
-fn identified(part: &PartFile) -> (PartOrigin, Clock) {
-    let mut clock = Clock::start();
-    let PartFile { name, bytes, .. } = part;
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(bytes);
-    for sibling in in_order_of_file(part) {
-        hasher.update(sibling);
-    }
-    let blake3 = hasher.finalize().to_hex().to_string();
-    clock.lap("hash part");
-    (PartOrigin { file: name.clone(), blake3 }, clock)
-}
-
-/// The contents of the files beside a part, in the order in which the part names them: the alphabetical order of
-/// numbered names, such as `buffer2.bin` and `buffer10.bin`, is different.
-fn in_order_of_file(part: &PartFile) -> Vec<&[u8]> {
-    let PartFile { name, bytes, siblings } = part;
-    let format = MeshFormat::from_name(name).filter(|_| siblings.len() > 1);
-    match format.and_then(|format| mesh::named_files(bytes, format).ok()) {
-        Some(named) => {
-            named.buffers.iter().filter_map(|buffer| siblings.get(&buffer.name)).map(Vec::as_slice).collect()
-        }
-        None => siblings.values().map(Vec::as_slice).collect(),
-    }
-}
-
-/// The origin of a part that the settings give by its sizes.
-fn primitive_origin(primitive: &Primitive) -> PartOrigin {
-    PartOrigin { file: primitive.to_string(), blake3: hash(canonical::primitive(primitive).as_bytes()) }
-}
-
-fn primitive_facts(primitive: &Primitive) -> PartFacts {
-    let [min, max] = primitive.bounds();
-    PartFacts {
-        format: None,
-        producer: None,
-        unit: Decision { value: LengthUnit::Millimetre, why: "the settings give its sizes in mm".into() },
-        up: Decision { value: UpAxis::Z, why: "the settings give the part as the laser sees it".into() },
-        size: (max - min).into(),
-        triangles: 0,
-        vertices: 0,
-        normals: NormalsFound::Smooth,
-        normals_used: None,
-        normals_missing: 0,
-        noise: None,
-        one_sided_at_mm: None,
-        frame: None,
-        mark_area_mm2: None,
-        sides: Vec::new(),
-        bodies: Vec::new(),
-        materials: Vec::new(),
-        skipped: Vec::new(),
-        scan: None,
-        notices: Vec::new(),
-    }
-}
-
-/// The reason for a part in a format that is not supported.
-pub(crate) fn unknown_part_format(name: &str) -> Reason {
-    let export = format!("Export the part or scan as {}", MeshFormat::ENDINGS);
-    let (what, remedy) = if mesh::is_unread_part(name) {
-        (
-            format!("\"{name}\" cannot be read as a part: isomark does not read this format."),
-            format!(
-                "{export}, with a deviation of at most 0.05 mm, in a program that opens it, such as FreeCAD."
-            ),
-        )
-    } else {
-        (format!("\"{name}\" cannot be read as a part."), format!("{export}."))
-    };
-    Reason::new("part-format-unknown", what, remedy).in_file(name)
 }
 
 fn weights(settings: &CorrectionSettings) -> WeightsReport {

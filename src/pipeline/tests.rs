@@ -1,4 +1,8 @@
+use super::learning::identified;
 use super::*;
+use crate::cache::CurrentPart;
+use crate::formats::mesh::{LengthUnit, PartFile, UpAxis};
+use crate::geometry::primitive::Primitive;
 
 /// Two plates of 100 x 100 mm, the second one bent.
 const PLATES: [&str; 2] = [

@@ -1,0 +1,166 @@
+//! Placing a drawing on a part: where its anchor lands, which way it is turned, and the map that follows.
+
+use super::progress::Steps;
+use super::{Clock, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks, method};
+use crate::cache::CachedSurface;
+use crate::config::{Align, Anchor, JobSettings, ViewSource};
+use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
+use crate::geometry::ink::Ink;
+use crate::geometry::mapping::LengthTrueMap;
+use crate::geometry::mapping::quality;
+use crate::geometry::pattern::{Affine, Pattern};
+use crate::geometry::space::FlatPoint;
+use crate::reason::{Notice, Reason};
+use crate::report::{FrameReport, FrameSource, PlacementReport, RoundReport};
+
+/// The settings for a part whose file may contain a marking frame, with what a person should know of it.
+pub(super) fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice>) -> JobSettings {
+    let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
+    notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
+    let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
+    let frame = settings.part.view_source.frame();
+    notices.extend(checks::flat_side(&part.facts, &settings.part));
+    notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
+    settings
+}
+
+/// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
+/// settings ask for that.
+///
+/// # Errors
+/// When there is no map, or the turned drawing has ink where no part can be.
+pub(super) fn mapped(
+    pattern: PlacedPattern,
+    part: &CachedSurface,
+    settings: &JobSettings,
+    name: &str,
+) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let method = method(settings);
+    let rejected = |reason: Reason, facts: &PatternFacts| {
+        PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
+    };
+    let find = |pattern: &PlacedPattern| {
+        let place = pattern.placing.place;
+        LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
+            .map_err(|error| rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts))
+    };
+    let map = find(&pattern)?;
+    let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
+        return Ok((pattern, map));
+    };
+    let PlacedPattern { facts, mut placing, placed, .. } = pattern;
+    placing.turn(turn);
+    let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
+    checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
+    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+    let pattern = PlacedPattern { facts, placing, placed, ink };
+    let map = find(&pattern)?;
+    Ok((pattern, map))
+}
+
+/// A placed drawing.
+pub(super) struct PlacedPattern {
+    pub(super) facts: PatternFacts,
+    pub(super) placing: Placing,
+    pub(super) placed: Pattern,
+    pub(super) ink: Ink,
+}
+
+impl Pipeline {
+    pub(super) fn place(
+        &self,
+        input: PatternInput<'_>,
+        part: &CachedSurface,
+        settings: &JobSettings,
+        steps: &Steps<'_>,
+        clock: &mut Clock,
+    ) -> Result<PlacedPattern, PipelineError> {
+        steps.at(Step::Read);
+        let rejected = |reason: Reason| PipelineError::from(reason.in_file(input.name));
+        let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
+        let PatternReading { pattern, facts } =
+            pattern::read(input.bytes, &options).map_err(|error| match error {
+                PatternReadError::TakesLong => PipelineError::TakesLong,
+                error => rejected(error.reason()),
+            })?;
+        clock.lap("read pattern");
+        steps.at(Step::Place);
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let placing = Placing::new(&pattern, settings);
+        let placed = pattern.transformed(&placing.motion);
+        drop(pattern);
+        let length = checks::reach(&placed, is_ink, part)
+            .map_err(|reason| rejected(checks::doubting_unit(reason, &facts)))?;
+        checks::lost_ink(&facts, settings).map_err(rejected)?;
+        self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
+        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+        checks::anything_inked(&ink, &placed, settings).map_err(rejected)?;
+        let work = ink.pieces.len() * WORK_OF_PIECE + ink.squares.len();
+        self.check_pace(work, QUICK_WORK)?;
+        clock.lap("place");
+        Ok(PlacedPattern { facts, placing, placed, ink })
+    }
+}
+
+/// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.
+pub(super) struct Placing {
+    pub(super) anchor: FlatPoint,
+    pub(super) place: FlatPoint,
+    pub(super) motion: Affine,
+    /// The turn along the axis of a cylinder or cone, rad, in addition to that of the settings.
+    aligned: f64,
+}
+
+impl Placing {
+    fn new(pattern: &Pattern, settings: &JobSettings) -> Self {
+        let anchor = match settings.placement.anchor {
+            Anchor::Center => pattern.extents().center().into(),
+            Anchor::Origin => FlatPoint::new(0.0, 0.0),
+            Anchor::At(point) => point,
+        };
+        let place = settings.placement.place.map(|place| place.coords());
+        let place = match &settings.part.view_source {
+            ViewSource::Station | ViewSource::Sides => place.map_or(anchor, FlatPoint::from),
+            source @ (ViewSource::Frame(frame) | ViewSource::FrameOfFile(frame)) => {
+                let is_used = settings.placement.is_place_given || matches!(source, ViewSource::Frame(_));
+                (frame.place().coords() + place.filter(|_| is_used).unwrap_or_default()).into()
+            }
+        };
+        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place), aligned: 0.0 }
+    }
+
+    /// Turns the placed drawing about its anchor by this angle, rad.
+    fn turn(&mut self, angle: f64) {
+        self.aligned += angle;
+    }
+
+    /// The direction of the drawing's x beside that round the axis of the map, if it has one.
+    pub(super) fn round(&self, map: &LengthTrueMap, settings: &JobSettings) -> Option<RoundReport> {
+        let round = map.round_angle()?;
+        let whole = std::f64::consts::TAU;
+        let from_round = settings.placement.rotate + self.aligned - round;
+        let from_round = from_round - whole * (from_round / whole).round();
+        Some(RoundReport { turned_deg: self.aligned.to_degrees(), angle_deg: from_round.to_degrees() })
+    }
+
+    pub(super) fn report(&self, settings: &JobSettings) -> PlacementReport {
+        PlacementReport {
+            facing: settings.part.facing.direction().into(),
+            roll_deg: settings.part.roll.to_degrees(),
+            anchor_mm: self.anchor.coords().into(),
+            place_mm: self.place.coords().into(),
+            rotate_deg: settings.placement.rotate.to_degrees(),
+            round: None,
+            frame: match settings.part.view_source {
+                ViewSource::Station | ViewSource::Sides => None,
+                ViewSource::Frame(frame) => {
+                    Some(FrameReport { source: FrameSource::Settings, frame: frame.into() })
+                }
+                ViewSource::FrameOfFile(frame) => {
+                    Some(FrameReport { source: FrameSource::Part, frame: frame.into() })
+                }
+            },
+        }
+    }
+}
