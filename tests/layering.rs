@@ -98,6 +98,10 @@ const HOMES: &[(&str, &[&str])] = &[
     ("postcard", &["cache"]),
     ("blake3", &["cache", "pipeline", "hotfolder"]),
     ("similar", &["diff"]),
+    // For the page in browsers.
+    ("hyper", &["hotfolder"]),
+    ("tokio", &["hotfolder"]),
+    ("getrandom", &["hotfolder"]),
     ("tempfile", &["files", "hotfolder"]),
     ("fs_err", &["files", "config", "cache", "front", "hotfolder", "cli"]),
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
@@ -106,9 +110,10 @@ const HOMES: &[(&str, &[&str])] = &[
     ("std::thread", &["hotfolder", "cli"]),
     // In the hot folder, only for the process ID in the lock file.
     ("std::process", &["hotfolder", "cli", "main"]),
-    ("std::env", &["cli"]),
-    // Only for BeamServer.
-    ("std::net", &["hotfolder"]),
+    // In the hot folder, only for the password of the page.
+    ("std::env", &["hotfolder", "cli"]),
+    // Only for BeamServer and the page; in the settings, only for its address.
+    ("std::net", &["config", "hotfolder"]),
     ("tracing", &["pipeline", "hotfolder"]),
     ("tracing_subscriber", &["cli"]),
     ("notify", &["hotfolder"]),

@@ -118,7 +118,7 @@ pub(super) fn useless_to_a_job(name: &str) -> Option<&'static str> {
         _ if name == "delivery.verify" => None,
         "station" => Some("only a station has a name"),
         "folders" => Some("files are named on the command line; `--cache` names the folder of surfaces"),
-        "watch" | "delivery" | "retention" | "log" => Some("only `isomark watch` uses it"),
+        "watch" | "delivery" | "retention" | "log" | "page" => Some("only `isomark watch` uses it"),
         _ => None,
     }
 }

@@ -10,7 +10,7 @@ use super::progress::ProgressLine;
 use super::service::ServiceManager;
 use super::set::SetArguments;
 use crate::cache::Cache;
-use crate::config::LiveSettings;
+use crate::config::{LiveSettings, PageSettings};
 use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally, WaitsFor};
 use crate::pipeline::Pipeline;
 use crate::printable::on_one_line;
@@ -24,12 +24,20 @@ pub(super) struct WatchArguments {
     /// something waits because a folder, a disk or a server fails, or a drawing may not have been delivered.
     #[arg(long)]
     once: bool,
+    /// Shows the station in browsers on this computer: what waits for what, what was done, what was rejected and why. Short for
+    /// `--set page.address=…`; `[page]` in the station's settings opens it to other computers, with a password.
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = PageSettings::ADDRESS, conflicts_with = "once")]
+    page: Option<String>,
     #[command(flatten)]
     set: SetArguments,
 }
 
 pub(super) fn run(arguments: &WatchArguments) -> Outcome {
-    let settings = LiveSettings::open_with(&arguments.station, arguments.set.of_station()?)?;
+    let mut overrides = arguments.set.of_station()?;
+    if let Some(address) = &arguments.page {
+        overrides.add_text(&format!("--page {address}"), "page.address", address)?;
+    }
+    let settings = LiveSettings::open_with(&arguments.station, overrides)?;
     log::start(settings.station().log.as_ref()).map_err(|error| Failure::environment(&error))?;
     let stop = StopSignal::default();
     let raise = stop.clone();

@@ -13,6 +13,7 @@ pub mod canonical;
 mod choices;
 mod sku;
 mod settings;
+mod page;
 mod station;
 mod keys;
 mod live;
@@ -30,6 +31,7 @@ pub use choices::{
 pub use error::{ConfigError, Excerpt, Spot};
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
+pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement, ViewSource,

@@ -14,6 +14,7 @@ use super::keys::{
     PlacementKeys, SidecarKeys,
 };
 use super::overrides::Overrides;
+use super::page::{PageKeys, PageSettings};
 use super::settings::{JobSettings, ViewSource};
 use super::sku::fold;
 use super::text::SettingsText;
@@ -37,6 +38,8 @@ pub struct Station {
     pub retention: Retention,
     /// The log file, if there is one.
     pub log: Option<LogSettings>,
+    /// The page in browsers, if there is one.
+    pub page: Option<PageSettings>,
     /// The settings of every SKU without its own file.
     pub settings: JobSettings,
 }
@@ -306,6 +309,10 @@ impl Station {
             delivery: keys.delivery.check(&text)?,
             retention: keys.retention.check(&text)?,
             log: keys.log.check(&text, base, &folders)?,
+            page: keys.page.check(&text, |path| {
+                refuse_half_absolute(&text, path)?;
+                Ok(normal(&base.join(path.get_ref())))
+            })?,
             folders,
             settings,
         })
@@ -427,6 +434,8 @@ struct StationKeys {
     retention: RetentionKeys,
     #[serde(default)]
     log: LogKeys,
+    #[serde(default)]
+    page: PageKeys,
 }
 
 /// The tables of a station that matter to a job without one.

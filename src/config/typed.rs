@@ -49,6 +49,14 @@ impl Overrides {
         Err(first_error.unwrap_or_else(nothing))
     }
 
+    /// Adds a text exactly as it is, although it may look like a list or a number.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn add_text(&mut self, option: &str, name: &str, text: &str) -> Result<(), ConfigError> {
+        self.add(option, name, &Value::String(text.to_owned()).to_string())
+    }
+
     /// Adds a list of texts, each exactly as it is.
     ///
     /// # Errors

@@ -20,11 +20,14 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
-use crate::config::{ConfigError, FolderPaths, JobSettings, LiveSettings, LogSettings, SettingsEvent, Sku};
+use crate::config::{
+    ConfigError, FolderPaths, JobSettings, LiveSettings, LogSettings, PageSettings, SettingsEvent, Sku,
+};
 use crate::diff;
 use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
 use crate::hotfolder::jobs::{Executor, Keeper, Reprocessing, Unfiled, filing};
+use crate::hotfolder::page::Page;
 use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, StopSignal, Watcher};
 use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
@@ -87,6 +90,7 @@ pub fn run(
     // A thread keeps the memory that it once used, so the spare threads only take what the others cannot.
     let (spare_tasks, taken_by_spare) = sync_channel(count);
     let keeper = Keeper::new(&station, &state, stop.clone());
+    let page = (mode == Mode::UntilStopped).then(|| Page::of(&station)).flatten();
     let (taken, taken_by_spare) = (Mutex::new(taken), Mutex::new(taken_by_spare));
     std::thread::scope(|scope| {
         for taken in [&taken, &taken_by_spare] {
@@ -104,8 +108,15 @@ pub fn run(
         let cleaning = scope.spawn(|| {
             run_side_task(|| keeper.run(|| executor.journal(), mode == Mode::Once), "removes old files");
         });
+        let page = page.as_ref();
+        let _page_ends = page.map(Page::end_on_drop);
+        if let Some(page) = page {
+            scope.spawn(|| run_side_task(|| page.run(), "shows its page"));
+        }
         let mut dispatcher = Dispatcher {
             settings,
+            page,
+            page_settings: station.page.clone(),
             keeper,
             executor: &executor,
             stop,
@@ -208,6 +219,9 @@ struct Dispatcher<'a, C> {
     state: PathBuf,
     /// The log file that is written; later changes of the settings do not move it.
     log: Option<LogSettings>,
+    /// The page for browsers; later changes of the settings do not move it.
+    page: Option<&'a Page>,
+    page_settings: Option<PageSettings>,
     messages: Receiver<Message>,
     threads: Threads,
     watcher: Watcher,
@@ -367,6 +381,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     if station.log != self.log {
                         tracing::warn!("`log` takes effect after a restart");
                     }
+                    if station.page != self.page_settings {
+                        tracing::warn!("`page` takes effect after a restart");
+                    }
                     self.executor.corrector.follow(station);
                     self.status.follow(station);
                     self.keeper.follow(station);
@@ -477,6 +494,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             .chain(self.settings.complaints())
             .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
             .map(str::to_owned)
+            .chain(self.page.and_then(Page::trouble))
             .collect();
         let view = crate::hotfolder::state::status::View {
             drops: &self.drops,
@@ -493,7 +511,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
             now,
             alive,
         };
-        self.status.write(&self.state, &view);
+        let written = self.status.write(&self.state, &view);
+        if let (Some(page), Some(status)) = (self.page, written) {
+            page.publish(status, &self.settings.station().folders, &self.state);
+        }
     }
 }
 

@@ -16,6 +16,7 @@
 //! | `jobs` | the work, step by step, in threads that know one job each |
 //! | `state` | what the station remembers: the journal, the lock, [`status`], requests |
 //! | `beamserver` | the client of the marking software |
+//! | `page` | the page for browsers; a thread with a copy of each status |
 //! | `dispatcher` | the one thread that knows all drops and decides what is processed next |
 //!
 //! # A drop in memory
@@ -93,6 +94,11 @@ mod seen;
 mod state;
 mod beamserver;
 mod jobs;
+#[cfg(feature = "page")]
+mod page;
+#[cfg(not(feature = "page"))]
+#[path = "no_page.rs"]
+mod page;
 mod dispatcher;
 mod pipeline_corrector;
 

@@ -11,34 +11,36 @@ use crate::preview::escaped;
 pub const MAX_FRAME: usize = 60_000;
 
 const SCRIPT: &str = include_str!("viewer.js");
-const STYLE: &str = include_str!("report.css");
+/// The style of everything that isomark shows in browsers.
+pub(crate) const BASE_STYLE: &str = include_str!("base.css");
+const STYLE: &str = concat!(include_str!("base.css"), include_str!("report.css"));
 /// Longer texts from files are cut, characters: names and messages are shorter.
 const LONGEST_TEXT: usize = 600;
 
 /// An HTML document under construction.
 #[derive(Default)]
-pub(super) struct Markup(String);
+pub(crate) struct Markup(String);
 
 impl Markup {
     /// Adds markup as it is; it must not contain text from files.
-    pub(super) fn raw(&mut self, markup: &str) -> &mut Self {
+    pub(crate) fn raw(&mut self, markup: &str) -> &mut Self {
         self.0.push_str(markup);
         self
     }
 
     /// Adds text, escaped.
-    pub(super) fn text(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn text(&mut self, text: &str) -> &mut Self {
         self.0.push_str(&safe(text));
         self
     }
 
     /// Adds text in a typewriter font.
-    pub(super) fn code(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn code(&mut self, text: &str) -> &mut Self {
         self.raw("<code>").text(text).raw("</code>")
     }
 
     /// Adds a heading of a section that is named `id`.
-    pub(super) fn section(&mut self, id: &str, heading: &str, content: impl FnOnce(&mut Self)) {
+    pub(crate) fn section(&mut self, id: &str, heading: &str, content: impl FnOnce(&mut Self)) {
         let _ = writeln!(self.0, "<section aria-labelledby=\"h-{id}\">\n<h2 id=\"h-{id}\">{heading}</h2>");
         content(self);
         self.raw("</section>\n");
@@ -74,7 +76,7 @@ impl Markup {
         }
     }
 
-    pub(super) fn finished(self) -> String {
+    pub(crate) fn finished(self) -> String {
         self.0
     }
 }
@@ -87,7 +89,7 @@ impl Write for Markup {
 }
 
 /// Text from files for HTML content and attributes: escaped, and cut if it is very long.
-fn safe(text: &str) -> String {
+pub(crate) fn safe(text: &str) -> String {
     match text.char_indices().nth(LONGEST_TEXT) {
         Some((end, _)) => escaped(&text[..end]) + "…",
         None => escaped(text),
@@ -129,13 +131,13 @@ fn framed(title: &str, policy: &str, body: &str, scripts: &str) -> String {
 }
 
 /// The hash by which a content security policy allows a script or style (W3C, CSP level 3, section 8.3).
-fn hash(text: &str) -> String {
+pub(crate) fn hash(text: &str) -> String {
     format!("sha256-{}", STANDARD.encode(hmac_sha256::Hash::hash(text.as_bytes())))
 }
 
 /// A script or style without indentation, empty lines and lines of comment. Browsers hash line feeds only, so carriage
 /// returns of a checkout on Windows are removed, too.
-fn compact(text: &str) -> String {
+pub(crate) fn compact(text: &str) -> String {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//"));
     lines.collect::<Vec<_>>().join("\n")
 }

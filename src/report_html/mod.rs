@@ -8,13 +8,17 @@
 //! | file | is |
 //! |---|---|
 //! | `viewer.js` | the 3-D view: reads the GLB and draws it |
-//! | `report.css` | the style: light, dark, phone, paper |
+//! | `base.css` | the style that the report and the page of a station share: colours, light and dark |
+//! | `report.css` | the style of the report: phone, paper |
 
 mod content;
 mod markup;
 mod spots;
 mod page;
 mod sides;
+
+#[cfg(feature = "page")]
+pub(crate) use markup::{BASE_STYLE, Markup, compact, hash, safe};
 
 pub use content::{Landmarks, PageContent, Plane};
 pub use markup::MAX_FRAME;

@@ -11,6 +11,7 @@ use crate::hotfolder::jobs::{Outcome, Work, filing};
 use crate::hotfolder::seen::{
     Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_sidecar, sidecar_of,
 };
+use crate::hotfolder::state::status::FinishedAs;
 use crate::hotfolder::state::with_slashes;
 use crate::reason::Reason;
 
@@ -34,6 +35,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
             self.reprocessing.check_if_unknown(sku);
         }
         if let Work::CorrectAgain { sku, name } = &running.work {
+            let result = match outcome {
+                Outcome::Delivered => Some(FinishedAs::DeliveredAgain),
+                Outcome::Uncertain => Some(FinishedAs::Uncertain),
+                _ => None,
+            };
+            if let Some(result) = result {
+                self.status.finished(&running.drop, &running.work, result);
+            }
             return self.finished_recorrection(sku, &delivered_as(name), outcome);
         }
         // Every other outcome may unblock other drops.
@@ -43,7 +52,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 let until = self.now() + self.times().incomplete;
                 self.late.expect_companions(absent, &place, until);
                 self.tally.learned += 1;
-                self.status.learned(&running.drop.to_string());
+                self.status.finished(&running.drop, &running.work, FinishedAs::Learned);
                 self.done(path);
                 if let Some(sku) = running.sku() {
                     self.drops.release(sku);
@@ -51,14 +60,15 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
             }
             Outcome::Delivered | Outcome::Uncertain => {
-                if matches!(outcome, Outcome::Delivered) {
-                    self.tally.delivered += 1;
-                    self.status.delivered(&running.drop.to_string());
-                }
+                let is_certain = matches!(outcome, Outcome::Delivered);
+                self.tally.delivered += u64::from(is_certain);
+                let result = if is_certain { FinishedAs::Delivered } else { FinishedAs::Uncertain };
+                self.status.finished(&running.drop, &running.work, result);
                 self.drawing_is_done(path, &running, went_along);
             }
             Outcome::Repeated => {
                 self.tally.repeated += 1;
+                self.status.finished(&running.drop, &running.work, FinishedAs::Repeated);
                 self.done(path);
             }
             Outcome::Rejected(reason) => {
@@ -140,7 +150,6 @@ impl<C: Corrector> Dispatcher<'_, C> {
         match outcome {
             Outcome::Delivered => {
                 self.tally.delivered += 1;
-                self.status.delivered(name);
                 self.reprocessing.forget(name);
             }
             Outcome::Repeated => self.reprocessing.forget(name),

@@ -429,7 +429,7 @@ fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
 }
 
 /// A name that leaves room for a suffix: file systems allow 255 bytes.
-fn shortened(name: &str) -> &str {
+pub(super) fn shortened(name: &str) -> &str {
     let end = (0..=name.len().min(230)).rev().find(|end| name.is_char_boundary(*end)).unwrap_or(0);
     &name[..end]
 }

@@ -128,6 +128,31 @@ pub fn count_rejected(folder: &Path) -> std::io::Result<usize> {
     Ok(reasons.len())
 }
 
+/// The number of rejected drops in the folder, and those of `drops` that are among them, by their names in the hot folder.
+///
+/// # Errors
+/// When it cannot be read.
+#[cfg(feature = "page")]
+pub(crate) fn rejected_among(
+    folder: &Path,
+    drops: &BTreeSet<&str>,
+) -> std::io::Result<(usize, BTreeSet<String>)> {
+    let mut reasons = Vec::new();
+    collect(folder, 0, &mut reasons)?;
+    let file_name = |drop: &&str| {
+        let name = drop.rsplit('/').next().unwrap_or(drop);
+        format!("{}{REASON}", filing::shortened(name))
+    };
+    // Only these are read: the folder may contain very many.
+    let expected: BTreeSet<String> = drops.iter().map(file_name).collect();
+    let is_expected = |reason: &&PathBuf| {
+        reason.file_name().is_some_and(|name| expected.contains(&*name.to_string_lossy()))
+    };
+    let drop = |reason: &PathBuf| serde_json::from_slice::<RejectedDrop>(&fs::read(reason).ok()?).ok();
+    let found = reasons.iter().filter(is_expected).filter_map(drop).map(|rejected| rejected.drop);
+    Ok((reasons.len(), found.filter(|drop| drops.contains(drop.as_str())).collect()))
+}
+
 /// Whether the folder contains a rejected drop of this name; files that cannot be read are ignored.
 pub fn is_rejected(folder: &Path, name: &str) -> bool {
     let mut reasons = Vec::new();

@@ -7,11 +7,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Delivered, Job};
+use super::{Delivered, DropId, Job};
 use crate::config::{Sku, Station};
 use crate::files::write_whole_unsynced;
 use crate::hotfolder::api::{Waiting, WaitsFor};
 use crate::hotfolder::clock;
+use crate::hotfolder::jobs::Work;
 use crate::hotfolder::seen::{Drops, Moment};
 use crate::reason::Reason;
 
@@ -29,6 +30,8 @@ const HOUR: Duration = Duration::from_secs(3600);
 /// Entries of a list that are written out; the rest is counted.
 pub(crate) const LISTED: usize = 500;
 const ERRORS: usize = 20;
+/// Finished drops that are listed.
+const FINISHED: usize = 20;
 
 /// A station as it was at one moment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,6 +70,9 @@ pub struct Status {
     /// Drawings that may not have been delivered.
     #[serde(default)]
     pub uncertain: Listed<UncertainDrawing>,
+    /// The last drops that were finished, newest first; those that were rejected are in `rejections`.
+    #[serde(default)]
+    pub finished: Vec<Finished>,
     /// The last rejections, newest first, without the drops that were put right since.
     pub rejections: Vec<Rejection>,
     /// What is kept for how long; absent before the first pass over the folders.
@@ -206,6 +212,42 @@ impl From<&Delivered> for UncertainDrawing {
     }
 }
 
+/// A drop that was processed to its end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct Finished {
+    /// When.
+    pub at: String,
+    /// The drop, relative to the hot folder.
+    pub drop: String,
+    /// Its SKU.
+    pub sku: String,
+    /// The name of a drawing, with which the names of its files in the SKU's reports folder begin; absent for a part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawing: Option<String>,
+    /// What was done with it.
+    pub result: FinishedAs,
+}
+
+/// What was done with a finished drop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum FinishedAs {
+    /// The drawing was delivered.
+    Delivered,
+    /// The drawing was corrected again from its original in the archive, and delivered.
+    DeliveredAgain,
+    /// The drawing was delivered before, and not delivered again.
+    Repeated,
+    /// The drawing was filed, but may not have been delivered.
+    Uncertain,
+    /// The part was fitted.
+    Learned,
+}
+
 /// A drop that was rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -251,6 +293,7 @@ pub(crate) struct StatusBoard {
     done: Done,
     /// Deliveries and rejections of the last hour, by minute since the start.
     minutes: VecDeque<(u64, u64, u64)>,
+    finished: VecDeque<Finished>,
     rejections: VecDeque<Rejection>,
     next: Moment,
     heartbeat: Moment,
@@ -273,16 +316,19 @@ pub(crate) struct View<'a> {
 }
 
 impl StatusBoard {
-    /// Starts with the rejections from the previous status, if that can be read.
+    /// Starts with the finished and rejected drops from the previous status, if that can be read.
     pub(crate) fn new(station: &Station, state: &Path) -> Self {
-        let before = Status::read(state).ok().flatten().map(|status| status.rejections);
+        let before = Status::read(state).ok().flatten();
+        let (finished, rejections) =
+            before.map(|status| (status.finished, status.rejections)).unwrap_or_default();
         Self {
             station: station.name.clone(),
             since: clock::now(),
             started: Instant::now(),
             done: Done::default(),
             minutes: VecDeque::new(),
-            rejections: before.unwrap_or_default().into(),
+            finished: finished.into(),
+            rejections: rejections.into(),
             next: Moment::ZERO,
             heartbeat: Moment::ZERO,
             last: None,
@@ -294,17 +340,25 @@ impl StatusBoard {
         self.station = station.name.clone();
     }
 
-    /// Notes a part whose surface is kept now; what was wrong with its drop before no longer matters.
-    pub(crate) fn learned(&mut self, drop: &str) {
+    pub(crate) fn finished(&mut self, drop: &DropId, work: &Work, result: FinishedAs) {
+        match result {
+            FinishedAs::Delivered | FinishedAs::DeliveredAgain => {
+                self.done.delivered += 1;
+                self.minute().1 += 1;
+            }
+            FinishedAs::Learned => self.done.learned += 1,
+            FinishedAs::Repeated | FinishedAs::Uncertain => {}
+        }
+        let drawing = match work {
+            Work::Correct { name, .. } | Work::CorrectAgain { name, .. } => Some(name.clone()),
+            Work::Learn(_) | Work::Reject(_) => None,
+        };
+        let sku = work.sku().map(Sku::to_string).unwrap_or_default();
+        let drop = drop.to_string();
+        // What was wrong with the drop before no longer matters.
         self.rejections.retain(|rejection| rejection.drop != drop);
-        self.done.learned += 1;
-    }
-
-    /// Notes a delivered drawing; what was wrong with its drop before no longer matters.
-    pub(crate) fn delivered(&mut self, drop: &str) {
-        self.rejections.retain(|rejection| rejection.drop != drop);
-        self.done.delivered += 1;
-        self.minute().1 += 1;
+        self.finished.push_front(Finished { at: clock::now(), drop, sku, drawing, result });
+        self.finished.truncate(FINISHED);
     }
 
     pub(crate) fn rejected(&mut self, drop: &str, reason: &Reason) {
@@ -318,16 +372,17 @@ impl StatusBoard {
         now >= self.next
     }
 
-    pub(crate) fn write(&mut self, state: &Path, view: &View) {
+    /// Writes the status, and returns it; `None` if it is unchanged and need not be written yet.
+    pub(crate) fn write(&mut self, state: &Path, view: &View) -> Option<Status> {
         self.next = view.now + SHORTEST_INTERVAL;
         let mut status = self.status(view);
         if self.last.as_ref() == Some(&status) && view.now < self.heartbeat {
-            return;
+            return None;
         }
         self.heartbeat = view.now + LONGEST_INTERVAL;
         self.last = Some(status.clone());
         status.at = clock::now();
-        let Ok(mut bytes) = serde_json::to_vec_pretty(&status) else { return };
+        let mut bytes = serde_json::to_vec_pretty(&status).ok()?;
         bytes.push(b'\n');
         match write_whole_unsynced(state, FILE, &bytes) {
             Ok(()) => self.complained = false,
@@ -337,6 +392,7 @@ impl StatusBoard {
                 }
             }
         }
+        Some(status)
     }
 
     fn status(&mut self, view: &View) -> Status {
@@ -375,6 +431,7 @@ impl StatusBoard {
             incomplete: waits(incomplete),
             outdated: Listed { count: *count, first: outdated.collect() },
             uncertain: listed(view.uncertain.clone()),
+            finished: self.finished.iter().cloned().collect(),
             rejections: self.rejections.iter().cloned().collect(),
             kept: view.kept.clone(),
         }
