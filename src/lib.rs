@@ -47,7 +47,7 @@
 //! # }
 //! ```
 //!
-//! The features `cli` (the program `isomark`) and `station` (the hot folder) are on by default. Without them
+//! The features `cli` (the program `isomark`), `station` (the hot folder) and `page` (its page in browsers) are on by default. Without them
 //! (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no threads and no folder
 //! watching.
 //!

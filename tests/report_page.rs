@@ -5,12 +5,14 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
 
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use isomark::config::{Field, FieldOrigin};
 use isomark::report_html::MAX_FRAME;
 use isomark::{Correction, Corrector, Drawing, Part, Settings};
+
+#[allow(unreachable_pub, missing_docs, reason = "a module of several tests")]
+mod browser;
 
 /// Names with markup, as a customer's file could have them: valid on Linux, and never a part of the page.
 const HOSTILE: &str = "a</script><img src=x onerror=\"window.marked=1\">&amp;'<!--<b>.dxf";
@@ -42,7 +44,7 @@ fn frame(correction: &Correction, page: &str) -> usize {
 
 #[test]
 fn a_report_works_in_a_real_browser() {
-    let Some(axe) = axe() else { return };
+    let Some(axe) = browser::axe() else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("can.report.html");
     std::fs::write(&file, can(HOSTILE).report_html()).unwrap();
@@ -57,28 +59,6 @@ fn a_report_works_in_a_real_browser() {
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     );
-}
-
-/// The script of axe-core, if it, Python and Chromium are available; in CI they must be.
-fn axe() -> Option<PathBuf> {
-    if cfg!(windows) {
-        eprintln!("SKIPPED: the browser is driven through pipes of Unix, the page was not opened");
-        return None;
-    }
-    let axe = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/ci-node/node_modules/axe-core/axe.min.js");
-    let find =
-        "import sys; sys.path.insert(0, 'tests/browser'); import chromium; sys.exit(not chromium.find())";
-    let has_chromium =
-        || Command::new("python3").args(["-B", "-c", find]).status().is_ok_and(|status| status.success());
-    if axe.exists() && has_chromium() {
-        return Some(axe);
-    }
-    assert!(
-        std::env::var("CI").is_err(),
-        "python3, chromium and axe-core (see `.ci/run`) are required in CI"
-    );
-    eprintln!("SKIPPED: python3, chromium or axe-core is not installed, the page was not opened");
-    None
 }
 
 #[test]

@@ -911,6 +911,23 @@ const CODES: &[Code] = &[
         "Drop the file again if it is to replace the newer one. Otherwise remove it.",
     ]),
     reason([
+        "page-address",
+        "The page of the station cannot be opened at its address.",
+        "`--page` or `address` under [page] names an IP address of this computer and a port. Another program uses that port, \
+         often a second station or a program that was not stopped, or the address is not one of this computer. The station \
+         works without its page and tries again every 5 s.",
+        "Stop the other program, or give another port, for example `--page 127.0.0.1:4781`. Every station needs its own.",
+    ]),
+    reason([
+        "page-password",
+        "The password of the station's page cannot be read.",
+        "`password_file` or `password_variable` under [page] names the place of the password. The file or variable is missing, \
+         empty, not readable for the user of the station, or has less than 8 characters. The page stays closed, the station \
+         works without it, and isomark tries again every 5 s.",
+        "Write a password of at least 8 characters on the first line of the file, readable only for the user that runs the \
+         station.",
+    ]),
+    reason([
         "part-above-lens",
         "The part reaches above the lens.",
         "A perspective lens (`optics.kind`) sees no point at or above its own centre. The height of the part or \

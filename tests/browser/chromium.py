@@ -46,6 +46,7 @@ class Chromium:
         self.buffer = b""
         self.count = 0
         self.messages = []
+        self.site = "file://"  # the start of the addresses of all requests
         target = self.call("Target.createTarget", {"url": "about:blank"}, False)["targetId"]
         self.session = None
         self.session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True}, False)["sessionId"]
@@ -112,11 +113,13 @@ class Chromium:
             self.receive(time.monotonic() + 0.02)
 
     def open(self, path, width=1280, height=900, media="", dark=False, scale=1, touch=False):
-        """Opens a file in a window of this size."""
+        """Opens a file, or an address of a server, in a window of this size."""
         self.size(width, height, scale, touch)
         self.media(media, dark)
-        self.call("Page.navigate", {"url": "file://" + os.path.abspath(path)})
-        self.until("document.readyState === 'complete' && location.protocol === 'file:'")
+        is_file = "://" not in path
+        self.site = "file://" if is_file else "/".join(path.split("/", 3)[:3]) + "/"
+        self.call("Page.navigate", {"url": "file://" + os.path.abspath(path) if is_file else path})
+        self.until(f"document.readyState === 'complete' && location.href.startsWith({json.dumps(self.site)})")
 
     def size(self, width, height, scale=1, touch=False):
         self.call("Emulation.setDeviceMetricsOverride",
@@ -162,8 +165,16 @@ class Chromium:
         self.call("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [
             {"x": x, "y": y, "id": index} for index, (x, y) in enumerate(points)]})
 
+    def violations(self, axe):
+        """What axe-core, whose script is at `axe`, finds in the page."""
+        self.evaluate(open(axe, encoding="utf-8").read() + "\n;1")
+        result = self.evaluate("axe.run(document).then(r => ({passes: r.passes.length, violations: r.violations.map(v => "
+                               "v.id + ': ' + v.help + ' ' + v.nodes.map(n => n.target + ' ' + n.failureSummary).join('; '))}))")
+        few = [] if result["passes"] > 15 else [f"axe-core checked only {result['passes']} rules"]
+        return result["violations"] + few
+
     def complaints(self):
-        """Errors and warnings of the console, exceptions, violations of the policy, and requests to anything but files."""
+        """Errors and warnings of the console, exceptions, violations of the policy, and requests to other sites."""
         found = []
         for message in self.messages:
             method, p = message["method"], message.get("params", {})
@@ -177,7 +188,7 @@ class Chromium:
                 found.append(f"policy: {json.dumps(p['issue'])[:600]}")
             elif method == "Network.requestWillBeSent":
                 url = p["request"]["url"]
-                if not url.startswith(("file://", "data:", "about:")):
+                if not url.startswith((self.site, "data:", "about:")):
                     found.append(f"request: {url}")
         return found
 

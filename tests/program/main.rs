@@ -16,6 +16,8 @@ mod ezdxf;
 mod schemas;
 #[path = "../khronos/mod.rs"]
 mod khronos;
+#[path = "../browser/mod.rs"]
+mod browser;
 
 mod correct;
 mod on_part;
@@ -28,6 +30,7 @@ mod cache;
 mod inspect_and_diff;
 mod station;
 mod control;
+mod page;
 mod demo;
 mod evaluate;
 mod explain;

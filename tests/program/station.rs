@@ -42,9 +42,15 @@ impl Station {
     }
 
     pub fn start(&mut self) {
+        self.start_with(&[]);
+    }
+
+    /// Starts the program with further options.
+    pub fn start_with(&mut self, options: &[&str]) {
         let log = fs::OpenOptions::new().create(true).append(true).open(self.path("log.txt")).unwrap();
         let child = Command::new(env!("CARGO_BIN_EXE_isomark"))
             .args(["watch", "station.toml"])
+            .args(options)
             .current_dir(self.desk.root())
             .env_remove("RUST_LOG")
             .stdin(Stdio::null())

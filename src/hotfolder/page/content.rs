@@ -121,20 +121,23 @@ impl Content {
             body.raw("<p class=\"quiet\">Nothing waits.</p>\n");
         }
         let mut ids = Ids::default();
-        for (title, list) in [("Waits for something", waiting), ("Still being written", incomplete)] {
+        for (title, list) in [("", waiting), ("Not complete yet", incomplete)] {
             if list.count == 0 {
                 continue;
             }
-            let _ = writeln!(body, "<h3>{title}: {}</h3>\n<ul class=\"rows\">", list.count);
+            if !title.is_empty() {
+                let _ = writeln!(body, "<h3>{title}: {}</h3>", list.count);
+            }
+            body.raw("<ul class=\"rows\">\n");
             for Waits { drop, reason } in list.first.iter().take(ROWS) {
                 let id = ids.unique(secrets.name(&["waits", drop]));
-                row(&mut body, &id, drop, &format!("{drop} waits: {}", reason.what), |body| explained(body, reason));
+                row(&mut body, &id, drop, &format!("{drop} waits: {}", reason.what), |body| explained(body, drop, reason));
             }
             body.raw("</ul>\n");
             more(&mut body, list.count, list.first.len().min(ROWS));
-        }
-        if waiting.count > 0 {
-            self.button(&mut body, secrets, Action::TryWaiting, "Retry", "everything that waits");
+            if title.is_empty() {
+                self.button(&mut body, secrets, Action::TryWaiting, "Retry all", "that wait");
+            }
         }
         if status.outdated.count > 0 {
             let _ = writeln!(
@@ -200,7 +203,7 @@ impl Content {
                     body.raw("<p><span class=\"chip bad\">Rejected</span> ");
                     time(body, at);
                     body.raw("</p>");
-                    explained(body, reason);
+                    explained(body, drop, reason);
                     if has_button {
                         self.button(body, secrets, Action::Return(drop.clone()), "Retry", drop);
                     }
@@ -339,7 +342,7 @@ fn finished_row(body: &mut Markup, id: &str, finished: &Finished, has_files: boo
              src=\"/picture/{id}.svg#after\" alt=\"Picture of {shown}\" width=\"160\" height=\"80\"></a>"
         );
     } else {
-        body.raw("<span class=\"thumb none\"></span>");
+        body.raw("<span class=\"thumb none\" aria-hidden=\"true\">part</span>");
     }
     let _ = write!(
         body,
@@ -359,15 +362,15 @@ fn finished_row(body: &mut Markup, id: &str, finished: &Finished, has_files: boo
 }
 
 /// What is wrong, where, and what to do.
-fn explained(body: &mut Markup, reason: &Reason) {
+fn explained(body: &mut Markup, drop: &str, reason: &Reason) {
     body.raw("<p>").text(&reason.what).raw("</p>");
-    let place = Some(reason.place.to_string()).filter(|place| !place.is_empty());
+    let place = Some(reason.place.to_string()).filter(|place| !place.is_empty() && place != drop);
     let number = reason.number.as_ref().map(ToString::to_string);
     let facts: Vec<String> = place.into_iter().chain(number).collect();
     if !facts.is_empty() {
         body.raw("<p class=\"quiet\">").text(&facts.join("; ")).raw("</p>");
     }
-    body.raw("<p class=\"remedy\">").text(&reason.remedy).raw("</p>");
+    body.raw("<p><b>To do:</b> ").text(&reason.remedy).raw("</p>");
 }
 
 /// A time; the script shows it in the time zone of the browser.

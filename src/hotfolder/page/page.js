@@ -2,7 +2,7 @@
 const at = id => document.getElementById(id);
 const version = document.body.dataset.version;
 const LATE = 35000;
-let source, heard = Date.now(), isLost = false, said = null;
+let source, heard = Date.now(), isLost = null, said = null;
 
 // Times in the time zone of the browser.
 function clock(time) {
@@ -53,7 +53,7 @@ function announce() {
 function lost(is) {
   if (is === isLost) return;
   isLost = is;
-  document.body.classList.toggle('is-lost', is);
+  document.body.className = is ? 'is-lost' : 'is-live';
   at('link').textContent = is ? 'Not connected' : 'Live';
   at('lost').textContent = is ? 'No connection to the station since ' + new Date().toLocaleTimeString([], { timeStyle: 'short' }) +
     '. It was stopped, or the network is interrupted. What you see may be outdated.' : '';

@@ -1,0 +1,136 @@
+"""Checks the page of a running station in a real headless Chromium:
+python3 page.py AXE.js ADDRESS HOT_FOLDER DRAWING.dxf [FOLDER for screenshots].
+
+The station knows the part `trough`; trough@date.dxf is delivered, cup@logo.dxf waits, trough@broken.dxf is rejected."""
+
+import json
+import os
+import shutil
+import sys
+
+from chromium import Chromium
+
+axe, address, hot, drawing = sys.argv[1:5]
+shots = sys.argv[5] if len(sys.argv) > 5 else None
+failures = []
+
+
+def check(condition, what):
+    if not condition:
+        failures.append(what)
+        print("FAILED:", what, flush=True)
+
+
+def shot(browser, name):
+    if shots:
+        os.makedirs(shots, exist_ok=True)
+        with open(os.path.join(shots, f"station-{name}.png"), "wb") as file:
+            file.write(browser.png(whole=True))
+
+
+def text(browser, selector="main"):
+    return browser.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
+
+
+def shows(browser, words, selector="main"):
+    browser.until(f"document.querySelector({json.dumps(selector)}).innerText.includes({json.dumps(words)})")
+
+
+def live(browser, **how):
+    browser.open(address, **how)
+    browser.until("document.getElementById('link').textContent === 'Live'")
+    browser.until("[...document.images].every(image => image.complete)")
+
+
+def drop(name):
+    """As people should do it: under a name that the station ignores, then renamed."""
+    hidden = os.path.join(hot, "." + name)
+    shutil.copyfile(drawing, hidden)
+    os.rename(hidden, os.path.join(hot, name))
+
+
+def retry_button(name):
+    return f"document.querySelector('button[aria-label=\"Retry {name}\"]')"
+
+
+with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as browser:
+    live(browser)
+    seen = text(browser)
+    for words in ["Ready", "trough@date.dxf", "Delivered", "cup@logo.dxf", "Drop the part as", "trough@broken.dxf", "Rejected",
+                  "To do:"]:
+        check(words in seen, f"{words} in {seen}")
+    size = browser.evaluate("parseFloat(getComputedStyle(document.querySelector('.word')).fontSize)")
+    check(size > 60, f"the state has letters of {size} px")
+    top = browser.evaluate("document.querySelector('.tiles').getBoundingClientRect().bottom")
+    check(top < 450, f"state and numbers are at the top: {top} px")
+    widths = browser.evaluate("[...document.images].map(image => image.naturalWidth)")
+    check(len(widths) == 1 and widths[0] > 0, f"the delivered drawing has a picture: {widths}")
+    for violation in browser.violations(axe):
+        check(False, f"axe-core in light colours: {violation}")
+    shot(browser, "light")
+
+    # Something new appears without a reload; what is there stays the same element and keeps the focus.
+    browser.evaluate("window.stays = 1; document.querySelector('.thumb').focus(); window.thumb = document.activeElement; 1")
+    drop("trough@new.dxf")
+    shows(browser, "trough@new.dxf")
+    browser.until("document.querySelectorAll('.drops li').length === 3")
+    check(browser.evaluate("window.stays === 1 && document.activeElement === window.thumb && window.thumb.isConnected"),
+          "nothing is loaded again, and the focus stays")
+    browser.until("document.getElementById('live').textContent.includes('trough@new.dxf: Delivered')")
+    check("2" in text(browser, ".tiles li:last-child"), "the number of delivered drawings grows")
+
+    # Retry with the keyboard: the drop is rejected again, and the page says what was done.
+    before = browser.evaluate(f"{retry_button('trough@broken.dxf')}.closest('li').id")
+    browser.evaluate(f"{retry_button('trough@broken.dxf')}.focus(); 1")
+    browser.call("Input.dispatchKeyEvent", {"type": "keyDown", "key": "Enter", "text": "\r", "windowsVirtualKeyCode": 13})
+    browser.call("Input.dispatchKeyEvent", {"type": "keyUp", "key": "Enter", "windowsVirtualKeyCode": 13})
+    shows(browser, "trough@broken.dxf is back in the hot folder.", "#told")
+    browser.until(f"{retry_button('trough@broken.dxf')} !== null && {retry_button('trough@broken.dxf')}.closest('li').id !== '{before}'")
+    check(browser.evaluate("window.stays === 1 && document.activeElement !== document.body"), "the focus is still in the page")
+    check("Retried or removed since: 1" in text(browser), "the earlier rejection is listed as over")
+    for violation in browser.violations(axe):
+        check(False, f"axe-core after changes: {violation}")
+
+    live(browser, dark=True)
+    shot(browser, "dark")
+    for violation in browser.violations(axe):
+        check(False, f"axe-core in dark colours: {violation}")
+    live(browser, width=390, height=844, scale=2, touch=True)
+    shot(browser, "phone")
+    wide = browser.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
+    check(max(wide) <= 390, f"a phone does not scroll sideways: {wide}")
+    for violation in browser.violations(axe):
+        check(False, f"axe-core on a phone: {violation}")
+
+    # The report runs its own script, and nothing else.
+    report = browser.evaluate("document.querySelector('a[href^=\"/report/\"]').href")
+    browser.open(report)
+    browser.until("+document.getElementById('view').dataset.frame > 0")
+    check(browser.evaluate("origin") == "null", "a report is not of the page's origin")
+    picture = address + browser.evaluate("location.pathname").replace("/report/", "picture/").replace(".html", ".svg")
+    browser.open(picture)
+    check(browser.evaluate("document.documentElement.nodeName") == "svg", "the picture opens alone")
+    for complaint in browser.complaints():
+        check(False, complaint)
+
+    # Without scripts: a plain list, which works by forms and loads itself again.
+    browser.call("Emulation.setScriptExecutionDisabled", {"value": True})
+    browser.open(address)
+    shot(browser, "plain")
+    seen = text(browser)
+    for words in ["Ready", "trough@new.dxf", "cup@logo.dxf", "trough@broken.dxf", " UTC"]:
+        check(words in seen, f"without scripts, {words} in {seen}")
+    check("Live" not in text(browser, "body"), "without scripts, the page is not live")
+    box = browser.evaluate(f"(() => {{ const r = {retry_button('trough@broken.dxf')}; r.scrollIntoView(); "
+                           "const b = r.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]; })()")
+    browser.mouse("mousePressed", *box, button="left", buttons=1, clickCount=1)
+    browser.mouse("mouseReleased", *box, button="left", buttons=0, clickCount=1)
+    browser.until("location.search === '?done=returned' && document.readyState === 'complete'")
+    check("The drop is back in the hot folder." in text(browser), "without scripts, the page says what was done")
+    browser.until("location.search === '' && document.readyState === 'complete'")
+    shows(browser, "Retried or removed since: 2", "body")
+    for complaint in browser.complaints():
+        check(False, f"without scripts: {complaint}")
+
+print(f"{len(failures)} failures")
+sys.exit(bool(failures))
