@@ -167,9 +167,9 @@ impl PageKeys {
         if let Some(given) = &self.names {
             for name in given.get_ref() {
                 let remedy = "Give names or addresses of this computer, such as \"laser1.shop.local\" or \"192.168.0.7:8080\".";
-                let parsed = name
-                    .parse()
-                    .map_err(|error| wrong(given.span(), format!("`{name}` in `page.names`: {error}."), remedy));
+                let parsed = name.parse().map_err(|error| {
+                    wrong(given.span(), format!("`{name}` in `page.names`: {error}."), remedy)
+                });
                 names.push(parsed?);
             }
             if !names.is_empty() && !is_open {
@@ -199,7 +199,9 @@ fn socket_address(text: &str) -> Option<SocketAddr> {
     let Authority { host, port: Some(port) } = text.parse().ok()? else { return None };
     match host {
         HostName::Address(address) => Some(SocketAddr::new(address, port)),
-        HostName::Name(name) => (name == "localhost").then(|| SocketAddr::new(Ipv4Addr::LOCALHOST.into(), port)),
+        HostName::Name(name) => {
+            (name == "localhost").then(|| SocketAddr::new(Ipv4Addr::LOCALHOST.into(), port))
+        }
     }
 }
 
@@ -226,9 +228,32 @@ mod tests {
         }
         let long = format!("{}.example", "a".repeat(64));
         for text in [
-            "", ":", ":4780", "localhost:", "localhost:+80", "localhost:65536", "localhost:4780:1", "::1", "[::1",
-            "[::1]4780", "[127.0.0.1]", "[fe80::1%eth0]", "localhost.", ".localhost", "a..b", "-a", "a-", "a b",
-            "user@localhost", "127.1", "0x7f.1", "2130706433", "127.0.0.01x/", "localhost/", "localh\u{f6}st", &long,
+            "",
+            ":",
+            ":4780",
+            "localhost:",
+            "localhost:+80",
+            "localhost:65536",
+            "localhost:4780:1",
+            "::1",
+            "[::1",
+            "[::1]4780",
+            "[127.0.0.1]",
+            "[fe80::1%eth0]",
+            "localhost.",
+            ".localhost",
+            "a..b",
+            "-a",
+            "a-",
+            "a b",
+            "user@localhost",
+            "127.1",
+            "0x7f.1",
+            "2130706433",
+            "127.0.0.01x/",
+            "localhost/",
+            "localh\u{f6}st",
+            &long,
         ] {
             assert_eq!(parsed(text), Err(BadAuthority), "{text}");
         }

@@ -110,6 +110,7 @@ pub use dispatcher::run;
 pub use error::StationError;
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use pipeline_corrector::PipelineCorrector;
+#[cfg(feature = "cli")]
 pub(crate) use seen::folders::is_still_at;
 pub use seen::names::{self, CURRENT_PART};
 pub use seen::{StopSignal, settle};

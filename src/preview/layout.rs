@@ -69,9 +69,7 @@ pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
     // `preview.svg#after` shows this panel alone, as a thumbnail.
     let [x, y, width_of_panel, height_of_panel] =
         [right.at[0], right.at[1], panel_width, panel_height].map(number);
-    page.add(format_args!(
-        "<view id=\"after\" viewBox=\"{x} {y} {width_of_panel} {height_of_panel}\"/>"
-    ));
+    page.add(format_args!("<view id=\"after\" viewBox=\"{x} {y} {width_of_panel} {height_of_panel}\"/>"));
     let title = on_one_line(&preview.title);
     page.text([MARGIN, 10.5], TITLE, &TITLE.shortened(&title, width - 2.0 * MARGIN));
 

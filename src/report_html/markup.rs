@@ -13,7 +13,7 @@ pub const MAX_FRAME: usize = 60_000;
 const SCRIPT: &str = include_str!("viewer.js");
 /// The style of everything that isomark shows in browsers.
 pub(crate) const BASE_STYLE: &str = include_str!("base.css");
-const STYLE: &str = concat!(include_str!("base.css"), include_str!("report.css"));
+const STYLE: &str = include_str!("report.css");
 /// Longer texts from files are cut, characters: names and messages are shorter.
 const LONGEST_TEXT: usize = 600;
 
@@ -116,7 +116,7 @@ pub(super) fn flat_document(title: &str, body: &str) -> String {
 
 /// A document whose policy also contains `policy`, and whose body ends with `scripts`.
 fn framed(title: &str, policy: &str, body: &str, scripts: &str) -> String {
-    let style = compact(STYLE);
+    let style = compact(&[BASE_STYLE, STYLE].concat());
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {policy}style-src '{}'; \
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn script_and_style_contain_nothing_that_ends_them() {
-        for text in [SCRIPT, STYLE] {
+        for text in [SCRIPT, BASE_STYLE, STYLE] {
             let compact = compact(text).to_lowercase();
             assert!(["</script", "</style", "<!--"].iter().all(|end| !compact.contains(end)));
         }

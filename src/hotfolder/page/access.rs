@@ -108,7 +108,8 @@ fn read_password(source: &PasswordSource) -> Result<String, Reason> {
             (place, std::env::var(name).map_err(error))
         }
     };
-    let remedy = format!("Write a password of at least {SHORTEST_PASSWORD} characters there. isomark tries again.");
+    let remedy =
+        format!("Write a password of at least {SHORTEST_PASSWORD} characters there. isomark tries again.");
     let wrong = |how: String| Reason::new("page-password", format!("{place} {how}."), remedy);
     let text = match text {
         Ok(text) => text,
@@ -174,7 +175,8 @@ impl Access {
 
     /// The host of a request that reached this computer at `local`.
     pub(super) fn host(&self, headers: &HeaderMap, local: SocketAddr) -> Result<Authority, Refusal> {
-        let host: Authority = single(headers, HOST).and_then(|host| host.parse().ok()).ok_or(Refusal::NoHost)?;
+        let host: Authority =
+            single(headers, HOST).and_then(|host| host.parse().ok()).ok_or(Refusal::NoHost)?;
         let (ip, port) = (local.ip().to_canonical(), local.port());
         let is_its_port = host.port.unwrap_or(80) == port;
         let is_own = is_its_port
@@ -236,7 +238,8 @@ fn single(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
 /// The password of the scheme Basic (RFC 7617); the user's name has no meaning.
 fn password_in(header: &str) -> Option<Vec<u8>> {
     let (scheme, credentials) = header.split_once(' ')?;
-    let decoded = STANDARD.decode(credentials.trim()).ok().filter(|_| scheme.eq_ignore_ascii_case("basic"))?;
+    let decoded =
+        STANDARD.decode(credentials.trim()).ok().filter(|_| scheme.eq_ignore_ascii_case("basic"))?;
     let colon = decoded.iter().position(|byte| *byte == b':')?;
     Some(decoded[colon + 1..].to_vec())
 }
@@ -281,7 +284,9 @@ impl Throttle {
         mistakes.count = mistakes.count.saturating_add(1);
         mistakes.last = now;
         if mistakes.count == FREE_MISTAKES {
-            tracing::warn!("{sender} gave {FREE_MISTAKES} wrong passwords for the page; it must wait before each further one");
+            tracing::warn!(
+                "{sender} gave {FREE_MISTAKES} wrong passwords for the page; it must wait before each further one"
+            );
         }
     }
 
@@ -330,8 +335,18 @@ mod tests {
         assert!(host(&local, "[::1]:4780", &["[::1]:4780"]).is_ok());
         assert!(host(&local, "[::ffff:10.0.0.7]:80", &["10.0.0.7"]).is_ok());
         for other in [
-            "127.0.0.1", "127.0.0.1:80", "127.0.0.1:4781", "127.0.0.2:4780", "[::1]:4780", "127.0.0.1.evil.com:4780",
-            "localhost.evil:4780", "evil.com", "evil.com:4780", "localhost", "0.0.0.0:4780", "10.0.0.7:4780",
+            "127.0.0.1",
+            "127.0.0.1:80",
+            "127.0.0.1:4781",
+            "127.0.0.2:4780",
+            "[::1]:4780",
+            "127.0.0.1.evil.com:4780",
+            "localhost.evil:4780",
+            "evil.com",
+            "evil.com:4780",
+            "localhost",
+            "0.0.0.0:4780",
+            "10.0.0.7:4780",
         ] {
             assert_eq!(host(&local, "127.0.0.1:4780", &[other]), Err(Refusal::OtherHost), "{other}");
         }
@@ -378,17 +393,25 @@ mod tests {
         }
         assert!(!origin(&[own, own]));
         for site in ["cross-site", "same-site", "none", ""] {
-            assert!(!origin(&[own, ("sec-fetch-site", site)]) && !origin(&[("sec-fetch-site", site)]), "{site}");
+            assert!(
+                !origin(&[own, ("sec-fetch-site", site)]) && !origin(&[("sec-fetch-site", site)]),
+                "{site}"
+            );
         }
     }
 
     #[test]
     fn wrong_passwords_block_their_sender_for_a_growing_time() {
         let mut access = access(&[], Some("correct horse"));
-        let (start, [sender, other]) = (Instant::now(), ["10.0.0.7", "10.0.0.8"].map(|ip| ip.parse().unwrap()));
+        let (start, [sender, other]) =
+            (Instant::now(), ["10.0.0.7", "10.0.0.8"].map(|ip| ip.parse().unwrap()));
         let mut enter = |password: &str, sender: IpAddr, after: u64| {
             let credentials = format!("Basic {}", STANDARD.encode(format!("anybody:{password}")));
-            access.entry(&headers(&[("authorization", &credentials)]), sender, start + Duration::from_secs(after))
+            access.entry(
+                &headers(&[("authorization", &credentials)]),
+                sender,
+                start + Duration::from_secs(after),
+            )
         };
         assert_eq!(enter("correct horse", sender, 0), Ok(()));
         for _ in 0..FREE_MISTAKES {
@@ -400,7 +423,14 @@ mod tests {
         assert_eq!(enter("correct horse", sender, 1), Err(Refusal::Blocked(Duration::from_secs(2))));
         assert_eq!(enter("correct horse", sender, 3), Ok(()));
         assert_eq!(enter("wrong", sender, 3), Err(Refusal::NoPassword));
-        for header in ["", "Basic", "Basic !", "Basic YQ==", "Bearer YTpjb3JyZWN0IGhvcnNl", "Basic YTpjb3JyZWN0IGhvcnNlIA=="] {
+        for header in [
+            "",
+            "Basic",
+            "Basic !",
+            "Basic YQ==",
+            "Bearer YTpjb3JyZWN0IGhvcnNl",
+            "Basic YTpjb3JyZWN0IGhvcnNlIA==",
+        ] {
             let entry = access.entry(&headers(&[("authorization", header)]), other, start);
             assert_eq!(entry, Err(Refusal::NoPassword), "{header}");
         }
@@ -432,7 +462,10 @@ mod tests {
         assert!(read_password(&source).unwrap_err().what.contains("cannot be read"));
         for (text, expected) in [
             ("correct horse\r\nanother line\n", Ok("correct horse")),
-            ("\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}", Ok("\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}")),
+            (
+                "\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}",
+                Ok("\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}\u{e4}"),
+            ),
             ("short12", Err("is too short")),
             ("\ncorrect horse", Err("is empty")),
         ] {
@@ -440,7 +473,10 @@ mod tests {
             match (read_password(&source), expected) {
                 (Ok(password), Ok(expected)) => assert_eq!(password, expected),
                 (Err(reason), Err(expected)) => {
-                    assert!(reason.what.contains(expected) && !reason.to_string().contains("short12"), "{reason}");
+                    assert!(
+                        reason.what.contains(expected) && !reason.to_string().contains("short12"),
+                        "{reason}"
+                    );
                 }
                 (read, expected) => panic!("{read:?} is not {expected:?}"),
             }

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
 use hyper::header::{
-    ACCEPT, ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, HeaderValue, LOCATION, REFERRER_POLICY,
-    RETRY_AFTER, WWW_AUTHENTICATE, X_CONTENT_TYPE_OPTIONS,
+    ACCEPT, ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, HeaderValue, LOCATION,
+    REFERRER_POLICY, RETRY_AFTER, WWW_AUTHENTICATE, X_CONTENT_TYPE_OPTIONS,
 };
 use hyper::{Method, Request, Response, StatusCode};
 use serde_json::json;
@@ -57,17 +57,25 @@ pub(super) enum Content {
     /// Bytes, and the memory that they take.
     Whole(Option<Bytes>, Option<OwnedSemaphorePermit>),
     /// Events, as they come.
-    Events(mpsc::Receiver<Bytes>, #[expect(dead_code, reason = "held as long as the stream")] OwnedSemaphorePermit),
+    Events(
+        mpsc::Receiver<Bytes>,
+        #[expect(dead_code, reason = "held as long as the stream")] OwnedSemaphorePermit,
+    ),
 }
 
 impl Body for Content {
     type Data = Bytes;
     type Error = Infallible;
 
-    fn poll_frame(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+    fn poll_frame(
+        self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
         match self.get_mut() {
             Self::Whole(bytes, _) => Poll::Ready(bytes.take().map(|bytes| Ok(Frame::data(bytes)))),
-            Self::Events(events, _) => events.poll_recv(cx).map(|event| event.map(|event| Ok(Frame::data(event)))),
+            Self::Events(events, _) => {
+                events.poll_recv(cx).map(|event| event.map(|event| Ok(Frame::data(event))))
+            }
         }
     }
 
@@ -95,7 +103,12 @@ struct Problem {
 }
 
 impl Problem {
-    fn new(status: StatusCode, title: &'static str, text: impl Into<String>, remedy: impl Into<String>) -> Self {
+    fn new(
+        status: StatusCode,
+        title: &'static str,
+        text: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
         Self { status, title, text: text.into(), remedy: remedy.into(), header: None }
     }
 
@@ -105,7 +118,12 @@ impl Problem {
     }
 
     fn missing() -> Self {
-        Self::new(StatusCode::NOT_FOUND, "Not found", "There is no such page.", "Open the page of the station.")
+        Self::new(
+            StatusCode::NOT_FOUND,
+            "Not found",
+            "There is no such page.",
+            "Open the page of the station.",
+        )
     }
 
     fn busy(text: &str) -> Self {
@@ -137,7 +155,12 @@ impl From<Refusal> for Problem {
             ),
             Refusal::NoPassword => {
                 let text = "The page of the station needs its password.";
-                let problem = Self::new(StatusCode::UNAUTHORIZED, "Password", text, "Reload the page, and enter the password.");
+                let problem = Self::new(
+                    StatusCode::UNAUTHORIZED,
+                    "Password",
+                    text,
+                    "Reload the page, and enter the password.",
+                );
                 problem.with(
                     WWW_AUTHENTICATE,
                     HeaderValue::from_static("Basic realm=\"isomark station\", charset=\"UTF-8\""),
@@ -166,7 +189,8 @@ pub(super) async fn answer(
 ) -> Result<Answer, Infallible> {
     client.limits.allow(Some(WORK));
     let is_for_script = request.headers().get(ACCEPT).is_some_and(|accept| accept == "application/json");
-    let answer = respond(&desk, &client, request).await.unwrap_or_else(|problem| shown(&desk, problem, is_for_script));
+    let answer =
+        respond(&desk, &client, request).await.unwrap_or_else(|problem| shown(&desk, problem, is_for_script));
     client.limits.allow(match answer.body() {
         Content::Whole(bytes, _) => {
             let bytes = bytes.as_ref().map_or(0, Bytes::len);
@@ -192,7 +216,8 @@ async fn respond(desk: &Rc<Desk>, client: &Client, request: Request<Incoming>) -
     };
     if parts.method != allowed {
         let text = format!("This address accepts only {allowed}. Nothing was done.");
-        let problem = Problem::new(StatusCode::METHOD_NOT_ALLOWED, "Not allowed", text, "Use the buttons of the page.");
+        let problem =
+            Problem::new(StatusCode::METHOD_NOT_ALLOWED, "Not allowed", text, "Use the buttons of the page.");
         let allow = if allowed == Method::POST { "POST" } else { "GET" };
         return Err(problem.with(ALLOW, HeaderValue::from_static(allow)));
     }
@@ -201,7 +226,12 @@ async fn respond(desk: &Rc<Desk>, client: &Client, request: Request<Incoming>) -
         let is_form = |kind: &HeaderValue| kind.as_bytes().starts_with(b"application/x-www-form-urlencoded");
         if !parts.headers.get(CONTENT_TYPE).is_some_and(is_form) {
             let text = "The request is not a form of the page. Nothing was done.";
-            return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "Not a form", text, "Use the buttons of the page."));
+            return Err(Problem::new(
+                StatusCode::UNSUPPORTED_MEDIA_TYPE,
+                "Not a form",
+                text,
+                "Use the buttons of the page.",
+            ));
         }
         let is_for_script = parts.headers.get(ACCEPT).is_some_and(|accept| accept == "application/json");
         return act(desk, path, body, is_for_script).await;
@@ -296,15 +326,24 @@ async fn file(desk: &Desk, path: &str) -> Result<Answer, Problem> {
 async fn act(desk: &Desk, path: &str, body: Incoming, is_for_script: bool) -> Result<Answer, Problem> {
     let form = form(body).await?;
     let field = |name: &str| {
-        let mut fields = form.split('&').filter_map(|field| field.split_once('=')).filter(|(key, _)| *key == name);
+        let mut fields =
+            form.split('&').filter_map(|field| field.split_once('=')).filter(|(key, _)| *key == name);
         fields.next().map(|(_, value)| value).filter(|_| fields.next().is_none())
     };
     if !field("token").is_some_and(|token| desk.access.borrow().secrets().is_token(token)) {
         let text = "The page is from an earlier start of the station. Nothing was done.";
-        return Err(Problem::new(StatusCode::FORBIDDEN, "Outdated page", text, "Reload the page, and press the button again."));
+        return Err(Problem::new(
+            StatusCode::FORBIDDEN,
+            "Outdated page",
+            text,
+            "Reload the page, and press the button again.",
+        ));
     }
     let board = Arc::clone(&desk.board.borrow());
-    let action = field("key").and_then(|key| board.content.actions.get(key)).filter(|action| action.path() == path).cloned();
+    let action = field("key")
+        .and_then(|key| board.content.actions.get(key))
+        .filter(|action| action.path() == path)
+        .cloned();
     let Some((action, seen)) = action.zip(board.seen.clone()) else {
         let text = "The station has changed since: the button has no meaning now. Nothing was done.";
         return Err(Problem::new(StatusCode::CONFLICT, "Outdated page", text, "Reload the page."));
@@ -343,7 +382,12 @@ async fn form(mut body: Incoming) -> Result<String, Problem> {
         let data = frame.ok().and_then(|frame| frame.into_data().ok()).ok_or_else(bad)?;
         if bytes.len() + data.len() > LARGEST_BODY {
             let text = "The form is too large. Nothing was done.";
-            return Err(Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "Too large", text, "Use the buttons of the page."));
+            return Err(Problem::new(
+                StatusCode::PAYLOAD_TOO_LARGE,
+                "Too large",
+                text,
+                "Use the buttons of the page.",
+            ));
         }
         bytes.extend_from_slice(&data);
     }

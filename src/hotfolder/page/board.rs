@@ -17,7 +17,8 @@ use tokio::time::{Instant, sleep, timeout};
 
 use super::access::Access;
 use super::content::{Content, Frame, InRejected, PIECES};
-use super::{News, Seen, records};
+use super::news::{News, Seen};
+use super::records;
 use crate::hotfolder::jobs::rejected::rejected_among;
 
 /// The page is made again after this time, because a station that hangs reports nothing.
@@ -121,8 +122,12 @@ pub(super) async fn keep(desk: Rc<Desk>, mut news: watch::Receiver<News>) {
                 let (access, rejected) = (desk.access.borrow(), desk.rejected.borrow());
                 Content::of(status, state, &rejected, access.secrets())
             };
-            let board =
-                Board { content, station: status.station.clone(), seen: Some(Arc::clone(seen)), is_last: has_ended };
+            let board = Board {
+                content,
+                station: status.station.clone(),
+                seen: Some(Arc::clone(seen)),
+                is_last: has_ended,
+            };
             desk.board.send_replace(Arc::new(board));
         }
         if has_ended {

@@ -5,7 +5,9 @@ use std::fmt::Write;
 
 use super::access::Secrets;
 use super::records::{Action, Record};
-use crate::hotfolder::state::status::{Finished, FinishedAs, Rejection, State, Status, UncertainDrawing, Waits};
+use crate::hotfolder::state::status::{
+    Finished, FinishedAs, Rejection, State, Status, UncertainDrawing, Waits,
+};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 use crate::report_html::{BASE_STYLE, Markup, compact, hash, safe};
@@ -40,7 +42,9 @@ impl Content {
     pub(super) fn starting() -> Self {
         let mut pieces = vec![String::new(); PIECES.len()];
         pieces[0] = headline("busy", "Starting", "The station checks its folders.").finished();
-        for (id, piece) in PIECES.iter().zip(&mut pieces).filter(|(id, _)| ["finished", "waiting", "rejected"].contains(id)) {
+        for (id, piece) in
+            PIECES.iter().zip(&mut pieces).filter(|(id, _)| ["finished", "waiting", "rejected"].contains(id))
+        {
             let mut body = Markup::default();
             heading(&mut body, id, "…");
             *piece = body.finished();
@@ -131,7 +135,9 @@ impl Content {
             body.raw("<ul class=\"rows\">\n");
             for Waits { drop, reason } in list.first.iter().take(ROWS) {
                 let id = ids.unique(secrets.name(&["waits", drop]));
-                row(&mut body, &id, drop, &format!("{drop} waits: {}", reason.what), |body| explained(body, drop, reason));
+                row(&mut body, &id, drop, &format!("{drop} waits: {}", reason.what), |body| {
+                    explained(body, drop, reason)
+                });
             }
             body.raw("</ul>\n");
             more(&mut body, list.count, list.first.len().min(ROWS));
@@ -214,12 +220,21 @@ impl Content {
         if !now.is_empty() {
             list(&mut body, &now, is_known);
         }
-        if let Some(rest) = rejected.count.and_then(|count| count.checked_sub(now.len())).filter(|rest| *rest > 0) {
+        if let Some(rest) =
+            rejected.count.and_then(|count| count.checked_sub(now.len())).filter(|rest| *rest > 0)
+        {
             let drops = if rest == 1 { "older rejected drop is" } else { "older rejected drops are" };
-            let _ = writeln!(body, "<p>{rest} {drops} in the folder <code>rejected</code>, with the reason beside it.</p>");
+            let _ = writeln!(
+                body,
+                "<p>{rest} {drops} in the folder <code>rejected</code>, with the reason beside it.</p>"
+            );
         }
         if !before.is_empty() {
-            let _ = writeln!(body, "<details id=\"before\"><summary>Retried or removed since: {}</summary>", before.len());
+            let _ = writeln!(
+                body,
+                "<details id=\"before\"><summary>Retried or removed since: {}</summary>",
+                before.len()
+            );
             list(&mut body, &before, false);
             body.raw("</details>\n");
         }
@@ -255,9 +270,11 @@ fn now(status: &Status, state: State, rejected: &InRejected) -> Now {
         State::Running if !status.troubles.is_empty() => ("warn", "Trouble", "The station runs; see below."),
         State::Running if at_work > 0 => ("busy", "Working", "The station corrects what was dropped."),
         State::Running => ("good", "Ready", "Drop parts and drawings into the hot folder."),
-        State::Silent => {
-            ("bad", "No answer", "The station has not reported for 30 s: it hangs. Read its log, or start it again.")
-        }
+        State::Silent => (
+            "bad",
+            "No answer",
+            "The station has not reported for 30 s: it hangs. Read its log, or start it again.",
+        ),
         State::Stopped | State::EndedSilently => ("bad", "Stopped", "Start the station with isomark watch."),
     };
     let mut markup = headline(class, word, how);
@@ -266,7 +283,12 @@ fn now(status: &Status, state: State, rejected: &InRejected) -> Now {
     let done = &status.done;
     for (place, class, count, text) in [
         ("waiting", if at_work > 0 { "busy" } else { "" }, at_work.to_string(), "in work"),
-        ("waiting", if waits > 0 { "warn" } else { "" }, waits.to_string(), if waits == 1 { "waits" } else { "wait" }),
+        (
+            "waiting",
+            if waits > 0 { "warn" } else { "" },
+            waits.to_string(),
+            if waits == 1 { "waits" } else { "wait" },
+        ),
         ("rejected", if rejected.count.unwrap_or(0) > 0 { "bad" } else { "" }, rejections, "rejected"),
         ("finished", "", done.delivered_last_hour.to_string(), "delivered in the last hour"),
     ] {
@@ -425,7 +447,12 @@ impl Frame {
             safe(station),
             done.map(safe).unwrap_or_default(),
         );
-        self.document(&content.title, version, &body, "<noscript><meta http-equiv=\"refresh\" content=\"10;url=/\"></noscript>\n")
+        self.document(
+            &content.title,
+            version,
+            &body,
+            "<noscript><meta http-equiv=\"refresh\" content=\"10;url=/\"></noscript>\n",
+        )
     }
 
     /// A page with one message.
@@ -437,7 +464,8 @@ impl Frame {
     }
 
     fn document(&self, title: &str, version: &str, body: &str, head: &str) -> String {
-        let script = if version.is_empty() { String::new() } else { format!("<script>{}</script>\n", self.script) };
+        let script =
+            if version.is_empty() { String::new() } else { format!("<script>{}</script>\n", self.script) };
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -446,5 +474,55 @@ impl Frame {
             safe(title),
             self.style
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn script_and_style_contain_nothing_that_ends_them() {
+        let Frame { script, style, .. } = Frame::new();
+        for text in [script, style] {
+            let text = text.to_lowercase();
+            assert!(["</script", "</style", "<!--"].iter().all(|end| !text.contains(end)));
+        }
+    }
+
+    #[test]
+    fn long_lists_are_cut_and_state_what_is_left_out() {
+        let reason = serde_json::json!({"code": "x", "what": "w".repeat(5000), "remedy": "r".repeat(5000)});
+        let waits: Vec<_> =
+            (0..500).map(|index| serde_json::json!({"drop": format!("{index}"), "reason": reason})).collect();
+        let rejections: Vec<_> = (0..20)
+            .map(|index| serde_json::json!({"at": "", "drop": format!("{}", index % 3), "reason": reason}))
+            .collect();
+        let status: Status = serde_json::from_value(serde_json::json!({
+            "schema": "", "station": "", "running": true, "at": "", "since": "", "under_way": [], "rejections": rejections,
+            "done": {"delivered": 0, "learned": 0, "rejected": 0, "delivered_last_hour": 0, "rejected_last_hour": 0},
+            "waiting": {"count": 700, "first": waits}, "incomplete": {"count": 0, "first": []},
+            "outdated": {"count": 0, "first": []},
+        }))
+        .unwrap();
+        let secrets = Secrets::new(None).unwrap();
+        let rejected = InRejected { count: Some(9), drops: ["1".to_owned()].into() };
+        let content = Content::of(&status, State::Running, &rejected, &secrets);
+        let [_, _, _, waiting, _, rejected] = &content.pieces[..] else { panic!("six pieces") };
+        assert!(waiting.contains("and 650 more") && waiting.len() < 200_000, "{}", waiting.len());
+        assert!(
+            rejected.contains("8 older rejected drops are") && rejected.contains("since: 19"),
+            "{rejected}"
+        );
+        // One button for all that wait, one for the drop that is still rejected.
+        let actions: Vec<_> = content.actions.values().collect();
+        assert_eq!(actions.len(), 2, "{actions:?}");
+        // Every element has its own identity.
+        let page = Frame::new().page(&content, "x", "1", None);
+        let ids: Vec<&str> = page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        assert_eq!(ids.iter().collect::<BTreeSet<_>>().len(), ids.len());
+        for link in page.split("href=\"#").skip(1).filter_map(|rest| rest.split('"').next()) {
+            assert!(ids.contains(&link), "{link}");
+        }
     }
 }

@@ -8,6 +8,7 @@
 //!
 //! | file | contains |
 //! |---|---|
+//! | `news` | the newest status, for the thread of the page |
 //! | `access` | who may ask: host, origin, token, password |
 //! | `socket` | one connection: its bytes and its time limits |
 //! | `server` | all connections: how many, and which one is closed for a new one |
@@ -24,6 +25,7 @@
 //! A request names a file or an action only by a key, which the page made for it. So no path and no name ever comes from a
 //! request.
 
+mod news;
 mod access;
 mod socket;
 mod server;
@@ -32,7 +34,7 @@ mod board;
 mod content;
 mod records;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -46,6 +48,7 @@ use crate::hotfolder::state::status::Status;
 use crate::reason::Reason;
 
 use access::Access;
+use news::{News, Seen};
 
 /// The pause between two attempts to open the page.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -58,21 +61,6 @@ pub(crate) struct Page {
     news: watch::Sender<News>,
     /// Why the page is not open.
     trouble: Mutex<Option<String>>,
-}
-
-/// The newest status, for the page.
-#[derive(Clone, Default)]
-struct News {
-    seen: Option<Arc<Seen>>,
-    has_ended: bool,
-}
-
-/// A status with the folders that it is about.
-struct Seen {
-    status: Status,
-    folders: FolderPaths,
-    /// The state folder, which no change of the settings moves.
-    state: PathBuf,
 }
 
 /// Ends the page when it is dropped.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use fs_err as fs;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::Seen;
+use super::news::Seen;
 use crate::config::{FolderPaths, Sku};
 use crate::files::is_plain;
 use crate::hotfolder::api::PictureKind;
@@ -123,12 +123,16 @@ impl Action {
             }
             Self::Return(drop) => {
                 let (returned, mut trouble) =
-                    return_rejected(&seen.folders, Some(std::slice::from_ref(drop))).map_err(|error| environment(&error))?;
+                    return_rejected(&seen.folders, Some(std::slice::from_ref(drop)))
+                        .map_err(|error| environment(&error))?;
                 match trouble.pop() {
                     Some(reason) if returned.is_empty() => Err(reason),
                     _ => {
                         let text = format!("{} is back in the hot folder.", on_one_line(drop));
-                        tracing::info!("{} was put back into the hot folder from the page", on_one_line(drop));
+                        tracing::info!(
+                            "{} was put back into the hot folder from the page",
+                            on_one_line(drop)
+                        );
                         Ok(Done { word: "returned", text })
                     }
                 }
@@ -170,7 +174,8 @@ mod tests {
     }
 
     fn finished(sku: &str, drawing: &str) -> Finished {
-        let json = serde_json::json!({"at": "", "drop": "x", "sku": sku, "drawing": drawing, "result": "delivered"});
+        let json =
+            serde_json::json!({"at": "", "drop": "x", "sku": sku, "drawing": drawing, "result": "delivered"});
         serde_json::from_value(json).unwrap()
     }
 
@@ -190,14 +195,27 @@ mod tests {
         assert_eq!(read("CAN", "can.dxf").unwrap(), b"<svg/>");
         let out = root.path().join("secret").display().to_string();
         for (sku, drawing) in [
-            ("can", "../../secret"), ("..", "../secret"), ("can/..", "can.dxf"), ("can", ""), ("can", ".."), ("can", "."),
-            ("can", "folder.dxf"), ("can", "none.dxf"), ("can", "can.dxf\0"), ("can", &out), ("can", "..\\..\\secret"),
+            ("can", "../../secret"),
+            ("..", "../secret"),
+            ("can/..", "can.dxf"),
+            ("can", ""),
+            ("can", ".."),
+            ("can", "."),
+            ("can", "folder.dxf"),
+            ("can", "none.dxf"),
+            ("can", "can.dxf\0"),
+            ("can", &out),
+            ("can", "..\\..\\secret"),
         ] {
             assert_eq!(read(sku, drawing), Err(NotSent::Missing), "{sku} {drawing}");
         }
         #[cfg(unix)]
         {
-            std::os::unix::fs::symlink(root.path().join("secret.preview.svg"), inside.join("link.preview.svg")).unwrap();
+            std::os::unix::fs::symlink(
+                root.path().join("secret.preview.svg"),
+                inside.join("link.preview.svg"),
+            )
+            .unwrap();
             std::os::unix::fs::symlink(root.path(), folders.reports.join("out")).unwrap();
             assert_eq!(read("can", "link"), Err(NotSent::Missing));
             assert_eq!(read("out", "secret"), Err(NotSent::Missing));
@@ -215,7 +233,9 @@ mod tests {
         large("a.preview.svg", LARGEST_FILE);
         large("b.preview.svg", LARGEST_FILE + 1);
         let room = Arc::new(Semaphore::new(UNITS));
-        let read = |drawing: &str| Record::of(&finished("can", drawing)).unwrap().read(&folders, PictureKind::Preview, &room);
+        let read = |drawing: &str| {
+            Record::of(&finished("can", drawing)).unwrap().read(&folders, PictureKind::Preview, &room)
+        };
         assert_eq!(read("b").unwrap_err(), NotSent::TooLarge);
         let held: Vec<_> = (0..4).map(|_| read("a").unwrap()).collect();
         assert_eq!(read("a").unwrap_err(), NotSent::Busy);

@@ -14,10 +14,10 @@ use tokio::sync::watch;
 use tokio::task::{AbortHandle, spawn_local};
 use tokio::time::sleep;
 
-use super::News;
 use super::access::Access;
 use super::answers::{self, Client};
 use super::board::{self, Desk, Either, either};
+use super::news::News;
 use super::socket::{Limits, Socket, within};
 
 /// Connections at the same time. The streams of events are fewer.
@@ -86,7 +86,8 @@ fn make_room(table: &Table) -> bool {
     if table.len() < MAX_CONNECTIONS {
         return true;
     }
-    let idle = table.values().find(|connection| !connection.limits.has_asked() && !connection.task.is_finished());
+    let idle =
+        table.values().find(|connection| !connection.limits.has_asked() && !connection.task.is_finished());
     idle.map(|connection| connection.task.abort()).is_some()
 }
 
@@ -101,7 +102,11 @@ fn open(desk: &Rc<Desk>, table: &Table, number: u64, stream: TcpStream, sender: 
         let _entry = entry;
         let service = service_fn(|request| answers::answer(Rc::clone(&desk), client.clone(), request));
         let mut builder = http1::Builder::new();
-        builder.keep_alive(false).header_read_timeout(None).max_buf_size(LARGEST_REQUEST).max_headers(MAX_HEADERS);
+        builder
+            .keep_alive(false)
+            .header_read_timeout(None)
+            .max_buf_size(LARGEST_REQUEST)
+            .max_headers(MAX_HEADERS);
         let connection = builder.serve_connection(Socket::new(stream, Rc::clone(&client.limits)), service);
         // A client that breaks the protocol or goes away is no error of the station.
         let _ = within(&client.limits, connection).await;
