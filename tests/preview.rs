@@ -202,7 +202,7 @@ fn the_same_preview_gives_the_same_bytes() {
 fn written(name: &str, preview: &Preview) -> String {
     let picture = svg(preview);
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join(format!("{}.svg", name.replace([' ', ':'], "")));
+        .join(format!("{}.svg", name.replace([' ', ':', ','], "")));
     std::fs::write(file, &picture).expect("the folder for temporary files of tests can be written");
     picture
 }
@@ -220,5 +220,22 @@ fn places_with_a_large_residual_are_shown_and_explained() {
     for residual in [0.021, -0.021] {
         picture.residuals[middle] = residual;
         assert!(drawn(&picture).contains(legend), "{residual}");
+    }
+}
+
+#[test]
+fn the_view_after_is_the_frame_of_the_second_panel() {
+    for (name, part) in [("ball, after", BALL), ("shell, after", SHELL)] {
+        let picture = written(name, &part.preview(name));
+        let view =
+            picture.split("<view id=\"after\" viewBox=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let numbers: Vec<&str> = view.expect("a view").split(' ').collect();
+        let frame = format!(
+            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" stroke=",
+            numbers[0], numbers[1], numbers[2], numbers[3]
+        );
+        assert!(picture.contains(&frame), "{frame}");
+        let heading = picture.split('<').find(|element| element.ends_with(">After")).expect("a heading");
+        assert!(heading.contains(&format!(" x=\"{}\"", numbers[0])), "{heading}");
     }
 }

@@ -19,6 +19,8 @@ pub struct PageSettings {
     pub address: SocketAddr,
     /// Where the password is; `None` if the page needs none, which only browsers on this computer can open.
     pub password: Option<PasswordSource>,
+    /// Whether other computers may open it, with the password.
+    pub other_computers: bool,
     /// Other names of this computer under which browsers open the page.
     pub names: Vec<Authority>,
 }
@@ -190,7 +192,7 @@ impl PageKeys {
             let what = format!("At {socket} other computers could open the page.");
             return Err(wrong(address.span(), what, remedy));
         }
-        Ok(Some(PageSettings { address: socket, password, names }))
+        Ok(Some(PageSettings { address: socket, password, other_computers: self.other_computers, names }))
     }
 }
 

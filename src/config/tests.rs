@@ -541,6 +541,15 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ),
     ("output.comments", "false", &[]),
     ("output.dxf", "R12", &[]),
+    ("page.address", "127.0.0.1:4781", &[]),
+    ("page.names", "laser1.shop.local,10.0.0.7:8080", OPEN_PAGE),
+    (
+        "page.other_computers",
+        "true",
+        &[("page.address", "127.0.0.1:4781"), ("page.password_file", "secret.txt")],
+    ),
+    ("page.password_file", "secret.txt", &[("page.address", "localhost:4781")]),
+    ("page.password_variable", "SECRET", &[("page.address", "localhost:4781")]),
     ("part.axis", "x", CYLINDER),
     ("part.bridge_mm", "1", &[]),
     ("part.diameter_mm", "73", &[("part.shape", "cylinder"), ("part.length_mm", "180")]),
@@ -586,6 +595,11 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("watch.settle_ms", "100", &[]),
 ];
 
+const OPEN_PAGE: Typed = &[
+    ("page.address", "0.0.0.0:4781"),
+    ("page.other_computers", "true"),
+    ("page.password_file", "secret.txt"),
+];
 const PERSPECTIVE: Typed = &[
     ("optics.kind", "perspective"),
     ("optics.lens_distance_x_mm", "300"),
@@ -645,7 +659,9 @@ fn changed_file(settings: &[(&str, &str)]) -> toml::Table {
         let list = |items: Vec<toml::Value>| toml::Value::Array(items);
         let text = |text: &str| toml::Value::String(text.into());
         let value = match (*name, *value) {
-            ("correction.mapping_domain_as_printed", items) => list(items.split(',').map(text).collect()),
+            ("correction.mapping_domain_as_printed" | "page.names", items) => {
+                list(items.split(',').map(text).collect())
+            }
             ("pattern.ink_layers", item) => list(vec![text(item)]),
             ("placement.place_mm", _) => list(vec![0.into(), 60.into()]),
             ("optics.axis_mm", _) => list(vec![3.into(), (-2).into()]),
