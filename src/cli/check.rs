@@ -79,6 +79,9 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
              imports from, or let it import from here\n",
         );
     }
+    if let Some(page) = &station.page {
+        print(&format!("  page        http://{}/\n", page.address));
+    }
     if station.delivery.kind == DeliveryKind::Beamserver {
         print(&format!("  BeamServer  {}\n", on_one_line(&station.delivery.address)));
     }

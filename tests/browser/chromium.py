@@ -8,6 +8,7 @@ import select
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 import zlib
@@ -191,6 +192,30 @@ class Chromium:
                 if not url.startswith((self.site, "data:", "about:")):
                     found.append(f"request: {url}")
         return found
+
+
+class Checks:
+    """The checks of one script; screenshots go into a folder, if there is one."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.failures = 0
+
+    def check(self, condition, what):
+        if not condition:
+            self.failures += 1
+            print("FAILED:", what, flush=True)
+
+    def shot(self, browser, name):
+        if self.folder:
+            os.makedirs(self.folder, exist_ok=True)
+            with open(os.path.join(self.folder, name + ".png"), "wb") as file:
+                file.write(browser.png(whole=True))
+
+    def exit(self):
+        """Ends the script."""
+        print(f"{self.failures} failures")
+        sys.exit(bool(self.failures))
 
 
 class Picture:

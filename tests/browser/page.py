@@ -8,24 +8,12 @@ import os
 import shutil
 import sys
 
-from chromium import Chromium
+from chromium import Checks, Chromium
 
 axe, address, hot, drawing = sys.argv[1:5]
 shots = sys.argv[5] if len(sys.argv) > 5 else None
-failures = []
-
-
-def check(condition, what):
-    if not condition:
-        failures.append(what)
-        print("FAILED:", what, flush=True)
-
-
-def shot(browser, name):
-    if shots:
-        os.makedirs(shots, exist_ok=True)
-        with open(os.path.join(shots, f"station-{name}.png"), "wb") as file:
-            file.write(browser.png(whole=True))
+checks = Checks(shots)
+check, shot = checks.check, checks.shot
 
 
 def text(browser, selector="main"):
@@ -67,7 +55,7 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     check(len(widths) == 1 and widths[0] > 0, f"the delivered drawing has a picture: {widths}")
     for violation in browser.violations(axe):
         check(False, f"axe-core in light colours: {violation}")
-    shot(browser, "light")
+    shot(browser, "station-light")
 
     # Something new appears without a reload; what is there stays the same element and keeps the focus.
     browser.evaluate("window.stays = 1; document.querySelector('.thumb').focus(); window.thumb = document.activeElement; 1")
@@ -79,12 +67,12 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     browser.until("document.getElementById('live').textContent.includes('trough@new.dxf: Delivered')")
     check("2" in text(browser, ".tiles li:last-child"), "the number of delivered drawings grows")
 
-    # Retry with the keyboard: the drop is rejected again, and the page says what was done.
+    # Retry with the keyboard: the drop is rejected again, and the page shows what was done.
     before = browser.evaluate(f"{retry_button('trough@broken.dxf')}.closest('li').id")
     browser.evaluate(f"{retry_button('trough@broken.dxf')}.focus(); 1")
     browser.call("Input.dispatchKeyEvent", {"type": "keyDown", "key": "Enter", "text": "\r", "windowsVirtualKeyCode": 13})
     browser.call("Input.dispatchKeyEvent", {"type": "keyUp", "key": "Enter", "windowsVirtualKeyCode": 13})
-    shows(browser, "trough@broken.dxf is back in the hot folder.", "#told")
+    shows(browser, "trough@broken.dxf is back in the hot folder.", "#done")
     browser.until(f"{retry_button('trough@broken.dxf')} !== null && {retry_button('trough@broken.dxf')}.closest('li').id !== '{before}'")
     check(browser.evaluate("window.stays === 1 && document.activeElement !== document.body"), "the focus is still in the page")
     check("Retried or removed since: 1" in text(browser), "the earlier rejection is listed as over")
@@ -92,11 +80,11 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
         check(False, f"axe-core after changes: {violation}")
 
     live(browser, dark=True)
-    shot(browser, "dark")
+    shot(browser, "station-dark")
     for violation in browser.violations(axe):
         check(False, f"axe-core in dark colours: {violation}")
     live(browser, width=390, height=844, scale=2, touch=True)
-    shot(browser, "phone")
+    shot(browser, "station-phone")
     wide = browser.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
     check(max(wide) <= 390, f"a phone does not scroll sideways: {wide}")
     for violation in browser.violations(axe):
@@ -116,7 +104,7 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     # Without scripts: a plain list, which works by forms and loads itself again.
     browser.call("Emulation.setScriptExecutionDisabled", {"value": True})
     browser.open(address)
-    shot(browser, "plain")
+    shot(browser, "station-plain")
     seen = text(browser)
     for words in ["Ready", "trough@new.dxf", "cup@logo.dxf", "trough@broken.dxf", " UTC"]:
         check(words in seen, f"without scripts, {words} in {seen}")
@@ -126,11 +114,10 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     browser.mouse("mousePressed", *box, button="left", buttons=1, clickCount=1)
     browser.mouse("mouseReleased", *box, button="left", buttons=0, clickCount=1)
     browser.until("location.search === '?done=returned' && document.readyState === 'complete'")
-    check("The drop is back in the hot folder." in text(browser), "without scripts, the page says what was done")
+    check("The drop is back in the hot folder." in text(browser), "without scripts, the page shows what was done")
     browser.until("location.search === '' && document.readyState === 'complete'")
     shows(browser, "Retried or removed since: 2", "body")
     for complaint in browser.complaints():
         check(False, f"without scripts: {complaint}")
 
-print(f"{len(failures)} failures")
-sys.exit(bool(failures))
+checks.exit()

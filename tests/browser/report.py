@@ -7,26 +7,13 @@ import re
 import struct
 import sys
 
-from chromium import Chromium
+from chromium import Checks, Chromium
 
 GPU = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 axe, page = sys.argv[1:3]
 shots = sys.argv[3] if len(sys.argv) > 3 else None
-failures = []
-
-
-def check(condition, what):
-    if not condition:
-        failures.append(what)
-        print("FAILED:", what, flush=True)
-
-
-def shot(browser, name, whole=True):
-    if shots:
-        os.makedirs(shots, exist_ok=True)
-        with open(os.path.join(shots, name + ".png"), "wb") as file:
-            file.write(browser.png(whole=whole))
-
+checks = Checks(shots)
+check, shot = checks.check, checks.shot
 
 # ---- what the file contains, read without the viewer ----
 source = open(page, encoding="utf-8").read()
@@ -281,5 +268,4 @@ with Chromium("--disable-3d-apis", "--disable-gpu") as browser:
         if "WebGL" not in complaint:
             check(False, complaint)
 
-print(f"{len(failures)} failures")
-sys.exit(bool(failures))
+checks.exit()

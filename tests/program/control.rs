@@ -37,17 +37,11 @@ fn append(station: &Station, text: &str) {
     station.desk.write("station.toml", settings + text);
 }
 
-/// The station ended after the journal recorded that the drawing was about to be delivered.
 #[test]
 fn an_uncertain_delivery_is_shown_and_repeated_on_request() {
     for by_name in [true, false] {
         let station = delivered();
-        let journal = station.desk.text("state/journal.log");
-        let start = journal.rfind("\"did\":\"delivering\"").unwrap();
-        let end = start + journal[start..].find('\n').unwrap() + 1;
-        station.desk.write("state/journal.log", &journal[..end]);
-        fs::rename(station.path("archive/trough/trough.dxf"), station.path("hot/trough.dxf")).unwrap();
-        fs::remove_file(station.path("import/trough.dxf")).unwrap();
+        station.interrupt_delivery("trough");
         let output = station.once();
         assert_eq!(output.code, 3, "{output:?}");
         assert!(output.out.starts_with("0 delivered") && output.out.contains("1 uncertain"), "{output:?}");

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use fs_err as fs;
+
 use serde_json::Value;
 
 use crate::browser;
-use crate::desk::{Desk, drawing};
+use crate::desk::drawing;
 use crate::station::{Station, files};
 
 /// A shallow trough as OBJ.
@@ -381,13 +381,7 @@ fn waiting_drops_are_tried_again_and_uncertain_ones_delivered_again() {
     station.desk.write("hot/trough.obj", PART);
     station.copy_into(&drawing("square"), "trough.dxf");
     assert!(station.once().out.starts_with("1 delivered"));
-    // The station ended after the journal recorded that the drawing was about to be delivered.
-    let journal = station.desk.text("state/journal.log");
-    let start = journal.rfind("\"did\":\"delivering\"").unwrap();
-    let end = start + journal[start..].find('\n').unwrap() + 1;
-    station.desk.write("state/journal.log", &journal[..end]);
-    fs::rename(station.path("archive/trough/trough.dxf"), station.path("hot/trough.dxf")).unwrap();
-    fs::remove_file(station.path("import/trough.dxf")).unwrap();
+    station.interrupt_delivery("trough");
     station.copy_into(&drawing("square"), "cup.dxf");
     let shown = Shown::of(station, &["--page", "127.0.0.1:0"]);
     let page =
@@ -475,7 +469,7 @@ fn hostile_names_are_text_and_lead_to_no_file() {
     {
         // A link that leads out of the reports folder is not followed.
         let report = shown.station.path("reports/can/real.dxf.preview.svg");
-        fs::remove_file(&report).unwrap();
+        std::fs::remove_file(&report).unwrap();
         std::os::unix::fs::symlink(shown.station.path("secret.preview.svg"), &report).unwrap();
         assert!(links.iter().all(|link| shown.get(link).code == 404));
     }
@@ -544,14 +538,12 @@ fn slow_clients_delay_no_delivery_and_their_number_is_bounded() {
 
 #[test]
 fn other_computers_need_a_setting_and_a_password() {
-    let desk = Desk::new();
     let station = Station::new();
     let settings = station.desk.text("station.toml");
     let watch = |page: &str, arguments: &[&str]| {
         station.desk.write("station.toml", format!("{settings}{page}"));
         station.desk.isomark(&[&["watch", "station.toml"], arguments].concat())
     };
-    drop(desk);
     for (page, arguments, words) in [
         ("", vec!["--page", "0.0.0.0:0"], "At 0.0.0.0:0 other computers could open the page."),
         ("", vec!["--page", "[::]:0"], "At [::]:0 other computers could open the page."),

@@ -65,6 +65,17 @@ impl Station {
         self.desk.isomark(&["watch", "station.toml", "--once"])
     }
 
+    /// As if the station had ended after the journal recorded that the drawing `<sku>.dxf` was about to be delivered.
+    pub fn interrupt_delivery(&self, sku: &str) {
+        let journal = self.desk.text("state/journal.log");
+        let start = journal.rfind("\"did\":\"delivering\"").unwrap();
+        let end = start + journal[start..].find('\n').unwrap() + 1;
+        self.desk.write("state/journal.log", &journal[..end]);
+        let drawing = format!("{sku}.dxf");
+        fs::rename(self.path("archive").join(sku).join(&drawing), self.path("hot").join(&drawing)).unwrap();
+        fs::remove_file(self.path("import").join(&drawing)).unwrap();
+    }
+
     /// Ends the program without time to clean up.
     pub fn kill(&mut self) {
         let mut child = self.running.take().unwrap();

@@ -202,7 +202,7 @@ impl Access {
             authority.and_then(|authority| authority.parse::<Authority>().ok()).as_ref() == Some(host)
         };
         let site = HeaderName::from_static("sec-fetch-site");
-        // Programs that are no browsers send neither; they need the token, too.
+        // Programs other than browsers send neither; they need the token, too.
         let is_right = |name: HeaderName, check: &dyn Fn(&str) -> bool| {
             !headers.contains_key(&name) || single(headers, name).is_some_and(check)
         };

@@ -56,7 +56,7 @@ pub(super) struct Client {
 pub(super) enum Content {
     /// Bytes, and the memory that they take.
     Whole(Option<Bytes>, Option<OwnedSemaphorePermit>),
-    /// Events, as they come.
+    /// Events, each when it is ready.
     Events(
         mpsc::Receiver<Bytes>,
         #[expect(dead_code, reason = "held as long as the stream")] OwnedSemaphorePermit,
@@ -145,7 +145,7 @@ impl From<Refusal> for Problem {
                 StatusCode::MISDIRECTED_REQUEST,
                 "Another host",
                 "The address names a host that is not this computer.",
-                "Use the address in the log of the station. Other names of this computer belong into `names` under [page].",
+                "Use the address in the log of the station. Enter other names of this computer as `names` under [page].",
             ),
             Refusal::OtherOrigin => Self::new(
                 StatusCode::FORBIDDEN,
@@ -168,7 +168,7 @@ impl From<Refusal> for Problem {
             }
             Refusal::Blocked(wait) => {
                 let seconds = wait.as_secs() + 1;
-                let text = "Too many wrong passwords came from this computer.";
+                let text = "This computer sent too many wrong passwords.";
                 let problem = Self::new(
                     StatusCode::TOO_MANY_REQUESTS,
                     "Wait",

@@ -312,7 +312,7 @@ fn headline(class: &str, word: &str, how: &str) -> Markup {
     let mut markup = Markup::default();
     let _ = writeln!(
         markup,
-        "<div class=\"state {class}\" data-say=\"{word}\"><p class=\"word\">{word}</p><p class=\"how\">{how}</p></div>"
+        "<div class=\"state {class}\" data-news=\"{word}\"><p class=\"word\">{word}</p><p class=\"how\">{how}</p></div>"
     );
     markup
 }
@@ -335,8 +335,9 @@ fn heading(body: &mut Markup, id: &str, text: &str) {
     let _ = writeln!(body, "<h2 id=\"h-{id}\" tabindex=\"-1\">{text}</h2>");
 }
 
-fn row(body: &mut Markup, id: &str, name: &str, say: &str, content: impl FnOnce(&mut Markup)) {
-    let _ = write!(body, "<li id=\"r-{id}\" data-say=\"{}\"><b class=\"name\">{}</b>", safe(say), safe(name));
+fn row(body: &mut Markup, id: &str, name: &str, news: &str, content: impl FnOnce(&mut Markup)) {
+    let _ =
+        write!(body, "<li id=\"r-{id}\" data-news=\"{}\"><b class=\"name\">{}</b>", safe(news), safe(name));
     content(body);
     body.raw("</li>\n");
 }
@@ -356,7 +357,7 @@ fn finished_row(body: &mut Markup, id: &str, finished: &Finished, has_files: boo
         FinishedAs::Learned => ("good", "Part learned"),
     };
     let shown = safe(name);
-    let _ = write!(body, "<li id=\"f-{id}\" data-say=\"{shown}: {word}\">");
+    let _ = write!(body, "<li id=\"f-{id}\" data-news=\"{shown}: {word}\">");
     if has_files {
         let _ = write!(
             body,
@@ -441,7 +442,7 @@ impl Frame {
             [0..2, 2..3, 3..PIECES.len()].map(|range| range.map(piece).collect::<String>());
         let body = format!(
             "<header><h1>{}</h1><p id=\"link\" class=\"quiet\" hidden></p></header>\n\
-             <p id=\"lost\" class=\"lost\" role=\"alert\"></p>\n<main>\n<p id=\"told\" class=\"told\" role=\"status\">{}</p>\n\
+             <p id=\"lost\" class=\"lost\" role=\"alert\"></p>\n<main>\n<p id=\"done\" class=\"done\" role=\"status\">{}</p>\n\
              <p id=\"live\" class=\"apart\" role=\"status\"></p>\n{first}<div class=\"columns\">\n{second}<div>\n{third}</div>\n\
              </div>\n</main>\n",
             safe(station),

@@ -2,7 +2,7 @@
 const at = id => document.getElementById(id);
 const version = document.body.dataset.version;
 const LATE = 35000;
-let source, heard = Date.now(), isLost = null, said = null;
+let source, heard = Date.now(), isLost = null, announced = null;
 
 // Times in the time zone of the browser.
 function clock(time) {
@@ -42,12 +42,12 @@ function children(old, fresh) {
 
 // Reads aloud what is new.
 function announce() {
-  const now = new Map([...document.querySelectorAll('[data-say]')].map(each => [each.id + each.dataset.say, each.dataset.say]));
-  if (said) {
-    const fresh = [...now].filter(([key]) => !said.has(key)).map(([, text]) => text);
+  const now = new Map([...document.querySelectorAll('[data-news]')].map(each => [each.id + each.dataset.news, each.dataset.news]));
+  if (announced) {
+    const fresh = [...now].filter(([key]) => !announced.has(key)).map(([, text]) => text);
     if (fresh.length) at('live').textContent = fresh.slice(0, 3).join('. ');
   }
-  said = new Set(now.keys());
+  announced = new Set(now.keys());
 }
 
 function lost(is) {
@@ -72,7 +72,7 @@ function take(event) {
     clocks(fresh);
     children(at('p-' + id), fresh);
   }
-  // The focused button may be gone.
+  // The focused button may have been removed.
   if (home && !home.contains(document.activeElement)) (home.querySelector('h2') || at('h-finished')).focus();
   announce();
 }
@@ -101,7 +101,7 @@ document.addEventListener('submit', async event => {
   } catch {
     text = 'The station did not answer. Reload the page, and try again.';
   }
-  at('told').textContent = text;
+  at('done').textContent = text;
   button.ariaDisabled = null;
 });
 document.addEventListener('error', event => { if (event.target.nodeName === 'IMG') event.target.hidden = true; }, true);
