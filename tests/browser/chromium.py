@@ -99,8 +99,16 @@ class Chromium:
         return message
 
     def evaluate(self, expression):
-        """The value of a JavaScript expression in the page; promises are awaited."""
-        result = self.call("Runtime.evaluate", {"expression": expression, "returnByValue": True, "awaitPromise": True})
+        """The value of a JavaScript expression in the page; promises are awaited. A page that loads itself again is asked again."""
+        asked = {"expression": expression, "returnByValue": True, "awaitPromise": True}
+        end = time.monotonic() + LIMIT
+        while True:
+            try:
+                result = self.call("Runtime.evaluate", asked)
+                break
+            except RuntimeError as error:
+                if "navigated" not in str(error) or time.monotonic() > end:
+                    raise
         if "exceptionDetails" in result:
             raise RuntimeError(f"{expression[:200]}: {json.dumps(result['exceptionDetails'])[:2000]}")
         return result["result"].get("value")

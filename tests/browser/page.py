@@ -1,17 +1,19 @@
 """Checks the page of a running station in a real headless Chromium:
-python3 page.py AXE.js ADDRESS HOT_FOLDER DRAWING.dxf [FOLDER for screenshots].
+python3 page.py AXE.js ADDRESS PROCESS HOT_FOLDER DRAWING.dxf [FOLDER for screenshots].
 
-The station knows the part `trough`; trough@date.dxf is delivered, cup@logo.dxf waits, trough@broken.dxf is rejected."""
+The station knows the part `trough`; trough@date.dxf is delivered, cup@logo.dxf waits, trough@broken.dxf is rejected. At the end
+its process is killed."""
 
 import json
 import os
 import shutil
+import signal
 import sys
 
 from chromium import Checks, Chromium
 
-axe, address, hot, drawing = sys.argv[1:5]
-shots = sys.argv[5] if len(sys.argv) > 5 else None
+axe, address, process, hot, drawing = sys.argv[1:6]
+shots = sys.argv[6] if len(sys.argv) > 6 else None
 checks = Checks(shots)
 check, shot = checks.check, checks.shot
 
@@ -117,7 +119,18 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     check("The drop is back in the hot folder." in text(browser), "without scripts, the page shows what was done")
     browser.until("location.search === '' && document.readyState === 'complete'")
     shows(browser, "Retried or removed since: 2", "body")
+    browser.until(f"{retry_button('trough@broken.dxf')} !== null")
     for complaint in browser.complaints():
         check(False, f"without scripts: {complaint}")
+
+    # A station that ends without a word is not shown as ready.
+    browser.call("Emulation.setScriptExecutionDisabled", {"value": False})
+    live(browser)
+    os.kill(int(process), signal.SIGKILL)
+    shows(browser, "No connection", ".word")
+    shows(browser, "No connection to the station since", "#lost")
+    shot(browser, "station-lost")
+    for violation in browser.violations(axe):
+        check(False, f"axe-core without a station: {violation}")
 
 checks.exit()

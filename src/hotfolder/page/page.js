@@ -54,6 +54,13 @@ function lost(is) {
   if (is === isLost) return;
   isLost = is;
   document.body.className = is ? 'is-lost' : 'is-live';
+  // The first event after this has the whole state.
+  const state = document.querySelector('.state');
+  if (is && state.dataset.news !== 'Stopped') {
+    state.className = 'state bad';
+    state.querySelector('.word').textContent = 'No connection';
+    state.querySelector('.how').textContent = 'The state of the station is not known.';
+  }
   at('link').textContent = is ? 'Not connected' : 'Live';
   at('lost').textContent = is ? 'No connection to the station since ' + new Date().toLocaleTimeString([], { timeStyle: 'short' }) +
     '. It was stopped, or the network is interrupted. What you see may be outdated.' : '';
