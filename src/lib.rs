@@ -47,9 +47,9 @@
 //! # }
 //! ```
 //!
-//! The features `cli` (the program `isomark`), `station` (the hot folder) and `page` (its page in browsers) are on by default. Without them
-//! (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no threads and no folder
-//! watching.
+//! The features `cli` (the program `isomark`), `station` (the hot folder) and `page` (its page in browsers) are on by
+//! default. Without them (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no
+//! threads and no folder watching.
 //!
 //! Errors, reports and settings may get more variants and fields in a minor version. Match errors with a `_` arm, and make
 //! settings from their `Default`: `let mut settings = JobSettings::default(); settings.placement.rotate = 0.1;`. All types
