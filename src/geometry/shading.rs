@@ -98,7 +98,9 @@ struct Facet {
 /// Whether the normals of the file are only averages of its facets, for shading. `false` for a mesh without normals.
 ///
 /// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
-/// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal.
+/// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
+/// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
+/// one: the vertex then votes for a surface.
 pub fn only_shade(mesh: &TriMesh) -> bool {
     if mesh.normals().is_empty() {
         return false;
@@ -151,12 +153,47 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             continue;
         }
         if angle(there.file, average) < apart * VOTE_SHARE {
-            shading += 1;
+            let estimate_at = |corner: usize| {
+                let triangle = corner / 3;
+                let known = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok());
+                known.map(|known| smooth.corners(known).1)
+            };
+            let of_file = |corner: usize| {
+                Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
+            };
+            let of_file = uneven_lean(mesh, &there.shared, of_file);
+            let of_estimate = || uneven_lean(mesh, &there.shared, estimate_at);
+            if of_file < apart * VOTE_SHARE && of_estimate() > of_file + apart * VOTE_SHARE {
+                surface += 1;
+            } else {
+                shading += 1;
+            }
         } else if angle(there.file, estimated) < apart * VOTE_SHARE {
             surface += 1;
         }
     }
     shading > surface
+}
+
+/// By how much the normals at both ends of a side lean towards the same end, rad: the largest over the sides that meet at a
+/// vertex, which is a corner of several facets. `normals` returns those of the facet of a corner.
+///
+/// The normals at both ends of an arc lean from its chord by equal and opposite angles.
+fn uneven_lean(
+    mesh: &TriMesh,
+    corners: &[usize],
+    normals: impl Fn(usize) -> Option<[Vector3<f64>; 3]>,
+) -> f64 {
+    let of_facet = |&corner: &usize| {
+        let Some(normals) = normals(corner) else { return 0.0 };
+        let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
+        let lean = |other: usize| {
+            let side = (points[other] - points[here]).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+            (normals[here] + normals[other]).dot(&side).abs()
+        };
+        lean((here + 1) % 3).max(lean((here + 2) % 3))
+    };
+    corners.iter().map(of_facet).fold(0.0, f64::max)
 }
 
 /// Number of ways in which modelling programs weight the facets round a vertex.
@@ -192,6 +229,8 @@ fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Opti
 struct Averages {
     /// A corner that has the normal: 3·triangle + 0, 1 or 2.
     corner: usize,
+    /// All corners that have it.
+    shared: Vec<usize>,
     file: Vector3<f64>,
     /// The largest angle between two of the facets, rad.
     bend: f64,
@@ -235,7 +274,8 @@ impl Averages {
                 direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
             ];
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
-            found.push(Self { corner: facet.corner, file, bend, averages, faces });
+            let shared = shared.iter().map(|facet| facet.corner).collect();
+            found.push(Self { corner: facet.corner, shared, file, bend, averages, faces });
         }
         found
     }

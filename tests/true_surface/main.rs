@@ -13,6 +13,7 @@ mod causes;
 mod choice;
 mod holes;
 mod noise;
+mod profiles;
 mod waves;
 mod shading;
 mod skins;

@@ -18,6 +18,7 @@ use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::forms::{ALL, Normals};
+use super::profiles::Profile;
 
 /// Largest allowed deviation of a flat side, mm.
 const FLAT: f64 = 0.01;
@@ -233,6 +234,33 @@ fn cad_normals_are_not_treated_as_shading() {
             assert!(!shading::only_shade(&form.mesh(sag, Normals::Exact)), "{} {sag}", form.name);
         }
     }
+}
+
+#[test]
+fn cad_normals_of_tangent_arcs_are_not_treated_as_shading() {
+    let mut profiles = Profile::all();
+    for top in [60.0, 80.0, 150.0] {
+        for side in [12.0, 20.0, 30.0] {
+            // The crown ends within the strip.
+            for angle in
+                [6.0f64, 10.0, 14.0].into_iter().filter(|angle| top * angle.to_radians().sin() < 22.0)
+            {
+                profiles.push(Profile::oval(top, side, angle, 24.0));
+            }
+        }
+    }
+    let (mut count, mut failures) = (0, Vec::new());
+    for profile in profiles {
+        for deviation in [0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5] {
+            for (rows, is_merged) in [(1, true), (1, false), (3, true)] {
+                count += 1;
+                if shading::only_shade(&profile.strip(deviation, rows, is_merged)) {
+                    failures.push(format!("{} {deviation} {rows} {is_merged}", profile.name));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{} of {count}: {failures:#?}", failures.len());
 }
 
 #[test]
