@@ -277,7 +277,8 @@ pub struct Quality {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct DistortionReport {
-    /// e_l, mm; with the correction, it includes the shortening by chords.
+    /// e_l, mm. With the correction, it includes the shortening of curves by chords; without it, and in `isomark evaluate`,
+    /// curves are taken as exact, because it is not known how they would be marked.
     pub length_error_mm: f64,
     /// e_l / length of all lines.
     pub length_error_relative: f64,
@@ -309,8 +310,11 @@ pub struct DistortionReport {
     pub uncertain: Option<UncertainReport>,
 }
 
-/// How far the surface may be from the part's mesh under the ink, and how much of the results that is. All results are
-/// estimates from above.
+/// How far the surface may be from the part's mesh under the ink, and how much of the results that is.
+///
+/// The results are estimates from above as far as the mesh shows what is uncertain: where neighbouring facets or the normals
+/// of a strip contradict each other, and where points scatter. What no vertex shows, such as a detail between the vertices, a
+/// smooth surface that is read as an edge, or a single facet without neighbours, is not part of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
@@ -323,6 +327,9 @@ pub struct UncertainReport {
     pub length_error_mm: f64,
     /// Share of e_a, mm².
     pub area_error_mm2: f64,
+    /// Share of the largest relative change of length.
+    #[serde(default)]
+    pub stretch: f64,
     /// Largest share of an angle error, degrees.
     pub angle_error_deg: f64,
 }
@@ -520,6 +527,7 @@ impl UncertainReport {
             slope_deg: uncertain.max_slope.to_degrees(),
             length_error_mm: uncertain.length_error,
             area_error_mm2: uncertain.area_error,
+            stretch: uncertain.max_stretch,
             angle_error_deg: uncertain.max_angle_error.to_degrees(),
         })
     }

@@ -5,7 +5,7 @@
 //! of a short chord lean away from it by equal and opposite angles (exactly on circles, to third order elsewhere),
 //! and at its far end all facets have similar widths.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
 use super::smooth_mesh::SmoothMesh;
@@ -39,14 +39,20 @@ struct Planes {
 }
 
 /// Corrects the normals that are `estimated` at vertices of the `chosen` triangles ([`round_bent_ones`]) where
-/// facets of very different width continue each other. Returns for each triangle how far the part may be from its
+/// facets of very different width continue each other; of these only those that are `is_open`, because the others are known
+/// better (`smooth_mesh::arcs`). Returns for each triangle how far the part may be from its
 /// curved patch, mm: where the file's normals contradict those derived from the narrow facets. Empty if there is no
 /// contradiction.
 ///
 /// The derived normal meets the chords to the surrounding vertices at the same angles as the normals at their other
 /// ends, in the least-squares sense, with more weight on short chords. A vertex without a neighbour among even
 /// vertices gets the normal of its widest plane, if that plane has more than one triangle.
-pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<f64> {
+pub(super) fn lead_across(
+    mesh: &mut SmoothMesh,
+    estimated: &[bool],
+    is_open: &[bool],
+    chosen: &[bool],
+) -> Vec<f64> {
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
     let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
@@ -61,9 +67,13 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[b
     }
     let sides = sides_of(mesh, &uneven);
     let known = |&vertex: &usize| {
+        if estimated[vertex] && !is_open[vertex] {
+            return Some(mesh.normals[vertex]);
+        }
         let first = sides.partition_point(|side| (side[0] as usize) < vertex);
         let around = sides[first..].iter().take_while(|side| side[0] as usize == vertex);
-        derived_normal(mesh, vertex, around.map(|side| side[1] as usize).filter(|&other| is_known[other]))
+        let around = around.map(|side| side[1] as usize).filter(|&other| is_known[other]);
+        derived_normal(&mesh.positions, &mesh.normals, vertex, around)
     };
     let derived: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
     let mut deviations = vec![0.0f64; spans.len()];
@@ -80,15 +90,15 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[b
         }
         is_flat[widest] |= leaning.is_none();
         let normal = leaning.unwrap_or(flat);
-        if estimated[vertex] {
+        if is_open[vertex] {
             mesh.normals[vertex] = normal;
-        } else if derived.is_some() {
+        } else if !estimated[vertex] && derived.is_some() {
             deviations[vertex] = mesh.normals[vertex].angle(&normal);
         }
     }
     // A vertex inside a flat side gets the normal of that side: the far ends of its chords give no information.
     for (vertex, span) in spans.iter().enumerate() {
-        if estimated[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
+        if is_open[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
             mesh.normals[vertex] = planes.normals[span.widest as usize];
         }
     }
@@ -169,17 +179,18 @@ fn sides_of(mesh: &SmoothMesh, vertices: &[usize]) -> Vec<[u32; 2]> {
     sides
 }
 
-/// The normal at a vertex, derived from the normals of the `known` vertices round it.
-fn derived_normal(
-    mesh: &SmoothMesh,
+/// The normal at a vertex, derived from the normals of the `known` vertices round it; `None` if there are none.
+pub(super) fn derived_normal(
+    positions: &[Point3<f64>],
+    normals: &[Vector3<f64>],
     vertex: usize,
     known: impl Iterator<Item = usize>,
 ) -> Option<Vector3<f64>> {
-    let before = mesh.normals[vertex];
+    let before = normals[vertex];
     let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
     let mut heaviest = 0.0f64;
     for other in known {
-        let chord = mesh.positions[other] - mesh.positions[vertex];
+        let chord = positions[other] - positions[vertex];
         let length = chord.norm();
         if !(length > 0.0) {
             continue;
@@ -189,7 +200,7 @@ fn derived_normal(
         let weight = length.powi(-4);
         heaviest = heaviest.max(weight);
         matrix += along * along.transpose() * weight;
-        right -= along * (along.dot(&mesh.normals[other]) * weight);
+        right -= along * (along.dot(&normals[other]) * weight);
     }
     if heaviest == 0.0 {
         return None;
@@ -243,7 +254,7 @@ impl Planes {
                         continue;
                     }
                     let is_in_plane =
-                        |point: &nalgebra::Point3<f64>| (point - start).dot(&normal).abs() < PLANE_DISTANCE;
+                        |point: &Point3<f64>| (point - start).dot(&normal).abs() < PLANE_DISTANCE;
                     let points = corners(other);
                     if of_triangle[other] == NONE
                         && points.iter().all(is_in_plane)

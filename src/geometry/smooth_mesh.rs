@@ -1,6 +1,7 @@
 //! A mesh divided into smooth regions: where facets continue each other, a place has one vertex with one normal; at an
 //! edge of the part, it has one vertex for each side.
 
+mod arcs;
 mod creases;
 mod joining;
 mod long_sides;

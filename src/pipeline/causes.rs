@@ -45,15 +45,24 @@ impl Cause {
         Self::of_the_part(part, at, is_noise).unwrap_or(Self::Detail(surface.field.step()))
     }
 
-    /// Why a line changes its length by `stretch`, at a place of the view, in a drawing that is `length` mm long.
-    pub(super) fn of_stretch(part: &CachedSurface, at: ViewPoint, stretch: f64, length: f64) -> Self {
+    /// Why a line changes its length by `stretch`, at a place of the view, in a drawing that is `length` mm long; `is_uncertain`
+    /// if most of that follows from what is not known of the part.
+    pub(super) fn of_stretch(
+        part: &CachedSurface,
+        at: ViewPoint,
+        stretch: f64,
+        is_uncertain: bool,
+        length: f64,
+    ) -> Self {
         let explained =
             STRETCH_OF_CURVATURE * gauss_curvature(&part.surface, at).abs() * (length / 2.0).powi(2);
         let is_noise = |noise: &MeshNoise| stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan();
-        match Self::of_the_part(part, at, is_noise) {
-            Some(cause) => cause,
-            None if explained >= EXPLAINED * stretch => Self::Curvature,
-            None => Self::Detail(part.surface.field.step()),
+        let facet = facet_length(&part.facts).filter(|_| is_uncertain);
+        match (Self::of_the_part(part, at, is_noise), facet) {
+            (Some(cause), _) => cause,
+            (None, Some(length)) => Self::Facets(length),
+            (None, None) if explained >= EXPLAINED * stretch => Self::Curvature,
+            (None, None) => Self::Detail(part.surface.field.step()),
         }
     }
 

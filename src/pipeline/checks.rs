@@ -33,6 +33,8 @@ const FARTHEST_REACH: f64 = 4.0;
 const LONGEST_INK: f64 = 5e6;
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
+const PEAK_ONLY: f64 = 2.0 / 3.0;
 /// Ink this far outside the faces named `mark` is on their border, mm: about the width of a laser spot.
 const OUTSIDE_MARK: f64 = 0.05;
 /// A drawing this much askew on a cylinder or cone is worth a warning, deg.
@@ -742,11 +744,11 @@ pub(super) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec
         let (cause, remedy) = match (&facts.scan, facts.normals_used) {
             (Some(_), _) => ("the points of the scan scatter", "scan with less noise or more points"),
             (_, Some(NormalsUsed::File)) => {
-                ("the part's facets are coarse", "export the part with a smaller deviation")
+                ("the part's facets are coarse", "export the part with a deviation of at most 0.05 mm")
             }
             _ => (
                 "the part's facets are coarse",
-                "export the part as glTF from CAD with its normals, or with a deviation of 0.05 mm",
+                "export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm",
             ),
         };
         notices.push(Notice::warning(
@@ -773,6 +775,7 @@ pub(super) fn quality(
     notices: &mut Vec<Notice>,
 ) {
     let place = lift.point(map.point(after.max_stretch_at));
+    let likely = after.max_stretch - PEAK_ONLY * after.uncertain.max_stretch;
     if map.is_for_comparison() {
         let text = format!(
             "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
@@ -780,12 +783,14 @@ pub(super) fn quality(
             after.max_stretch * 100.0
         );
         notices.push(Notice::warning("not-length-true", text).at_places(place));
-    } else if after.max_stretch > NOTABLE_STRETCH {
+    } else if likely > NOTABLE_STRETCH {
         let at = after.max_stretch_at;
         let length = drawn.size().max();
-        let cause = Cause::of_stretch(part, map.point(at), after.max_stretch, length);
+        let is_uncertain = after.uncertain.max_stretch > after.max_stretch / 2.0;
+        let cause = Cause::of_stretch(part, map.point(at), likely, is_uncertain, length);
+        let is_wrong = if is_uncertain { "may be wrong by up to" } else { "is wrong by" };
         let text = format!(
-            "the length of a line near ({:.1}, {:.1}) mm of the placed drawing is wrong by {:.1} %: {}. {}",
+            "the length of a line near ({:.1}, {:.1}) mm of the placed drawing {is_wrong} {:.1} %: {}. {}",
             at.x,
             at.y,
             after.max_stretch * 100.0,

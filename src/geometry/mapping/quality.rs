@@ -11,8 +11,8 @@ pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm.
 pub const SQUARE: f64 = 0.2;
 
-/// The doubt about the slope is a mean over a facet; at some place it is this many times as large. The largest angle error
-/// needs the latter.
+/// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums need the mean,
+/// largest values the latter.
 const PEAK: f64 = 3.0;
 
 /// The differences between the drawing and its image on the part.
@@ -53,6 +53,8 @@ pub struct Uncertain {
     pub length_error: f64,
     /// Share of e_a, mm².
     pub area_error: f64,
+    /// Share of the largest stretch of a length.
+    pub max_stretch: f64,
     /// Largest share of an angle error, rad.
     pub max_angle_error: f64,
     /// Largest possible error of the slope under the ink, rad.
@@ -111,8 +113,9 @@ pub fn measure_at_most(
         let along = to - from;
         let uncertain = (1.0 + stretch) * share(along.z.abs() / along.xy().norm(), doubt);
         let most = stretch.abs() + uncertain;
-        widen(&mut range, stretch - uncertain);
-        widen(&mut range, stretch + uncertain);
+        let peak = PEAK * uncertain;
+        widen(&mut range, stretch - peak);
+        widen(&mut range, stretch + peak);
         distortion.length += drawn;
         let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
         let middle = piece.from.lerp(piece.to, 0.5);
@@ -124,9 +127,10 @@ pub fn measure_at_most(
         distortion.length_error += most * drawn;
         distortion.uncertain.length_error += uncertain * drawn;
         distortion.rms_stretch += most * most * drawn;
-        if most > distortion.max_stretch {
-            distortion.max_stretch = most;
+        if stretch.abs() + peak > distortion.max_stretch {
+            distortion.max_stretch = stretch.abs() + peak;
             distortion.max_stretch_at = piece.from.lerp(piece.to, 0.5);
+            distortion.uncertain.max_stretch = peak;
         }
     }
     distortion.stretch_range = range.unwrap_or_default();
@@ -143,10 +147,10 @@ pub fn measure_at_most(
         let up = (d - a) + (c - b);
         let doubt = doubt(ViewPoint::from(nalgebra::center(&a, &c).coords.xy()));
         let uncertain = area * share(tilt(&across, &up), doubt);
-        let most = (area - drawn).abs() + uncertain;
-        distortion.area_error += most;
+        let error = (area - drawn).abs();
+        distortion.area_error += error + uncertain;
         distortion.uncertain.area_error += uncertain;
-        distortion.max_area_stretch = distortion.max_area_stretch.max(most / drawn);
+        distortion.max_area_stretch = distortion.max_area_stretch.max((error + PEAK * uncertain) / drawn);
         distortion.include_angle([&across, &up], doubt);
     }
     Ok(distortion)

@@ -2,6 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::arcs;
 use super::creases::{Facing, Steps, matters};
 use super::long_sides;
 use super::sections::Facets;
@@ -63,8 +64,8 @@ impl SmoothMesh {
     /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
     /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
     /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
-    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; at
-    /// right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
+    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
+    /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
@@ -188,12 +189,12 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
-        smooth.complete_normals();
+        let estimated = smooth.complete_normals();
         let beside = creases.iter().chain(&sharp);
         smooth.creases = smooth
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
-        smooth.slope_doubts = smooth.found_slope_doubts();
+        smooth.slope_doubts = smooth.found_slope_doubts(&estimated);
         smooth
     }
 
@@ -228,8 +229,8 @@ impl SmoothMesh {
         }
     }
 
-    /// Makes the summed normals unit vectors; where there is none it is estimated.
-    fn complete_normals(&mut self) {
+    /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is.
+    fn complete_normals(&mut self) -> Vec<bool> {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
             for triangle in &self.triangles {
@@ -248,6 +249,8 @@ impl SmoothMesh {
         for normal in &mut self.normals {
             *normal = normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         }
+        // Where arcs meet, normals are known better than from what follows.
+        let mut is_open = is_missing.clone();
         if is_missing.contains(&true) {
             let around = Neighbours::of(&self.triangles, self.positions.len());
             let estimated = |vertex: usize| {
@@ -256,14 +259,19 @@ impl SmoothMesh {
                 }
                 refined_normal(&self.positions, &self.normals, &around, vertex)
             };
-            self.normals = (0..self.normals.len()).map(estimated).collect();
+            let refined = (0..self.normals.len()).map(estimated).collect();
+            let first = std::mem::replace(&mut self.normals, refined);
+            for vertex in arcs::join(self, &first, &is_missing, &around) {
+                is_open[vertex as usize] = false;
+            }
         }
         if let Some(chosen) = flats::round_bent_ones(self) {
             if is_missing.contains(&true) {
-                long_sides::straighten(self, &is_missing, &chosen);
+                long_sides::straighten(self, &is_open, &chosen);
             }
-            self.doubts = flats::lead_across(self, &is_missing, &chosen);
+            self.doubts = flats::lead_across(self, &is_missing, &is_open, &chosen);
         }
+        is_missing
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
