@@ -42,7 +42,7 @@ use crate::report::{
 };
 use crate::report_html::Landmarks;
 
-mod learning;
+pub(crate) mod learning;
 mod scan;
 mod placing;
 mod causes;
@@ -54,7 +54,6 @@ mod on_part;
 mod progress;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
-pub(crate) use learning::unknown_part_format;
 pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use scan::surface_of;

@@ -40,7 +40,7 @@ pub use settings::{
 pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
-#[cfg(feature = "cli")]
+#[cfg(feature = "station")]
 pub(crate) use suggest::near;
 pub use typed::setting_names;
 

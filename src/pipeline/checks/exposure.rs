@@ -1,0 +1,193 @@
+//! What the laser does to the corrected ink: incidence, focus, field, and what is known of the surface under it.
+
+use super::{above_lens, off_surface, span};
+use crate::pipeline::causes::Cause;
+use crate::pipeline::landmarks::Lift;
+use crate::pipeline::{CachedSurface, Exposure, Ink, JobSettings};
+use crate::reason::{Notice, Place, Reason};
+
+/// Rejects ink that cannot be marked, and adds notices for ink that should be checked.
+pub(in crate::pipeline) fn exposure(
+    seen: &Exposure,
+    part: &CachedSurface,
+    lift: Lift,
+    ink: &Ink,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    let lens = settings.scan_head().lens.height();
+    if seen.highest >= lens {
+        return Err(above_lens(seen.highest_at).with_number(
+            "height of the ink",
+            seen.highest,
+            "mm",
+            Some(lens),
+        ));
+    }
+    if let Some((_, at)) = seen.first_off_surface {
+        let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
+        return Err(off_surface(at, part, &ink.extents).with_number(
+            "ink without surface",
+            percent,
+            "%",
+            Some(0.0),
+        ));
+    }
+    incidence(seen, lift, settings, notices)?;
+    focus(seen, settings, notices);
+    field(seen, settings)?;
+    doubt(seen, lift, settings, notices)?;
+    residual(seen, part, lift, settings, notices)
+}
+
+fn incidence(
+    seen: &Exposure,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    let limits = &settings.optics.incidence;
+    let degrees = seen.steepest.to_degrees();
+    let at = seen.steepest_at;
+    let text =
+        format!("the beam hits the part at {degrees:.1} deg to its normal at ({:.2}, {:.2}) mm", at.x, at.y);
+    if seen.steepest > limits.refuse {
+        let remedy = "Make the drawing narrower, place it where the part faces the laser, or turn the part.";
+        let (what, remedy) = if degrees < 90.0 {
+            (format!("The beam would hit the part at {degrees:.1} deg to its normal."), remedy.to_owned())
+        } else {
+            (
+                format!(
+                    "The beam cannot reach the part: the surface faces away from it, at {degrees:.1} deg to its normal."
+                ),
+                format!("Check the lens distances of the station and the fixture's `z_mm`. {remedy}"),
+            )
+        };
+        return Err(Reason::new("too-steep", what, remedy)
+            .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+            .with_number("incidence angle", degrees, "deg", Some(limits.refuse.to_degrees())));
+    }
+    if seen.steepest > limits.warn {
+        let text = format!("{text}; marks are paler and wider there");
+        notices.push(Notice::warning("steep", text).at_places(lift.point(at)));
+    } else if seen.steepest > limits.note {
+        notices.push(Notice::note("inclined", text).at_places(lift.point(at)));
+    }
+    Ok(())
+}
+
+fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
+    let (range, best) = (seen.highest - seen.lowest, (seen.highest + seen.lowest) / 2.0);
+    if let Some(depth) = settings.optics.focus_depth.filter(|depth| range > *depth) {
+        notices.push(Notice::warning(
+            "out-of-focus",
+            format!(
+                "the ink spans {range:.2} mm of height, but the depth of focus is only {depth:.2} mm; focus at z = \
+                 {best:.2} mm for the least blur"
+            ),
+        ));
+    }
+}
+
+fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
+    let Some(field) = settings.field else { return Ok(()) };
+    let area = field.extents();
+    if area.contains(seen.field.min) && area.contains(seen.field.max) {
+        return Ok(());
+    }
+    let beyond = (area.min - seen.field.min).sup(&(seen.field.max - area.max)).max();
+    let (drawn, there) = (seen.field.size(), area.size());
+    // Without a lens model the drawing moves with the part; through a lens, nearly so.
+    let shift = area.center() - seen.field.center();
+    let [x, y] = [settings.fixture.x + shift.x, settings.fixture.y + shift.y]
+        .map(|value| (value * 10.0).round() / 10.0 + 0.0);
+    let fits = drawn.x <= there.x && drawn.y <= there.y;
+    let remedy = match fits {
+        true => format!(
+            "Move the drawing (`place_mm`, `--place`), or move the part: `x_mm = {x:.1}` and `y_mm = {y:.1}` under [fixture] put \
+             the drawing into the middle of the field."
+        ),
+        false => format!(
+            "Make the drawing smaller: it is {:.1} x {:.1} mm in the field, which has {:.1} x {:.1} mm.",
+            drawn.x, drawn.y, there.x, there.y
+        ),
+    };
+    Err(Reason::new(
+        "outside-field",
+        format!(
+            "The corrected drawing is not inside the field: it spans x {} and y {} mm, the field x {} and y {} mm.",
+            span(&seen.field, 0),
+            span(&seen.field, 1),
+            span(&area, 0),
+            span(&area, 1)
+        ),
+        remedy,
+    )
+    .with_number("overhang", beyond, "mm", Some(0.0)))
+}
+
+/// Checks for normals that contradict the facets: then the shape of the part between its vertices is not known.
+fn doubt(
+    seen: &Exposure,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    let (largest, limit) = (seen.max_doubt, settings.correction.max_residual);
+    let at = seen.max_doubt_at;
+    if largest > limit {
+        return Err(Reason::new(
+            "normals-contradict-facets",
+            "Under the drawing, the part's normals contradict its facets, as with smooth shading next to a flat side. \
+             The surface between the vertices is not known accurately enough.",
+            "Export the part from CAD with its own normals or with a smaller deviation; in Blender, use a finer bevel \
+             or flat shading; or raise `max_residual_mm`.",
+        )
+        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+        .with_number("uncertainty of the height", largest, "mm", Some(limit)));
+    }
+    if largest > limit / 5.0 {
+        let text = format!(
+            "the part's normals contradict its facets: near ({:.1}, {:.1}) mm its surface may be wrong by \
+             {largest:.3} mm; export it with a smaller deviation",
+            at.x, at.y
+        );
+        notices.push(Notice::warning("normals-contradict-facets", text).at_places(lift.point(at)));
+    }
+    Ok(())
+}
+
+fn residual(
+    seen: &Exposure,
+    part: &CachedSurface,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
+    let (largest, limit) = (seen.max_difference, settings.correction.max_residual);
+    let at = seen.max_difference_at;
+    if largest <= limit / 5.0 {
+        return Ok(());
+    }
+    let cause = Cause::of_misfit(part, at);
+    if largest > limit {
+        return Err(Reason::new(
+            "surface-not-met",
+            format!("The fitted surface does not match the part under the drawing: {}.", cause.clause()),
+            format!("{} Or raise `max_residual_mm`.", cause.remedy()),
+        )
+        .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
+        .with_number("distance to the part", largest, "mm", Some(limit)));
+    }
+    let text = format!(
+        "the fitted surface is up to {largest:.4} mm from the part under the ink, near ({:.1}, {:.1}) mm (up to {:.4} mm on the whole \
+         side): {}. {}",
+        at.x,
+        at.y,
+        part.surface.residual.max,
+        cause.clause(),
+        cause.remedy()
+    );
+    notices.push(Notice::warning("surface-loose", text).at_places(lift.point(at)));
+    Ok(())
+}

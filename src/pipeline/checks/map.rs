@@ -1,0 +1,228 @@
+//! Why there is no map, and what the map leaves.
+
+use super::off_surface;
+use crate::formats::mesh::{NormalsUsed, PartFacts};
+use crate::geometry::mapping::MapError;
+use crate::geometry::mapping::cone::ConeError;
+use crate::geometry::mapping::cylinder::CylinderError;
+use crate::geometry::mapping::floater::FloaterError;
+use crate::geometry::mapping::isometric::IsometricError;
+use crate::geometry::mapping::mapping_domain::MappingDomainError;
+use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::pipeline::causes::Cause;
+use crate::pipeline::landmarks::Lift;
+use crate::pipeline::{
+    CachedSurface, CorrectionSettings, Distortion, Ink, JobSettings, LengthTrueMap, Method, Sku, Weighting,
+};
+use crate::reason::{Notice, Place, Reason};
+
+/// Uncertain length errors above this, mm, are worth a notice.
+const NOTABLE_UNCERTAIN: f64 = 0.05;
+/// Remaining stretch above this is worth a warning.
+const NOTABLE_STRETCH: f64 = 0.02;
+/// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
+const PEAK_ONLY: f64 = 2.0 / 3.0;
+
+pub(in crate::pipeline) fn map_reason(
+    error: &MapError,
+    place: FlatPoint,
+    part: &CachedSurface,
+    ink: &Ink,
+) -> Reason {
+    let surface = &part.surface;
+    // If ink is outside the part, that is the clearer reason.
+    let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+    let seen = |flat: FlatPoint| ViewPoint::from(flat.coords());
+    let samples: Vec<ViewPoint> =
+        ends.chain(ink.squares.iter().chain(&ink.dots).copied()).map(seen).collect();
+    let beside = samples.iter().filter(|at| !surface.field.is_surface(**at)).count();
+    let middle = seen(place);
+    let first = samples.iter().find(|at| !surface.field.is_surface(**at));
+    if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
+        let percent = 100.0 * beside as f64 / samples.len() as f64;
+        return off_surface(*at, part, &ink.extents).with_number(
+            "ink without surface",
+            percent,
+            "%",
+            Some(0.0),
+        );
+    }
+    let reason = match error {
+        MapError::Isometric(IsometricError::Folded { at }) => {
+            return Reason::new(
+                "map-folded",
+                format!(
+                    "The drawing would be folded over itself on the part near ({:.1}, {:.1}) mm.",
+                    at.x, at.y
+                ),
+                "Make the drawing smaller, or place it where the part is less strongly curved.",
+            )
+            .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() });
+        }
+        MapError::Isometric(error) => Reason::new(
+            "map-not-found",
+            format!("No length-true map was found for the drawing: {error}."),
+            "Place the drawing where the part is less steep, or make it smaller.",
+        ),
+        MapError::Cylinder(error) => {
+            let remedy = match error {
+                CylinderError::TooFewPoints { .. } => PLACE_ON_PART,
+                CylinderError::NoAxis { .. } => OTHER_METHOD,
+                CylinderError::AnchorBeside { .. } => PLACE_ANCHOR,
+            };
+            Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy)
+        }
+        MapError::Cone(error) => {
+            let remedy = match error {
+                ConeError::TooFewPoints { .. } => PLACE_ON_PART,
+                ConeError::NoApex { .. } => OTHER_METHOD,
+                ConeError::AnchorBeside { .. } | ConeError::ApexInDrawing { .. } => PLACE_ANCHOR,
+            };
+            Reason::new("no-cone", format!("The part cannot be unrolled as a cone: {error}."), remedy)
+        }
+        MapError::MappingDomain(error) => {
+            let remedy = match error {
+                MappingDomainError::Outside { .. } => PLACE_ON_PART,
+                MappingDomainError::AnchorNotMet { .. } => OTHER_METHOD,
+            };
+            Reason::new(
+                "no-mapping-domain",
+                format!("No mapping domain was found for the drawing: {error}."),
+                remedy,
+            )
+        }
+        MapError::Floater(error) => {
+            let remedy = match error {
+                FloaterError::NoOutline { .. } | FloaterError::Outside { .. } => PLACE_ON_PART,
+                FloaterError::Unsolved { .. } => OTHER_METHOD,
+            };
+            Reason::new(
+                "no-parametrisation",
+                format!("The part cannot be mapped to a square: {error}."),
+                remedy,
+            )
+        }
+    };
+    reason.at(Place { coordinate: Some(middle.coords().iter().copied().collect()), ..Place::default() })
+}
+
+const PLACE_ON_PART: &str = "Place the drawing on the part (`place_mm`, `--place`).";
+const OTHER_METHOD: &str = "Use the method `auto` or `isometric` for this part.";
+const PLACE_ANCHOR: &str = "Place the anchor on the cylinder or cone, away from its apex (`place_mm` or `anchor`, \
+                            `--place` or `--anchor`).";
+
+/// Usual maximum number of steps of the length-true map on smooth parts.
+const USUAL_STEPS: usize = 6;
+
+/// Logs a length-true map that took many steps, and warns if its search did not converge or if weights have no effect.
+pub(in crate::pipeline) fn settled(
+    sku: &Sku,
+    map: &LengthTrueMap,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) {
+    let LengthTrueMap::Isometric(map) = map else { return };
+    let steps = map.iterations.len();
+    if steps > USUAL_STEPS {
+        tracing::info!("{sku}: the length-true map took {steps} steps: {:?}", map.iterations);
+    }
+    if !map.settled {
+        let last = map.iterations.last();
+        let text = format!(
+            "the search for the length-true map did not converge in {steps} steps: the last step still moved it by \
+             {:.4} mm and left a mean strain of {:.2e}; the part is rough under the drawing, and a better map may \
+             exist",
+            last.map_or(0.0, |last| last.step),
+            last.map_or(0.0, |last| last.reached.sqrt()),
+        );
+        tracing::warn!("{sku}: {text}");
+        notices.push(Notice::warning("map-unsettled", text));
+    }
+    let CorrectionSettings { weighting, length_weight, angle_weight, .. } = settings.correction;
+    if weighting == Weighting::Uniform && (length_weight, angle_weight) != (1.0, 1.0) {
+        notices.push(Notice::warning(
+            "weights-unused",
+            format!(
+                "the length weight of {length_weight} and the angle weight of {angle_weight} have no effect with the \
+                 weighting `uniform`; they apply to `ink`"
+            ),
+        ));
+    }
+}
+
+/// Warns if the part does not match the requested cylinder or cone.
+pub(in crate::pipeline) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notice>) {
+    if let Some(residual) = map.fit_residual().filter(|residual| *residual > Method::EXACT_TOLERANCE) {
+        notices.push(Notice::warning(
+            "no-true-figure",
+            format!(
+                "under the drawing, the part deviates from the cylinder or cone by up to {residual:.3} mm; the method \
+                 `auto` may keep lengths better"
+            ),
+        ));
+    }
+}
+
+/// Adds a notice if most of the reported length error is what the facets leave uncertain.
+pub(in crate::pipeline) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec<Notice>) {
+    let uncertain = &after.uncertain;
+    if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
+        let (cause, remedy) = match (&facts.scan, facts.normals_used) {
+            (Some(_), _) => ("the points of the scan scatter", "scan with less noise or more points"),
+            (_, Some(NormalsUsed::File)) => {
+                ("the part's facets are coarse", "export the part with a deviation of at most 0.05 mm")
+            }
+            _ => (
+                "the part's facets are coarse",
+                "export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm",
+            ),
+        };
+        notices.push(Notice::warning(
+            "facets-coarse",
+            format!(
+                "{:.3} mm of the reported length error of {:.3} mm is uncertain, because {cause}: under the drawing the \
+                 surface may be wrong by {:.3} mm and {:.2} degrees; {remedy}",
+                uncertain.length_error,
+                after.length_error,
+                uncertain.max_height,
+                uncertain.max_slope.to_degrees()
+            ),
+        ));
+    }
+}
+
+/// Warns of errors that even the best map leaves, and of maps that are only for comparison.
+pub(in crate::pipeline) fn quality(
+    map: &LengthTrueMap,
+    after: &Distortion,
+    part: &CachedSurface,
+    lift: Lift,
+    drawn: &Extents,
+    notices: &mut Vec<Notice>,
+) {
+    let place = lift.point(map.point(after.max_stretch_at));
+    let likely = after.max_stretch - PEAK_ONLY * after.uncertain.max_stretch;
+    if map.is_for_comparison() {
+        let text = format!(
+            "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
+             better",
+            after.max_stretch * 100.0
+        );
+        notices.push(Notice::warning("not-length-true", text).at_places(place));
+    } else if likely > NOTABLE_STRETCH {
+        let at = after.max_stretch_at;
+        let length = drawn.size().max();
+        let is_uncertain = after.uncertain.max_stretch > after.max_stretch / 2.0;
+        let cause = Cause::of_stretch(part, map.point(at), likely, is_uncertain, length);
+        let is_wrong = if is_uncertain { "may be wrong by up to" } else { "is wrong by" };
+        let text = format!(
+            "the length of a line near ({:.1}, {:.1}) mm of the placed drawing {is_wrong} {:.1} %: {}. {}",
+            at.x,
+            at.y,
+            after.max_stretch * 100.0,
+            cause.clause(),
+            cause.remedy()
+        );
+        notices.push(Notice::warning("stretch-remains", text).at_places(place));
+    }
+}
