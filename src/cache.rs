@@ -79,6 +79,7 @@ fn is_false(flag: &bool) -> bool {
 
 /// A cached surface with its origin.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct CachedSurface {
     /// The part it was fitted to.
     pub origin: PartOrigin,

@@ -705,7 +705,7 @@ fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_
         ("part.unit", "5", "`5` is not one of the choices. Known: `mm`"),
         ("part.facing", "up", "`up` names no side of the part"),
         ("pattern.strict", "yes", "expected true or false"),
-        ("placement.place_mm", "nonsense", "expected two numbers, such as [12.5, -3]"),
+        ("placement.place_mm", "nonsense", "expected two numbers, such as 12.5,-3"),
         ("placement.place_mm", "1,2,3", "two numbers"),
         ("placement.anchor", "1e9,0", "`placement.anchor` cannot be 1000000000 mm"),
         ("pattern.ink_layers", "[MARK", "cannot be understood"),

@@ -68,6 +68,7 @@ pub struct FacingPart {
 
 /// A sampled part.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PartSamples {
     /// The heights.
     pub field: HeightField,

@@ -364,6 +364,14 @@ const CODES: &[Code] = &[
         "Convert texts to outlines in the drawing program if their appearance matters.",
     ]),
     notice([
+        "frame-above",
+        "The marking frame is far above the surface that the laser sees.",
+        "The origin of the frame is where the drawing is placed. From there it is moved along the frame's z axis onto \
+         the surface, however far that is.",
+        "Check that the drawing lands where you meant it, in the picture of the result (`--preview`, `--report-html`), \
+         or move the frame's origin onto the surface.",
+    ]),
+    notice([
         "frame-ambiguous",
         "Several nodes of the part's file are named `isomark`, and the first one is the marking frame.",
         "A glTF part states with a node (an empty) of this name where and how it is marked. With several of them \
@@ -379,14 +387,6 @@ const CODES: &[Code] = &[
          `frame`. The message states which of them is used.",
         "If the other one is to be used, remove the one that is not needed: the node from the part's file, or the \
          settings of the SKU or the command line.",
-    ]),
-    notice([
-        "frame-above",
-        "The marking frame is far above the surface that the laser sees.",
-        "The origin of the frame is where the drawing is placed. From there it is moved along the frame's z axis onto \
-         the surface, however far that is.",
-        "Check that the drawing lands where you meant it, in the picture of the result (`--preview`, `--report-html`), \
-         or move the frame's origin onto the surface.",
     ]),
     notice([
         "frame-inside",

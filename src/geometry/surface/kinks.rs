@@ -1,5 +1,7 @@
 //! Where a sampled part has a kink: its slope jumps from node to node, while it changes little beside them.
 
+use nalgebra::Vector3;
+
 use crate::geometry::height_field::{HeightField, Node};
 use crate::geometry::space::ViewPoint;
 
@@ -26,9 +28,9 @@ impl HeightField {
 
     /// The same along one line of nodes: along x (0) or y (1), so many lines beside the place.
     fn kink_along(&self, middle: [usize; 2], axis: usize, line: isize) -> Option<f64> {
-        let height = |along: isize| {
+        let height_at = |along: isize, across: isize| {
             let (columns, rows) = self.size();
-            let shift = if axis == 0 { [along, line] } else { [line, along] };
+            let shift = if axis == 0 { [along, line + across] } else { [line + across, along] };
             let column = middle[0].checked_add_signed(shift[0]).filter(|&at| at < columns)?;
             let row = middle[1].checked_add_signed(shift[1]).filter(|&at| at < rows)?;
             match self.nodes()[row * columns + column] {
@@ -36,6 +38,7 @@ impl HeightField {
                 Node::Empty | Node::Wall(_) => None,
             }
         };
+        let height = |along: isize| height_at(along, 0);
         let slope = |along: isize| Some((height(along + 1)? - height(along)?) / self.step());
         let change = |along: isize| Some((slope(along)? - slope(along - 1)?).abs());
         let jump = |along: &isize| change(*along).unwrap_or(0.0);
@@ -51,7 +54,14 @@ impl HeightField {
         let before = slope(at - 2)?;
         let after = slope(at + 1)?;
         let is_kink = (after - before).abs() > LEAST && jump(&at) > STANDS_OUT * usual + LEAST / 4.0;
-        is_kink.then(|| (after.atan() - before.atan()).abs())
+        // The slope across the line is part of both normals: on a tilted side, the angle in the section is larger.
+        let across = |along: isize| {
+            let slope = height_at(along, 1).zip(height_at(along, -1)).map(|(one, other)| one - other);
+            slope.map_or(0.0, |slope| slope / (2.0 * self.step()))
+        };
+        let [one, other] = [(before, across(at - 2)), (after, across(at + 2))]
+            .map(|(along, across)| Vector3::new(-along, -across, 1.0));
+        is_kink.then(|| one.angle(&other))
     }
 
     /// Whether the surface ends within two nodes of a place: at a hole, a rim or a cliff.
@@ -93,6 +103,16 @@ mod tests {
             let beside = ViewPoint::new(6.0 * turn.cos(), 6.0 * turn.sin());
             assert_eq!(roof.kink(beside), None, "{turn}");
         }
+    }
+
+    #[test]
+    fn the_angle_of_an_edge_is_that_of_the_part_on_a_tilted_side_too() {
+        // A side that is tilted by 50 deg, with a chamfer of 45 deg along its slope.
+        let (tilt, chamfer) = (50f64.to_radians(), 45f64.to_radians());
+        let fall = chamfer.tan() / tilt.cos();
+        let edge = field(move |x, y| 20.0 - tilt.tan() * x - fall * (y - 0.13).max(0.0));
+        let angle = edge.kink(ViewPoint::new(2.0, 0.0)).unwrap();
+        assert!((angle - chamfer).abs() < 0.01, "{} deg", angle.to_degrees());
     }
 
     #[test]

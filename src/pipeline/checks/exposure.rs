@@ -174,7 +174,10 @@ fn residual(
         return Err(Reason::new(
             "surface-not-met",
             format!("The fitted surface does not match the part under the drawing: {}.", cause.clause()),
-            format!("{} Or raise `max_residual_mm`.", cause.remedy()),
+            format!(
+                "{} Raise `max_residual_mm` only if the mark may be wrong there by about this distance.",
+                cause.remedy()
+            ),
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("distance to the part", largest, "mm", Some(limit)));
