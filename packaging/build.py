@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("watch-config", "examples/parts", "examples/patterns", "examples/skus", "plugins/schemas", "plugins/service",
            "plugins/beamconstruct")
 FILES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE-MIT", "LICENSE-APACHE", "examples/mouse.svg",
-         "examples/distortion_trade.svg",
+         "examples/distortion_trade.svg", "examples/mark-on-part.png",
          "packaging/README.md", "plugins/README.md", "plugins/codes.md", "plugins/blender/README.md",
          "plugins/blender/panel.png", "plugins/blender/isomark/LICENSE", "plugins/freecad/README.md",
          "plugins/freecad/panel.png")

@@ -59,7 +59,6 @@ pub use progress::{Progress, Step};
 pub use scan::surface_of;
 
 use landmarks::Lift;
-use placing::{PlacedPattern, framed, mapped};
 use progress::Observer;
 
 /// The work for a piece of a line, in squares of inked area.
@@ -221,15 +220,16 @@ impl Pipeline {
         let mut clock = Clock::start();
         let part = &learned.kept;
         let mut notices = learned.notices.clone();
-        let settings = &framed(settings, part, &mut notices);
+        let settings = &Self::framed(settings, part, &mut notices);
         let surface = &part.surface;
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let steps = self.observer.steps(input.name);
         let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
-        let (placed_pattern, map) = mapped(placed_pattern, part, settings, input.name)?;
-        let PlacedPattern { facts, placing, placed, ink } = placed_pattern;
+        let (placed_pattern, map) = Self::mapped(placed_pattern, part, settings, input.name)?;
+        let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
+        let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
         clock.lap("map");
 

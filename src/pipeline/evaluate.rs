@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, PlacedPattern, Step};
-use super::{checks, framed, hash, measured, method, program, weights};
+use super::placing::PlacedPattern;
+use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
+use super::{checks, hash, measured, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
@@ -85,7 +86,7 @@ impl Pipeline {
         methods: &[Method],
     ) -> Result<Evaluation, PipelineError> {
         let mut clock = Clock::start();
-        let settings = &framed(settings, &learned.kept, &mut Vec::new());
+        let settings = &Self::framed(settings, &learned.kept, &mut Vec::new());
         let steps = self.observer.steps(input.name);
         let placed = self.place(input, &learned.kept, settings, &steps, &mut clock)?;
         let compared: Vec<_> =

@@ -13,52 +13,6 @@ use crate::geometry::space::FlatPoint;
 use crate::reason::{Notice, Reason};
 use crate::report::{FrameReport, FrameSource, PlacementReport, RoundReport};
 
-/// The settings for a part whose file may contain a marking frame, with what a person should know of it.
-pub(super) fn framed(settings: &JobSettings, part: &CachedSurface, notices: &mut Vec<Notice>) -> JobSettings {
-    let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
-    notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
-    let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
-    let frame = settings.part.view_source.frame();
-    notices.extend(checks::flat_side(&part.facts, &settings.part));
-    notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
-    settings
-}
-
-/// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
-/// settings ask for that.
-///
-/// # Errors
-/// When there is no map, or the turned drawing has ink where no part can be.
-pub(super) fn mapped(
-    pattern: PlacedPattern,
-    part: &CachedSurface,
-    settings: &JobSettings,
-    name: &str,
-) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
-    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let method = method(settings);
-    let rejected = |reason: Reason, facts: &PatternFacts| {
-        PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
-    };
-    let find = |pattern: &PlacedPattern| {
-        let place = pattern.placing.place;
-        LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
-            .map_err(|error| rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts))
-    };
-    let map = find(&pattern)?;
-    let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
-        return Ok((pattern, map));
-    };
-    let PlacedPattern { facts, mut placing, placed, .. } = pattern;
-    placing.turn(turn);
-    let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
-    checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
-    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
-    let pattern = PlacedPattern { facts, placing, placed, ink };
-    let map = find(&pattern)?;
-    Ok((pattern, map))
-}
-
 /// A placed drawing.
 pub(super) struct PlacedPattern {
     pub(super) facts: PatternFacts,
@@ -68,6 +22,57 @@ pub(super) struct PlacedPattern {
 }
 
 impl Pipeline {
+    /// The settings for a part whose file may contain a marking frame, with what a person should know of it.
+    pub(super) fn framed(
+        settings: &JobSettings,
+        part: &CachedSurface,
+        notices: &mut Vec<Notice>,
+    ) -> JobSettings {
+        let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
+        notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
+        let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
+        let frame = settings.part.view_source.frame();
+        notices.extend(checks::flat_side(&part.facts, &settings.part));
+        notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
+        settings
+    }
+
+    /// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
+    /// settings ask for that.
+    ///
+    /// # Errors
+    /// When there is no map, or the turned drawing has ink where no part can be.
+    pub(super) fn mapped(
+        pattern: PlacedPattern,
+        part: &CachedSurface,
+        settings: &JobSettings,
+        name: &str,
+    ) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
+        let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+        let method = method(settings);
+        let rejected = |reason: Reason, facts: &PatternFacts| {
+            PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
+        };
+        let find = |pattern: &PlacedPattern| {
+            let place = pattern.placing.place;
+            LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method).map_err(|error| {
+                rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts)
+            })
+        };
+        let map = find(&pattern)?;
+        let Some(turn) = map.round_angle().filter(|_| settings.placement.align == Align::Axis) else {
+            return Ok((pattern, map));
+        };
+        let PlacedPattern { facts, mut placing, placed, .. } = pattern;
+        placing.turn(turn);
+        let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
+        checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
+        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+        let pattern = PlacedPattern { facts, placing, placed, ink };
+        let map = find(&pattern)?;
+        Ok((pattern, map))
+    }
+
     pub(super) fn place(
         &self,
         input: PatternInput<'_>,
