@@ -251,13 +251,19 @@ impl std::fmt::Display for ConfigError {
 }
 
 /// A message about a settings file as one about an option, which needs neither quotes nor the brackets of lists:
-/// `[12.5, -3]` becomes `12.5,-3`.
+/// `[12.5, -3]` becomes `12.5,-3`. What is in backticks stays as it is in a file.
 fn as_typed(text: &str) -> String {
+    let pieces = text.split('`').enumerate();
+    let typed =
+        pieces.map(|(index, piece)| if index % 2 == 0 { without_syntax(piece) } else { piece.to_owned() });
+    typed.collect::<Vec<_>>().join("`")
+}
+
+fn without_syntax(text: &str) -> String {
     let mut typed = String::new();
     let mut rest = text;
-    while let Some((before, list, after)) = rest
-        .split_once('[')
-        .and_then(|(before, rest)| rest.split_once(']').map(|(list, after)| (before, list, after)))
+    while let Some((before, (list, after))) =
+        rest.split_once('[').and_then(|(before, rest)| Some((before, rest.split_once(']')?)))
     {
         typed += before;
         match list.contains(',') {
