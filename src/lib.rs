@@ -167,7 +167,7 @@
 //! - **A method**: one file in `src/geometry/mapping/` that cites its source, one variant each in
 //!   [`mapping::Method`](geometry::mapping::Method) and [`LengthTrueMap`](geometry::mapping::LengthTrueMap), and its
 //!   name in [`config::Method`]. Test it with a closed form on one of [`geometry::shapes`].
-//! - **A check**: one function in `src/pipeline/checks.rs` that returns a [`Reason`](reason::Reason) or adds a
+//! - **A check**: one function in `src/pipeline/checks.rs` or a file in `src/pipeline/checks/` that returns a [`Reason`](reason::Reason) or adds a
 //!   [`Notice`](reason::Notice), its code in `src/reason/codes.rs`, and its limit, if it is a setting, in [`config`] and
 //!   `watch-config/`.
 

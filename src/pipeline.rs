@@ -277,7 +277,7 @@ impl Pipeline {
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, &map, settings, &mut notices);
         checks::quality(&map, &after, part, lift, &ink.extents, &mut notices);
-        checks::uncertain(&after, &part.facts, &mut notices);
+        checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
         let profile = profile(settings);
         let dxf = pattern::write(&drawing, profile);

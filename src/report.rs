@@ -661,8 +661,16 @@ impl Report {
         for line in &lines {
             text += &format!("\n  {}", on_one_line(line));
         }
-        for notice in self.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
-            text += &format!("\n  warning: {}", on_one_line(&notice.message));
+        for notice in &self.notices {
+            // A wrong unit of the drawing is a wrong size on the part.
+            let is_of_unit = ["unit-assumed", "unit-setting-unused"].contains(&notice.code.as_str());
+            match notice.severity {
+                Severity::Warning => text += &format!("\n  warning: {}", on_one_line(&notice.message)),
+                Severity::Note if is_of_unit && self.pattern.facts.notices.contains(notice) => {
+                    text += &format!("\n  note: {}", on_one_line(&notice.message));
+                }
+                Severity::Note => {}
+            }
         }
         if let Some(changes) = &self.changes {
             text += &format!("\n  compared with the previous {}, which was replaced:", on_one_line(previous));

@@ -1388,6 +1388,14 @@ const CODES: &[Code] = &[
          acceptable.",
     ]),
     reason([
+        "surface-unknown",
+        "The shape of the part under the drawing is not known well enough for true lengths.",
+        "What the facets of a mesh or the noise of a scan leave unknown makes more than a tenth of the length of the drawing \
+         uncertain. Usually a scan has too much noise, too few points or outliers, or a mesh is very coarse.",
+        "Scan with less noise and more points, or export the part from CAD as glTF with its normals. `isomark inspect` shows \
+         what was found.",
+    ]),
+    reason([
         "takes-long",
         "The job takes longer than a quick attempt may.",
         "isomark first tries small jobs quickly, so that they do not wait for large ones. This job is large and \

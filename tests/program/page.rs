@@ -533,6 +533,46 @@ fn slow_clients_delay_no_delivery_and_their_number_is_bounded() {
     assert!(!shown.station.log().contains("panicked"), "{}", shown.station.log());
 }
 
+/// Requests whose form never arrives have asked nothing: others get their place.
+#[test]
+fn forms_that_never_arrive_keep_nobody_out() {
+    let shown = Shown::new();
+    let mut held: Vec<TcpStream> = Vec::new();
+    for _ in 0..100 {
+        let mut stream = shown.connect();
+        let head = "Content-Type: application/x-www-form-urlencoded\r\nContent-Length: 100";
+        let _ = write!(
+            stream,
+            "POST /retry HTTP/1.1\r\nHost: {0}\r\nOrigin: http://{0}\r\n{head}\r\n\r\n",
+            shown.at
+        );
+        held.push(stream);
+    }
+    assert!(shown.page_with(&["<p class=\"word\">Ready</p>"]).contains("<h1>"));
+    assert!(open(&mut held) <= BOUND);
+}
+
+/// To open a pipe waits until somebody writes into it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_hangs_holds_no_button() {
+    let shown = Shown::new();
+    shown.station.desk.write("hot/trough.obj", PART);
+    shown.station.copy_into(&drawing("square"), "trough.dxf");
+    shown.station.waits_for_file("reports/trough/trough.dxf.preview.svg");
+    let page = shown.page_with(&["trough.dxf: Delivered", "/picture/"]);
+    let picture = page.split("/picture/").nth(1).unwrap().split(['"', '#']).next().unwrap().to_owned();
+    let file = shown.station.path("reports/trough/trough.dxf.preview.svg");
+    std::fs::remove_file(&file).unwrap();
+    assert!(Command::new("mkfifo").arg(&file).status().unwrap().success());
+    for _ in 0..6 {
+        assert_eq!(shown.get(&format!("/picture/{picture}")).code, 404);
+    }
+    shown.station.desk.write("hot/trough@bad.dxf", "%PDF");
+    let page = shown.page_with(&["aria-label=\"Retry trough@bad.dxf\""]);
+    assert!(page.contains("trough@bad.dxf"));
+}
+
 #[test]
 fn other_computers_need_a_setting_and_a_password() {
     let station = Station::new();

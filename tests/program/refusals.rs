@@ -198,8 +198,8 @@ fn a_drawing_wider_than_the_field() {
             "abc.dxf",
             "overhang 9.",
             "mm (limit 0 mm)",
-            "remedy: Make the drawing smaller: it is ",
-            "in the field, which has 20.0 x 20.0 mm",
+            "remedy: Make the drawing smaller, to at most 5",
+            "and the field has 20.0 x 20.0 mm",
         ],
     );
 }
@@ -214,7 +214,7 @@ fn a_drawing_beside_the_field_and_the_fixture_that_moves_it_there() {
     };
     stand("x_mm = 3\n");
     let refused = correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml");
-    refused.refused(1, &["remedy: Move the drawing", "under [fixture] put the drawing into the middle"]);
+    refused.refused(1, &["remedy: Move the drawing", "under [fixture] the drawing is near the middle"]);
     let offset = |axis: &str| {
         let after = refused.err.split(&format!("`{axis}_mm = ")).nth(1).unwrap();
         after.split('`').next().unwrap().parse::<f64>().unwrap()
@@ -483,4 +483,43 @@ fn a_refusal_as_json() {
     assert_eq!(reason["place"]["coordinate"], serde_json::json!([300.0, 0.0]));
     assert_eq!((&reason["number"]["value"], &reason["number"]["unit"]), (&100.0.into(), &"%".into()));
     assert!(reason["remedy"].as_str().unwrap().ends_with('.'));
+}
+
+/// Random points of a rounded block, also of its steep sides: whatever isomark makes of them, it marks nothing that it cannot
+/// vouch for.
+#[test]
+fn a_surface_that_is_not_known_is_not_marked() {
+    let desk = Desk::new();
+    let mut state = 5u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / f64::from(1u32 << 24)
+    };
+    let half = [30.0f64, 55.0, 38.0];
+    let mut text = String::new();
+    for _ in 0..35_000 {
+        // A sum of twelve has the variance 1.
+        let mut normal = || (0..12).map(|_| random()).sum::<f64>() - 6.0;
+        let mut direction = [normal(), normal(), normal()];
+        direction[2] = direction[2].abs();
+        let norm: f64 = (0..3).map(|axis| (direction[axis] / half[axis]).powi(4)).sum();
+        let at = direction.map(|share| share * norm.powf(-0.25) + 0.02 * normal());
+        text += &format!("{:.3} {:.3} {:.3}\n", at[0], at[1], at[2]);
+    }
+    desk.write("block.xyz", text);
+    for options in ["--place 0,8", "--place 0,8 --bridge 3"] {
+        let output = correct(&desk, "block.xyz", &drawing("abc"), options);
+        match output.code {
+            1 => assert!(
+                output.err.contains("off-surface") || output.err.contains("surface-unknown"),
+                "{}",
+                output.err
+            ),
+            _ => {
+                let error = output.err.split("length error").nth(1).unwrap().split("-> ").nth(1).unwrap();
+                let error: f64 = error.split(' ').next().unwrap().parse().unwrap();
+                assert!(error < 1.0, "{}", output.err);
+            }
+        }
+    }
 }

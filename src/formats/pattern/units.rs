@@ -177,7 +177,7 @@ pub(super) fn decide(
     if let Some(unit) = DrawingUnit::from_insunits(code) {
         let unused = if_unitless.filter(|asked| *asked != unit).map(|asked| {
             let message = format!(
-                "the unit of the file is {unit}, so the setting {asked} for drawings without a unit is not used"
+                "the unit of the file is {unit}, so the setting `{asked}` for drawings without a unit is not used"
             );
             Notice::note("unit-setting-unused", message)
         });

@@ -25,9 +25,12 @@ use super::board::{Board, Desk, Either, either};
 use super::records::{self, NotSent};
 use super::socket::Limits;
 use crate::hotfolder::api::PictureKind;
+use crate::reason::Reason;
 
 /// How long the rest of a request and the work on it may take.
 const WORK: Duration = Duration::from_secs(20);
+/// How long a request for a file waits for its turn.
+const READING: Duration = Duration::from_secs(5);
 /// How long an answer may take, and in addition for each of its bytes: 50 kB/s.
 const SENDING: Duration = Duration::from_secs(20);
 const SENDING_BYTE: Duration = Duration::from_micros(20);
@@ -138,7 +141,7 @@ impl From<Refusal> for Problem {
             Refusal::NoHost => Self::new(
                 StatusCode::BAD_REQUEST,
                 "Bad request",
-                "The request names no host, or several.",
+                "The request names no host, one that cannot be understood, or several.",
                 "Use a web browser.",
             ),
             Refusal::OtherHost => Self::new(
@@ -187,7 +190,10 @@ pub(super) async fn answer(
     client: Client,
     request: Request<Incoming>,
 ) -> Result<Answer, Infallible> {
-    client.limits.allow(Some(WORK));
+    // The rest of a form may still be on its way: until it is here, the client has asked nothing.
+    if request.method() != Method::POST {
+        client.limits.allow(Some(WORK));
+    }
     let is_for_script = request.headers().get(ACCEPT).is_some_and(|accept| accept == "application/json");
     let answer =
         respond(&desk, &client, request).await.unwrap_or_else(|problem| shown(&desk, problem, is_for_script));
@@ -234,7 +240,7 @@ async fn respond(desk: &Rc<Desk>, client: &Client, request: Request<Incoming>) -
             ));
         }
         let is_for_script = parts.headers.get(ACCEPT).is_some_and(|accept| accept == "application/json");
-        return act(desk, path, body, is_for_script).await;
+        return act(desk, client, path, body, is_for_script).await;
     }
     match path {
         "/" => Ok(page(desk, parts.uri.query())),
@@ -295,7 +301,14 @@ async fn file(desk: &Desk, path: &str) -> Result<Answer, Problem> {
         return Err(Problem::missing());
     };
     let room = Arc::clone(&desk.room);
-    let read = spawn_blocking(move || record.read(&seen.folders, kind, &room)).await;
+    // A disk that does not answer holds only these readers: buttons have others.
+    let busy = |_| Problem::busy("The reports folder does not answer, or too many files are being read.");
+    let turn = timeout(READING, Arc::clone(&desk.reading).acquire_owned()).await.map_err(busy)?;
+    let read = spawn_blocking(move || {
+        let _turn = turn;
+        record.read(&seen.folders, kind, &room)
+    });
+    let read = read.await;
     let (bytes, permit) = read.unwrap_or(Err(NotSent::Missing)).map_err(|error| match error {
         NotSent::Missing => Problem::new(
             StatusCode::NOT_FOUND,
@@ -323,8 +336,16 @@ async fn file(desk: &Desk, path: &str) -> Result<Answer, Problem> {
 }
 
 /// Does what a button of the page is for.
-async fn act(desk: &Desk, path: &str, body: Incoming, is_for_script: bool) -> Result<Answer, Problem> {
+async fn act(
+    desk: &Desk,
+    client: &Client,
+    path: &str,
+    body: Incoming,
+    is_for_script: bool,
+) -> Result<Answer, Problem> {
     let form = form(body).await?;
+    client.limits.allow(Some(WORK));
+    let asked = Instant::now();
     let field = |name: &str| {
         let mut fields =
             form.split('&').filter_map(|field| field.split_once('=')).filter(|(key, _)| *key == name);
@@ -349,7 +370,16 @@ async fn act(desk: &Desk, path: &str, body: Incoming, is_for_script: bool) -> Re
         return Err(Problem::new(StatusCode::CONFLICT, "Outdated page", text, "Reload the page."));
     };
     let _turn = desk.acting.acquire().await;
-    let done = spawn_blocking(move || action.perform(&seen)).await;
+    // If a disk answers late, the client has been refused: then nothing may be done any more.
+    let perform = move || match asked.elapsed() < WORK {
+        true => action.perform(&seen),
+        false => Err(Reason::new(
+            "environment",
+            "The disk did not answer in time. Nothing was done.",
+            "Try again.",
+        )),
+    };
+    let done = spawn_blocking(perform).await;
     desk.look_again();
     let done = match done {
         Ok(Ok(done)) => done,

@@ -41,6 +41,8 @@ pub(super) struct Desk {
     pub(super) board: watch::Sender<Arc<Board>>,
     /// Memory for files that are being sent.
     pub(super) room: Arc<Semaphore>,
+    /// The turns of those who read a file.
+    pub(super) reading: Arc<Semaphore>,
     pub(super) streams: Arc<Semaphore>,
     /// One action at a time.
     pub(super) acting: Semaphore,
@@ -71,6 +73,7 @@ impl Desk {
             version,
             board: watch::Sender::new(Arc::new(board)),
             room: Arc::new(Semaphore::new(records::UNITS)),
+            reading: Arc::new(Semaphore::new(records::READING)),
             streams: Arc::new(Semaphore::new(MAX_STREAMS)),
             acting: Semaphore::new(1),
             rejected: RefCell::default(),

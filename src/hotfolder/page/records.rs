@@ -25,6 +25,8 @@ const LARGEST_FILE: u64 = 32 << 20;
 const UNIT: u64 = 64 << 10;
 /// All memory for files that are being sent: 128 MiB.
 pub(super) const UNITS: usize = 2048;
+/// Files that are read at the same time: fewer than the threads that wait for disks.
+pub(super) const READING: usize = 2;
 
 /// A delivered drawing with files in the reports folder.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +66,10 @@ impl Record {
         let (path, reports) =
             (fs::canonicalize(path).map_err(missing)?, fs::canonicalize(&folders.reports).map_err(missing)?);
         if !path.starts_with(reports) {
+            return Err(NotSent::Missing);
+        }
+        // To open a pipe waits for its writer.
+        if !fs::symlink_metadata(&path).map_err(missing)?.is_file() {
             return Err(NotSent::Missing);
         }
         let file = File::open(path).map_err(missing)?;

@@ -101,16 +101,23 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
     let shift = area.center() - seen.field.center();
     let [x, y] = [settings.fixture.x + shift.x, settings.fixture.y + shift.y]
         .map(|value| (value * 10.0).round() / 10.0 + 0.0);
-    let fits = drawn.x <= there.x && drawn.y <= there.y;
-    let remedy = match fits {
-        true => format!(
-            "Move the drawing (`place_mm`, `--place`), or move the part: `x_mm = {x:.1}` and `y_mm = {y:.1}` under [fixture] put \
-             the drawing into the middle of the field."
-        ),
-        false => format!(
-            "Make the drawing smaller: it is {:.1} x {:.1} mm in the field, which has {:.1} x {:.1} mm.",
-            drawn.x, drawn.y, there.x, there.y
-        ),
+    let remedy = if drawn.x <= there.x && drawn.y <= there.y {
+        format!(
+            "Move the drawing (`place_mm`, `--place`), or move the part and enter its new position: with `x_mm = {x:.1}` and \
+             `y_mm = {y:.1}` under [fixture] the drawing is near the middle of the field."
+        )
+    } else if drawn.y <= there.x && drawn.x <= there.y {
+        "Turn the part or the drawing by 90 deg: then the drawing fits into the field.".to_owned()
+    } else {
+        let share = (there.x / drawn.x).min(there.y / drawn.y) * 100.0;
+        format!(
+            "Make the drawing smaller, to at most {:.0} %: in the field it is {:.1} x {:.1} mm, and the field has {:.1} x {:.1} mm.",
+            share.floor(),
+            drawn.x,
+            drawn.y,
+            there.x,
+            there.y
+        )
     };
     Err(Reason::new(
         "outside-field",

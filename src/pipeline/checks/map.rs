@@ -18,6 +18,8 @@ use crate::reason::{Notice, Place, Reason};
 
 /// Uncertain length errors above this, mm, are worth a notice.
 const NOTABLE_UNCERTAIN: f64 = 0.05;
+/// A surface is unknown if so much of the length of a drawing is uncertain.
+const UNKNOWN_SHARE: f64 = 0.1;
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
 /// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
@@ -163,9 +165,35 @@ pub(in crate::pipeline) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notic
     }
 }
 
-/// Adds a notice if most of the reported length error is what the facets leave uncertain.
-pub(in crate::pipeline) fn uncertain(after: &Distortion, facts: &PartFacts, notices: &mut Vec<Notice>) {
+/// Rejects a surface that is not known well enough for true lengths, and adds a notice if most of the reported length error
+/// is what the facets leave uncertain.
+pub(in crate::pipeline) fn uncertain(
+    after: &Distortion,
+    facts: &PartFacts,
+    notices: &mut Vec<Notice>,
+) -> Result<(), Reason> {
     let uncertain = &after.uncertain;
+    let limit = UNKNOWN_SHARE * after.length;
+    if uncertain.length_error > limit {
+        let remedy = match &facts.scan {
+            Some(_) => {
+                "Scan with less noise, more points and without outliers, or use a model of the part from CAD."
+            }
+            None => {
+                "Export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm."
+            }
+        };
+        return Err(Reason::new(
+            "surface-unknown",
+            format!(
+                "The shape of the part under the drawing is not known: its slope may be wrong by {:.1} degrees, and with it the \
+                 lengths of the mark.",
+                uncertain.max_slope.to_degrees()
+            ),
+            remedy,
+        )
+        .with_number("uncertain length", uncertain.length_error, "mm", Some(limit)));
+    }
     if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
         let (cause, remedy) = match (&facts.scan, facts.normals_used) {
             (Some(_), _) => ("the points of the scan scatter", "scan with less noise or more points"),
@@ -189,6 +217,7 @@ pub(in crate::pipeline) fn uncertain(after: &Distortion, facts: &PartFacts, noti
             ),
         ));
     }
+    Ok(())
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.
