@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::browser;
 use crate::desk::drawing;
-use crate::station::{Station, files};
+use crate::station::Station;
 
 /// A shallow trough as OBJ.
 const PART: &str =
