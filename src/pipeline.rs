@@ -22,6 +22,7 @@ use crate::formats::Pace;
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, RepairPlace};
 use crate::geometry::correction::{self, Bent, Exposure, Projection, Subdivision};
+use crate::geometry::frame_outline::frame_outline;
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
@@ -38,7 +39,7 @@ use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
 use crate::report::{
     self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport,
-    PlacementReport, Quality, Report, Timing, WeightsReport,
+    PlacementReport, Quality, Report, SensitivityReport, Timing, WeightsReport,
 };
 use crate::report_html::Landmarks;
 
@@ -123,6 +124,23 @@ pub struct Corrected {
     pub marked: Option<Marked>,
     /// What is around the mark, for a report in HTML, if pictures were requested.
     pub landmarks: Option<Landmarks>,
+    /// The outline of the ink and its box for the pilot beam, in the field, if pictures were requested.
+    pub frame: Option<FrameDrawing>,
+}
+
+/// The frame drawing: a few lines for the pilot beam.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameDrawing {
+    drawing: MarkingDrawing,
+    profile: DxfProfile,
+}
+
+impl FrameDrawing {
+    /// Its DXF file, in the dialect of the corrected drawing.
+    #[must_use]
+    pub fn dxf(&self) -> Vec<u8> {
+        pattern::write(&self.drawing, self.profile)
+    }
 }
 
 impl Corrected {
@@ -239,7 +257,9 @@ impl Pipeline {
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
         checks::exposure(&exposure, part, lift, &ink, settings, &mut notices).map_err(rejected)?;
+        checks::hidden(&projection, &ink, settings, lift).map_err(rejected)?;
         notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
+        notices.extend(checks::close_lines(&ink, &map, settings, lift));
         clock.lap("check");
 
         steps.at(Step::Bend);
@@ -260,6 +280,15 @@ impl Pipeline {
             shortest = shortest.max(lost / correction::drawn_length(path.shape.segments()));
         }
         clock.lap("bend");
+        let sensitivity = projection.sensitivity(&ink, &settings.pose_uncertainty);
+        clock.lap("sensitivity");
+        let outline = with_pictures
+            .then(|| frame_outline(&projection, &ink, settings.correction.tolerance))
+            .transpose()
+            .map_err(|error| rejected(checks::above_lens(error.at)))?;
+        if with_pictures {
+            clock.lap("frame");
+        }
 
         steps.at(Step::Measure);
         let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
@@ -284,6 +313,7 @@ impl Pipeline {
         notices.extend(pattern::losses(&drawing, profile));
         clock.lap("write");
 
+        let frame = outline.map(|drawing| FrameDrawing { drawing, profile });
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_pictures.then(|| {
             steps.at(Step::Preview);
@@ -337,6 +367,7 @@ impl Pipeline {
             map: map_report,
             quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
             exposure: (&exposure).into(),
+            sensitivity: Some(SensitivityReport::new(&sensitivity, &settings.pose_uncertainty)),
             output: output_report(&dxf, &drawing, shortening, settings),
             changes,
             notices,
@@ -352,7 +383,7 @@ impl Pipeline {
             ink: placed.with_layers(is_ink),
             map,
         });
-        Ok(Corrected { dxf, drawing, profile, report, preview, marked, landmarks })
+        Ok(Corrected { dxf, drawing, profile, report, preview, marked, landmarks, frame })
     }
 }
 

@@ -19,6 +19,10 @@ use crate::geometry::surface::fit::FittedSurface;
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
+mod sensitivity;
+
+pub use sensitivity::{EffectReport, MisplacedReport, Movement, SensitivityReport, UncertaintyReport};
+
 /// Name and version of the JSON form.
 pub const SCHEMA: &str = "isomark.report/1";
 /// Maximum number of changes in the summary.
@@ -47,6 +51,9 @@ pub struct Report {
     pub quality: Quality,
     /// The part under the ink, as the beam reaches it.
     pub exposure: ExposureReport,
+    /// What a misplaced part does to the mark; absent in reports of older programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity: Option<SensitivityReport>,
     /// The corrected drawing.
     pub output: OutputReport,
     /// The differences from the drawing that the new one replaces.
@@ -653,6 +660,7 @@ impl Report {
             "surface       within {:.4} mm of the {measured} under the ink; the beam hits it at up to {:.0} deg",
             self.part.residual.under_ink_mm, self.exposure.incidence_deg,
         ));
+        lines.extend(self.sensitivity.iter().flat_map(SensitivityReport::lines));
         if let Some(scan) = scan {
             let what = if self.part.facts.triangles > 0 { "mesh, smoothed as a scan" } else { "scan" };
             lines.push(format!("{what}: {}", scan.summary()));

@@ -62,6 +62,9 @@ pub(super) struct CorrectArguments {
     /// Any browser shows it, without a network.
     #[arg(long, value_name = "FILE.html")]
     report_html: Option<PathBuf>,
+    /// Writes the outline of the ink and its box, as they are on the part, for the pilot beam: trace it before marking.
+    #[arg(long, value_name = "FILE.dxf")]
+    frame_drawing: Option<PathBuf>,
     /// Prints the report, or the reason of a refusal, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
@@ -74,6 +77,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--preview", arguments.preview.as_ref()),
         ("--on-part", arguments.on_part.as_ref()),
         ("--report-html", arguments.report_html.as_ref()),
+        ("--frame-drawing", arguments.frame_drawing.as_ref()),
     ];
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
@@ -82,6 +86,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--preview", arguments.preview.as_ref(), "svg", "an SVG picture"),
         ("--on-part", arguments.on_part.as_ref(), "glb", "a binary glTF file"),
         ("--report-html", arguments.report_html.as_ref(), "html", "an HTML page"),
+        ("--frame-drawing", arguments.frame_drawing.as_ref(), "dxf", "a DXF drawing"),
     ];
     for (option, file, ending, kind) in pictures {
         check_ending(option, file, ending, kind)?;
@@ -89,8 +94,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let previous = replaced(&arguments.out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
-    let with_pictures =
-        arguments.preview.is_some() || arguments.on_part.is_some() || arguments.report_html.is_some();
+    let with_pictures = pictures.iter().any(|(_, file, ..)| file.is_some());
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
@@ -103,6 +107,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let json = corrected.report.to_json().map_err(|error| Failure::environment(&error.into()))?;
     if let Some(path) = &arguments.report {
         write_file(path, json.as_bytes())?;
+    }
+    if let (Some(path), Some(frame)) = (&arguments.frame_drawing, &corrected.frame) {
+        write_file(path, &frame.dxf())?;
     }
     let shows_heights = arguments.write_pictures(&job, &corrected)?;
     if arguments.json {

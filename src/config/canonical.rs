@@ -69,6 +69,8 @@ pub fn drawing(settings: &JobSettings) -> String {
         placement,
         correction,
         fixture,
+        // It is reported.
+        pose_uncertainty: _,
         optics,
         // Its size is only a limit; its middle is part of the lens' axis.
         field: _,
@@ -140,6 +142,8 @@ impl Text {
             ink_layers,
             picture,
             joining_tolerance,
+            // It makes the report warn.
+            overlap: _,
             strict,
             // It decides whether there is a drawing.
             losses: _,
@@ -245,6 +249,10 @@ impl Text {
             axis: _,
             // It makes the report warn.
             focus_depth: _,
+            // It makes the report warn.
+            spot: _,
+            // It decides whether there is a drawing.
+            shadow: _,
             // They make the report note or warn, or decide whether there is a drawing.
             incidence: _,
         } = optics;

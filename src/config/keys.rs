@@ -23,6 +23,9 @@ use crate::geometry::surface::scan;
 
 /// Coordinates beyond this are outside of any station, mm; the unit is probably wrong.
 const FARTHEST: f64 = 10_000.0;
+/// Largest uncertainty of a part's position, mm, and of its turn, deg. Beyond them, effects are not proportional any more.
+const FARTHEST_OFF: f64 = 10.0;
+const MOST_TURNED: f64 = 10.0;
 
 /// Gaps that may be joined, mm.
 const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
@@ -72,6 +75,7 @@ pub(super) struct PatternKeys {
     threshold_percent: Option<Spanned<f64>>,
     invert: Option<bool>,
     joining_mm: Option<Spanned<f64>>,
+    overlap_mm: Option<Spanned<f64>>,
     strict: Option<bool>,
     losses: Option<Losses>,
 }
@@ -429,6 +433,9 @@ impl PatternKeys {
             picture.threshold = text.number("pattern.threshold_percent", &threshold, range, "%")? / 100.0;
         }
         picture.inverted = self.invert.unwrap_or(picture.inverted);
+        if let Some(overlap) = self.overlap_mm {
+            to.pattern.overlap = text.number("pattern.overlap_mm", &overlap, 0.0..=1e6, "mm")?;
+        }
         if let Some(joining) = self.joining_mm {
             to.pattern.joining_tolerance = text.number("pattern.joining_mm", &joining, JOINING, "mm")?;
         }
@@ -554,6 +561,9 @@ pub(super) struct FixtureKeys {
     y_mm: Option<Spanned<f64>>,
     z_mm: Option<Spanned<f64>>,
     rotation_deg: Option<Spanned<f64>>,
+    uncertainty_mm: Option<Spanned<f64>>,
+    uncertainty_z_mm: Option<Spanned<f64>>,
+    uncertainty_deg: Option<Spanned<f64>>,
 }
 
 impl FixtureKeys {
@@ -572,6 +582,19 @@ impl FixtureKeys {
             let range = -360.0..=360.0;
             fixture.rotation = text.number("fixture.rotation_deg", &rotation, range, "deg")?.to_radians();
         }
+        let mut known = to.pose_uncertainty;
+        if let Some(sideways) = self.uncertainty_mm {
+            known.sideways = text.number("fixture.uncertainty_mm", &sideways, 0.0..=FARTHEST_OFF, "mm")?;
+            known.height = known.sideways;
+        }
+        if let Some(height) = self.uncertainty_z_mm {
+            known.height = text.number("fixture.uncertainty_z_mm", &height, 0.0..=FARTHEST_OFF, "mm")?;
+        }
+        if let Some(turn) = self.uncertainty_deg {
+            known.turn =
+                text.number("fixture.uncertainty_deg", &turn, 0.0..=MOST_TURNED, "deg")?.to_radians();
+        }
+        to.pose_uncertainty = known;
         Ok(())
     }
 }
@@ -584,6 +607,8 @@ pub(super) struct OpticsKeys {
     lens_distance_y_mm: Option<Spanned<f64>>,
     axis_mm: Option<Spanned<Numbers<2>>>,
     focus_depth_mm: Option<Spanned<f64>>,
+    spot_mm: Option<Spanned<f64>>,
+    shadow_mm: Option<Spanned<f64>>,
     incidence_note_deg: Option<Spanned<f64>>,
     incidence_warn_deg: Option<Spanned<f64>>,
     incidence_refuse_deg: Option<Spanned<f64>>,
@@ -602,6 +627,12 @@ impl OpticsKeys {
         to.optics.axis = self.axis(text, to.optics.lens)?;
         if let Some(depth) = &self.focus_depth_mm {
             to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);
+        }
+        if let Some(spot) = &self.spot_mm {
+            to.optics.spot = Some(text.number("optics.spot_mm", spot, 0.001..=10.0, "mm")?);
+        }
+        if let Some(shadow) = &self.shadow_mm {
+            to.optics.shadow = text.number("optics.shadow_mm", shadow, 0.0..=1000.0, "mm")?;
         }
         to.optics.incidence = self.incidence(text, to.optics.incidence)?;
         Ok(())

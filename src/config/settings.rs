@@ -9,6 +9,7 @@ use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::primitive::Primitive;
+use crate::geometry::sensitivity::PoseUncertainty;
 use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, MarkingFrame, View, ViewPoint};
 use crate::geometry::surface::scan::Smoothing;
 use nalgebra::Vector2;
@@ -27,6 +28,8 @@ pub struct JobSettings {
     pub correction: CorrectionSettings,
     /// Where the part is under the laser.
     pub fixture: Fixture,
+    /// How well that position is known; all zero where the settings state nothing.
+    pub pose_uncertainty: PoseUncertainty,
     /// The lens and its limits.
     pub optics: Optics,
     /// The marking software's working area; `None` leaves the drawing's size unchecked.
@@ -162,6 +165,8 @@ pub struct PatternSettings {
     pub picture: RasterOptions,
     /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
     pub joining_tolerance: f64,
+    /// Length of lines on lines above which the report warns that they are marked twice, mm.
+    pub overlap: f64,
     /// Keeps the drawing unchanged, with warnings in place of repairs.
     pub strict: bool,
     /// What is done when visible ink on an ink layer cannot be read.
@@ -173,7 +178,7 @@ impl Default for PatternSettings {
         let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, .. } =
             PatternOptions::default();
         let losses = Losses::default();
-        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, strict, losses }
+        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, overlap: 0.1, strict, losses }
     }
 }
 
@@ -298,7 +303,7 @@ impl FromIterator<Slip> for AsPrinted {
 }
 
 /// The lens and the limits of what it can mark.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Optics {
     /// How the lens projects.
@@ -307,8 +312,25 @@ pub struct Optics {
     pub axis: Option<FieldPoint>,
     /// Whole range of heights that is in focus, mm; `None` leaves it unchecked.
     pub focus_depth: Option<f64>,
+    /// Width of a marked line, mm; `None` leaves the distances of lines unchecked.
+    pub spot: Option<f64>,
+    /// How far another part of the body may rise into the beam before ink is refused as hidden, mm.
+    pub shadow: f64,
     /// Limits of the angle between the beam and the surface's normal.
     pub incidence: IncidenceLimits,
+}
+
+impl Default for Optics {
+    fn default() -> Self {
+        Self {
+            lens: Lens::default(),
+            axis: None,
+            focus_depth: None,
+            spot: None,
+            shadow: 0.1,
+            incidence: IncidenceLimits::default(),
+        }
+    }
 }
 
 /// Limits of the angle between the beam and the surface's normal, rad, in rising order.

@@ -73,7 +73,7 @@ pub struct AboveLens {
 
 impl Projection<'_> {
     /// The point of the part onto which a point of the drawing is mapped: in the view, and in the laser's frame, mm.
-    fn landing(&self, at: FlatPoint) -> (ViewPoint, Point3<f64>) {
+    pub(super) fn landing(&self, at: FlatPoint) -> (ViewPoint, Point3<f64>) {
         let view = self.map.point(at);
         let height = self.surface.nurbs.height(view) + self.surface.difference(view);
         (view, self.fixture.point(Point3::new(view.x, view.y, height)))

@@ -116,11 +116,13 @@ pub enum PictureKind {
     OnPart,
     /// The report as a page for people, HTML.
     Page,
+    /// The outline of the ink and its box for the pilot beam, DXF.
+    Frame,
 }
 
 impl PictureKind {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Preview, Self::OnPart, Self::Page];
+    pub const ALL: [Self; 4] = [Self::Preview, Self::OnPart, Self::Page, Self::Frame];
 
     /// What follows the drawing's name in the name of the file.
     #[must_use]
@@ -129,6 +131,7 @@ impl PictureKind {
             Self::Preview => "preview.svg",
             Self::OnPart => "on-part.glb",
             Self::Page => "report.html",
+            Self::Frame => "frame.dxf",
         }
     }
 }

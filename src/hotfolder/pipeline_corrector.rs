@@ -13,7 +13,7 @@ use crate::hotfolder::api::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PictureKind,
     Sketch,
 };
-use crate::pipeline::{Corrected, LearnedPart, Marked, PatternInput, Pipeline, PipelineError};
+use crate::pipeline::{Corrected, FrameDrawing, LearnedPart, Marked, PatternInput, Pipeline, PipelineError};
 use crate::preview::{Backdrop, OnPart, Preview, glb, svg, svg_on};
 use crate::reason::Reason;
 use crate::report::Report;
@@ -62,6 +62,7 @@ struct Pictures {
     preview: Preview,
     marked: Marked,
     landmarks: Landmarks,
+    frame: FrameDrawing,
     report: Report,
     /// Whether the second reader has checked the drawing.
     read_back: AtomicBool,
@@ -79,6 +80,7 @@ impl Pictures {
             preview: corrected.preview.take()?,
             marked: corrected.marked.take()?,
             landmarks: corrected.landmarks.take()?,
+            frame: corrected.frame.take()?,
             report: corrected.report.clone(),
             read_back: AtomicBool::new(false),
             panels: OnceLock::new(),
@@ -98,6 +100,7 @@ impl Pictures {
             PictureKind::Preview => self.panels().as_bytes().to_vec(),
             PictureKind::OnPart => self.on_part().1.clone(),
             PictureKind::Page => self.page().into_bytes(),
+            PictureKind::Frame => self.frame.dxf(),
         }
     }
 

@@ -1,9 +1,11 @@
 //! The checks of a job: every reason for rejection and every warning, with its number and remedy.
 
 mod exposure;
+mod lines;
 mod map;
 
-pub(super) use exposure::exposure;
+pub(super) use exposure::{exposure, hidden};
+pub(super) use lines::close_lines;
 pub(super) use map::{map_reason, quality, settled, uncertain, unrolled};
 
 use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku};

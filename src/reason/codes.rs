@@ -320,6 +320,12 @@ const CODES: &[Code] = &[
         "Assign a hatch to the closed contours in the marking software if the areas are to be filled.",
     ]),
     notice([
+        "finer-than-spot",
+        "Lines are closer together than the spot is wide.",
+        "The marked line is as wide as `spot_mm` under [optics]. Lines that are drawn closer together than that merge into one, which is marked with more energy.",
+        "Draw the lines farther apart, or as one line. Correct `spot_mm` if the laser marks finer lines.",
+    ]),
+    notice([
         "flat-side",
         "The laser looks at a flat side of the part, and a curved side is probably meant.",
         "Without another setting the laser looks at the top of the part, +z. Here that side is flat, such as the lid of \
@@ -469,6 +475,12 @@ const CODES: &[Code] = &[
          Marks get slightly wider and paler there.",
         "Nothing to do. Place the drawing where the part faces the laser if the mark must look even.",
     ]),
+    reason([
+        "ink-hidden",
+        "Another part of the body is between the lens and the ink.",
+        "Through a perspective lens the beam is oblique away from the lens axis. The beam to some of the ink would meet another part of the body first, such as a step or a rim, and mark that. The number is how far the part rises above the beam.",
+        "Move the drawing away from the step, move the part towards the lens axis, or turn the part. `shadow_mm` under [optics] is the limit.",
+    ]),
     notice([
         "ink-layer-missing",
         "The settings name an ink layer that the drawing does not have.",
@@ -541,6 +553,12 @@ const CODES: &[Code] = &[
         "A body, group or material named `mark` bounds where ink may be. Other spellings, such as `MARK`, or `mark.001` as \
          Blender names copies, have no effect, because they may be names of something else.",
         "Name the faces `mark` if they are meant to bound the ink, and export again.",
+    ]),
+    notice([
+        "marked-twice",
+        "Lines of the drawing are on other lines.",
+        "The laser marks these stretches more than once, which makes them darker and deeper. Often a contour was copied, or the common side of two shapes is drawn with each of them. `overlap_mm` under [pattern] is the length above which this is reported.",
+        "Remove the copies in the drawing program.",
     ]),
     reason([
         "mesh-buffer-missing",

@@ -10,7 +10,7 @@ use super::spots::{SpotLabel, Spots, ValueLabels, rounded, to_decimals};
 use crate::geometry::space::View;
 use crate::preview::{OnPart, PartSource, PreviewPath, stretch_colors, stretch_range_text};
 use crate::reason::{Notice, Severity};
-use crate::report::{DistortionReport, FrameReport, FrameSource, MapReport, Report};
+use crate::report::{DistortionReport, FrameReport, FrameSource, MapReport, Report, SensitivityReport};
 
 /// Room for notices, changes, and entities that are not marked, bytes: the rest is in the report in JSON.
 const NOTICE_BYTES: usize = 9_000;
@@ -253,6 +253,27 @@ fn values(body: &mut Markup, report: &Report, labels: &ValueLabels) {
             place: None,
         },
     ];
+    let sideways = report.sensitivity.as_ref().and_then(SensitivityReport::sideways);
+    values.extend(sideways.map(|effect| Value {
+        name: "Misplaced by 0.1 mm",
+        before: None,
+        now: format!("{:.3}", effect.length_mm),
+        unit: "mm",
+        note: format!("of length, and the mark moves by {:.2} mm on the part", effect.moved_mm),
+        place: None,
+    }));
+    let expected = report.sensitivity.as_ref().and_then(|sensitivity| sensitivity.expected);
+    values.extend(expected.map(|effect| Value {
+        name: "Error to expect",
+        before: None,
+        now: format!("{:.3}", effect.length_mm),
+        unit: "mm",
+        note: format!(
+            "of length and {:.2} mm of position, from the uncertainty of the fixture",
+            effect.moved_mm
+        ),
+        place: None,
+    }));
     if after.area_mm2 > 0.0 {
         values.insert(
             1,

@@ -55,6 +55,7 @@ const OTHERS: &[&str] = &[
     "--preview",
     "--on-part",
     "--report-html",
+    "--frame-drawing",
     "--json",
     "--set",
     "--help",

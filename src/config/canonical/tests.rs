@@ -4,6 +4,7 @@ use super::*;
 use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
+use crate::geometry::sensitivity::PoseUncertainty;
 use crate::geometry::space::{FlatPoint, MarkingFrame, ViewPoint};
 
 /// The digits are those that Python's `struct.pack(">d", value).hex()` gives.
@@ -69,6 +70,7 @@ pub(crate) fn everything() -> JobSettings {
             ink_layers: Some(vec!["Schr\u{c4}g".into(), "cut 2:x".into(), "schr\u{e4}g".into()]),
             picture: RasterOptions { width: Some(40.0), height: Some(20.0), threshold: 0.25, inverted: true },
             joining_tolerance: 0.05,
+            overlap: 3.0,
             strict: true,
             losses: Losses::Warn,
         },
@@ -97,10 +99,13 @@ pub(crate) fn everything() -> JobSettings {
             max_residual: 0.2,
         },
         fixture: Fixture { x: 1.0, y: -60.0, z: 4.0, rotation: 0.2 },
+        pose_uncertainty: PoseUncertainty { sideways: 0.1, height: 0.2, turn: 0.01 },
         optics: Optics {
             lens: Lens::Perspective { x: 163.0, y: 172.0 },
             axis: None,
             focus_depth: Some(3.0),
+            spot: Some(0.05),
+            shadow: 2.0,
             incidence: IncidenceLimits { note: 0.1, warn: 0.2, refuse: 0.3 },
         },
         field: Some(Field { width: 110.0, height: 90.0, origin: FieldOrigin::Corner }),

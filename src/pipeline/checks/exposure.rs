@@ -1,6 +1,8 @@
 //! What the laser does to the corrected ink: incidence, focus, field, and what is known of the surface under it.
 
 use super::{above_lens, off_surface, span};
+use crate::geometry::correction::Projection;
+use crate::geometry::space::ViewPoint;
 use crate::pipeline::causes::Cause;
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{CachedSurface, Exposure, Ink, JobSettings};
@@ -74,6 +76,34 @@ fn incidence(
         notices.push(Notice::note("inclined", text).at_places(lift.point(at)));
     }
     Ok(())
+}
+
+/// Rejects ink in the shadow of another part of the body.
+pub(in crate::pipeline) fn hidden(
+    projection: &Projection<'_>,
+    ink: &Ink,
+    settings: &JobSettings,
+    lift: Lift,
+) -> Result<(), Reason> {
+    let limit = settings.optics.shadow;
+    let Some(hidden) = projection.hidden(ink, limit) else { return Ok(()) };
+    let at = |place: ViewPoint| match lift.point(place) {
+        Some([x, y, z]) => format!("({x:.2}, {y:.2}, {z:.2}) mm of the part"),
+        None => format!("({:.2}, {:.2}) mm of the view", place.x, place.y),
+    };
+    Err(Reason::new(
+        "ink-hidden",
+        format!(
+            "{:.1} % of the ink is in the shadow of another part of the body: at {} the beam is blocked by what is at {}.",
+            100.0 * hidden.share,
+            at(hidden.at),
+            at(hidden.behind)
+        ),
+        "Move the drawing (`place_mm`, `--place`) away from the step, move the part towards the lens axis (`x_mm`, `y_mm` under \
+         [fixture]), or turn the part. `shadow_mm` under [optics] is the limit.",
+    )
+    .at(Place { coordinate: Some(vec![hidden.at.x, hidden.at.y]), ..Place::default() })
+    .with_number("height above the beam", hidden.rises, "mm", Some(limit)))
 }
 
 fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
