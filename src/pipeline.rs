@@ -71,6 +71,8 @@ const QUICK_BYTES: usize = 2 << 20;
 
 /// Stands between the program and the SKU in a corrected drawing's first comment.
 const CORRECTED_FOR: &str = ", corrected for SKU ";
+/// The second comment of a frame drawing.
+const FRAME_USE: &str = "Trace it with the pilot beam; do not mark it";
 /// The comments of a corrected drawing are within this many bytes of its beginning.
 const LENGTH_OF_HEAD: usize = 4096;
 
@@ -259,8 +261,9 @@ impl Pipeline {
         checks::exposure(&exposure, part, lift, &ink, settings, &mut notices).map_err(rejected)?;
         checks::hidden(&projection, &ink, settings, lift).map_err(rejected)?;
         notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
-        notices.extend(checks::close_lines(&ink, &map, settings, lift));
         clock.lap("check");
+        notices.extend(checks::close_lines(&ink, &map, settings, lift));
+        clock.lap("check lines");
 
         steps.at(Step::Bend);
         let subdivision = match settings.correction.vertices {
@@ -313,7 +316,15 @@ impl Pipeline {
         notices.extend(pattern::losses(&drawing, profile));
         clock.lap("write");
 
-        let frame = outline.map(|drawing| FrameDrawing { drawing, profile });
+        let frame = outline.map(|mut drawing| {
+            if settings.output.comments {
+                drawing.comments = vec![
+                    format!("Frame drawing by {}, for {} of SKU {}", program(), input.name, sku),
+                    FRAME_USE.into(),
+                ];
+            }
+            FrameDrawing { drawing, profile }
+        });
         let changes = input.previous.and_then(|previous| changes(previous, &dxf));
         let preview = with_pictures.then(|| {
             steps.at(Step::Preview);

@@ -1,16 +1,18 @@
 //! Lines of a drawing that are too close together: marked twice, or closer than the laser's spot can separate.
 
-use std::collections::BTreeMap;
-
 use nalgebra::Vector2;
 
 use super::ink::{Ink, Piece};
 use super::space::FlatPoint;
 
-/// Two lines no farther apart than this, mm, are one line that is marked twice: half of the finest laser spot.
-const SAME_LINE: f64 = 0.01;
+/// Two lines no farther apart than this, mm, and parallel to within this angle, rad, are one line that is marked twice. Both are
+/// larger for curves, whose pieces are chords.
+const SAME_LINE: f64 = 0.002;
+const SAME_DIRECTION: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Lines that differ by a larger angle, rad, cross and do not run beside each other.
 const PARALLEL: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// Pieces that turn by a larger angle, rad, meet at a corner and are not on a curve.
+const CORNER: f64 = 0.6;
 /// More pieces than this in the neighbourhood of one are not compared with it: so dense a drawing is a fill.
 const MOST_NEIGHBOURS: usize = 400;
 
@@ -27,44 +29,58 @@ pub struct CloseLines {
 }
 
 impl Ink {
-    /// Compares every piece of a line with the pieces round it. Distances up to `within` mm are of interest.
+    /// Compares every piece of a line with the pieces round it. Distances up to `within` mm are searched; 0 searches only for
+    /// lines on lines.
     ///
     /// Pieces that follow each other along a line are no neighbours: each starts where the other ends. A line that turns back
     /// on itself is marked twice.
     pub fn close_lines(&self, within: f64) -> CloseLines {
-        let reach = within.max(SAME_LINE);
+        let turns = self.turns();
+        let sharpest = turns.iter().copied().fold(0.0, f64::max);
         let longest = self.pieces.iter().map(Piece::length).fold(0.0, f64::max);
-        let cell = longest / 2.0 + reach;
+        let reach = within.max(SAME_LINE + longest * sharpest / 4.0);
+        // The middles of two pieces that are near each other are in the same cell or in neighbouring ones.
+        let cell = longest + reach;
         if !(cell > 0.0 && cell.is_finite()) {
             return CloseLines::default();
         }
-        let cell_of = |at: FlatPoint| [(at.x / cell).floor() as i64, (at.y / cell).floor() as i64];
-        // A piece reaches less than one cell from its middle, so pieces near each other are at most two cells apart.
-        let mut cells: BTreeMap<[i64; 2], Vec<u32>> = BTreeMap::new();
-        for (index, piece) in self.pieces.iter().enumerate() {
-            cells.entry(cell_of(piece.from.lerp(piece.to, 0.5))).or_default().push(index as u32);
-        }
+        let cell_of = |piece: &Piece| {
+            let at = piece.from.lerp(piece.to, 0.5);
+            [(at.y / cell).floor() as i64, (at.x / cell).floor() as i64]
+        };
+        let mut by_cell: Vec<([i64; 2], u32)> =
+            self.pieces.iter().enumerate().map(|(index, piece)| (cell_of(piece), index as u32)).collect();
+        by_cell.sort_unstable();
+        let in_row = |row: i64, column: i64| {
+            let from = by_cell.partition_point(|(at, _)| *at < [row, column - 1]);
+            let to = by_cell.partition_point(|(at, _)| *at < [row, column + 2]);
+            &by_cell[from..to]
+        };
         let mut found = CloseLines::default();
         let (mut run, mut run_start, mut longest_run) = (0.0f64, None, 0.0f64);
         for (index, piece) in self.pieces.iter().enumerate() {
-            let [column, row] = cell_of(piece.from.lerp(piece.to, 0.5));
-            let block = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| [column + dx, row + dy]));
-            let near: Vec<u32> = block.filter_map(|at| cells.get(&at)).flatten().copied().collect();
-            if near.len() > MOST_NEIGHBOURS {
+            let [row, column] = cell_of(piece);
+            let rows = [row - 1, row, row + 1].map(|row| in_row(row, column));
+            if rows.iter().map(|row| row.len()).sum::<usize>() > MOST_NEIGHBOURS {
                 continue;
             }
             let mut covered: Vec<[f64; 2]> = Vec::new();
-            for other in near {
-                if other as usize == index {
+            for other in rows.into_iter().flatten().map(|(_, other)| *other as usize) {
+                if other == index {
                     continue;
                 }
-                let Some(beside) = Beside::of(piece, &self.pieces[other as usize], reach) else { continue };
-                if beside.distance <= SAME_LINE {
+                let Some(beside) = Beside::of([piece, &self.pieces[other]], [turns[index], turns[other]])
+                else {
+                    continue;
+                };
+                if beside.is_same {
                     // Of two pieces one above the other, the later one is the second mark.
-                    if (other as usize) < index {
+                    if other < index {
                         covered.push(beside.along);
                     }
-                } else if found.finest.is_none_or(|(finest, _)| beside.distance < finest) {
+                } else if beside.distance <= within
+                    && found.finest.is_none_or(|(finest, _)| beside.distance < finest)
+                {
                     found.finest = Some((beside.distance, piece.from.lerp(piece.to, 0.5)));
                 }
             }
@@ -86,21 +102,43 @@ impl Ink {
     }
 }
 
+impl Ink {
+    /// By how much the curve of each piece turns along it, rad: the angle to the next or the last piece, unless there is a corner.
+    fn turns(&self) -> Vec<f64> {
+        let mut turns = vec![0.0f64; self.pieces.len()];
+        for (index, pair) in self.pieces.windows(2).enumerate() {
+            let [piece, next] = [pair[0], pair[1]];
+            if piece.to == next.from {
+                let turn = (piece.to - piece.from).angle(&(next.to - next.from));
+                if turn < CORNER {
+                    turns[index] = turns[index].max(turn);
+                    turns[index + 1] = turn;
+                }
+            }
+        }
+        turns
+    }
+}
+
 /// A piece beside another one.
 struct Beside {
     /// Largest distance between the two where they run beside each other, mm.
     distance: f64,
     /// From where to where along the first piece, mm.
     along: [f64; 2],
+    /// Whether they are on one line.
+    is_same: bool,
 }
 
 impl Beside {
-    /// `None` if the two are farther apart, not nearly parallel, or only touch.
-    fn of(piece: &Piece, other: &Piece, within: f64) -> Option<Self> {
+    /// The second piece beside the first; `turns` are the angles by which the curves of both turn along them, rad. `None` if the
+    /// two are not nearly parallel, only touch, or cross.
+    fn of([piece, other]: [&Piece; 2], turns: [f64; 2]) -> Option<Self> {
         let length = piece.length();
         let along: Vector2<f64> = (piece.to - piece.from) / length;
         let direction = (other.to - other.from) / other.length();
-        if along.perp(&direction).abs() > PARALLEL.sin() {
+        let angle = along.perp(&direction).abs();
+        if angle > PARALLEL.sin() {
             return None;
         }
         let place = |at: FlatPoint| {
@@ -118,11 +156,17 @@ impl Beside {
         }
         let across = |at: f64| start[1] + (end[1] - start[1]) * (at - start[0]) / (end[0] - start[0]);
         let (first, last) = (across(from), across(to));
-        // Lines that cross or meet here do not run beside each other, unless they are the same line.
         let distance = first.abs().max(last.abs());
-        let is_beside =
-            distance <= SAME_LINE || first * last > 0.0 && first.abs().min(last.abs()) > SAME_LINE;
-        (is_beside && distance <= within).then_some(Self { distance, along: [from, to] })
+        // The arc over a chord of length l that turns by θ is l·θ/8 high.
+        let turn = turns[0] + turns[1];
+        let same = SAME_LINE + length.max(other.length()) * turn / 8.0;
+        // A line and an arc that leaves it, or two curves that touch, have different curvatures.
+        let curvatures = [turns[0] / length, turns[1] / other.length()];
+        let is_alike = (curvatures[0] - curvatures[1]).abs() * length <= SAME_DIRECTION + turn / 8.0;
+        let is_same = is_alike && distance <= same && angle <= SAME_DIRECTION + turn / 2.0;
+        // Lines that cross or meet here do not run beside each other.
+        let is_beside = first * last > 0.0 && first.abs().min(last.abs()) > same;
+        (is_same || is_beside).then_some(Self { distance, along: [from, to], is_same })
     }
 }
 

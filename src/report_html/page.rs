@@ -244,14 +244,6 @@ fn values(body: &mut Markup, report: &Report, labels: &ValueLabels) {
             note: "largest distance between fit and part under the ink".to_owned(),
             place: labels.residual.as_ref(),
         },
-        Value {
-            name: "Warnings",
-            before: None,
-            now: warnings(report).to_string(),
-            unit: "",
-            note: format!("and {notes} {}", if notes == 1 { "note" } else { "notes" }),
-            place: None,
-        },
     ];
     let sideways = report.sensitivity.as_ref().and_then(SensitivityReport::sideways);
     values.extend(sideways.map(|effect| Value {
@@ -274,6 +266,14 @@ fn values(body: &mut Markup, report: &Report, labels: &ValueLabels) {
         ),
         place: None,
     }));
+    values.push(Value {
+        name: "Warnings",
+        before: None,
+        now: warnings(report).to_string(),
+        unit: "",
+        note: format!("and {notes} {}", if notes == 1 { "note" } else { "notes" }),
+        place: None,
+    });
     if after.area_mm2 > 0.0 {
         values.insert(
             1,
