@@ -258,7 +258,8 @@ impl Pipeline {
         let exposure = projection.expose(&ink);
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
-        checks::exposure(&exposure, part, lift, &ink, settings, &mut notices).map_err(rejected)?;
+        checks::exposure(&exposure, &projection, part, lift, &ink, settings, &mut notices)
+            .map_err(rejected)?;
         checks::hidden(&projection, &ink, settings, lift).map_err(rejected)?;
         notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
         clock.lap("check");
@@ -272,7 +273,7 @@ impl Pipeline {
         };
         let Bent { mut drawing, shortening, .. } = projection
             .bend(&placed, settings.correction.tolerance, subdivision)
-            .map_err(|error| rejected(checks::above_lens(error.at)))?;
+            .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
         let marked = placed.paths.iter().zip(&shortening);
         let marked = marked.filter(|(path, _)| {
             placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))

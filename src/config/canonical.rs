@@ -262,6 +262,9 @@ impl Text {
                 self.numbers("optics.lens_distances_mm", [*x, *y]);
                 self.numbers("optics.axis_mm", settings.scan_head().axis.coords().into());
             }
+            Lens::Measured(lens) => {
+                self.word("optics.lens_table", Some(format!("{:016x}", lens.fingerprint())));
+            }
         }
     }
 

@@ -215,15 +215,17 @@ impl Smoothing {
     }
 }
 
-choices! {
-    /// Where the marking field has its zero.
-    FieldOrigin, "origin" {
-        /// In the middle.
-        #[default]
-        Center = "center",
-        /// In the lower left corner.
-        Corner = "corner",
-    }
+/// Where the marking field has its zero.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
+pub enum FieldOrigin {
+    /// In the middle.
+    #[default]
+    Center,
+    /// In the lower left corner.
+    Corner,
+    /// At this point, mm from the lower left corner.
+    At([f64; 2]),
 }
 
 choices! {

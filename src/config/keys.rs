@@ -1,6 +1,7 @@
 //! The keys of the files, as serde sees them, and what they change in a [`JobSettings`].
 
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
@@ -11,6 +12,7 @@ use super::choices::{
     Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
+use super::lens_table;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, ViewSource};
 use super::text::{Numbers, SettingsText};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
@@ -539,8 +541,7 @@ impl CorrectionKeys {
 pub(super) struct FieldKeys {
     width_mm: Spanned<f64>,
     height_mm: Spanned<f64>,
-    #[serde(default)]
-    origin: FieldOrigin,
+    origin: Option<Spanned<NameOr<Numbers<2>>>>,
 }
 
 impl FieldKeys {
@@ -548,9 +549,29 @@ impl FieldKeys {
         to.field = Some(Field {
             width: text.number("field.width_mm", &self.width_mm, 1.0..=FARTHEST, "mm")?,
             height: text.number("field.height_mm", &self.height_mm, 1.0..=FARTHEST, "mm")?,
-            origin: self.origin,
+            origin: self.origin.map_or(Ok(FieldOrigin::default()), |origin| Self::origin(text, &origin))?,
         });
         Ok(())
+    }
+
+    fn origin(text: &SettingsText, given: &Spanned<NameOr<Numbers<2>>>) -> Result<FieldOrigin, ConfigError> {
+        let point = match given.get_ref() {
+            NameOr::Name(name) => match (name.as_str(), numbers(name)) {
+                ("center", _) => return Ok(FieldOrigin::Center),
+                ("corner", _) => return Ok(FieldOrigin::Corner),
+                (_, Some(point)) => point,
+                (_, None) => {
+                    return Err(ConfigError::UnknownChoice {
+                        spot: text.spot(&given.span()),
+                        given: name.clone(),
+                        allowed: ["center", "corner", "X,Y"].map(String::from).into(),
+                    });
+                }
+            },
+            NameOr::Numbers(Numbers(point)) => *point,
+        };
+        let point = Spanned::new(given.span(), Numbers(point));
+        text.numbers("field.origin", &point, -FARTHEST..=FARTHEST, "mm").map(FieldOrigin::At)
     }
 }
 
@@ -606,6 +627,7 @@ pub(super) struct OpticsKeys {
     lens_distance_x_mm: Option<Spanned<f64>>,
     lens_distance_y_mm: Option<Spanned<f64>>,
     axis_mm: Option<Spanned<Numbers<2>>>,
+    table: Option<Spanned<PathBuf>>,
     focus_depth_mm: Option<Spanned<f64>>,
     spot_mm: Option<Spanned<f64>>,
     shadow_mm: Option<Spanned<f64>>,
@@ -622,8 +644,22 @@ enum LensKind {
 }
 
 impl OpticsKeys {
-    pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
-        to.optics.lens = self.lens(text)?;
+    /// The file of the lens table.
+    pub(super) fn table(&self) -> Option<&Spanned<PathBuf>> {
+        self.table.as_ref()
+    }
+
+    /// `table` is the file of the lens table.
+    pub(super) fn apply(
+        self,
+        text: &SettingsText,
+        table: Option<&Path>,
+        to: &mut JobSettings,
+    ) -> Result<(), ConfigError> {
+        to.optics.lens = match (&self.table, table) {
+            (Some(given), Some(table)) => self.measured_lens(text, given, table)?,
+            _ => self.lens(text)?,
+        };
         to.optics.axis = self.axis(text, to.optics.lens)?;
         if let Some(depth) = &self.focus_depth_mm {
             to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);
@@ -636,6 +672,33 @@ impl OpticsKeys {
         }
         to.optics.incidence = self.incidence(text, to.optics.incidence)?;
         Ok(())
+    }
+
+    fn measured_lens(
+        &self,
+        text: &SettingsText,
+        given: &Spanned<PathBuf>,
+        table: &Path,
+    ) -> Result<Lens, ConfigError> {
+        let others = [
+            self.kind.as_ref().map(Spanned::span),
+            self.lens_distance_x_mm.as_ref().map(Spanned::span),
+            self.lens_distance_y_mm.as_ref().map(Spanned::span),
+            self.axis_mm.as_ref().map(Spanned::span),
+        ];
+        let contradiction = |span: &Range<usize>, what, remedy| ConfigError::Contradiction {
+            spot: text.spot(span),
+            what,
+            remedy,
+        };
+        if let Some(span) = others.into_iter().flatten().next() {
+            return Err(contradiction(
+                &span,
+                "The lens is given by a table, and by other settings, too.".into(),
+                "Remove `kind`, `axis_mm` and the lens distances, or remove `table`.".into(),
+            ));
+        }
+        lens_table::load(table).map_err(|bad| contradiction(&given.span(), bad.what, bad.remedy))
     }
 
     fn lens(&self, text: &SettingsText) -> Result<Lens, ConfigError> {

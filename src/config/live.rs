@@ -21,6 +21,7 @@ pub struct LiveSettings {
     station: Station,
     /// Settings of the command line, in place of the station file's.
     overrides: Overrides,
+    /// The text of its file, followed by that of the lens table.
     station_text: String,
     skus: BTreeMap<Sku, SkuFile>,
     /// Texts that are not used, or not yet.
@@ -105,9 +106,11 @@ impl LiveSettings {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_with(file: &Path, overrides: Overrides) -> Result<Self, ConfigError> {
-        let station_text = read(file)?;
+        let text = read(file)?;
+        let station = Station::parse_with(file, &text, &overrides)?;
+        let station_text = with_lens_table(text, station.lens_table.as_deref());
         Ok(Self {
-            station: Station::parse_with(file, &station_text, &overrides)?,
+            station,
             overrides,
             station_text,
             skus: BTreeMap::new(),
@@ -131,21 +134,26 @@ impl LiveSettings {
         &self.station
     }
 
-    /// Reads the station file again. The whole text is compared, because two edits may have the same time.
+    /// Reads the station file and its lens table again. The whole texts are compared, because two edits may have the same
+    /// time.
     pub fn refresh(&mut self) {
         let file = self.station.file.clone();
         let text = match read(&file) {
-            Ok(text) if text == self.station_text => {
-                self.new_texts.remove(&file);
-                return self.resolved(&file);
-            }
-            Ok(text) if !self.is_settled(&file, &text, false) => return,
             Ok(text) => text,
             Err(error) => return self.complain(error),
         };
+        let all = with_lens_table(text.clone(), self.station.lens_table.as_deref());
+        if all == self.station_text {
+            self.new_texts.remove(&file);
+            return self.resolved(&file);
+        }
+        if !self.is_settled(&file, &all, false) {
+            return;
+        }
         match Station::parse_with(&file, &text, &self.overrides) {
             Ok(station) => {
                 self.station = station;
+                let text = with_lens_table(text, self.station.lens_table.as_deref());
                 let old = std::mem::replace(&mut self.station_text, text.clone());
                 self.resolved(&file);
                 self.events.push(SettingsEvent::StationChanged { old, new: text });
@@ -324,4 +332,12 @@ fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
 fn sku_of(path: &Path) -> Option<Sku> {
     path.extension().filter(|ending| ending.eq_ignore_ascii_case("toml"))?;
     path.file_stem()?.to_str()?.parse().ok()
+}
+
+/// A station's text, followed by that of its lens table. A table that cannot be read is like an empty one: reading the
+/// station reports it.
+fn with_lens_table(text: String, table: Option<&Path>) -> String {
+    let Some(table) = table else { return text };
+    let bytes = std::fs::read(table).unwrap_or_default();
+    format!("{text}\n# {}\n{}", table.display(), String::from_utf8_lossy(&bytes))
 }

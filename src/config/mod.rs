@@ -15,6 +15,7 @@ mod sku;
 mod settings;
 mod page;
 mod station;
+mod lens_table;
 mod keys;
 mod live;
 mod overrides;
@@ -29,6 +30,7 @@ pub use choices::{
     parse_facing,
 };
 pub use error::{ConfigError, Excerpt, Spot};
+pub use lens_table::LENS_TABLE_COLUMNS;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};

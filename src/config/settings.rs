@@ -370,6 +370,7 @@ impl Field {
         match self.origin {
             FieldOrigin::Center => Extents { min: -size / 2.0, max: size / 2.0 },
             FieldOrigin::Corner => Extents { min: Vector2::zeros(), max: size },
+            FieldOrigin::At(zero) => Extents { min: -Vector2::from(zero), max: size - Vector2::from(zero) },
         }
     }
 }

@@ -40,6 +40,8 @@ pub struct Station {
     pub log: Option<LogSettings>,
     /// The page in browsers, if there is one.
     pub page: Option<PageSettings>,
+    /// The table of a measured lens, if the lens is one.
+    pub lens_table: Option<PathBuf>,
     /// The settings of every SKU without its own file.
     pub settings: JobSettings,
 }
@@ -295,12 +297,13 @@ impl Station {
         }
         let mut settings = JobSettings::default();
         keys.field.apply(&text, &mut settings)?;
-        keys.optics.apply(&text, &mut settings)?;
+        let base = file.parent().unwrap_or(Path::new(""));
+        let lens_table = lens_table(&text, &keys.optics, base)?;
+        keys.optics.apply(&text, lens_table.as_deref(), &mut settings)?;
         keys.output.apply(&mut settings);
         JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction, keys.fixture)
             .apply(&text, &mut settings)?;
         settings.are_for_every_part();
-        let base = file.parent().unwrap_or(Path::new(""));
         let folders = keys.folders.resolve(&text, base)?;
         Ok(Self {
             name: name.into_inner(),
@@ -314,6 +317,7 @@ impl Station {
                 Ok(normal(&base.join(path.get_ref())))
             })?,
             folders,
+            lens_table,
             settings,
         })
     }
@@ -374,10 +378,18 @@ impl JobSettings {
         if let Some(field) = keys.field {
             field.apply(&text, &mut settings)?;
         }
-        keys.optics.apply(&text, &mut settings)?;
+        let lens_table = lens_table(&text, &keys.optics, Path::new(""))?;
+        keys.optics.apply(&text, lens_table.as_deref(), &mut settings)?;
         keys.output.apply(&mut settings);
         Ok((settings, keys.delivery.check(&text)?.verify))
     }
+}
+
+/// The file of the lens table, if there is one; relative paths start at `base`.
+fn lens_table(text: &SettingsText, optics: &OpticsKeys, base: &Path) -> Result<Option<PathBuf>, ConfigError> {
+    let Some(given) = optics.table() else { return Ok(None) };
+    refuse_half_absolute(text, given)?;
+    Ok(Some(normal(&base.join(given.get_ref()))))
 }
 
 /// Whether a setting of the command line holds a value of the right kind. Its range is not checked.

@@ -8,6 +8,7 @@ use crate::formats::mesh::LengthUnit;
 use crate::formats::pattern::RasterOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::{FieldPoint, FlatPoint, ViewPoint};
+use nalgebra::Point3;
 
 const NEEDED: &str = r#"
 [station]
@@ -544,6 +545,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ),
     ("optics.shadow_mm", "0.5", &[]),
     ("optics.spot_mm", "0.04", &[]),
+    ("optics.table", "../tests/data/lens.csv", &[]),
     ("output.comments", "false", &[]),
     ("output.dxf", "R12", &[]),
     ("page.address", "127.0.0.1:4781", &[]),
@@ -755,4 +757,87 @@ fn settings_of_the_command_line_hold_while_the_files_change() {
     // They stand for the station's file, which a SKU's file overrides.
     fs_err::write(folder.path().join("skus/can.toml"), "[placement]\nrotate_deg = 45").unwrap();
     assert_eq!((turn(&mut live, "can"), turn(&mut live, "mug")), (45.0, 90.0));
+}
+
+/// A lens table of 3 x 3 crosses at two heights, with one line changed by `edit`.
+fn lens_table(edit: impl Fn(&mut Vec<[String; 5]>)) -> String {
+    let places = (0..18)
+        .map(|n| (f64::from(n % 3 - 1) * 40.0, f64::from(n / 3 % 3 - 1) * 40.0, f64::from(n / 9) * 30.0));
+    let row = |(x, y, z): (f64, f64, f64)| {
+        [x, y, z, x * (1.0 - z / 300.0), y * (1.0 - z / 285.0)].map(|value| value.to_string())
+    };
+    let mut rows: Vec<[String; 5]> = places.map(row).collect();
+    edit(&mut rows);
+    let lines: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+    format!("x_mm,y_mm,z_mm,seen_x_mm,seen_y_mm\n{}\n", lines.join("\n"))
+}
+
+#[test]
+fn a_lens_table_is_checked_for_gaps_signs_and_swapped_axes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("station.toml");
+    fs_err::write(&file, format!("{NEEDED}[optics]\ntable = \"lens.csv\"\n")).unwrap();
+    let load = |table: &str| {
+        fs_err::write(folder.path().join("lens.csv"), table).unwrap();
+        Station::load(&file)
+    };
+    let sound = load(&lens_table(|_| ())).unwrap();
+    let Lens::Measured(lens) = sound.settings.optics.lens else { panic!("{sound:?}") };
+    let aim = lens.aim(Point3::new(27.0, -18.0, 30.0)).unwrap();
+    assert!((aim.x - 27.0 / 0.9).abs() < 1e-9 && (aim.y + 18.0 / (1.0 - 30.0 / 285.0)).abs() < 1e-9);
+    // A gap leaves out one cross.
+    load(&lens_table(|rows| rows[4][3].clear())).unwrap();
+    let flip = |row: &mut [String; 5]| row[4] = format!("{}", -row[4].parse::<f64>().unwrap());
+    type Edit<'a> = &'a dyn Fn(&mut Vec<[String; 5]>);
+    let cases: [(Edit, &[&str]); 8] = [
+        (
+            &|rows| rows.iter_mut().for_each(|row| row.swap(3, 4)),
+            &["x and y seem swapped", "Exchange the columns"],
+        ),
+        (&|rows| rows.iter_mut().for_each(flip), &["the sign of y seems wrong"]),
+        (
+            &|rows| rows[12][3] = "5.0".into(),
+            &["line 14", "seen_x_mm is +41.00 mm", "Measure this cross again"],
+        ),
+        (
+            &|rows| rows[5..].iter_mut().for_each(|row| row[3].clear()),
+            &["has 5 complete rows, and 8 are needed", "13 rows have empty"],
+        ),
+        (&|rows| rows.truncate(9), &["all rows have the height 0 mm", "another height"]),
+        (&|rows| rows.retain(|row| row[1] == "40"), &["complete rows"]),
+        (&|rows| rows[3][0] = "12,5".into(), &["line 5"]),
+        (&|rows| rows[3][2].clear(), &["line 5", "is empty"]),
+    ];
+    for (edit, words) in cases {
+        let reason = load(&lens_table(edit)).unwrap_err().reason();
+        for word in words {
+            assert!(reason.to_string().contains(word), "`{word}` is missing in:\n{reason}");
+        }
+    }
+    fs_err::remove_file(folder.path().join("lens.csv")).unwrap();
+    assert!(Station::load(&file).unwrap_err().reason().what.contains("lens.csv: it cannot be read"));
+    fs_err::write(&file, format!("{NEEDED}[optics]\nkind = \"telecentric\"\ntable = \"lens.csv\"\n"))
+        .unwrap();
+    assert!(Station::load(&file).unwrap_err().reason().remedy.contains("or remove `table`"));
+}
+
+#[test]
+fn a_changed_lens_table_takes_effect_and_a_broken_one_keeps_the_previous_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, table] = ["station.toml", "lens.csv"].map(|name| folder.path().join(name));
+    fs_err::write(&file, format!("{NEEDED}[optics]\ntable = \"lens.csv\"\n")).unwrap();
+    fs_err::write(&table, lens_table(|_| ())).unwrap();
+    let mut live = LiveSettings::open(&file).unwrap().at_once();
+    let first = live.station().settings.optics.lens;
+    live.refresh();
+    assert!(live.take_events().is_empty());
+    fs_err::write(&table, lens_table(|rows| rows[0][4] = "-40.1".into())).unwrap();
+    live.refresh();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::StationChanged { .. }]));
+    let second = live.station().settings.optics.lens;
+    assert_ne!(second, first);
+    fs_err::write(&table, "x_mm").unwrap();
+    live.refresh();
+    assert!(matches!(live.take_events()[..], [SettingsEvent::Broken { old_stay: true, .. }]));
+    assert_eq!(live.station().settings.optics.lens, second);
 }

@@ -22,3 +22,4 @@ pub mod mesh;
 pub mod pattern;
 pub mod surface;
 pub mod scene;
+pub mod measurements;

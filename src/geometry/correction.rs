@@ -226,6 +226,25 @@ impl Projection<'_> {
         self.subdivide(segment, halfway, to, tolerance, points)
     }
 
+    /// The fixture, moved in x and y only, with which the middle of the marked rectangle is at `middle`; `None` if the part
+    /// then reaches up to the lens.
+    pub fn centred(&self, ink: &Ink, middle: FieldPoint) -> Option<Fixture> {
+        let mut moved = *self;
+        // Each step leaves a share of about height / lens distance.
+        for _ in 0..20 {
+            let points = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+            let points = points.chain(ink.squares.iter().copied()).chain(ink.dots.iter().copied());
+            let aims: Result<Vec<_>, _> = points.map(|at| moved.aim(at).map(FieldPoint::coords)).collect();
+            let step = middle.coords() - Extents::of(aims.ok()?).center();
+            moved.fixture.x += step.x;
+            moved.fixture.y += step.y;
+            if step.norm() < 1e-4 {
+                return Some(moved.fixture);
+            }
+        }
+        None
+    }
+
     /// Checks every sample of the ink: whether there is surface, its angle and height, and its position in the field.
     pub fn expose(&self, ink: &Ink) -> Exposure {
         let mut exposure = Exposure {

@@ -1,8 +1,23 @@
-//! The position of the part under the laser, and the aim with which the marking software hits a point of it.
+//! The position of the part under the laser, the aim with which the marking software hits a point of it, and the beam that
+//! an aim sends out.
+//!
+//! ```text
+//! view ──Fixture::point──▶ laser's frame ──ScanHead::aim──▶ field        what to draw
+//! view ◀─Fixture::in_view─ laser's frame ◀─ScanHead::cast── field        what is hit
+//! ```
+//!
+//! The zero of the drawing, the zero of the field and the lens axis are three different points; [`ScanHead`] holds the
+//! only place at which the axis is used.
 
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::space::FieldPoint;
+
+mod least_squares;
+pub mod calibration;
+pub mod measured;
+
+use measured::MeasuredLens;
 
 /// The position of the part's view in the laser's frame; z = 0 is the plane in which the marking software's lens
 /// correction was calibrated.
@@ -24,6 +39,12 @@ impl Fixture {
         Point3::from(self.direction(view.coords) + Vector3::new(self.x, self.y, self.z))
     }
 
+    /// A point of the laser's frame in the view, mm: the inverse of [`point`](Self::point).
+    pub fn in_view(&self, at: Point3<f64>) -> Point3<f64> {
+        let back = Self { x: 0.0, y: 0.0, z: 0.0, rotation: -self.rotation };
+        back.point(at - Vector3::new(self.x, self.y, self.z))
+    }
+
     /// A direction of the view in the laser's frame.
     pub fn direction(&self, view: Vector3<f64>) -> Vector3<f64> {
         let (sin, cos) = self.rotation.sin_cos();
@@ -33,6 +54,10 @@ impl Fixture {
 
 /// The projection of the lens. Pincushion and barrel distortion are left to the marking software's correction file.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "a station has one lens, and its copies live as long as one job"
+)]
 pub enum Lens {
     /// The beam is parallel to the axis everywhere, so the height of the part does not shift the mark.
     #[default]
@@ -44,6 +69,8 @@ pub enum Lens {
         /// Distance from the calibrated plane to that point for y, mm.
         y: f64,
     },
+    /// The beams are those that were measured.
+    Measured(MeasuredLens),
 }
 
 impl Lens {
@@ -52,7 +79,29 @@ impl Lens {
         match self {
             Self::Telecentric => f64::INFINITY,
             Self::Perspective { x, y } => x.min(*y),
+            Self::Measured(lens) => lens.height(),
         }
+    }
+}
+
+/// A straight beam below the lens, by its height in the laser's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beam {
+    /// Where it meets the calibrated plane z = 0, mm.
+    foot: Vector2<f64>,
+    /// How far it moves sideways for each mm of height.
+    slope: Vector2<f64>,
+}
+
+impl Beam {
+    /// The point of the beam at height `z`, mm in the laser's frame.
+    pub fn at(&self, z: f64) -> Point3<f64> {
+        Point3::from((self.foot + self.slope * z).push(z))
+    }
+
+    /// Unit direction against the beam, to the laser.
+    pub fn towards(&self) -> Vector3<f64> {
+        self.slope.push(1.0).normalize()
     }
 }
 
@@ -63,7 +112,8 @@ impl Lens {
 pub struct ScanHead {
     /// The projection of the lens.
     pub lens: Lens,
-    /// Where the lens axis meets the field; not used for a telecentric lens.
+    /// Where the lens axis meets the field; not used for a telecentric lens, nor for a measured one, whose measurements
+    /// contain it.
     pub axis: FieldPoint,
 }
 
@@ -72,7 +122,8 @@ impl ScanHead {
     pub const TELECENTRIC: Self = Self { lens: Lens::Telecentric, axis: FieldPoint::new(0.0, 0.0) };
 
     /// The point of the drawing that hits a point of the laser's frame (mm): X = x·Lx/(Lx − z), and similarly for y,
-    /// with x and X measured from the lens axis. `None` if the point is as high as the lens or higher.
+    /// with x and X measured from the lens axis. `None` if the point is as high as the lens or higher, or no measured beam
+    /// reaches it.
     ///
     /// The stretch is linear in z as in Scanlab's RTC5 manual, page 176, "correction for z ≠ 0".
     pub fn aim(&self, at: Point3<f64>) -> Option<FieldPoint> {
@@ -84,7 +135,26 @@ impl ScanHead {
                 (clear_x > 0.0 && clear_y > 0.0)
                     .then(|| self.axis + Vector2::new(beside.x * x / clear_x, beside.y * y / clear_y))
             }
+            Lens::Measured(lens) => lens.aim(at),
         }
+    }
+
+    /// The beam that a point of the drawing sends out.
+    pub fn beam(&self, aim: FieldPoint) -> Beam {
+        match self.lens {
+            Lens::Telecentric => Beam { foot: aim.coords(), slope: Vector2::zeros() },
+            Lens::Perspective { x, y } => {
+                let beside = aim - self.axis;
+                Beam { foot: aim.coords(), slope: Vector2::new(-beside.x / x, -beside.y / y) }
+            }
+            Lens::Measured(lens) => lens.beam(aim),
+        }
+    }
+
+    /// The point at height `z` (mm in the laser's frame) that a point of the drawing hits: the inverse of
+    /// [`aim`](Self::aim).
+    pub fn cast(&self, aim: FieldPoint, z: f64) -> Point3<f64> {
+        self.beam(aim).at(z)
     }
 
     /// Unit direction against the beam, from a point of the laser's frame (mm) that must be below the lens.
@@ -95,12 +165,15 @@ impl ScanHead {
                 let beside = at.xy().coords - self.axis.coords();
                 Vector3::new(-beside.x / (x - at.z), -beside.y / (y - at.z), 1.0).normalize()
             }
+            Lens::Measured(lens) => lens.aim(at).map_or(Vector3::z(), |aim| lens.beam(aim).towards()),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn head(x: f64, y: f64, axis: [f64; 2]) -> ScanHead {
@@ -140,6 +213,74 @@ mod tests {
         let on_axis = Point3::new(100.0, 75.0, 20.0);
         assert_eq!(head.aim(on_axis), Some(FieldPoint::new(100.0, 75.0)));
         assert_eq!(head.towards(on_axis), Vector3::z());
+    }
+
+    #[test]
+    fn the_way_from_the_view_to_the_laser_leads_back() {
+        let fixture = Fixture { x: 5.0, y: -3.0, z: 2.0, rotation: 0.7 };
+        let point = Point3::new(1.0, 2.0, 3.0);
+        assert!((fixture.in_view(fixture.point(point)) - point).norm() < 1e-12);
+    }
+
+    fn any_head() -> impl Strategy<Value = ScanHead> {
+        let axis = [-150.0..150.0, -150.0..150.0f64];
+        (axis, 120.0..900.0f64, 0.9..1.1, 0..3u8, -0.2..0.2f64).prop_map(
+            |([x, y], near, ratio, kind, bulge)| {
+                let axis = FieldPoint::new(x, y);
+                let two_points = Lens::Perspective { x: near, y: near * ratio };
+                let lens = match kind {
+                    0 => Lens::Telecentric,
+                    1 => two_points,
+                    _ => {
+                        // The same lens, with slopes that grow faster towards the rim and a field that is not quite true.
+                        let head = ScanHead { lens: two_points, axis };
+                        let rows = grid(axis, &[-10.0, 0.0, 25.0], |aim, z| {
+                            let beside = (aim - axis) / 80.0;
+                            let rim = beside * beside.norm_squared() * bulge;
+                            head.cast(aim, z).coords.xy() + rim * (z / 25.0) + beside * 0.05
+                        });
+                        Lens::Measured(MeasuredLens::fit(&rows).unwrap().0)
+                    }
+                };
+                ScanHead { lens, axis }
+            },
+        )
+    }
+
+    /// Measurements of a lens on 9 × 7 places round the axis.
+    fn grid(
+        axis: FieldPoint,
+        heights: &[f64],
+        seen: impl Fn(FieldPoint, f64) -> Vector2<f64>,
+    ) -> Vec<measured::Sighting> {
+        let places =
+            (0..63).map(|i| axis + Vector2::new(f64::from(i % 9 - 4) * 20.0, f64::from(i / 9 - 3) * 25.0));
+        let row = |(z, aim): (f64, FieldPoint)| measured::Sighting { aim, z, seen: seen(aim, z) };
+        heights.iter().flat_map(|z| places.clone().map(|aim| (*z, aim))).map(row).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn aim_and_cast_are_inverses_for_every_lens_axis_and_fixture(
+            head in any_head(),
+            [x, y, z] in [-60.0..60.0f64, -60.0..60.0, -20.0..40.0],
+            [shift_x, shift_y, lift, rotation] in [-20.0..20.0f64, -20.0..20.0, -15.0..20.0, -3.2..3.2f64],
+        ) {
+            // A point of the part, fixed near the axis wherever the zero is.
+            let middle = head.axis;
+            let fixture = Fixture { x: middle.x + shift_x, y: middle.y + shift_y, z: lift, rotation };
+            let view = Point3::new(0.6 * x, 0.6 * y, z);
+            let at = fixture.point(view);
+            let aim = head.aim(at).unwrap();
+            prop_assert!((head.cast(aim, at.z) - at).norm() < 1e-9);
+            prop_assert!((fixture.in_view(head.cast(aim, at.z)) - view).norm() < 1e-9);
+            let again = head.aim(head.cast(aim, at.z)).unwrap();
+            prop_assert!(again.distance(aim) < 1e-9);
+            // The direction against the beam leads along it.
+            let along = head.cast(aim, at.z + 5.0) - head.cast(aim, at.z);
+            prop_assert!(head.towards(at).cross(&along).norm() < 1e-8);
+        }
     }
 
     #[test]

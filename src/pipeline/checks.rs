@@ -4,7 +4,7 @@ mod exposure;
 mod lines;
 mod map;
 
-pub(super) use exposure::{exposure, hidden};
+pub(super) use exposure::{exposure, hidden, outside_lens_table};
 pub(super) use lines::close_lines;
 pub(super) use map::{map_reason, quality, settled, uncertain, unrolled};
 
@@ -12,6 +12,7 @@ use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Patter
 use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
 use crate::formats::mesh::{PartFacts, SideFacts};
 use crate::geometry::mesh::TriMesh;
+use crate::geometry::optics::Lens;
 use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
@@ -332,6 +333,14 @@ pub(super) fn ink_layers(pattern: &Pattern, settings: &JobSettings, notices: &mu
                 layers.join(", ")
             ),
         ));
+    }
+}
+
+/// No beam reaches a point of the part.
+pub(super) fn not_reached(at: ViewPoint, settings: &JobSettings) -> Reason {
+    match settings.optics.lens {
+        Lens::Measured(_) => outside_lens_table(),
+        Lens::Telecentric | Lens::Perspective { .. } => above_lens(at),
     }
 }
 

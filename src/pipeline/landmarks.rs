@@ -1,13 +1,12 @@
 //! Places on the part, in the part frame: what a person looks for in three dimensions.
 
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::Point3;
 
 use super::{Distortion, JobSettings};
 use crate::config::PartSettings;
 use crate::geometry::correction::Exposure;
 use crate::geometry::mapping::LengthTrueMap;
-use crate::geometry::optics::{Fixture, Lens};
-use crate::geometry::space::{Extents, View, ViewPoint};
+use crate::geometry::space::{Extents, FieldPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::report_html::{Landmarks, Plane};
 
@@ -68,15 +67,10 @@ pub(super) fn landmarks(
 fn plane(area: &Extents, height: f64, view: &View, settings: &JobSettings) -> Plane {
     let Extents { min, max } = area;
     let head = settings.scan_head();
-    let shrink = match head.lens {
-        Lens::Telecentric => Vector2::new(1.0, 1.0),
-        // The beams of a rectangle come together towards the lens.
-        Lens::Perspective { x, y } => Vector2::new((x - height) / x, (y - height) / y),
-    };
-    let axis = head.axis.coords();
+    // The beams of a rectangle come together towards the lens.
     let corner = |x: f64, y: f64| {
-        let beside = (Vector2::new(x, y) - axis).component_mul(&shrink) + axis;
-        view.part_point(in_view(&settings.fixture, Point3::new(beside.x, beside.y, height))).coords.into()
+        let hit = head.cast(FieldPoint::new(x, y), height);
+        view.part_point(settings.fixture.in_view(hit)).coords.into()
     };
     Plane {
         corners: [corner(min.x, min.y), corner(max.x, min.y), corner(max.x, max.y), corner(min.x, max.y)],
@@ -85,22 +79,12 @@ fn plane(area: &Extents, height: f64, view: &View, settings: &JobSettings) -> Pl
     }
 }
 
-/// A point of the laser's frame in the view: the inverse of [`Fixture::point`].
-fn in_view(fixture: &Fixture, at: Point3<f64>) -> Point3<f64> {
-    let back = Fixture { x: 0.0, y: 0.0, z: 0.0, rotation: -fixture.rotation };
-    back.point(at - Vector3::new(fixture.x, fixture.y, fixture.z))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use nalgebra::Vector2;
 
-    #[test]
-    fn the_way_from_the_view_to_the_laser_leads_back() {
-        let fixture = Fixture { x: 5.0, y: -3.0, z: 2.0, rotation: 0.7 };
-        let point = Point3::new(1.0, 2.0, 3.0);
-        assert!((in_view(&fixture, fixture.point(point)) - point).norm() < 1e-12);
-    }
+    use super::*;
+    use crate::geometry::optics::{Fixture, Lens};
 
     #[test]
     fn the_corners_of_a_plane_aim_at_the_corners_of_its_rectangle() {

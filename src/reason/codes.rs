@@ -561,6 +561,13 @@ const CODES: &[Code] = &[
         "Remove the copies in the drawing program.",
     ]),
     reason([
+        "measurements-unreadable",
+        "A table of measurements cannot be read.",
+        "`isomark calibrate` and `isomark register` read tables with a line of column names and one line for each measurement, as \
+         spreadsheets write them. The place gives the line and the column.",
+        "Correct the cell, keep the line of column names, and save the table as CSV text.",
+    ]),
+    reason([
         "mesh-buffer-missing",
         "A `.bin` file that the part names cannot be read.",
         "A `.gltf` file stores its geometry in other files beside it.",
@@ -912,6 +919,14 @@ const CODES: &[Code] = &[
         "The corrected drawing reaches beyond the marking field.",
         "The field is the working area under [field] in the station's settings. The number is the overhang in mm.",
         "Move the drawing (`place_mm`, `--place`), or move the part with [fixture].",
+    ]),
+    both([
+        "outside-lens-table",
+        "The drawing needs beams that the lens table does not contain.",
+        "`table` under [optics] gives beams as they were measured. A drawing is rejected if it reaches more than a tenth of the \
+         measured rectangle beyond it; the number is by how much, in mm. As a warning, the ink is far above or below the \
+         measured heights.",
+        "Move the part or the drawing towards the middle of the field, or measure more crosses and add them to the table.",
     ]),
     both([
         "outside-mark",

@@ -214,7 +214,7 @@ fn a_drawing_beside_the_field_and_the_fixture_that_moves_it_there() {
     };
     stand("x_mm = 3\n");
     let refused = correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml");
-    refused.refused(1, &["remedy: Move the drawing", "under [fixture] the drawing is near the middle"]);
+    refused.refused(1, &["remedy: Move the drawing", "under [fixture] the drawing is in the middle"]);
     let offset = |axis: &str| {
         let after = refused.err.split(&format!("`{axis}_mm = ")).nth(1).unwrap();
         after.split('`').next().unwrap().parse::<f64>().unwrap()

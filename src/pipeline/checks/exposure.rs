@@ -2,6 +2,7 @@
 
 use super::{above_lens, off_surface, span};
 use crate::geometry::correction::Projection;
+use crate::geometry::optics::Lens;
 use crate::geometry::space::ViewPoint;
 use crate::pipeline::causes::Cause;
 use crate::pipeline::landmarks::Lift;
@@ -11,13 +12,14 @@ use crate::reason::{Notice, Place, Reason};
 /// Rejects ink that cannot be marked, and adds notices for ink that should be checked.
 pub(in crate::pipeline) fn exposure(
     seen: &Exposure,
+    projection: &Projection<'_>,
     part: &CachedSurface,
     lift: Lift,
     ink: &Ink,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
-    let lens = settings.scan_head().lens.height();
+    let lens = projection.head.lens.height();
     if seen.highest >= lens {
         return Err(above_lens(seen.highest_at).with_number(
             "height of the ink",
@@ -35,9 +37,10 @@ pub(in crate::pipeline) fn exposure(
             Some(0.0),
         ));
     }
+    measured_lens(seen, settings, notices)?;
     incidence(seen, lift, settings, notices)?;
     focus(seen, settings, notices);
-    field(seen, settings)?;
+    field(seen, projection, ink, settings)?;
     doubt(seen, lift, settings, notices)?;
     residual(seen, part, lift, settings, notices)
 }
@@ -119,7 +122,45 @@ fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
     }
 }
 
-fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
+/// Rejects a drawing that uses beams far outside the lens table, and warns of heights far outside its heights.
+fn measured_lens(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
+    let Lens::Measured(lens) = settings.optics.lens else { return Ok(()) };
+    let known = lens.known_area();
+    if !known.contains(seen.field.min) || !known.contains(seen.field.max) {
+        let beyond = (known.min - seen.field.min).sup(&(seen.field.max - known.max)).max();
+        return Err(outside_lens_table().with_number("beyond the known beams", beyond, "mm", Some(0.0)));
+    }
+    let [low, high] = lens.heights();
+    let beyond = (low - seen.lowest).max(seen.highest - high);
+    if beyond > (high - low) / 2.0 {
+        notices.push(Notice::warning(
+            "outside-lens-table",
+            format!(
+                "the ink is at heights from {:.1} to {:.1} mm, up to {beyond:.1} mm outside those of the lens table, {low:.1} to \
+                 {high:.1} mm; errors of the measurements grow with this distance",
+                seen.lowest, seen.highest
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// A drawing uses beams that were not measured.
+pub(in crate::pipeline) fn outside_lens_table() -> Reason {
+    Reason::new(
+        "outside-lens-table",
+        "The corrected drawing reaches beyond the part of the field in which the lens table has measurements.",
+        "Move the part or the drawing towards the middle of the field, or measure crosses up to the border of the field and add them \
+         to the table.",
+    )
+}
+
+fn field(
+    seen: &Exposure,
+    projection: &Projection<'_>,
+    ink: &Ink,
+    settings: &JobSettings,
+) -> Result<(), Reason> {
     let Some(field) = settings.field else { return Ok(()) };
     let area = field.extents();
     if area.contains(seen.field.min) && area.contains(seen.field.max) {
@@ -127,14 +168,17 @@ fn field(seen: &Exposure, settings: &JobSettings) -> Result<(), Reason> {
     }
     let beyond = (area.min - seen.field.min).sup(&(seen.field.max - area.max)).max();
     let (drawn, there) = (seen.field.size(), area.size());
-    // Without a lens model the drawing moves with the part; through a lens, nearly so.
-    let shift = area.center() - seen.field.center();
-    let [x, y] = [settings.fixture.x + shift.x, settings.fixture.y + shift.y]
-        .map(|value| (value * 10.0).round() / 10.0 + 0.0);
     let remedy = if drawn.x <= there.x && drawn.y <= there.y {
+        // The lens magnifies what is high, so a drawing does not move by exactly as much as the part.
+        let centred = projection.centred(ink, area.center().into());
+        let advice = centred.map_or(String::new(), |fixture| {
+            let [x, y] = [fixture.x, fixture.y].map(|value| (value * 10.0).round() / 10.0 + 0.0);
+            format!(
+                ": with `x_mm = {x:.1}` and `y_mm = {y:.1}` under [fixture] the drawing is in the middle of the field"
+            )
+        });
         format!(
-            "Move the drawing (`place_mm`, `--place`), or move the part and enter its new position: with `x_mm = {x:.1}` and \
-             `y_mm = {y:.1}` under [fixture] the drawing is near the middle of the field."
+            "Move the drawing (`place_mm`, `--place`), or move the part and enter its new position{advice}."
         )
     } else if drawn.y <= there.x && drawn.x <= there.y {
         "Turn the part or the drawing by 90 deg: then the drawing fits into the field.".to_owned()

@@ -1,0 +1,248 @@
+//! Tables of measured values as spreadsheets write them: a line of column names, then one line for each measurement. Cells
+//! may be empty.
+//!
+//! Commas, semicolons or tabs separate the cells. With semicolons or tabs the decimal sign may be a comma. Lines that start
+//! with `#` and empty lines are skipped.
+
+use crate::reason::{Place, Reason};
+
+/// Largest number of lines of a table.
+const MAX_LINES: usize = 20_000;
+/// Coordinates beyond this are mistakes, mm.
+const FARTHEST: f64 = 10_000.0;
+
+/// A table, by its column names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurements {
+    names: Vec<String>,
+    rows: Vec<Row>,
+    decimal_comma: bool,
+}
+
+/// A line of a table.
+#[derive(Debug, Clone, PartialEq)]
+struct Row {
+    line: u64,
+    cells: Vec<String>,
+}
+
+/// Why a table cannot be read.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeasurementsError {
+    /// The bytes are not text, or there is no line of column names.
+    #[error("the file contains no line of column names")]
+    NoTable,
+    /// A required column is missing.
+    #[error("the column `{name}` is missing")]
+    NoColumn {
+        /// Its name.
+        name: String,
+        /// The columns that exist.
+        found: Vec<String>,
+    },
+    /// A cell is not a number in the allowed range.
+    #[error("`{cell}` is not a number from -10000 to 10000")]
+    NotANumber {
+        /// Its content.
+        cell: String,
+        /// The column.
+        column: String,
+        /// The line, counted from 1.
+        line: u64,
+    },
+    /// A required cell is empty.
+    #[error("the cell `{column}` is empty")]
+    Empty {
+        /// The column.
+        column: String,
+        /// The line, counted from 1.
+        line: u64,
+    },
+    /// A line has more cells than there are column names.
+    #[error("the line has {cells} cells for {columns} columns")]
+    TooManyCells {
+        /// The number of cells.
+        cells: usize,
+        /// The number of columns.
+        columns: usize,
+        /// The line, counted from 1.
+        line: u64,
+    },
+    /// The table is too long.
+    #[error("the table has more than 20000 lines")]
+    TooLong,
+}
+
+impl MeasurementsError {
+    /// The reason that people are shown.
+    #[must_use]
+    pub fn reason(&self) -> Reason {
+        let (line, item) = match self {
+            Self::NotANumber { line, column, .. } | Self::Empty { line, column } => {
+                (Some(*line), Some(format!("column {column}")))
+            }
+            Self::TooManyCells { line, .. } => (Some(*line), None),
+            Self::NoTable | Self::NoColumn { .. } | Self::TooLong => (None, None),
+        };
+        let remedy = match self {
+            Self::NoTable => "Save the table as CSV text, with the line of column names that isomark wrote.".to_owned(),
+            Self::NoColumn { found, .. } => {
+                format!("Keep the line of column names that isomark wrote. The table has {}.", found.join(", "))
+            }
+            Self::NotANumber { .. } => {
+                "Write the number in mm, such as 12.5; with semicolons between the cells, 12,5 is understood, too.".to_owned()
+            }
+            Self::Empty { .. } => "Fill in the cell, or remove the whole line.".to_owned(),
+            Self::TooManyCells { .. } => {
+                "Separate the cells with semicolons if the numbers contain decimal commas.".to_owned()
+            }
+            Self::TooLong => "Leave only the measurements in the table.".to_owned(),
+        };
+        let place = Place { line, item, ..Place::default() };
+        Reason::new("measurements-unreadable", format!("{self}."), remedy).at(place)
+    }
+}
+
+impl Measurements {
+    /// Reads a table.
+    ///
+    /// # Errors
+    /// When it has no column names, or a line does not fit them.
+    pub fn read(bytes: &[u8]) -> Result<Self, MeasurementsError> {
+        let text = String::from_utf8_lossy(bytes);
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let lines = text.lines().zip(1u64..);
+        let mut lines =
+            lines.filter(|(line, _)| !line.trim().is_empty() && !line.trim_start().starts_with('#'));
+        let (head, _) = lines.next().ok_or(MeasurementsError::NoTable)?;
+        let separator = [';', '\t'].into_iter().find(|sign| head.contains(*sign)).unwrap_or(',');
+        let cells = |line: &str| -> Vec<String> {
+            line.split(separator).map(|cell| cell.trim().trim_matches('"').trim().to_owned()).collect()
+        };
+        let names: Vec<String> = cells(head).iter().map(|name| name.to_lowercase()).collect();
+        if names.len() < 2 || names.iter().any(|name| name.chars().any(char::is_control)) {
+            return Err(MeasurementsError::NoTable);
+        }
+        let mut rows = Vec::new();
+        for (text, line) in lines {
+            let mut cells = cells(text);
+            while cells.len() > names.len() && cells.last().is_some_and(String::is_empty) {
+                cells.pop();
+            }
+            if cells.len() > names.len() {
+                return Err(MeasurementsError::TooManyCells {
+                    cells: cells.len(),
+                    columns: names.len(),
+                    line,
+                });
+            }
+            // Spreadsheets keep lines whose cells were all cleared.
+            if cells.iter().all(String::is_empty) {
+                continue;
+            }
+            if rows.len() == MAX_LINES {
+                return Err(MeasurementsError::TooLong);
+            }
+            rows.push(Row { line, cells });
+        }
+        Ok(Self { names, rows, decimal_comma: separator != ',' })
+    }
+
+    /// The number of lines with measurements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are no measurements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// The line in the file of a row, counted from 1.
+    #[must_use]
+    pub fn line(&self, row: usize) -> u64 {
+        self.rows[row].line
+    }
+
+    /// Whether there is a column of this name.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.names.iter().any(|found| found == name)
+    }
+
+    /// The text in a cell; empty if there is none.
+    ///
+    /// # Errors
+    /// When there is no such column.
+    pub fn text(&self, row: usize, name: &str) -> Result<&str, MeasurementsError> {
+        let column = self
+            .names
+            .iter()
+            .position(|found| found == name)
+            .ok_or_else(|| MeasurementsError::NoColumn { name: name.into(), found: self.names.clone() })?;
+        Ok(self.rows[row].cells.get(column).map_or("", String::as_str))
+    }
+
+    /// The number in a cell; `None` if it is empty.
+    ///
+    /// # Errors
+    /// When there is no such column, or the cell is not a number.
+    pub fn number(&self, row: usize, name: &str) -> Result<Option<f64>, MeasurementsError> {
+        let cell = self.text(row, name)?;
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        let written = if self.decimal_comma { cell.replace(',', ".") } else { cell.to_owned() };
+        let number = written.parse::<f64>().ok().filter(|value| value.abs() <= FARTHEST);
+        number.map(Some).ok_or_else(|| MeasurementsError::NotANumber {
+            cell: cell.chars().take(40).collect(),
+            column: name.into(),
+            line: self.line(row),
+        })
+    }
+
+    /// The number in a cell that must not be empty.
+    ///
+    /// # Errors
+    /// As [`number`](Self::number), and when it is empty.
+    pub fn required(&self, row: usize, name: &str) -> Result<f64, MeasurementsError> {
+        let empty = || MeasurementsError::Empty { column: name.into(), line: self.line(row) };
+        self.number(row, name)?.ok_or_else(empty)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_of_spreadsheets_are_read_with_their_gaps() {
+        for text in [
+            "\u{feff}# a comment\r\nName;X_mm;y_mm\r\nA1;1,5;-2\r\n;;\r\nB1;;3\r\n",
+            "name\tx_mm\ty_mm\nA1\t1.5\t-2\n\nB1\t\t3",
+            "name,x_mm,y_mm\n\"A1\",1.5,-2,,\nB1,,3\n",
+        ] {
+            let table = Measurements::read(text.as_bytes()).unwrap();
+            assert_eq!((table.len(), table.text(0, "name").unwrap()), (2, "A1"), "{text}");
+            assert_eq!([0, 1].map(|row| table.number(row, "x_mm").unwrap()), [Some(1.5), None], "{text}");
+            assert_eq!([0, 1].map(|row| table.required(row, "y_mm").unwrap()), [-2.0, 3.0], "{text}");
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named_with_their_line() {
+        let table = Measurements::read(b"a,b\n1,2\n#\n3,x\n,1e9\n").unwrap();
+        assert!(table.number(0, "c").unwrap_err().reason().remedy.contains("a, b"));
+        let wrong = table.number(1, "b").unwrap_err().reason();
+        assert_eq!((wrong.place.line, wrong.place.item.as_deref()), (Some(4), Some("column b")));
+        assert!(table.number(2, "b").is_err() && table.required(2, "a").is_err());
+        let comma = Measurements::read(b"a,b\n1,5,2,5\n").unwrap_err();
+        assert!(comma.reason().remedy.contains("semicolons"), "{comma:?}");
+        for bytes in [&b""[..], b"\xff\xfe\0\0", b"# only\n", b"one column\n1\n"] {
+            assert_eq!(Measurements::read(bytes), Err(MeasurementsError::NoTable));
+        }
+    }
+}

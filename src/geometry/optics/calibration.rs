@@ -1,0 +1,639 @@
+//! The two lens distances and the axis, from what a person measured on marked plates.
+//!
+//! A plate at height z shows the drawing smaller by g = s·(1 − z/L), with L and s for x and y; s is 1 where the marking
+//! software's own calibration is true. Nobody knows where the zero of the drawing is on a plate, or how the plate was turned, so
+//! every plate has its own rotation and shift. Distances between crosses do not depend on them. The axis shows only as the
+//! shift between plates: it can be found if all of them were held against the same stops.
+
+use nalgebra::{DMatrix, DVector, Rotation2, Vector2};
+
+use super::least_squares::{self, Solution};
+use crate::geometry::space::{Extents, FieldPoint};
+
+/// Plates whose heights differ by less are one plate, mm.
+const SAME_HEIGHT: f64 = 0.05;
+/// A value contradicts the others if its residual is this many of their standard deviations …
+const CONTRADICTS_RATIO: f64 = 5.0;
+/// … and this long, mm.
+const CONTRADICTS: f64 = 0.3;
+/// At most one value in this number may be left out.
+const MOST_LEFT_OUT: usize = 8;
+/// Values that deviate by more than this number of readings' deviations are no measurement of a lens.
+const MOST_DEVIATION: f64 = 10.0;
+/// How well plates return to the same stops, mm.
+const STOPS: f64 = 0.1;
+/// With this number of spare values, their residuals show how well was measured.
+const ENOUGH_SPARE: usize = 6;
+/// A difference of this many standard deviations is one.
+const SURE: f64 = 3.0;
+
+/// Where a cross was measured on a plate, in mm from any zero and in any direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CrossReading {
+    /// The cross in the drawing.
+    pub aim: FieldPoint,
+    /// The height of the plate above the calibrated plane, mm.
+    pub z: f64,
+    /// Measured x and y; a value that is missing is not used.
+    pub measured: [Option<f64>; 2],
+}
+
+/// A measured distance between two crosses of a plate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceReading {
+    /// The two crosses in the drawing.
+    pub ends: [FieldPoint; 2],
+    /// The height of the plate above the calibrated plane, mm.
+    pub z: f64,
+    /// The distance, mm.
+    pub measured: f64,
+}
+
+/// What was measured, and how.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LensReadings {
+    /// Positions of crosses.
+    pub crosses: Vec<CrossReading>,
+    /// Distances between crosses.
+    pub distances: Vec<DistanceReading>,
+    /// Whether all plates were held against the same stops and measured from the same edges.
+    pub same_stops: bool,
+    /// Standard deviation of one reading, mm; used while too few values show it.
+    pub reading: f64,
+}
+
+/// A number with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncertain {
+    /// The number.
+    pub value: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+}
+
+/// Which value was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReadingPlace {
+    /// x (0) or y (1) of a cross, by its index in [`LensReadings::crosses`].
+    Cross(usize, usize),
+    /// An index in [`LensReadings::distances`].
+    Distance(usize),
+}
+
+/// A value that contradicts the others and was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftOut {
+    /// Which one.
+    pub place: ReadingPlace,
+    /// Measured minus what the others predict, mm.
+    pub difference: f64,
+    /// What the others predict, mm.
+    pub predicted: f64,
+}
+
+/// A plate as it was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct PlateFit {
+    /// Its height, mm.
+    pub z: f64,
+    /// By how much the measured axes are turned against the field, rad, from −π to π.
+    pub rotation: f64,
+}
+
+/// The lens that fits the readings best.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LensCalibration {
+    /// 1/L for x and y, 1/mm: 0 for a telecentric lens.
+    pub convergence: [Uncertain; 2],
+    /// Size marked at z = 0 divided by size drawn, for x and y.
+    pub scale: [Uncertain; 2],
+    /// Where the axis meets the field, mm; `None` if the readings do not show it.
+    pub axis: Option<[Uncertain; 2]>,
+    /// The plates whose crosses were measured by position.
+    pub plates: Vec<PlateFit>,
+    /// For each reading of a cross, measured minus fitted in the directions of the field, mm; NaN where nothing was measured.
+    /// Values that were left out are compared with the fit to the others.
+    pub residuals: Vec<Vector2<f64>>,
+    /// For each distance, measured minus fitted, mm.
+    pub distance_residuals: Vec<f64>,
+    /// Standard deviation of one reading, mm.
+    pub reading: f64,
+    /// The number of values beyond those that are needed.
+    pub spare: usize,
+    /// The values that were left out.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Why readings give no lens.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrationError {
+    /// All plates have the same height.
+    #[error("all measurements are at one height")]
+    OneHeight,
+    /// The readings do not determine all unknowns.
+    #[error("{count} measured values do not determine the lens")]
+    NotDetermined {
+        /// Their number.
+        count: usize,
+    },
+    /// x and y are interchanged on a plate.
+    #[error("x and y seem swapped on the plate at {z} mm")]
+    Swapped {
+        /// Its height, mm.
+        z: f64,
+    },
+    /// A coordinate has the wrong sign on a plate.
+    #[error("the sign of {axis} seems wrong on the plate at {z} mm")]
+    WrongSign {
+        /// `x` or `y`.
+        axis: char,
+        /// The plate's height, mm.
+        z: f64,
+    },
+    /// Marks become larger on a raised plate.
+    #[error("the marks become larger in {axis} on the higher plate")]
+    Diverging {
+        /// `x` or `y`.
+        axis: char,
+        /// Growth for each mm of height.
+        growth: f64,
+    },
+    /// A plate was measured above the lens.
+    #[error("the plate at {z} mm would be above the lens at {distance:.1} mm")]
+    AboveLens {
+        /// The plate's height, mm.
+        z: f64,
+        /// The lens distance, mm.
+        distance: f64,
+    },
+    /// Too many values contradict each other.
+    #[error("the measured values contradict each other by {deviation:.2} mm")]
+    Contradictory {
+        /// Standard deviation of a value, mm.
+        deviation: f64,
+        /// The value that contradicts the others most.
+        worst: LeftOut,
+    },
+}
+
+impl LensCalibration {
+    /// Whether the lens is telecentric as far as the readings show.
+    pub fn is_telecentric(&self) -> bool {
+        self.convergence.iter().all(|k| k.value.abs() < SURE * k.deviation)
+    }
+
+    /// The lens distances for x and y, mm; `None` for a telecentric lens.
+    pub fn distances(&self) -> Option<[Uncertain; 2]> {
+        let distance =
+            |k: Uncertain| Uncertain { value: 1.0 / k.value, deviation: k.deviation / k.value.powi(2) };
+        (!self.is_telecentric() && self.convergence.iter().all(|k| k.value > 0.0))
+            .then(|| self.convergence.map(distance))
+    }
+
+    /// The fit.
+    ///
+    /// # Errors
+    /// When the readings do not determine the lens or contradict each other.
+    pub fn fit(readings: &LensReadings) -> Result<Self, CalibrationError> {
+        let problem = Problem::new(readings)?;
+        let (mut places, mut left_out) = (problem.places.clone(), Vec::new());
+        let most = problem.places.len().div_ceil(MOST_LEFT_OUT);
+        let solution = loop {
+            let solution = problem.solve(&places)?;
+            let Some(odd) = solution.most_contradicting() else { break solution };
+            let contradicts = odd.ratio > CONTRADICTS_RATIO && odd.difference.abs() > CONTRADICTS;
+            let deviation = solution.deviation().unwrap_or(0.0);
+            let is_lost = deviation > MOST_DEVIATION * readings.reading;
+            if !contradicts && !is_lost {
+                break solution;
+            }
+            let place = places[odd.index];
+            let predicted = problem.measured(place) - odd.difference;
+            let worst = LeftOut { place, difference: odd.difference, predicted };
+            if !contradicts || left_out.len() == most {
+                return Err(CalibrationError::Contradictory { deviation, worst });
+            }
+            left_out.push(worst);
+            places.remove(odd.index);
+        };
+        problem.calibration(&solution, left_out)
+    }
+}
+
+/// The readings with the plates that they are on.
+struct Problem<'a> {
+    readings: &'a LensReadings,
+    /// The heights of plates whose crosses were measured by position, in rising order.
+    plates: Vec<f64>,
+    /// The plate of each cross.
+    plate_of: Vec<usize>,
+    /// The middle of the crosses, about which plates are turned.
+    middle: Vector2<f64>,
+    /// All values.
+    places: Vec<ReadingPlace>,
+    start: Vec<f64>,
+    steps: Vec<f64>,
+}
+
+/// The unknowns before those of the plates: convergence and scale for x and y.
+const LENS: usize = 4;
+
+impl<'a> Problem<'a> {
+    fn new(readings: &'a LensReadings) -> Result<Self, CalibrationError> {
+        let LensReadings { crosses, distances, .. } = readings;
+        let used = |cross: &&CrossReading| cross.measured.iter().any(Option::is_some);
+        let used_crosses = || crosses.iter().filter(used);
+        let all = used_crosses().map(|cross| cross.z).chain(distances.iter().map(|distance| distance.z));
+        let [low, high] =
+            all.clone().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)]);
+        if !(high - low > SAME_HEIGHT) {
+            return Err(CalibrationError::OneHeight);
+        }
+        let mut plates: Vec<f64> = used_crosses().map(|cross| cross.z).collect();
+        plates.sort_by(f64::total_cmp);
+        plates.dedup_by(|one, other| (*one - *other).abs() <= SAME_HEIGHT);
+        let plate_of = crosses
+            .iter()
+            .map(|cross| plates.iter().position(|z| (z - cross.z).abs() <= SAME_HEIGHT).unwrap_or(0));
+        let aims = used_crosses().map(|cross| cross.aim.coords());
+        let area = Extents::of(aims);
+        let middle = if area.is_empty() { Vector2::zeros() } else { area.center() };
+        let mut places = Vec::new();
+        for (index, cross) in crosses.iter().enumerate() {
+            places.extend(
+                (0..2)
+                    .filter(|axis| cross.measured[*axis].is_some())
+                    .map(|axis| ReadingPlace::Cross(index, axis)),
+            );
+        }
+        places.extend((0..distances.len()).map(ReadingPlace::Distance));
+        let mut problem = Self {
+            readings,
+            plate_of: plate_of.collect(),
+            plates,
+            middle,
+            places,
+            start: vec![1e-3, 1e-3, 1.0, 1.0],
+            steps: vec![1e-7, 1e-7, 1e-5, 1e-5],
+        };
+        for plate in 0..problem.plates.len() {
+            let start = problem.plate_start(plate)?;
+            problem.start.extend(start);
+            problem.steps.extend([1e-6, 1e-4, 1e-4]);
+        }
+        Ok(problem)
+    }
+
+    /// The rotation and shift of a plate, roughly.
+    fn plate_start(&self, plate: usize) -> Result<[f64; 3], CalibrationError> {
+        let crosses = self.readings.crosses.iter().zip(&self.plate_of).filter(|(_, of)| **of == plate);
+        let pairs: Vec<(Vector2<f64>, Vector2<f64>)> = crosses
+            .filter_map(|(cross, _)| {
+                let [Some(x), Some(y)] = cross.measured else { return None };
+                Some((cross.aim.coords() - self.middle, Vector2::new(x, y)))
+            })
+            .collect();
+        let matrix = DMatrix::from_fn(pairs.len(), 3, |row, column| match column {
+            0 => 1.0,
+            column => pairs[row].0[column - 1],
+        });
+        let along = |axis: usize| {
+            let values =
+                DVector::from_iterator(pairs.len(), pairs.iter().map(|(_, measured)| measured[axis]));
+            least_squares::linear(&matrix, &values).map(|found| found.unknowns)
+        };
+        let (Some(x), Some(y)) = (along(0), along(1)) else {
+            // Too few crosses to see how the plate is turned: about as the field.
+            let mean = |of: fn(&CrossReading) -> Option<f64>| {
+                let crosses =
+                    self.readings.crosses.iter().zip(&self.plate_of).filter(|(_, found)| **found == plate);
+                let values: Vec<f64> = crosses.filter_map(|(cross, _)| of(cross)).collect();
+                values.iter().sum::<f64>() / values.len().max(1) as f64
+            };
+            return Ok([0.0, mean(|cross| cross.measured[0]), mean(|cross| cross.measured[1])]);
+        };
+        let z = self.plates[plate];
+        if x[1] * y[2] - x[2] * y[1] < 0.0 {
+            return Err(match x[2].abs() + y[1].abs() > x[1].abs() + y[2].abs() {
+                true => CalibrationError::Swapped { z },
+                false => CalibrationError::WrongSign { axis: if x[1] < 0.0 { 'x' } else { 'y' }, z },
+            });
+        }
+        Ok([(y[1] - x[2]).atan2(x[1] + y[2]), x[0], y[0]])
+    }
+
+    fn measured(&self, place: ReadingPlace) -> f64 {
+        match place {
+            ReadingPlace::Cross(index, axis) => {
+                self.readings.crosses[index].measured[axis].unwrap_or(f64::NAN)
+            }
+            ReadingPlace::Distance(index) => self.readings.distances[index].measured,
+        }
+    }
+
+    /// Size marked divided by size drawn, at a height.
+    fn shrink(unknowns: &[f64], z: f64) -> Vector2<f64> {
+        Vector2::new(unknowns[2] * (1.0 - z * unknowns[0]), unknowns[3] * (1.0 - z * unknowns[1]))
+    }
+
+    fn predicted(&self, unknowns: &[f64], place: ReadingPlace) -> f64 {
+        match place {
+            ReadingPlace::Cross(index, axis) => {
+                let cross = &self.readings.crosses[index];
+                let plate = LENS + 3 * self.plate_of[index];
+                let on_plate =
+                    (cross.aim.coords() - self.middle).component_mul(&Self::shrink(unknowns, cross.z));
+                (Rotation2::new(unknowns[plate]) * on_plate)[axis] + unknowns[plate + 1 + axis]
+            }
+            ReadingPlace::Distance(index) => {
+                let DistanceReading { ends: [from, to], z, .. } = self.readings.distances[index];
+                (to - from).component_mul(&Self::shrink(unknowns, z)).norm()
+            }
+        }
+    }
+
+    fn residual(&self, unknowns: &[f64], place: ReadingPlace) -> f64 {
+        self.measured(place) - self.predicted(unknowns, place)
+    }
+
+    fn solve(&self, places: &[ReadingPlace]) -> Result<Solution, CalibrationError> {
+        let residuals =
+            |unknowns: &[f64]| Some(places.iter().map(|place| self.residual(unknowns, *place)).collect());
+        let count = places.len();
+        let solved = least_squares::nonlinear(&self.start, &self.steps, residuals);
+        solved.ok_or(CalibrationError::NotDetermined { count })
+    }
+
+    fn calibration(
+        &self,
+        solution: &Solution,
+        left_out: Vec<LeftOut>,
+    ) -> Result<LensCalibration, CalibrationError> {
+        let unknowns = solution.unknowns.as_slice();
+        let spare = solution.spare();
+        let reading = match solution.deviation() {
+            Some(deviation) if spare >= ENOUGH_SPARE => deviation,
+            _ => self.readings.reading,
+        };
+        let known = |index: usize| Uncertain {
+            value: unknowns[index],
+            deviation: solution.uncertainty(index, reading),
+        };
+        let convergence = [known(0), known(1)];
+        let highest = self.readings.crosses.iter().map(|cross| cross.z);
+        let highest = highest.chain(self.readings.distances.iter().map(|distance| distance.z));
+        let highest = highest.fold(f64::NEG_INFINITY, f64::max);
+        for (axis, k) in ['x', 'y'].into_iter().zip(convergence) {
+            if k.value < -SURE * k.deviation.max(1e-7) {
+                return Err(CalibrationError::Diverging { axis, growth: -k.value });
+            }
+            if k.value * highest >= 1.0 {
+                return Err(CalibrationError::AboveLens { z: highest, distance: 1.0 / k.value });
+            }
+        }
+        let plates = self.plates.iter().enumerate().map(|(index, z)| {
+            let turn = unknowns[LENS + 3 * index];
+            PlateFit { z: *z, rotation: turn.sin().atan2(turn.cos()) }
+        });
+        let residuals = self.readings.crosses.iter().enumerate().map(|(index, _)| {
+            let of = |axis| self.residual(unknowns, ReadingPlace::Cross(index, axis));
+            let turned = Vector2::new(of(0), of(1));
+            // A missing value has no residual; the other one keeps its own.
+            let full = turned.map(|value| if value.is_nan() { 0.0 } else { value });
+            let back = Rotation2::new(-unknowns[LENS + 3 * self.plate_of[index]]) * full;
+            if turned.iter().all(|value| value.is_nan()) { turned } else { back }
+        });
+        Ok(LensCalibration {
+            convergence,
+            scale: [known(2), known(3)],
+            axis: self.axis(solution, reading),
+            plates: plates.collect(),
+            residuals: residuals.collect(),
+            distance_residuals: (0..self.readings.distances.len())
+                .map(|index| self.residual(unknowns, ReadingPlace::Distance(index)))
+                .collect(),
+            reading,
+            spare,
+            left_out,
+        })
+    }
+
+    /// The axis: the point of the drawing that all plates show at the same place. The middle of the crosses is at t + a·(1 − g) of
+    /// each plate, with the axis at a beside it.
+    fn axis(&self, solution: &Solution, reading: f64) -> Option<[Uncertain; 2]> {
+        if !self.readings.same_stops || self.plates.len() < 2 {
+            return None;
+        }
+        let unknowns = solution.unknowns.as_slice();
+        let plates = self.plates.len();
+        let turn = (0..plates).map(|plate| Rotation2::new(unknowns[LENS + 3 * plate]) * Vector2::x());
+        let turn = turn.fold(Vector2::zeros(), |sum, direction| sum + direction);
+        let back = Rotation2::new(-turn.y.atan2(turn.x));
+        let found = [0, 1].map(|axis| {
+            let matrix = DMatrix::from_fn(plates, 2, |plate, column| match column {
+                0 => 1.0,
+                _ => 1.0 - Self::shrink(unknowns, self.plates[plate])[axis],
+            });
+            let shifts = (0..plates).map(|plate| {
+                let at = LENS + 3 * plate;
+                (back * Vector2::new(unknowns[at + 1], unknowns[at + 2]))[axis]
+            });
+            let fitted = least_squares::linear(&matrix, &DVector::from_iterator(plates, shifts))?;
+            let of_shift = solution.uncertainty(LENS + 1 + axis, reading).hypot(STOPS);
+            Some(Uncertain {
+                value: fitted.unknowns[1] + self.middle[axis],
+                deviation: fitted.uncertainty(1, of_shift),
+            })
+        });
+        let [x, y] = found;
+        Some([x?, y?])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::optics::{Lens, ScanHead};
+
+    /// Normally distributed numbers with a standard deviation of 1, from a fixed sequence.
+    struct Noise(u64);
+
+    impl Noise {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+        }
+
+        fn next(&mut self) -> f64 {
+            let (radius, angle) = (self.uniform(), self.uniform() * std::f64::consts::TAU);
+            (-2.0 * radius.ln()).sqrt() * angle.cos()
+        }
+    }
+
+    const DISTANCES: [f64; 2] = [300.0, 285.0];
+
+    /// Nine crosses on plates at 0 and 30 mm, each turned and shifted; the axis is at (104, 77).
+    fn crosses(noise: &mut Noise, deviation: f64, stops: bool) -> LensReadings {
+        let [x, y] = DISTANCES;
+        let head = ScanHead { lens: Lens::Perspective { x, y }, axis: FieldPoint::new(104.0, 77.0) };
+        let plates = if stops {
+            [(0.0, 0.01, 4.0), (30.0, 0.01, 4.0)]
+        } else {
+            [(0.0, -0.03, 4.0), (30.0, 0.05, -7.0)]
+        };
+        let mut readings = LensReadings { same_stops: stops, reading: 0.1, ..LensReadings::default() };
+        for (z, turn, shift) in plates {
+            for (i, j) in (0..9).map(|n| (n % 3, n / 3)) {
+                let aim = FieldPoint::new(20.0 + 80.0 * f64::from(i), 16.0 + 64.0 * f64::from(j));
+                let on_plate =
+                    Rotation2::new(turn) * head.cast(aim, z).coords.xy() + Vector2::new(shift, 2.0 * shift);
+                let measured = [on_plate.x, on_plate.y].map(|value| Some(value + deviation * noise.next()));
+                readings.crosses.push(CrossReading { aim, z, measured });
+            }
+        }
+        readings
+    }
+
+    fn off(found: &LensCalibration) -> f64 {
+        let distances = found.distances().unwrap();
+        let off = |axis: usize| (distances[axis].value / DISTANCES[axis] - 1.0).abs();
+        off(0).max(off(1))
+    }
+
+    #[test]
+    fn noisy_crosses_on_two_turned_plates_give_both_distances() {
+        for seed in 0..200 {
+            let readings = crosses(&mut Noise(seed), 0.02, seed % 2 == 0);
+            let found = LensCalibration::fit(&readings).unwrap();
+            assert!(off(&found) < 0.005, "seed {seed}: {:?}", found.distances());
+            assert!(found.left_out.is_empty() && (0.01..0.03).contains(&found.reading), "{found:?}");
+            match found.axis {
+                None => assert_eq!(seed % 2, 1),
+                Some(axis) => {
+                    for (found, truth) in axis.iter().zip([104.0, 77.0]) {
+                        assert!(
+                            (found.value - truth).abs() < 0.5 && found.deviation < 2.0,
+                            "seed {seed}: {axis:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_uncertainty_is_that_of_repeated_measurements() {
+        let found: Vec<LensCalibration> = (0..300)
+            .map(|seed| LensCalibration::fit(&crosses(&mut Noise(seed), 0.02, false)).unwrap())
+            .collect();
+        for axis in 0..2 {
+            let distances = found.iter().map(|found| found.distances().unwrap()[axis]);
+            let square: f64 = distances.clone().map(|l| (l.value - DISTANCES[axis]).powi(2)).sum();
+            let claimed: f64 = distances.map(|l| l.deviation.powi(2)).sum();
+            assert!((0.8..1.25).contains(&(square / claimed)), "{}", square / claimed);
+        }
+    }
+
+    #[test]
+    fn one_mistyped_value_is_named_and_left_out() {
+        for seed in 0..36 {
+            let mut readings = crosses(&mut Noise(seed as u64), 0.02, seed % 2 == 0);
+            let (cross, axis) = (seed / 2, seed % 2);
+            let value = readings.crosses[cross].measured[axis].as_mut().unwrap();
+            *value += if seed % 3 == 0 { 5.0 } else { -5.0 };
+            let truth = *value - if seed % 3 == 0 { 5.0 } else { -5.0 };
+            let found = LensCalibration::fit(&readings).unwrap();
+            let [left_out] = found.left_out[..] else { panic!("{:?}", found.left_out) };
+            assert_eq!(left_out.place, ReadingPlace::Cross(cross, axis));
+            assert!((left_out.predicted - truth).abs() < 0.2, "{left_out:?}");
+            assert!(off(&found) < 0.006, "{:?}", found.distances());
+        }
+    }
+
+    fn distances(noise: &mut Noise, deviation: f64) -> LensReadings {
+        let crosses = crosses(noise, 0.0, false).crosses;
+        let pairs = [(0, 2), (3, 5), (6, 8), (0, 6), (1, 7), (2, 8), (0, 8), (2, 6)];
+        let distance = |plate: usize, (i, j): (usize, usize)| {
+            let ends = [crosses[9 * plate + i], crosses[9 * plate + j]];
+            let [a, b] = ends.map(|cross| Vector2::from(cross.measured.map(Option::unwrap)));
+            let measured = (a - b).norm() + deviation * noise.next();
+            DistanceReading { ends: ends.map(|cross| cross.aim), z: ends[0].z, measured }
+        };
+        let distances = (0..2).flat_map(|plate| pairs.map(|pair| (plate, pair)));
+        let distances: Vec<_> = distances
+            .map({
+                let mut distance = distance;
+                move |(plate, pair)| distance(plate, pair)
+            })
+            .collect();
+        LensReadings { distances, reading: 0.1, ..LensReadings::default() }
+    }
+
+    #[test]
+    fn distances_alone_give_both_lens_distances_and_no_axis() {
+        for seed in 0..100 {
+            let mut readings = distances(&mut Noise(seed), 0.02);
+            let found = LensCalibration::fit(&readings).unwrap();
+            assert!(off(&found) < 0.01 && found.axis.is_none(), "seed {seed}: {:?}", found.distances());
+            let wrong = seed as usize % 16;
+            readings.distances[wrong].measured += 5.0;
+            let found = LensCalibration::fit(&readings).unwrap();
+            let places: Vec<_> = found.left_out.iter().map(|left_out| left_out.place).collect();
+            assert_eq!(places, [ReadingPlace::Distance(wrong)], "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn readings_that_cannot_be_a_lens_are_refused_with_their_plate() {
+        let swap = |readings: &mut LensReadings| {
+            readings.crosses[9..].iter_mut().for_each(|cross| cross.measured.swap(0, 1));
+        };
+        let mirror = |readings: &mut LensReadings| {
+            let y = |cross: &mut CrossReading| cross.measured[1] = cross.measured[1].map(|y| -y);
+            readings.crosses[..9].iter_mut().for_each(y);
+        };
+        let sink =
+            |readings: &mut LensReadings| readings.crosses[9..].iter_mut().for_each(|cross| cross.z = -30.0);
+        let flat = |readings: &mut LensReadings| readings.crosses.truncate(9);
+        let gaps = |readings: &mut LensReadings| {
+            readings.crosses[2..].iter_mut().for_each(|cross| cross.measured[0] = None);
+        };
+        let lost = |readings: &mut LensReadings| {
+            let wrong = readings.crosses.iter_mut().step_by(2).zip(1..);
+            wrong.for_each(|(cross, by)| {
+                cross.measured[0] = cross.measured[0].map(|x| x + f64::from(by * by % 7) * 4.0)
+            });
+        };
+        type Spoil = fn(&mut LensReadings);
+        let cases: [(Spoil, &str); 6] = [
+            (swap, "x and y seem swapped on the plate at 30 mm"),
+            (mirror, "the sign of y seems wrong on the plate at 0 mm"),
+            (sink, "the marks become larger in x on the higher plate"),
+            (flat, "all measurements are at one height"),
+            (gaps, "do not determine the lens"),
+            (lost, "contradict each other"),
+        ];
+        for (spoil, words) in cases {
+            let mut readings = crosses(&mut Noise(1), 0.02, false);
+            spoil(&mut readings);
+            let error = LensCalibration::fit(&readings).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_telecentric_lens_and_an_untrue_scale_are_recognised() {
+        let mut readings = crosses(&mut Noise(5), 0.02, false);
+        let mut noise = Noise(6);
+        for cross in &mut readings.crosses {
+            let aim = cross.aim.coords() * 1.004;
+            cross.measured = [aim.x, aim.y].map(|value| Some(value + 0.02 * noise.next()));
+        }
+        let found = LensCalibration::fit(&readings).unwrap();
+        assert!(found.is_telecentric() && found.distances().is_none());
+        assert!(found.scale.iter().all(|scale| (scale.value - 1.004).abs() < 4.0 * scale.deviation));
+    }
+}

@@ -1,0 +1,376 @@
+//! A lens that is known by measurements: polynomials through the points that beams were seen to hit.
+
+use nalgebra::{DMatrix, DVector, Matrix2, Point3, Vector2};
+
+use super::Beam;
+use super::least_squares::{self, Solution};
+use crate::geometry::space::{Extents, FieldPoint};
+
+/// Highest degree of the polynomials.
+const MOST_DEGREE: usize = 5;
+/// The number of terms x^i·y^j with i + j up to that degree.
+const TERMS: usize = terms(MOST_DEGREE);
+/// A polynomial of a higher degree must predict a measurement from all others better by this share.
+const BETTER: f64 = 0.9;
+/// A measurement this far from the prediction of the others is a mistake, in their standard deviations …
+const MISTAKE_RATIO: f64 = 8.0;
+/// … and in mm.
+const MISTAKE: f64 = 0.5;
+/// Beams are known up to this share of the measured rectangle beyond its sides.
+const BEYOND: f64 = 0.1;
+/// Largest number of measurements.
+pub const MOST_SIGHTINGS: usize = 10_000;
+
+const fn terms(degree: usize) -> usize {
+    (degree + 1) * (degree + 2) / 2
+}
+
+/// A beam that was aimed at a point of the field, and where it was seen to hit at a height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// The point of the drawing.
+    pub aim: FieldPoint,
+    /// The height in the laser's frame, mm.
+    pub z: f64,
+    /// Where it hit, mm in the laser's frame.
+    pub seen: Vector2<f64>,
+}
+
+/// A lens whose beams were measured at two or more heights.
+///
+/// Each beam is straight: it meets z = 0 at (X, Y) + D(X, Y) and moves sideways by S(X, Y) for each mm of height. D and S are
+/// polynomials through the measurements. D is what the marking software's own correction leaves; for the two-point model it
+/// is zero and S is linear.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredLens {
+    /// The measured rectangle of the field.
+    area: Extents,
+    /// Lowest and highest measured height, mm.
+    heights: [f64; 2],
+    height: f64,
+    fingerprint: u64,
+    degree: usize,
+    offset: [Vector2<f64>; TERMS],
+    slope: [Vector2<f64>; TERMS],
+}
+
+/// How well the polynomials meet the measurements.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct MeasuredFit {
+    /// The degree of the polynomials.
+    pub degree: usize,
+    /// Root mean square of the distances, mm.
+    pub rms: f64,
+    /// The largest distance, mm.
+    pub max: f64,
+    /// The index of the measurement with this distance.
+    pub max_at: usize,
+}
+
+/// Why measurements give no lens.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeasuredLensError {
+    /// Too few measurements.
+    #[error("the table has {count} complete rows, and {needed} are needed")]
+    TooFew {
+        /// Their number.
+        count: usize,
+        /// The smallest number that is enough.
+        needed: usize,
+    },
+    /// All measurements have the same height.
+    #[error("all rows have the height {z} mm")]
+    OneHeight {
+        /// The height, mm.
+        z: f64,
+    },
+    /// The places do not span an area.
+    #[error("the places of the field are on one line")]
+    OnLine,
+    /// The columns of x and y are interchanged.
+    #[error("x and y seem swapped")]
+    Swapped,
+    /// A column has the wrong sign.
+    #[error("the sign of {axis} seems wrong")]
+    WrongSign {
+        /// `x` or `y`.
+        axis: char,
+    },
+    /// One measurement contradicts the others.
+    #[error("row {index} contradicts the others by {difference:.2} mm in {axis}")]
+    Mistake {
+        /// Its index.
+        index: usize,
+        /// `x` or `y`.
+        axis: char,
+        /// Measured minus what the others predict, mm.
+        difference: f64,
+        /// What the others predict, mm.
+        predicted: f64,
+    },
+    /// The beams cross within the measured heights.
+    #[error("the beams cross at a height of {height:.1} mm")]
+    Crossing {
+        /// The height, mm.
+        height: f64,
+    },
+}
+
+impl MeasuredLens {
+    /// The lens with these measurements, of the degree that predicts each of them best from all others.
+    ///
+    /// # Errors
+    /// When the measurements do not determine a lens or contradict each other; see [`MeasuredLensError`].
+    pub fn fit(rows: &[Sighting]) -> Result<(Self, MeasuredFit), MeasuredLensError> {
+        let needed = 2 * terms(1) + 2;
+        if rows.len() < needed {
+            return Err(MeasuredLensError::TooFew { count: rows.len(), needed });
+        }
+        let heights = rows
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], row| [low.min(row.z), high.max(row.z)]);
+        if heights[1] - heights[0] < 0.1 {
+            return Err(MeasuredLensError::OneHeight { z: heights[0] });
+        }
+        let area = Extents::of(rows.iter().map(|row| row.aim.coords()));
+        check_directions(rows, &area)?;
+        let candidates = (1..=MOST_DEGREE).filter_map(|degree| Candidate::new(rows, &area, degree));
+        let best = candidates
+            .reduce(|best, next| if next.prediction < BETTER * best.prediction { next } else { best });
+        let best = best.ok_or(MeasuredLensError::OnLine)?;
+        best.check_mistakes(rows)?;
+        let mut lens = Self {
+            area,
+            heights,
+            height: f64::INFINITY,
+            fingerprint: fingerprint(rows),
+            degree: best.degree,
+            offset: [Vector2::zeros(); TERMS],
+            slope: [Vector2::zeros(); TERMS],
+        };
+        let [x, y] = &best.solutions;
+        for term in 0..terms(best.degree) {
+            let of = |index: usize| Vector2::new(x.unknowns[index], y.unknowns[index]);
+            (lens.offset[term], lens.slope[term]) = (of(term), of(terms(best.degree) + term));
+        }
+        lens.height = lens.crossing();
+        if lens.height <= heights[1] {
+            return Err(MeasuredLensError::Crossing { height: lens.height });
+        }
+        let distances: Vec<f64> =
+            x.residuals.iter().zip(y.residuals.iter()).map(|(x, y)| x.hypot(*y)).collect();
+        let max_at = (0..distances.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap_or(0);
+        let rms =
+            (distances.iter().map(|distance| distance * distance).sum::<f64>() / rows.len() as f64).sqrt();
+        Ok((lens, MeasuredFit { degree: best.degree, rms, max: distances[max_at], max_at }))
+    }
+
+    /// The measured rectangle of the field, mm.
+    pub fn area(&self) -> Extents {
+        self.area
+    }
+
+    /// Lowest and highest measured height, mm.
+    pub fn heights(&self) -> [f64; 2] {
+        self.heights
+    }
+
+    /// Lowest height above the calibrated plane at which beams cross, mm.
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// A number for these measurements: the same for the same ones, and another for others.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// The rectangle of the field in which beams are known, mm.
+    pub fn known_area(&self) -> Extents {
+        self.area.scaled(1.0 + 2.0 * BEYOND)
+    }
+
+    /// The beam of a point of the drawing; outside [`known_area`](Self::known_area) it is extrapolated.
+    pub fn beam(&self, aim: FieldPoint) -> Beam {
+        let (mut foot, mut slope) = (aim.coords(), Vector2::zeros());
+        let powers = powers(scaled(aim, &self.area), self.degree);
+        for (term, power) in powers.iter().enumerate() {
+            foot += self.offset[term] * *power;
+            slope += self.slope[term] * *power;
+        }
+        Beam { foot, slope }
+    }
+
+    /// The point of the drawing whose beam meets a point of the laser's frame, by Newton's method; `None` at or above
+    /// [`height`](Self::height), and far outside the measured area.
+    pub fn aim(&self, at: Point3<f64>) -> Option<FieldPoint> {
+        if !(at.z < self.height) {
+            return None;
+        }
+        let reach = self.area.scaled(2.0);
+        let mut aim = FieldPoint::from(at.xy().coords);
+        for _ in 0..50 {
+            let miss = at.xy().coords - self.beam(aim).at(at.z).xy().coords;
+            let step = self.jacobian(aim, at.z).try_inverse()? * miss;
+            aim = aim + step;
+            if !aim.is_finite() {
+                return None;
+            }
+            if step.norm() < 1e-12 * (1.0 + aim.coords().norm()) {
+                return Some(aim).filter(|aim| reach.contains(aim.coords()));
+            }
+        }
+        // The last digits may flicker.
+        let miss = (at.xy().coords - self.beam(aim).at(at.z).xy().coords).norm();
+        Some(aim).filter(|aim| miss < 1e-9 && reach.contains(aim.coords()))
+    }
+
+    /// How the point hit at height `z` moves with the aim.
+    fn jacobian(&self, aim: FieldPoint, z: f64) -> Matrix2<f64> {
+        let [offset, slope] = self.derivatives(aim);
+        Matrix2::identity() + offset + slope * z
+    }
+
+    /// The derivatives of D and S by the aim.
+    fn derivatives(&self, aim: FieldPoint) -> [Matrix2<f64>; 2] {
+        let half = self.area.size() / 2.0;
+        let at = scaled(aim, &self.area);
+        let mut found = [Matrix2::zeros(); 2];
+        let powers = powers(at, self.degree);
+        for (term, (i, j)) in exponents(self.degree).enumerate() {
+            // The term before this one in its row or column has one power less.
+            let before = |i: usize, j: usize| powers[terms(i + j) - 1 - i];
+            let dx = if i > 0 { i as f64 * before(i - 1, j) / half.x } else { 0.0 };
+            let dy = if j > 0 { j as f64 * before(i, j - 1) / half.y } else { 0.0 };
+            for (sum, of) in found.iter_mut().zip([self.offset[term], self.slope[term]]) {
+                *sum += of * nalgebra::RowVector2::new(dx, dy);
+            }
+        }
+        found
+    }
+
+    /// The lowest height above z = 0 at which neighbouring beams of the known area meet.
+    fn crossing(&self) -> f64 {
+        let known = self.known_area();
+        let share = |step: usize| step as f64 / 20.0;
+        let places = (0..=20).flat_map(|i| (0..=20).map(move |j| Vector2::new(share(i), share(j))));
+        let first = |place: Vector2<f64>| {
+            let [offset, slope] =
+                self.derivatives(FieldPoint::from(known.min + known.size().component_mul(&place)));
+            // det(A + z·S) = det S·z² + (…)·z + det A, which is positive at z = 0.
+            let a = Matrix2::identity() + offset;
+            let (square, constant) = (slope.determinant(), a.determinant());
+            let linear = (a + slope).determinant() - square - constant;
+            if constant <= 0.0 {
+                return 0.0;
+            }
+            let root = linear * linear - 4.0 * square * constant;
+            if root < 0.0 {
+                return f64::INFINITY;
+            }
+            // The form that stays exact for a small square.
+            let sum = -linear - root.sqrt().copysign(linear);
+            let roots = [2.0 * constant / sum, sum / (2.0 * square)];
+            roots.into_iter().filter(|z| z.is_finite() && *z > 0.0).fold(f64::INFINITY, f64::min)
+        };
+        places.map(first).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The fit of one degree.
+struct Candidate {
+    degree: usize,
+    solutions: [Solution; 2],
+    /// Root mean square of the differences between each measurement and the prediction of all others, mm.
+    prediction: f64,
+}
+
+impl Candidate {
+    /// `None` if the measurements do not determine this degree.
+    fn new(rows: &[Sighting], area: &Extents, degree: usize) -> Option<Self> {
+        let count = terms(degree);
+        // A few rows more than unknowns, so that there is something to predict.
+        if rows.len() < 2 * count + 2 {
+            return None;
+        }
+        let mut matrix = DMatrix::zeros(rows.len(), 2 * count);
+        for (index, row) in rows.iter().enumerate() {
+            for (term, power) in powers(scaled(row.aim, area), degree).into_iter().enumerate() {
+                (matrix[(index, term)], matrix[(index, count + term)]) = (power, row.z * power);
+            }
+        }
+        let solve = |axis: usize| {
+            let beside = rows.iter().map(|row| row.seen[axis] - row.aim.coords()[axis]);
+            least_squares::linear(&matrix, &DVector::from_iterator(rows.len(), beside))
+        };
+        let solutions = [solve(0)?, solve(1)?];
+        let of = |solution: &Solution| {
+            let differences = (0..rows.len()).map(|row| solution.difference_from_others(row));
+            differences.map(|difference| difference.map_or(f64::INFINITY, |value| value * value)).sum::<f64>()
+        };
+        let sum = of(&solutions[0]) + of(&solutions[1]);
+        let prediction = (sum / rows.len() as f64).sqrt() + 1e-9;
+        prediction.is_finite().then_some(Self { degree, solutions, prediction })
+    }
+
+    fn check_mistakes(&self, rows: &[Sighting]) -> Result<(), MeasuredLensError> {
+        for (axis, solution) in self.solutions.iter().enumerate() {
+            let Some(odd) = solution.most_contradicting() else { continue };
+            if odd.ratio > MISTAKE_RATIO && odd.difference.abs() > MISTAKE {
+                return Err(MeasuredLensError::Mistake {
+                    index: odd.index,
+                    axis: ['x', 'y'][axis],
+                    difference: odd.difference,
+                    predicted: rows[odd.index].seen[axis] - odd.difference,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Checks that the points seen follow the aims: neither interchanged nor mirrored.
+fn check_directions(rows: &[Sighting], area: &Extents) -> Result<(), MeasuredLensError> {
+    let matrix = DMatrix::from_fn(rows.len(), 3, |row, column| match column {
+        0 => 1.0,
+        column => rows[row].aim.coords()[column - 1] - area.center()[column - 1],
+    });
+    let along = |axis: usize| {
+        let seen = DVector::from_iterator(rows.len(), rows.iter().map(|row| row.seen[axis]));
+        least_squares::linear(&matrix, &seen).map(|found| [found.unknowns[1], found.unknowns[2]])
+    };
+    let (Some(x), Some(y)) = (along(0), along(1)) else { return Err(MeasuredLensError::OnLine) };
+    if x[1].abs() > x[0].abs() && y[0].abs() > y[1].abs() {
+        return Err(MeasuredLensError::Swapped);
+    }
+    match [x[0] < 0.0, y[1] < 0.0] {
+        [true, _] => Err(MeasuredLensError::WrongSign { axis: 'x' }),
+        [_, true] => Err(MeasuredLensError::WrongSign { axis: 'y' }),
+        _ => Ok(()),
+    }
+}
+
+/// A point of the field with the measured rectangle as the square from −1 to 1.
+fn scaled(aim: FieldPoint, area: &Extents) -> Vector2<f64> {
+    (aim.coords() - area.center()).component_div(&(area.size() / 2.0))
+}
+
+/// The exponents of x and y in each term: first by their sum, then by rising power of y.
+fn exponents(degree: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..=degree).flat_map(|sum| (0..=sum).map(move |j| (sum - j, j)))
+}
+
+fn powers(at: Vector2<f64>, degree: usize) -> Vec<f64> {
+    exponents(degree).map(|(i, j)| at.x.powi(i as i32) * at.y.powi(j as i32)).collect()
+}
+
+/// The FNV-1a hash of all numbers.
+fn fingerprint(rows: &[Sighting]) -> u64 {
+    let numbers = rows.iter().flat_map(|row| [row.aim.x, row.aim.y, row.z, row.seen.x, row.seen.y]);
+    let bytes = numbers.flat_map(|number| (number + 0.0).to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
