@@ -9,6 +9,7 @@ use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 mod cache;
+mod calibrate;
 mod correct;
 mod demo;
 mod diff;
@@ -24,6 +25,8 @@ mod set;
 mod shell;
 mod watch;
 mod status;
+mod station_edit;
+mod register;
 mod check;
 mod named_files;
 mod options;
@@ -57,6 +60,10 @@ enum Command {
     Check(check::CheckArguments),
     /// Sets up the folders and annotated settings of a station.
     Init(check::InitArguments),
+    /// Measures the lens: writes the drawing to mark, and finds the lens distances from what was measured on it.
+    Calibrate(calibrate::CalibrateArguments),
+    /// Finds where the part stands under the laser, and draws the outline to put it into.
+    Register(Box<register::RegisterArguments>),
     /// Shows what isomark reads in a part or a drawing, and what it assumes.
     Inspect(inspect::InspectArguments),
     /// Describes what changed between two drawings.
@@ -93,6 +100,8 @@ pub fn main() -> ExitCode {
         Command::Retry(arguments) => (status::retry(&arguments), false),
         Command::Check(arguments) => (check::run(&arguments), false),
         Command::Init(arguments) => (check::init(&arguments), false),
+        Command::Calibrate(arguments) => (calibrate::run(&arguments), arguments.json()),
+        Command::Register(arguments) => (register::run(&arguments), arguments.json),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
         Command::Explain(arguments) => (explain::run(&arguments), arguments.json),

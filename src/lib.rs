@@ -154,7 +154,7 @@
 //! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |
 //! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `report_html`, `geometry` |
 //! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `report`, `report_html`, `diff`, `printable`, `reason` |
-//! | [`cli`] | the command line | all above except `preview` |
+//! | [`cli`] | the command line | all above |
 //!
 //! There are no circular dependencies. `tests/layering.rs` reads the sources and checks this, including external
 //! crates.

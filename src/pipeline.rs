@@ -470,7 +470,8 @@ fn method(settings: &JobSettings) -> Method {
     }
 }
 
-fn profile(settings: &JobSettings) -> DxfProfile {
+/// The form of the files that the settings ask for.
+pub(crate) fn profile(settings: &JobSettings) -> DxfProfile {
     match settings.output.dxf {
         DxfVersion::R2000 => DxfProfile::R2000,
         DxfVersion::R12 => DxfProfile::R12,

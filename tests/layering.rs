@@ -95,6 +95,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("oem_cp", &["formats"]),
     ("faer", &["geometry"]),
     ("toml", &["config", "cache"]),
+    ("toml_edit", &["config"]),
     ("postcard", &["cache"]),
     ("blake3", &["cache", "pipeline", "hotfolder"]),
     ("similar", &["diff"]),

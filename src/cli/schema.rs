@@ -34,6 +34,8 @@ documents! {
     "evaluate": "every method for one drawing on one part",
     "diff": "what changed between two drawings",
     "status": "the state of a station",
+    "lens": "a measured lens",
+    "registration": "where a part stands under the laser",
     "codes": "codes of reasons and notices, explained",
 }
 

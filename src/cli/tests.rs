@@ -8,7 +8,7 @@ use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Value, json};
 
-use super::{diff, explain, schema};
+use super::{calibrate, diff, explain, register, schema};
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::PatternFacts;
 use crate::hotfolder::status::Status;
@@ -37,6 +37,8 @@ fn schema_of(name: &str) -> Value {
         "evaluate" => document::<Evaluation>(name),
         "diff" => document::<diff::Document<'_>>(name),
         "status" => document::<Status>(name),
+        "registration" => document::<register::RegistrationDocument>(name),
+        "lens" => document::<calibrate::LensDocument>(name),
         "codes" => document::<explain::Document>(name),
         _ => panic!("no type makes the document {name}"),
     }

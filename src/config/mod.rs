@@ -16,6 +16,7 @@ mod settings;
 mod page;
 mod station;
 mod lens_table;
+mod edit;
 mod keys;
 mod live;
 mod overrides;
@@ -29,6 +30,7 @@ pub use choices::{
     OutsideMark, PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis,
     parse_facing,
 };
+pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
 pub use lens_table::LENS_TABLE_COLUMNS;
 pub use live::{LiveSettings, SettingsEvent};

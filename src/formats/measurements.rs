@@ -113,8 +113,9 @@ impl Measurements {
         let text = String::from_utf8_lossy(bytes);
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let lines = text.lines().zip(1u64..);
-        let mut lines =
-            lines.filter(|(line, _)| !line.trim().is_empty() && !line.trim_start().starts_with('#'));
+        // Excel writes and reads the separator in a line `sep=;`.
+        let is_skipped = |line: &str| line.is_empty() || line.starts_with('#') || line.starts_with("sep=");
+        let mut lines = lines.filter(|(line, _)| !is_skipped(line.trim()));
         let (head, _) = lines.next().ok_or(MeasurementsError::NoTable)?;
         let separator = [';', '\t'].into_iter().find(|sign| head.contains(*sign)).unwrap_or(',');
         let cells = |line: &str| -> Vec<String> {
@@ -221,7 +222,7 @@ mod tests {
     #[test]
     fn tables_of_spreadsheets_are_read_with_their_gaps() {
         for text in [
-            "\u{feff}# a comment\r\nName;X_mm;y_mm\r\nA1;1,5;-2\r\n;;\r\nB1;;3\r\n",
+            "\u{feff}sep=;\r\n# a comment\r\nName;X_mm;y_mm\r\nA1;1,5;-2\r\n;;\r\nB1;;3\r\n",
             "name\tx_mm\ty_mm\nA1\t1.5\t-2\n\nB1\t\t3",
             "name,x_mm,y_mm\n\"A1\",1.5,-2,,\nB1,,3\n",
         ] {

@@ -34,5 +34,6 @@ pub mod frame_outline;
 pub mod mark_region;
 pub mod sides;
 pub mod rims;
+pub mod silhouette;
 pub mod picture_mesh;
 pub mod shapes;

@@ -15,6 +15,7 @@ use super::space::FieldPoint;
 
 mod least_squares;
 pub mod calibration;
+pub mod registration;
 pub mod measured;
 
 use measured::MeasuredLens;

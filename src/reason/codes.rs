@@ -47,6 +47,13 @@ const CODES: &[Code] = &[
         "Look at the part in the preview or with `isomark inspect`. If it is on its side, set `up = \"y\"` or `up \
          = \"z\"` under [part], or `--part-up`.",
     ]),
+    notice([
+        "axis-not-measured",
+        "The measurements do not show where the lens axis is.",
+        "Distances between crosses, and positions on plates that were put down freely, do not depend on the lens axis. The settings \
+         keep it in the middle of the field, or at `axis_mm`.",
+        "Hold all plates against the same two stops, measure positions from the same edges, and give `--stops`.",
+    ]),
     reason([
         "beamserver-answer",
         "BeamServer gave an answer that does not fit the command.",
@@ -290,6 +297,13 @@ const CODES: &[Code] = &[
         "Export the part as glTF from CAD, which contains the normals of the true surface, and with a deviation of 0.05 mm. \
          In Blender, apply the Subdivision modifier. A scan needs less noise or more points.",
     ]),
+    notice([
+        "field-scale",
+        "The marking software's own scale is not true.",
+        "On the calibrated plane, crosses are marked farther apart or nearer than they are drawn. isomark does not correct this: it is \
+         the calibration of the marking software. The lens distances are found in spite of it.",
+        "Correct the scale in the marking software, with its own calibration, or check the ruler.",
+    ]),
     reason([
         "file-too-large",
         "The file is larger than a hot folder accepts.",
@@ -519,6 +533,13 @@ const CODES: &[Code] = &[
         "Assign the parameters of the marking software to the new names, or use `dxf = \"R2000\"` under [output].",
     ]),
     reason([
+        "lens-not-determined",
+        "The measurements do not determine the lens.",
+        "The lens distances follow from how much smaller the same crosses are marked on a higher plate. That needs measurements along \
+         x and along y, on plates at two or more heights.",
+        "Measure the crosses on a second, higher plate, and fill in more cells of the table.",
+    ]),
+    reason([
         "log-is-folder",
         "The log file is a folder.",
         "`log.file` in the station's file must name a file.",
@@ -559,6 +580,21 @@ const CODES: &[Code] = &[
         "Lines of the drawing are on other lines.",
         "The laser marks these stretches more than once, which makes them darker and deeper. Often a contour was copied, or the common side of two shapes is drawn with each of them. `overlap_mm` under [pattern] is the length above which this is reported.",
         "Remove the copies in the drawing program.",
+    ]),
+    both([
+        "measurement-contradicts",
+        "A measured value contradicts the others.",
+        "`isomark calibrate` and `isomark register` compare each measured value with the one that follows from all others. One value \
+         that is clearly different was probably mistyped; it is left out, with a warning. If many values contradict each other, \
+         there is no result.",
+        "Look at the named value in the table, correct it or measure it again, and run the command again.",
+    ]),
+    reason([
+        "measurements-swapped",
+        "Measured coordinates are interchanged or have the wrong sign.",
+        "On a plate that is only turned and shifted, x and y keep their order and their directions. The measured values are a mirror \
+         image of the drawing.",
+        "Exchange the two columns, or count x to the right and y upwards.",
     ]),
     reason([
         "measurements-unreadable",
@@ -1146,6 +1182,13 @@ const CODES: &[Code] = &[
         "Many programs export an outline as separate lines and arcs. Ends that are closer than `joining_mm` under \
          [pattern] were joined. The report lists the places.",
         "Nothing to do. Set `strict = true` (`--strict`) or `joining_mm = 0` to keep the pieces separate.",
+    ]),
+    reason([
+        "pose-not-determined",
+        "The points do not determine where the part stands.",
+        "`isomark register` needs three points of the part that form a triangle, or points on two edges that meet at an angle, each \
+         with the point of the field that hits it. The number shows what is missing.",
+        "Add points or edges that are far apart and not on one line, and check the height of the part and the lens.",
     ]),
     reason([
         "readback-differs",

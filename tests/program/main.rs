@@ -22,6 +22,8 @@ mod browser;
 mod correct;
 mod on_part;
 mod simulated_laser;
+mod calibrate;
+mod register;
 mod refusals;
 mod settings;
 mod retention;

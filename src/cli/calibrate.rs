@@ -1,0 +1,617 @@
+//! `isomark calibrate lens`: the test drawing for the lens, and the lens from what was measured on it.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use fs_err as fs;
+use nalgebra::Vector2;
+use serde::Serialize;
+
+use super::named_files::{apart, read_file, write_file};
+use super::outcome::{Failure, Outcome, print, print_json, shown};
+use super::set::SetArguments;
+use super::shell;
+use super::station_edit::{self, Change};
+use crate::config::{LENS_TABLE_COLUMNS, NewValue, Station};
+use crate::formats::measurements::{Measurements, MeasurementsError};
+use crate::formats::pattern;
+use crate::geometry::optics::calibration::{
+    CalibrationError, CrossReading, DistanceReading, LeftOut, LensCalibration, LensReadings, ReadingPlace,
+    Uncertain,
+};
+use crate::geometry::space::{Extents, FieldPoint};
+use crate::pipeline::{profile, program};
+use crate::printable::on_one_line;
+use crate::reason::{Notice, Reason};
+use test_drawing::{Cross, crosses};
+
+mod picture;
+mod test_drawing;
+
+/// Name and version of the JSON form of a [`LensDocument`].
+const SCHEMA: &str = "isomark.lens/1";
+/// A scale that differs from 1 by more than this is worth a notice, and …
+const NOTABLE_SCALE: f64 = 0.001;
+/// … by more than this number of standard deviations.
+const SURE: f64 = 3.0;
+
+#[derive(Debug, Args)]
+pub(super) struct CalibrateArguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Finds the lens distances and the axis from crosses that were marked on a plate at two or more heights.
+    Lens(LensArguments),
+}
+
+#[derive(Debug, Args)]
+struct LensArguments {
+    /// The station's settings.
+    station: PathBuf,
+    /// Writes the drawings to mark, and empty tables for the measurements, into this folder.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["measured", "distance", "write", "json", "picture", "table"])]
+    draw: Option<PathBuf>,
+    /// Heights of the plate above the calibrated plane, mm.
+    #[arg(long, value_name = "Z,Z", value_delimiter = ',', default_value = "0,30", allow_hyphen_values = true, value_parser = parse_height)]
+    heights: Vec<f64>,
+    /// Crosses along each side of the grid, 2 to 9.
+    #[arg(long, value_name = "COUNT", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=9))]
+    crosses: u8,
+    /// A filled-in table, of positions or of distances; may be repeated.
+    #[arg(long, value_name = "FILE.csv")]
+    measured: Vec<PathBuf>,
+    /// A distance that was measured between two crosses: height of the plate, names of the crosses, mm, as in "30 A1 C1 143.2"; may be repeated.
+    #[arg(long, value_name = "Z FROM TO MM", allow_hyphen_values = true)]
+    distance: Vec<String>,
+    /// All plates were held against the same stops, and positions were measured from the same edges: finds the lens axis, too.
+    #[arg(long)]
+    stops: bool,
+    /// Standard deviation of one measurement, mm: 0.1 for a ruler, 0.02 for a caliper. Used while the measurements are too few to show it.
+    #[arg(long, value_name = "MM", default_value_t = 0.1, value_parser = parse_reading)]
+    reading: f64,
+    /// Draws the residual of every cross.
+    #[arg(long, value_name = "FILE.svg")]
+    picture: Option<PathBuf>,
+    /// Writes a lens table for `[optics] table`, for a lens that two distances do not describe; needs positions.
+    #[arg(long, value_name = "FILE.csv")]
+    table: Option<PathBuf>,
+    /// Enters the result into the station's settings; comments are kept.
+    #[arg(long)]
+    write: bool,
+    /// Prints the result as JSON.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    set: SetArguments,
+}
+
+pub(super) fn parse_reading(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| (0.001..=5.0).contains(number));
+    number.ok_or_else(|| "give a length from 0.001 to 5 mm, as in 0.05".into())
+}
+
+fn parse_height(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|height: &f64| height.abs() <= 1000.0);
+    number.ok_or_else(|| "give heights in mm, as in 0,30".into())
+}
+
+impl CalibrateArguments {
+    /// Whether JSON is to be printed.
+    pub(super) fn json(&self) -> bool {
+        let What::Lens(arguments) = &self.what;
+        arguments.json
+    }
+}
+
+/// The result of `calibrate lens`.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct LensDocument {
+    schema: &'static str,
+    /// Name and version of the program.
+    program: String,
+    /// The station's name.
+    station: String,
+    /// Whether the lens is telecentric as far as the measurements show.
+    telecentric: bool,
+    /// Distance from the calibrated plane to where the beams seem to meet, for x and y; absent for a telecentric lens.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lens_distances_mm: Option<[Measured; 2]>,
+    /// Where the lens axis meets the field, x and y; absent if the measurements do not show it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    axis_mm: Option<[Measured; 2]>,
+    /// Size marked on the calibrated plane divided by size drawn, for x and y.
+    scale: [Measured; 2],
+    /// Standard deviation of one measurement, mm.
+    reading_mm: f64,
+    /// Number of measured values beyond those that are needed.
+    spare: usize,
+    /// The plates on which positions were measured.
+    plates: Vec<Plate>,
+    /// The measured values.
+    values: Vec<MeasuredValue>,
+    /// The settings, as lines of a station's file.
+    settings: Vec<String>,
+    /// What was noticed.
+    notices: Vec<Notice>,
+}
+
+/// A measured number with its standard deviation.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct Measured {
+    /// The number.
+    pub(super) value: f64,
+    /// Its standard deviation.
+    pub(super) deviation: f64,
+}
+
+impl From<Uncertain> for Measured {
+    fn from(number: Uncertain) -> Self {
+        Self { value: number.value, deviation: number.deviation }
+    }
+}
+
+/// A plate.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+struct Plate {
+    /// Its height above the calibrated plane, mm.
+    height_mm: f64,
+    /// By how much it was turned, deg counter-clockwise.
+    turned_deg: f64,
+}
+
+/// A measured value and how far it is from the fit.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+struct MeasuredValue {
+    /// The cross, such as `B2`, or two crosses, such as `A1-C1`.
+    name: String,
+    /// The height of the plate, mm.
+    height_mm: f64,
+    /// Measured minus fitted, mm: x and y in the directions of the field, or the distance.
+    residual_mm: Vec<f64>,
+    /// Whether a value was left out because it contradicts the others.
+    left_out: bool,
+}
+
+/// The readings with the names of what was measured.
+#[derive(Default)]
+struct Named {
+    readings: LensReadings,
+    crosses: Vec<String>,
+    distances: Vec<String>,
+}
+
+pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
+    let What::Lens(arguments) = &arguments.what;
+    let station = Station::load_with(&arguments.station, &arguments.set.of_station()?)?;
+    let field = station.settings.field.ok_or_else(|| {
+        Failure::usage("The station has no field.", "Give its size under [field] in the station's settings.")
+    })?;
+    let grid = crosses(&field.extents(), arguments.crosses.into());
+    if let Some(folder) = &arguments.draw {
+        return draw(arguments, &station, &field.extents(), &grid, folder);
+    }
+    if arguments.measured.is_empty() && arguments.distance.is_empty() {
+        let file = shell::path(&arguments.station);
+        return Err(Failure::usage(
+            "No measurements are given.",
+            format!(
+                "Run `{}` for the drawing to mark, then give the filled-in table with `--measured`.",
+                shell::command(&["calibrate", "lens", &file, "--draw", "lens-test"])
+            ),
+        ));
+    }
+    let written: Vec<(&str, &Path)> = [("--picture", &arguments.picture), ("--table", &arguments.table)]
+        .into_iter()
+        .filter_map(|(option, file)| Some((option, file.as_deref()?)))
+        .collect();
+    let read: Vec<&Path> =
+        arguments.measured.iter().chain([&arguments.station]).map(PathBuf::as_path).collect();
+    apart(&read, &written)?;
+    let mut named = Named::default();
+    (named.readings.same_stops, named.readings.reading) = (arguments.stops, arguments.reading);
+    for file in &arguments.measured {
+        named
+            .add_table(&read_file(file)?)
+            .map_err(|error| Failure::rejected(error.reason().in_file(file.display().to_string())))?;
+    }
+    for typed in &arguments.distance {
+        named.add_distance(typed, &grid)?;
+    }
+    let found =
+        LensCalibration::fit(&named.readings).map_err(|error| Failure::rejected(reason(&error, &named)))?;
+    finish(arguments, &station, &field.extents(), &named, &found)
+}
+
+/// Writes the drawings and the empty tables.
+fn draw(
+    arguments: &LensArguments,
+    station: &Station,
+    field: &Extents,
+    grid: &[Cross],
+    folder: &Path,
+) -> Outcome {
+    let mut heights = arguments.heights.clone();
+    heights.sort_by(f64::total_cmp);
+    heights.dedup();
+    if heights.len() < 2 {
+        return Err(Failure::usage(
+            "A lens is measured on plates at two or more heights.",
+            "Give different heights, as in `--heights 0,30`.",
+        ));
+    }
+    fs::create_dir_all(folder).map_err(|error| Failure::environment(&error))?;
+    let tables = [
+        ("lens-positions.csv", test_drawing::positions_table(grid, &heights)),
+        ("lens-distances.csv", test_drawing::distances_table(grid, &heights, arguments.crosses.into())),
+    ];
+    for (name, table) in &tables {
+        let path = folder.join(name);
+        // A table with measurements must not be lost; an empty one may be written again.
+        if path.exists() && read_file(&path)? != table.as_bytes() {
+            return Err(Failure::usage(
+                format!("{} exists and may contain measurements.", shown(&path)),
+                "Name another folder, or remove the file.",
+            ));
+        }
+    }
+    for z in &heights {
+        let drawing = test_drawing::drawing(field, grid, *z);
+        let path = folder.join(format!("lens-z{z}.dxf"));
+        write_file(&path, &pattern::write(&drawing, profile(&station.settings)))?;
+        print(&format!("written  {}\n", shown(&path)));
+    }
+    for (name, table) in &tables {
+        write_file(&folder.join(name), table.as_bytes())?;
+        print(&format!("written  {}\n", shown(&folder.join(name))));
+    }
+    let file = shell::path(&arguments.station);
+    let table = folder.join("lens-positions.csv");
+    print(&format!(
+        "\nMark each drawing on a plate whose top is at its height above the calibrated plane; do not move the head. Measure the \
+         crosses, fill in one of the tables (a cell may stay empty), then\n  {}\n",
+        shell::command(&["calibrate", "lens", &file, "--measured", &shell::path(&table)])
+    ));
+    Ok(())
+}
+
+impl Named {
+    fn add_table(&mut self, bytes: &[u8]) -> Result<(), MeasurementsError> {
+        let table = Measurements::read(bytes)?;
+        for row in 0..table.len() {
+            let z = table.required(row, "height_mm")?;
+            let point =
+                |x: &str, y: &str| Ok(FieldPoint::new(table.required(row, x)?, table.required(row, y)?));
+            if table.has("measured_mm") {
+                let ends = [point("from_x_mm", "from_y_mm")?, point("to_x_mm", "to_y_mm")?];
+                let Some(measured) = table.number(row, "measured_mm")? else { continue };
+                let names = [table.text(row, "from")?, table.text(row, "to")?];
+                self.distances.push(on_one_line(&names.join("-")));
+                self.readings.distances.push(DistanceReading { ends, z, measured });
+            } else {
+                let aim = point("x_mm", "y_mm")?;
+                let measured = [table.number(row, "measured_x_mm")?, table.number(row, "measured_y_mm")?];
+                if measured.iter().all(Option::is_none) {
+                    continue;
+                }
+                self.crosses.push(on_one_line(table.text(row, "cross")?));
+                self.readings.crosses.push(CrossReading { aim, z, measured });
+            }
+        }
+        Ok(())
+    }
+
+    fn add_distance(&mut self, typed: &str, grid: &[Cross]) -> Outcome {
+        let wrong = |what: String| {
+            Failure::usage(what, "Give height, two crosses and mm, as in `--distance \"30 A1 C1 143.2\"`.")
+        };
+        let words: Vec<&str> = typed.split_whitespace().collect();
+        let [z, from, to, measured] = words[..] else {
+            return Err(wrong(format!("`--distance {typed}` does not have four parts.")));
+        };
+        let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.abs() <= 10_000.0);
+        let (Some(z), Some(measured)) = (number(z), number(measured)) else {
+            return Err(wrong(format!("`--distance {typed}` contains a number that cannot be read.")));
+        };
+        let cross = |name: &str| {
+            let found = grid.iter().find(|cross| cross.name.eq_ignore_ascii_case(name));
+            found.map(|cross| cross.at).ok_or_else(|| wrong(format!("The grid has no cross `{name}`.")))
+        };
+        self.readings.distances.push(DistanceReading { ends: [cross(from)?, cross(to)?], z, measured });
+        self.distances.push(format!("{from}-{to}").to_ascii_uppercase());
+        Ok(())
+    }
+
+    /// A value in words, such as `x of cross B2 on the plate at 30 mm`.
+    fn place(&self, place: ReadingPlace) -> String {
+        match place {
+            ReadingPlace::Cross(index, axis) => {
+                let z = self.readings.crosses[index].z;
+                format!("{} of cross {} on the plate at {z} mm", ["x", "y"][axis], self.crosses[index])
+            }
+            ReadingPlace::Distance(index) => {
+                let z = self.readings.distances[index].z;
+                format!("the distance {} on the plate at {z} mm", self.distances[index])
+            }
+        }
+    }
+
+    fn contradiction(&self, value: &LeftOut) -> String {
+        let LeftOut { place, difference, predicted } = *value;
+        format!(
+            "{}: measured {:.2} mm, but {predicted:.2} mm follows from the others, a difference of {difference:+.2} mm",
+            self.place(place),
+            predicted + difference
+        )
+    }
+}
+
+fn reason(error: &CalibrationError, named: &Named) -> Reason {
+    let undetermined = |what: String, remedy: &str| Reason::new("lens-not-determined", what, remedy);
+    match *error {
+        CalibrationError::OneHeight => undetermined(
+            format!("{error}."),
+            "Mark and measure the crosses on a second plate at least 10 mm higher; the column is height_mm.",
+        ),
+        CalibrationError::NotDetermined { count } => undetermined(
+            format!("{error}."),
+            "Fill in more cells: on each plate at least three crosses that are not on one line, or distances along x and along y.",
+        )
+        .with_number("measured values", count as f64, "", None),
+        CalibrationError::Swapped { .. } => Reason::new(
+            "measurements-swapped",
+            format!("{error}."),
+            "Exchange the columns measured_x_mm and measured_y_mm of this plate.",
+        ),
+        CalibrationError::WrongSign { axis, .. } => Reason::new(
+            "measurements-swapped",
+            format!("{error}: measured {axis} becomes smaller where {axis} becomes larger."),
+            "Count x to the right and y upwards, as in the field, from any zero.",
+        ),
+        CalibrationError::Diverging { growth, .. } => undetermined(
+            format!("{error}; towards the lens, marks become smaller."),
+            "Check the column height_mm: it is positive towards the lens.",
+        )
+        .with_number("growth for each mm of height", growth * 100.0, "%", Some(0.0)),
+        CalibrationError::AboveLens { z, distance } => undetermined(
+            format!("{error}."),
+            "Check the column height_mm: it is in mm above the calibrated plane.",
+        )
+        .with_number("height", z, "mm", Some(distance)),
+        CalibrationError::Contradictory { deviation, worst } => Reason::new(
+            "measurement-contradicts",
+            format!("{error}. The worst is {}.", named.contradiction(&worst)),
+            "Check the heights, the names of the crosses and this value, and measure again.",
+        )
+        .with_number("standard deviation", deviation, "mm", Some(10.0 * named.readings.reading)),
+    }
+}
+
+fn finish(
+    arguments: &LensArguments,
+    station: &Station,
+    field: &Extents,
+    named: &Named,
+    found: &LensCalibration,
+) -> Outcome {
+    let changes = changes(arguments, station, found)?;
+    let document = document(station, named, found, &changes);
+    if let Some(file) = &arguments.picture {
+        write_file(file, picture(station, field, named, found).as_bytes())?;
+    }
+    if let Some(file) = &arguments.table {
+        write_file(file, lens_table(station, named, found)?.as_bytes())?;
+    }
+    if arguments.write {
+        station_edit::write(&arguments.station, "optics", &changes, |text| {
+            Station::parse(&arguments.station, text).map(|_| ())
+        })?;
+    }
+    if arguments.json {
+        let json =
+            serde_json::to_string_pretty(&document).map_err(|error| Failure::environment(&error.into()))?;
+        print_json(&(json + "\n"));
+    } else {
+        print(&text(arguments, &document));
+    }
+    Ok(())
+}
+
+/// Lengths for settings: to 0.01 mm.
+fn rounded(length: f64) -> f64 {
+    (length * 100.0).round() / 100.0 + 0.0
+}
+
+/// The settings that describe the lens.
+fn changes(
+    arguments: &LensArguments,
+    station: &Station,
+    found: &LensCalibration,
+) -> Result<Vec<Change>, Failure> {
+    let nothing = |key: &'static str| (key, NewValue::Nothing);
+    if let Some(table) = &arguments.table {
+        let name = station_edit::beside(&arguments.station, table)?;
+        let others = ["kind", "lens_distance_x_mm", "lens_distance_y_mm", "axis_mm"].map(nothing);
+        return Ok([("table", NewValue::Text(name))].into_iter().chain(others).collect());
+    }
+    let Some([x, y]) = found.distances() else {
+        let others = ["lens_distance_x_mm", "lens_distance_y_mm", "axis_mm", "table"].map(nothing);
+        return Ok([("kind", NewValue::Text("telecentric".into()))].into_iter().chain(others).collect());
+    };
+    let mut changes = vec![
+        ("kind", NewValue::Text("perspective".into())),
+        ("lens_distance_x_mm", NewValue::Number(rounded(x.value))),
+        ("lens_distance_y_mm", NewValue::Number(rounded(y.value))),
+        nothing("table"),
+    ];
+    // An axis that was not measured stays where the settings place it.
+    if let Some(axis) = found.axis {
+        changes.push(("axis_mm", NewValue::Pair(axis.map(|axis| rounded(axis.value)))));
+    } else if station.lens_table.is_some() {
+        changes.push(nothing("axis_mm"));
+    }
+    Ok(changes)
+}
+
+fn document(station: &Station, named: &Named, found: &LensCalibration, changes: &[Change]) -> LensDocument {
+    let left_out = |is: &dyn Fn(ReadingPlace) -> bool| found.left_out.iter().any(|value| is(value.place));
+    let crosses = named.readings.crosses.iter().enumerate().map(|(index, cross)| MeasuredValue {
+        name: named.crosses[index].clone(),
+        height_mm: cross.z,
+        residual_mm: found.residuals[index].iter().copied().filter(|value| value.is_finite()).collect(),
+        left_out: left_out(&|place| matches!(place, ReadingPlace::Cross(of, _) if of == index)),
+    });
+    let distances = named.readings.distances.iter().enumerate().map(|(index, distance)| MeasuredValue {
+        name: named.distances[index].clone(),
+        height_mm: distance.z,
+        residual_mm: vec![found.distance_residuals[index]],
+        left_out: left_out(&|place| place == ReadingPlace::Distance(index)),
+    });
+    LensDocument {
+        schema: SCHEMA,
+        program: program(),
+        station: station.name.clone(),
+        telecentric: found.is_telecentric(),
+        lens_distances_mm: found.distances().map(|distances| distances.map(Measured::from)),
+        axis_mm: found.axis.map(|axis| axis.map(Measured::from)),
+        scale: found.scale.map(Measured::from),
+        reading_mm: found.reading,
+        spare: found.spare,
+        plates: found
+            .plates
+            .iter()
+            .map(|plate| Plate { height_mm: plate.z, turned_deg: plate.rotation.to_degrees() })
+            .collect(),
+        values: crosses.chain(distances).collect(),
+        settings: changes.iter().filter_map(|(key, value)| value.line(key)).collect(),
+        notices: notices(named, found),
+    }
+}
+
+fn notices(named: &Named, found: &LensCalibration) -> Vec<Notice> {
+    let contradicts = |value: &LeftOut| {
+        let message = format!("{}; it was left out", named.contradiction(value));
+        Notice::warning("measurement-contradicts", message)
+    };
+    let mut notices: Vec<Notice> = found.left_out.iter().map(contradicts).collect();
+    for (axis, scale) in ["x", "y"].iter().zip(found.scale) {
+        let off = scale.value - 1.0;
+        if off.abs() > NOTABLE_SCALE.max(SURE * scale.deviation) {
+            let message = format!(
+                "on the calibrated plane, {axis} is marked {:.4} times as long as drawn; correct the scale in the marking software's \
+                 calibration, or check the ruler",
+                scale.value
+            );
+            notices.push(Notice::warning("field-scale", message));
+        }
+    }
+    if found.axis.is_none() && !found.is_telecentric() {
+        let message = "the axis of the lens was not measured; the settings keep it in the middle of the field, or at `axis_mm`. To \
+                       measure it, hold all plates against the same two stops, measure positions from the same edges, and give \
+                       `--stops`";
+        notices.push(Notice::note("axis-not-measured", message));
+    }
+    notices
+}
+
+fn text(arguments: &LensArguments, document: &LensDocument) -> String {
+    let mut text =
+        format!("{}: lens from {} measured places\n", on_one_line(&document.station), document.values.len());
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "  {label:<18}{value}");
+    };
+    match &document.lens_distances_mm {
+        Some([x, y]) => {
+            line("lens distance x", format!("{:.1} mm +- {:.1} mm", x.value, x.deviation));
+            line("lens distance y", format!("{:.1} mm +- {:.1} mm", y.value, y.deviation));
+        }
+        None => line("lens", "telecentric, as far as the measurements show".into()),
+    }
+    if let Some([x, y]) = &document.axis_mm {
+        line(
+            "lens axis",
+            format!(
+                "x {:.1} mm +- {:.1} mm, y {:.1} mm +- {:.1} mm",
+                x.value, x.deviation, y.value, y.deviation
+            ),
+        );
+    }
+    let [x, y] = &document.scale;
+    line(
+        "scale at z = 0",
+        format!("x {:.4} +- {:.4}, y {:.4} +- {:.4}", x.value, x.deviation, y.value, y.deviation),
+    );
+    line(
+        "one measurement",
+        format!("+- {:.3} mm, {} more values than needed", document.reading_mm, document.spare),
+    );
+    for plate in &document.plates {
+        line(&format!("plate at {} mm", plate.height_mm), format!("turned by {:.2} deg", plate.turned_deg));
+    }
+    text += "\n  cross     height mm   residual mm\n";
+    for value in &document.values {
+        let residual: Vec<String> = value.residual_mm.iter().map(|value| format!("{value:+7.3}")).collect();
+        let mark = if value.left_out { "  left out" } else { "" };
+        let _ = writeln!(text, "  {:<10}{:>9}   {}{mark}", value.name, value.height_mm, residual.join(" "));
+    }
+    station_edit::add_notices(&mut text, &document.notices);
+    let done = arguments.write.then_some(arguments.station.as_path());
+    station_edit::add_lines(&mut text, done, "optics", &document.settings);
+    text
+}
+
+fn picture(station: &Station, field: &Extents, named: &Named, found: &LensCalibration) -> String {
+    let arrows: Vec<picture::Arrow> = named
+        .readings
+        .crosses
+        .iter()
+        .enumerate()
+        .map(|(index, cross)| picture::Arrow {
+            name: named.crosses[index].clone(),
+            z: cross.z,
+            at: cross.aim.coords(),
+            residual: found.residuals[index],
+            is_left_out: found
+                .left_out
+                .iter()
+                .any(|value| matches!(value.place, ReadingPlace::Cross(of, _) if of == index)),
+        })
+        .collect();
+    let lens = found.distances().map_or("telecentric".to_owned(), |[x, y]| {
+        format!("lens distances {:.1} and {:.1} mm", x.value, y.value)
+    });
+    let line = format!("{lens}; residuals of {:.3} mm (standard deviation)", found.reading);
+    picture::svg(&format!("{} · lens test", station.name), &line, field, &arrows)
+}
+
+/// The measured positions without the turn and shift of each plate, as a lens table.
+fn lens_table(station: &Station, named: &Named, found: &LensCalibration) -> Result<String, Failure> {
+    if named.readings.crosses.is_empty() {
+        return Err(Failure::usage(
+            "A lens table needs measured positions, and only distances are given.",
+            "Fill in lens-positions.csv.",
+        ));
+    }
+    let head = station.settings.scan_head();
+    let axis = found.axis.map_or(head.axis.coords(), |axis| Vector2::new(axis[0].value, axis[1].value));
+    let mut table = LENS_TABLE_COLUMNS.join(";") + "\n";
+    for (index, cross) in named.readings.crosses.iter().enumerate() {
+        let is_left_out = |value: &LeftOut| matches!(value.place, ReadingPlace::Cross(of, _) if of == index);
+        if found.left_out.iter().any(is_left_out) || cross.measured.iter().any(Option::is_none) {
+            continue;
+        }
+        let shrink = Vector2::new(0, 1)
+            .map(|side| found.scale[side].value * (1.0 - cross.z * found.convergence[side].value));
+        let fitted = axis + (cross.aim.coords() - axis).component_mul(&shrink);
+        let seen = fitted + found.residuals[index];
+        let _ = writeln!(table, "{};{};{};{:.4};{:.4}", cross.aim.x, cross.aim.y, cross.z, seen.x, seen.y);
+    }
+    Ok(table)
+}

@@ -1,0 +1,506 @@
+//! The fixture from what a person sees: the field coordinates at which known points of the part are hit, or points that are
+//! hit along its edges.
+
+use nalgebra::{DMatrix, DVector, Point3, Vector2, Vector3};
+
+use super::least_squares::{self, Solution};
+use super::{Fixture, Lens, ScanHead};
+use crate::geometry::space::FieldPoint;
+
+/// Points closer to a line than this share of its length are on it.
+const ON_LINE: f64 = 0.05;
+/// Smallest angle between two edges, rad.
+const SMALLEST_ANGLE: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// A height that is known worse than this is not used, mm.
+const WORST_HEIGHT: f64 = 2.0;
+/// A point contradicts the others if without it they fit better by this ratio, and it is this far away, mm.
+const CONTRADICTS: (f64, f64) = (5.0, 0.5);
+/// Contacts that deviate by more than this number of readings' deviations are not one part.
+const MOST_DEVIATION: f64 = 10.0;
+/// With this number of spare values, their residuals show how well was measured.
+const ENOUGH_SPARE: usize = 4;
+/// Rotations from which the search starts when points do not show one.
+const STARTS: u32 = 12;
+
+/// A point of the part and where the beam hits it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// The point in the view, mm.
+    pub view: Point3<f64>,
+    /// The point of the field whose beam hits it.
+    pub hit: FieldPoint,
+}
+
+/// A straight edge of the part and a point of the field whose beam hits it somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgeContact {
+    /// Two points of the edge in the view, mm; it may be hit beyond them.
+    pub ends: [Point3<f64>; 2],
+    /// The point of the field.
+    pub hit: FieldPoint,
+}
+
+/// What was seen.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Contacts {
+    /// Points.
+    pub points: Vec<Contact>,
+    /// Points along edges.
+    pub edges: Vec<EdgeContact>,
+    /// Standard deviation of one observation, mm; used while too few show it.
+    pub reading: f64,
+}
+
+/// How the height of the fixture is found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Height {
+    /// It is this, mm.
+    Known(f64),
+    /// From the contacts if the lens shows it, else this, mm.
+    Unknown(f64),
+}
+
+/// The fixture that fits the contacts best.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Registration {
+    /// The fixture.
+    pub fixture: Fixture,
+    /// Standard deviations of x, y and the rotation, mm and rad.
+    pub deviations: [f64; 3],
+    /// Standard deviation of the height, mm; `None` if it was not found from the contacts.
+    pub height_deviation: Option<f64>,
+    /// For each point, seen minus fitted, mm in the field.
+    pub residuals: Vec<Vector2<f64>>,
+    /// For each contact with an edge, its distance from the fitted edge, mm in the field.
+    pub edge_residuals: Vec<f64>,
+    /// Standard deviation of one observation, mm.
+    pub reading: f64,
+    /// The number of values beyond those that are needed.
+    pub spare: usize,
+    /// The index of a point that contradicts the others and was left out.
+    pub left_out: Option<usize>,
+}
+
+/// Why contacts give no fixture.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegistrationError {
+    /// Fewer points than needed, and no edges.
+    #[error("there are {count} points, and 3 are needed")]
+    TooFew {
+        /// Their number.
+        count: usize,
+    },
+    /// The points are on a line.
+    #[error("all points are within {width:.2} mm of one line")]
+    OnLine {
+        /// The largest distance of a point from the line, mm.
+        width: f64,
+        /// The distance that would be enough, mm.
+        needed: f64,
+    },
+    /// The edges do not fix the part.
+    #[error("the edges are nearly parallel, at {degrees:.1} deg")]
+    Parallel {
+        /// The largest angle between two of them, deg.
+        degrees: f64,
+    },
+    /// The part and the field are mirror images.
+    #[error(
+        "the points in the field are a mirror image of those on the part; x and y seem swapped, or a sign is wrong"
+    )]
+    Mirrored,
+    /// A point of the part is above the lens.
+    #[error("the part reaches up to {height:.1} mm, and the lens is at {lens:.1} mm")]
+    AboveLens {
+        /// The height of the highest point, mm.
+        height: f64,
+        /// That of the lens, mm.
+        lens: f64,
+    },
+    /// The contacts do not belong to one part.
+    #[error("the points contradict each other by {deviation:.2} mm")]
+    Contradictory {
+        /// Standard deviation of an observation, mm.
+        deviation: f64,
+        /// The index of the worst point, if there are points.
+        worst: Option<usize>,
+    },
+    /// The search did not end.
+    #[error("no fixture fits the points")]
+    NotFound,
+}
+
+impl Registration {
+    /// The fit.
+    ///
+    /// # Errors
+    /// When the contacts do not determine the fixture or contradict each other; see [`RegistrationError`].
+    pub fn fit(contacts: &Contacts, head: &ScanHead, height: Height) -> Result<Self, RegistrationError> {
+        check(contacts)?;
+        let (Height::Known(z) | Height::Unknown(z)) = height;
+        let lens = head.lens.height();
+        let ends = contacts.edges.iter().flat_map(|edge| edge.ends);
+        let highest = contacts.points.iter().map(|point| point.view).chain(ends).map(|view| view.z + z);
+        let highest = highest.fold(f64::NEG_INFINITY, f64::max);
+        if highest >= lens {
+            return Err(RegistrationError::AboveLens { height: highest, lens });
+        }
+        let problem = Problem { head, z };
+        let solve = |contacts: &Contacts| problem.solve(contacts, height);
+        let all = solve(contacts)?;
+        let deviation = all.deviation(contacts);
+        let (points, spare) = (&contacts.points, all.solution.spare());
+        let mut left_out = None;
+        // Without one point there must be enough to check the others.
+        if points.len() >= 4 && spare >= 4 {
+            let without = |index: usize| {
+                let mut contacts = contacts.clone();
+                contacts.points.remove(index);
+                let found = solve(&contacts).ok().filter(|_| check(&contacts).is_ok())?;
+                Some((index, found.deviation(&contacts).max(1e-6), found))
+            };
+            let best = (0..points.len()).filter_map(without).min_by(|one, other| one.1.total_cmp(&other.1));
+            left_out = best.filter(|(index, others, found)| {
+                let away = problem
+                    .miss(&found.unknowns(), &points[*index])
+                    .map_or(f64::INFINITY, |miss| miss.norm());
+                deviation > CONTRADICTS.0 * others && away > CONTRADICTS.1
+            });
+        }
+        let (index, used, found) = match left_out {
+            Some((index, _, found)) => {
+                let mut used = contacts.clone();
+                used.points.remove(index);
+                (Some(index), used, found)
+            }
+            None => (None, contacts.clone(), all),
+        };
+        let deviation = found.deviation(&used);
+        if deviation > MOST_DEVIATION * contacts.reading {
+            let miss = |index: &usize| {
+                problem.miss(&found.unknowns(), &points[*index]).map_or(f64::INFINITY, |miss| miss.norm())
+            };
+            let worst = (0..points.len()).max_by(|one, other| miss(one).total_cmp(&miss(other)));
+            return Err(RegistrationError::Contradictory { deviation, worst });
+        }
+        let unknowns = found.unknowns();
+        let known = |unknown: usize| found.solution.uncertainty(unknown, deviation);
+        let [x, y, rotation, z] = unknowns;
+        let rotation = rotation.sin().atan2(rotation.cos());
+        let residual = |point: &Contact| problem.miss(&unknowns, point).unwrap_or(Vector2::repeat(f64::NAN));
+        let beside = |edge: &EdgeContact| problem.beside(&unknowns, edge).unwrap_or(f64::NAN);
+        Ok(Self {
+            fixture: Fixture { x, y, z, rotation },
+            deviations: [known(0), known(1), known(2)],
+            height_deviation: found.finds_height.then(|| known(3)),
+            residuals: points.iter().map(residual).collect(),
+            edge_residuals: contacts.edges.iter().map(beside).collect(),
+            reading: deviation,
+            spare: found.solution.spare(),
+            left_out: index,
+        })
+    }
+}
+
+/// Whether the contacts fix a part: three points in a triangle, or two edges at an angle.
+fn check(contacts: &Contacts) -> Result<(), RegistrationError> {
+    let Contacts { points, edges, .. } = contacts;
+    if edges.is_empty() {
+        if points.len() < 3 {
+            return Err(RegistrationError::TooFew { count: points.len() });
+        }
+        // The field's points matter as much: all may be typed for the same corner.
+        on_line(points.iter().map(|point| point.view.coords.xy()).collect())?;
+        on_line(points.iter().map(|point| point.hit.coords()).collect())?;
+        let matrix = DMatrix::from_fn(points.len(), 3, |row, column| match column {
+            0 => 1.0,
+            column => points[row].view[column - 1],
+        });
+        let along = |axis: usize| {
+            let hits =
+                DVector::from_iterator(points.len(), points.iter().map(|point| point.hit.coords()[axis]));
+            least_squares::linear(&matrix, &hits).map(|found| found.unknowns)
+        };
+        if let (Some(x), Some(y)) = (along(0), along(1))
+            && x[1] * y[2] - x[2] * y[1] < 0.0
+        {
+            return Err(RegistrationError::Mirrored);
+        }
+        return Ok(());
+    }
+    let direction = |edge: &EdgeContact| (edge.ends[1] - edge.ends[0]).xy().try_normalize(1e-6);
+    let directions: Vec<Vector2<f64>> = edges.iter().filter_map(direction).collect();
+    let angles = directions
+        .iter()
+        .flat_map(|one| directions.iter().map(move |other| one.perp(other).abs().min(1.0).asin()));
+    let angle = angles.fold(0.0, f64::max);
+    // One point beside an edge fixes the part along the edge.
+    if angle < SMALLEST_ANGLE && points.is_empty() {
+        return Err(RegistrationError::Parallel { degrees: angle.to_degrees() });
+    }
+    if 2 * points.len() + edges.len() < 3 {
+        return Err(RegistrationError::TooFew { count: points.len() });
+    }
+    Ok(())
+}
+
+fn on_line(points: Vec<Vector2<f64>>) -> Result<(), RegistrationError> {
+    let far = |from: &Vector2<f64>| {
+        points.iter().copied().max_by(|a, b| (a - from).norm().total_cmp(&(b - from).norm())).unwrap_or(*from)
+    };
+    let Some(first) = points.first() else { return Ok(()) };
+    let one = far(first);
+    let other = far(&one);
+    let length = (other - one).norm();
+    let width = match (other - one).try_normalize(1e-9) {
+        Some(along) => points.iter().map(|at| along.perp(&(at - one)).abs()).fold(0.0, f64::max),
+        None => 0.0,
+    };
+    let needed = (ON_LINE * length).max(1.0);
+    if width < needed { Err(RegistrationError::OnLine { width, needed }) } else { Ok(()) }
+}
+
+struct Problem<'a> {
+    head: &'a ScanHead,
+    z: f64,
+}
+
+struct Found {
+    solution: Solution,
+    finds_height: bool,
+    z: f64,
+}
+
+impl Found {
+    /// x, y, rotation and z.
+    fn unknowns(&self) -> [f64; 4] {
+        let found = &self.solution.unknowns;
+        [found[0], found[1], found[2], if self.finds_height { found[3] } else { self.z }]
+    }
+
+    fn deviation(&self, contacts: &Contacts) -> f64 {
+        match self.solution.deviation() {
+            Some(deviation) if self.solution.spare() >= ENOUGH_SPARE => deviation,
+            Some(deviation) => deviation.max(contacts.reading),
+            None => contacts.reading,
+        }
+    }
+}
+
+impl Problem<'_> {
+    fn aim(&self, unknowns: &[f64], view: Point3<f64>) -> Option<Vector2<f64>> {
+        let z = unknowns.get(3).copied().unwrap_or(self.z);
+        let fixture = Fixture { x: unknowns[0], y: unknowns[1], z, rotation: unknowns[2] };
+        self.head.aim(fixture.point(view)).map(FieldPoint::coords)
+    }
+
+    /// Seen minus fitted.
+    fn miss(&self, unknowns: &[f64], point: &Contact) -> Option<Vector2<f64>> {
+        Some(point.hit.coords() - self.aim(unknowns, point.view)?)
+    }
+
+    /// The distance of the hit from the image of the edge.
+    fn beside(&self, unknowns: &[f64], edge: &EdgeContact) -> Option<f64> {
+        let [from, to] = edge.ends;
+        let image = |t: f64| self.aim(unknowns, from + (to - from) * t);
+        let (mut t, hit) = (0.5, edge.hit.coords());
+        let mut along = Vector2::zeros();
+        let mut at = image(t)?;
+        // The image is nearly straight.
+        for _ in 0..8 {
+            along = (image(t + 1e-3)? - image(t - 1e-3)?) / 2e-3;
+            t += along.dot(&(hit - at)) / along.norm_squared().max(1e-12);
+            // Far beyond its ends an edge may leave the part's height.
+            t = t.clamp(-20.0, 21.0);
+            at = image(t)?;
+        }
+        Some(along.try_normalize(1e-12)?.perp(&(hit - at)))
+    }
+
+    fn residuals(&self, contacts: &Contacts, unknowns: &[f64]) -> Option<Vec<f64>> {
+        let mut residuals = Vec::with_capacity(2 * contacts.points.len() + contacts.edges.len());
+        for point in &contacts.points {
+            residuals.extend(self.miss(unknowns, point)?.iter());
+        }
+        for edge in &contacts.edges {
+            residuals.push(self.beside(unknowns, edge)?);
+        }
+        Some(residuals)
+    }
+
+    fn solve(&self, contacts: &Contacts, height: Height) -> Result<Found, RegistrationError> {
+        let without = self.search(contacts, false).ok_or(RegistrationError::NotFound)?;
+        let fixed = Found { solution: without, finds_height: false, z: self.z };
+        if matches!(height, Height::Known(_)) || self.head.lens == Lens::Telecentric {
+            return Ok(fixed);
+        }
+        let mut start = fixed.solution.unknowns.as_slice().to_vec();
+        start.push(self.z);
+        let solution =
+            least_squares::nonlinear(&start, &[1e-4, 1e-4, 1e-6, 1e-3], |at| self.residuals(contacts, at));
+        let Some(solution) = solution else { return Ok(fixed) };
+        let with = Found { solution, finds_height: true, z: self.z };
+        let is_known = with.solution.uncertainty(3, contacts.reading) <= WORST_HEIGHT;
+        Ok(if is_known { with } else { fixed })
+    }
+
+    /// The best solution from all starts.
+    fn search(&self, contacts: &Contacts, finds_height: bool) -> Option<Solution> {
+        let turns = f64::from(STARTS);
+        let seen = contacts.points.iter().map(|point| (point.view, point.hit));
+        let middle = |edge: &EdgeContact| (edge.ends[0] + (edge.ends[1] - edge.ends[0]) * 0.5, edge.hit);
+        let pairs: Vec<_> = seen.chain(contacts.edges.iter().map(middle)).collect();
+        let count = pairs.len().max(1) as f64;
+        let views = pairs.iter().map(|(view, _)| view.coords).sum::<Vector3<f64>>() / count;
+        let hits = pairs.iter().map(|(_, hit)| hit.coords()).sum::<Vector2<f64>>() / count;
+        let found = (0..STARTS).filter_map(|start| {
+            let rotation = f64::from(start) / turns * std::f64::consts::TAU;
+            let moved = Fixture { rotation, ..Fixture::default() }.point(views.into());
+            let at = self.head.cast(hits.into(), self.z + views.z);
+            let mut start = vec![at.x - moved.x, at.y - moved.y, rotation];
+            let mut steps = vec![1e-4, 1e-4, 1e-6];
+            if finds_height {
+                start.push(self.z);
+                steps.push(1e-3);
+            }
+            least_squares::nonlinear(&start, &steps, |at| self.residuals(contacts, at))
+        });
+        found.min_by(|one, other| one.residuals.norm().total_cmp(&other.residuals.norm()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn head(distance: f64) -> ScanHead {
+        ScanHead {
+            lens: Lens::Perspective { x: distance, y: 0.95 * distance },
+            axis: FieldPoint::new(100.0, 80.0),
+        }
+    }
+
+    const CORNERS: [[f64; 3]; 4] =
+        [[-45.0, -30.0, 0.0], [50.0, -28.0, 12.0], [48.0, 35.0, 5.0], [-40.0, 33.0, 20.0]];
+
+    /// Normally distributed numbers with a standard deviation of 1.
+    fn noise() -> impl Strategy<Value = f64> {
+        (1e-9..1.0f64, 0.0..std::f64::consts::TAU)
+            .prop_map(|(share, angle)| (-2.0 * share.ln()).sqrt() * angle.cos())
+    }
+
+    fn contacts(head: &ScanHead, fixture: &Fixture, noise: &[f64]) -> Contacts {
+        let points = CORNERS.iter().zip(noise.chunks(2)).map(|(view, noise)| {
+            let view = Point3::from(*view);
+            let hit = head.aim(fixture.point(view)).unwrap();
+            Contact { view, hit: hit + Vector2::new(noise[0], noise[1]) * 0.05 }
+        });
+        Contacts { points: points.collect(), reading: 0.05, ..Contacts::default() }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn four_points_give_the_pose_for_every_fixture_and_lens(
+            distance in 140.0..600.0f64,
+            [x, y, z, rotation] in [70.0..130.0f64, 60.0..100.0, -15.0..15.0, -3.1..3.1f64],
+            noise in prop::collection::vec(noise(), 8),
+            telecentric in any::<bool>(),
+        ) {
+            let head = if telecentric { ScanHead::TELECENTRIC } else { head(distance) };
+            let fixture = Fixture { x, y, z, rotation };
+            let exact = Registration::fit(&contacts(&head, &fixture, &[0.0; 8]), &head, Height::Known(z)).unwrap();
+            let off = |found: &Registration| {
+                let turn = (found.fixture.rotation - rotation).sin().abs().to_degrees();
+                ((found.fixture.x - x).hypot(found.fixture.y - y), turn)
+            };
+            let (shift, turn) = off(&exact);
+            prop_assert!(shift < 1e-6 && turn < 1e-6, "{exact:?}");
+            // 0.1 mm and 0.1 deg are 3.5 standard deviations and more; noise beyond 2.5 is rare enough to leave out.
+            let noise: Vec<f64> = noise.iter().map(|value| value.clamp(-2.5, 2.5)).collect();
+            let seen = contacts(&head, &fixture, &noise);
+            let found = Registration::fit(&seen, &head, Height::Known(z)).unwrap();
+            let (shift, turn) = off(&found);
+            prop_assert!(shift < 0.1 && turn < 0.1, "{found:?}");
+            // Without a known height, the lens shows it: as well as it states.
+            let free = Registration::fit(&seen, &head, Height::Unknown(z + 3.0)).unwrap();
+            prop_assert_eq!(free.height_deviation.is_some(), !telecentric);
+            if let Some(deviation) = free.height_deviation {
+                let expected = 0.05 * distance / 40.0;
+                prop_assert!((free.fixture.z - z).abs() < 3.0 * expected && deviation < 3.0 * expected, "{free:?}");
+            }
+        }
+
+        #[test]
+        fn two_edges_give_the_pose(
+            [x, y, rotation] in [70.0..130.0f64, 60.0..100.0, -3.1..3.1f64],
+            distance in 140.0..600.0f64,
+        ) {
+            let head = head(distance);
+            let fixture = Fixture { x, y, z: 4.0, rotation };
+            let [a, b, c] = [[-40.0, -30.0, 8.0], [40.0, -30.0, 8.0], [-40.0, 30.0, 2.0]].map(Point3::from);
+            let on = |ends: [Point3<f64>; 2], t: f64| EdgeContact {
+                ends,
+                hit: head.aim(fixture.point(ends[0] + (ends[1] - ends[0]) * t)).unwrap(),
+            };
+            let edges = vec![on([a, b], 0.1), on([a, b], 0.9), on([a, c], 0.3), on([a, c], 0.8)];
+            let contacts = Contacts { edges, reading: 0.05, ..Contacts::default() };
+            let found = Registration::fit(&contacts, &head, Height::Known(4.0)).unwrap();
+            // A part that is turned by 180 deg touches the same lines elsewhere; the points are on the edges only in one way.
+            let off = (found.fixture.x - x).hypot(found.fixture.y - y);
+            let turn = (found.fixture.rotation - rotation).sin().abs();
+            prop_assert!(found.reading < 0.0501 && turn < 1e-6, "{off} {found:?}");
+        }
+    }
+
+    #[test]
+    fn contacts_that_do_not_fix_a_part_are_refused_with_numbers() {
+        let (head, fixture) = (head(300.0), Fixture { x: 100.0, y: 80.0, z: 2.0, rotation: 0.3 });
+        let sound = contacts(&head, &fixture, &[0.0; 8]);
+        let fit =
+            |contacts: &Contacts, z: f64| Registration::fit(contacts, &head, Height::Known(z)).unwrap_err();
+        let mut line = sound.clone();
+        line.points.truncate(3);
+        assert!(Registration::fit(&line, &head, Height::Known(2.0)).is_ok());
+        line.points[2] = Contact {
+            view: Point3::new(0.0, -29.0, 3.0),
+            hit: head.aim(fixture.point(Point3::new(0.0, -29.0, 3.0))).unwrap(),
+        };
+        assert!(matches!(fit(&line, 2.0), RegistrationError::OnLine { width, .. } if width < 1.0));
+        let mut swapped = sound.clone();
+        for point in &mut swapped.points {
+            point.hit = FieldPoint::new(point.hit.y, point.hit.x);
+        }
+        assert_eq!(fit(&swapped, 2.0), RegistrationError::Mirrored);
+        assert_eq!(
+            fit(&Contacts { points: sound.points[..2].into(), ..sound.clone() }, 2.0),
+            RegistrationError::TooFew { count: 2 }
+        );
+        assert!(matches!(fit(&sound, 290.0), RegistrationError::AboveLens { height, lens } if height > lens));
+        let edge = EdgeContact {
+            ends: [[0.0; 3], [50.0, 0.0, 0.0]].map(Point3::from),
+            hit: FieldPoint::new(100.0, 80.0),
+        };
+        let edges = Contacts { edges: vec![edge; 3], reading: 0.05, ..Contacts::default() };
+        assert!(matches!(fit(&edges, 2.0), RegistrationError::Parallel { degrees } if degrees < 1.0));
+    }
+
+    #[test]
+    fn a_mistyped_point_is_left_out() {
+        let (head, fixture) = (head(300.0), Fixture { x: 100.0, y: 80.0, z: 2.0, rotation: 0.3 });
+        for wrong in 0..4 {
+            let mut seen = contacts(&head, &fixture, &[0.3, -0.5, 0.1, 0.4, -0.6, 0.2, 0.5, 0.1]);
+            seen.points[wrong].hit.x += 5.0;
+            let found = Registration::fit(&seen, &head, Height::Known(2.0)).unwrap();
+            assert_eq!(found.left_out, Some(wrong));
+            assert!(
+                (found.fixture.x - 100.0).abs() < 0.1 && (found.residuals[wrong].x - 5.0).abs() < 0.3,
+                "{found:?}"
+            );
+        }
+    }
+}

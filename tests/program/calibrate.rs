@@ -1,0 +1,379 @@
+//! A new station with a perspective lens, from `init` to a true mark: a simulated laser marks the drawings that the program
+//! writes, and a simulated person with a ruler measures the plates.
+
+use std::fmt::Write as _;
+
+use isomark::formats::pattern::{PatternOptions, read};
+use nalgebra::{Point2, Point3, Rotation2, Vector2};
+use serde_json::Value;
+
+use crate::desk::{Desk, Output, assert_near, notices, number};
+
+/// The simulated laser: distances to the two mirrors, and the axis, in a field of 200 × 160 mm with its zero at a corner.
+const DISTANCES: [f64; 2] = [300.0, 285.0];
+const AXIS: [f64; 2] = [103.0, 78.0];
+
+const FIELD: &str = "[field]\nwidth_mm = 200\nheight_mm = 160\norigin = \"corner\"\n";
+
+fn settings() -> String {
+    format!(
+        "# A new laser.\n[station]\nname = \"Laser 7\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n{FIELD}\
+             [optics]\n# Not measured yet.\nkind = \"telecentric\"   # for now\nfocus_depth_mm = 60\n"
+    )
+}
+
+/// Where the beam that is aimed at a point of the field is at height `z`.
+fn beam(aim: Point2<f64>, z: f64) -> Point3<f64> {
+    let beside = aim - Point2::from(AXIS);
+    Point3::new(
+        AXIS[0] + beside.x * (1.0 - z / DISTANCES[0]),
+        AXIS[1] + beside.y * (1.0 - z / DISTANCES[1]),
+        z,
+    )
+}
+
+/// Normally distributed numbers with a standard deviation of 1, from a fixed sequence.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        let mut uniform = || {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+        };
+        let (radius, angle) = (uniform(), uniform() * std::f64::consts::TAU);
+        (-2.0 * radius.ln()).sqrt() * angle.cos()
+    }
+}
+
+/// The lines of a drawing on a layer, as its ends.
+fn lines(dxf: &[u8], layer: &str) -> Vec<[Point2<f64>; 2]> {
+    let drawing = read(dxf, &PatternOptions::default().strictly(true)).unwrap().pattern;
+    let on_layer = drawing.paths.iter().filter(|path| drawing.layers[path.layer].name == layer);
+    let ends = |path: &isomark::geometry::pattern::Path| {
+        let segments = path.shape.segments();
+        [segments[0].start(), segments[segments.len() - 1].end()].map(|at| Point2::from(at.coords()))
+    };
+    on_layer.map(ends).collect()
+}
+
+/// The filled-in table of positions: each plate lies turned and shifted under the ruler, unless stops hold it.
+fn measured(table: &str, noise: &mut Noise, deviation: f64, stops: bool) -> String {
+    let mut filled = String::new();
+    for line in table.lines() {
+        let cells: Vec<&str> = line.split(';').collect();
+        let [name, z, x, y, "", ""] = cells[..] else {
+            filled += &format!("{line}\n");
+            continue;
+        };
+        let [z, x, y] = [z, x, y].map(|cell| cell.parse::<f64>().unwrap());
+        let (turn, shift) = if stops || z == 0.0 { (0.012, [4.0, 3.0]) } else { (-0.02, [-6.0, 9.0]) };
+        let at = Rotation2::new(turn) * beam(Point2::new(x, y), z).coords.xy() + Vector2::from(shift);
+        let [x_seen, y_seen] = [at.x, at.y].map(|value| value + deviation * noise.next());
+        // A German spreadsheet.
+        writeln!(filled, "{name};{z};{x};{y};{x_seen:.3};{y_seen:.3}").unwrap();
+    }
+    filled.replace('.', ",")
+}
+
+/// A desk with a station and the empty tables.
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("station.toml", settings());
+    let output = calibrate(&desk, "--draw lens");
+    assert_eq!(output.code, 0, "{}", output.err);
+    desk
+}
+
+fn calibrate(desk: &Desk, options: &str) -> Output {
+    let arguments: Vec<&str> =
+        ["calibrate", "lens", "station.toml"].into_iter().chain(options.split_whitespace()).collect();
+    desk.isomark(&arguments)
+}
+
+fn result(desk: &Desk, options: &str) -> Value {
+    let output = calibrate(desk, &format!("{options} --json"));
+    assert_eq!(output.code, 0, "{}", output.err);
+    serde_json::from_str(&output.out).unwrap()
+}
+
+#[test]
+fn the_test_drawings_have_named_crosses_inside_the_field_and_tables_for_them() {
+    let desk = desk();
+    for (file, height) in [("lens/lens-z0.dxf", 0.0), ("lens/lens-z30.dxf", 30.0)] {
+        let bytes = desk.read(file);
+        let crosses = lines(&bytes, "CROSSES");
+        assert_eq!(crosses.len(), 18, "two arms for each cross");
+        let labels = lines(&bytes, "LABELS");
+        assert!(labels.len() > 9);
+        for end in crosses.iter().chain(&labels).flatten() {
+            assert!(
+                (0.0..=200.0).contains(&end.x) && (0.0..=160.0).contains(&end.y),
+                "{end} is outside the field"
+            );
+        }
+        let table = desk.text("lens/lens-positions.csv");
+        let rows = table.lines().filter(|line| line.contains(&format!(";{height};")));
+        for row in rows {
+            let [x, y] = [2, 3].map(|cell| row.split(';').nth(cell).unwrap().parse::<f64>().unwrap());
+            let through =
+                |[from, to]: &[Point2<f64>; 2]| ((from + to.coords) / 2.0 - Point2::new(x, y)).norm() < 1e-6;
+            assert_eq!(crosses.iter().filter(|line| through(line)).count(), 2, "{row}");
+        }
+    }
+    assert_eq!(desk.text("lens/lens-distances.csv").lines().count(), 2 + 2 * 8);
+    // A table that may contain measurements is kept.
+    desk.write("lens/lens-positions.csv", "cross;height_mm\n");
+    calibrate(&desk, "--draw lens").refused(2, &["may contain measurements"]);
+    calibrate(&desk, "--draw other --heights 5").refused(2, &["two or more heights"]);
+    calibrate(&desk, "").refused(2, &["No measurements are given", "--draw lens-test"]);
+}
+
+#[test]
+fn a_new_station_gets_its_lens_and_marks_true() {
+    let desk = desk();
+    let table = measured(&desk.text("lens/lens-positions.csv"), &mut Noise(11), 0.02, true);
+    desk.write("lens/lens-positions.csv", table);
+    let found =
+        result(&desk, "--measured lens/lens-positions.csv --stops --picture lens/residuals.svg --write");
+    for axis in 0..2 {
+        let [distance, deviation] =
+            ["value", "deviation"].map(|key| number(&found, &format!("/lens_distances_mm/{axis}/{key}")));
+        assert!((distance / DISTANCES[axis] - 1.0).abs() < 0.005 && deviation < 1.0, "{found:#}");
+        let [place, deviation] =
+            ["value", "deviation"].map(|key| number(&found, &format!("/axis_mm/{axis}/{key}")));
+        assert!((place - AXIS[axis]).abs() < 2.0 && deviation < 3.0, "{found:#}");
+    }
+    assert!((0.01..0.03).contains(&number(&found, "/reading_mm")));
+    assert!(notices(&found).is_empty(), "{found:#}");
+    assert_near(&[number(&found, "/plates/0/turned_deg")], &[0.012f64.to_degrees()], 0.03);
+    let picture = desk.text("lens/residuals.svg");
+    assert!(picture.contains("plate at 30 mm") && picture.contains(">C3<"), "{picture}");
+    // The comments of the settings stay.
+    let station = desk.text("station.toml");
+    assert!(
+        station.contains("# A new laser.")
+            && station.contains("# Not measured yet.\nkind = \"perspective\"   # for now"),
+        "{station}"
+    );
+    desk.write("import/.keep", "");
+    assert_eq!(desk.isomark(&["check", "station.toml"]).code, 0);
+    // A square on a raised plate becomes a square. The axis is known to about 1 mm, so its place may be 0.1 mm off.
+    desk.write("plate.obj", "v 60 40 25\nv 140 40 25\nv 140 120 25\nv 60 120 25\nf 1 2 3\nf 1 3 4\n");
+    desk.write("square.dxf", SQUARE);
+    desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+    let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+    let corners: Vec<_> = marked.iter().map(|aim| beam(*aim, 25.0).xy()).collect();
+    for (found, drawn) in corners
+        .iter()
+        .zip([[70.0, 50.0], [130.0, 50.0], [130.0, 110.0], [70.0, 110.0]].iter().flat_map(|at| [at, at]))
+    {
+        assert!((found - Point2::from(*drawn)).norm() < 20.0, "{found}");
+    }
+    let width = (corners[1] - corners[0]).norm();
+    assert!((width - 60.0).abs() < 0.03, "{width}");
+}
+
+/// Runs every command of the section for a new lens in the guide, on a simulated laser.
+#[test]
+fn the_commands_of_the_guide_lead_from_a_new_station_to_a_true_mark() {
+    let guide = include_str!("../../plugins/beamconstruct/README.md");
+    let section = guide.split("## A new lens").nth(1).unwrap().split("\n## ").next().unwrap();
+    let commands: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("isomark ")).collect();
+    assert_eq!(commands.len(), 7);
+    // The laser of the guide, and where its box stands: turned by 12 deg.
+    let beam = |aim: Point2<f64>, z: f64| {
+        Point2::new(1.0 + (aim.x - 1.0) * (1.0 - z / 300.0), -1.5 + (aim.y + 1.5) * (1.0 - z / 285.0))
+    };
+    let desk = Desk::new();
+    let mut box_obj = String::new();
+    for z in [0, 20] {
+        box_obj += &format!("v -25 -15 {z}\nv 25 -15 {z}\nv 25 15 {z}\nv -25 15 {z}\n");
+    }
+    desk.write("box.obj", box_obj + "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+    desk.write(
+        "square.dxf",
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n\
+         0\nLINE\n8\n0\n10\n-10\n20\n-10\n11\n10\n21\n-10\n0\nLINE\n8\n0\n10\n-10\n20\n10\n11\n10\n21\n10\n0\nENDSEC\n0\nEOF\n",
+    );
+    let mut noise = Noise(21);
+    for command in commands {
+        if command.contains("--measured") {
+            let table = desk.text("lens-test/lens-positions.csv");
+            let filled = table.lines().map(|line| {
+                let cells: Vec<&str> = line.split(';').collect();
+                let [name, z, x, y, "", ""] = cells[..] else { return format!("{line}\n") };
+                let [z_mm, x_mm, y_mm] = [z, x, y].map(|cell| cell.parse::<f64>().unwrap());
+                let seen = beam(Point2::new(x_mm, y_mm), z_mm).coords + Vector2::new(60.0, 58.0);
+                let [seen_x, seen_y] = [seen.x, seen.y].map(|value| value + 0.01 * noise.next());
+                format!("{name};{z};{x};{y};{seen_x:.2};{seen_y:.2}\n")
+            });
+            let filled: String = filled.collect();
+            desk.write("lens-test/lens-positions.csv", filled);
+        }
+        let arguments: Vec<&str> = command.split_whitespace().collect();
+        let output = desk.isomark(&arguments);
+        assert_eq!(output.code, 0, "isomark {command}: {}", output.err);
+    }
+    let turn = Rotation2::new(12f64.to_radians());
+    let marked = lines(&desk.read("square-bent.dxf"), "0").concat();
+    let corners: Vec<_> = marked.iter().map(|aim| beam(*aim, 20.0)).collect();
+    for (corner, drawn) in corners.iter().zip([[-10.0, -10.0], [10.0, -10.0], [-10.0, 10.0], [10.0, 10.0]]) {
+        let truth = turn * Point2::from(drawn) + Vector2::new(6.0, -4.0);
+        assert!((corner - truth).norm() < 0.1, "{corner} for {truth}");
+    }
+    assert!(((corners[1] - corners[0]).norm() - 20.0).abs() < 0.02);
+}
+
+/// Four lines round 60 × 60 mm.
+const SQUARE: &str = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n\
+0\nLINE\n8\n0\n10\n70\n20\n50\n11\n130\n21\n50\n0\nLINE\n8\n0\n10\n70\n20\n110\n11\n130\n21\n110\n0\nENDSEC\n0\nEOF\n";
+
+#[test]
+fn two_heights_and_nine_crosses_give_both_distances_to_half_a_percent() {
+    let desk = desk();
+    let table = desk.text("lens/lens-positions.csv");
+    for seed in 0..8 {
+        desk.write("measured.csv", measured(&table, &mut Noise(100 + seed), 0.02, false));
+        let found = result(&desk, "--measured measured.csv");
+        for axis in 0..2 {
+            let distance = number(&found, &format!("/lens_distances_mm/{axis}/value"));
+            assert!((distance / DISTANCES[axis] - 1.0).abs() < 0.005, "seed {seed}: {distance}");
+        }
+        assert!(found.get("axis_mm").is_none());
+        assert_eq!(notices(&found), ["axis-not-measured"]);
+    }
+}
+
+#[test]
+fn one_value_that_is_wrong_by_5_mm_is_named() {
+    let desk = desk();
+    let table = measured(&desk.text("lens/lens-positions.csv"), &mut Noise(3), 0.02, false);
+    let row = table.lines().find(|line| line.starts_with("B3;30;")).unwrap();
+    let cells: Vec<&str> = row.split(';').collect();
+    let wrong = format!("{:.3}", cells[4].replace(',', ".").parse::<f64>().unwrap() + 5.0).replace('.', ",");
+    desk.write("measured.csv", table.replace(row, &row.replace(cells[4], &wrong)));
+    let found = result(&desk, "--measured measured.csv");
+    assert_eq!(notices(&found), ["measurement-contradicts", "axis-not-measured"]);
+    let message = found["notices"][0]["message"].as_str().unwrap();
+    assert!(
+        message.starts_with("x of cross B3 on the plate at 30 mm") && message.contains("difference of +5.0"),
+        "{message}"
+    );
+    assert!((number(&found, "/lens_distances_mm/0/value") / 300.0 - 1.0).abs() < 0.005);
+    let text = calibrate(&desk, "--measured measured.csv").out;
+    assert!(text.contains("left out") && text.contains("[optics]\nkind = \"perspective\""), "{text}");
+}
+
+#[test]
+fn distances_on_the_command_line_are_enough() {
+    let desk = desk();
+    let distance = |z: f64, [from, to]: [[f64; 2]; 2]| {
+        let [from, to] = [from, to].map(|at| beam(at.into(), z));
+        (to - from).norm()
+    };
+    let (a1, c1, a3) = ([20.0, 16.0], [180.0, 16.0], [20.0, 144.0]);
+    let mut arguments: Vec<String> = ["calibrate", "lens", "station.toml", "--json"].map(String::from).into();
+    for z in [0.0, 30.0] {
+        for (names, ends) in [("A1 C1", [a1, c1]), ("a1 a3", [a1, a3])] {
+            arguments.extend(["--distance".into(), format!("{z} {names} {:.3}", distance(z, ends))]);
+        }
+    }
+    let output = desk.isomark(&arguments);
+    let found: Value = serde_json::from_str(&output.out).unwrap();
+    assert_near(
+        &[0, 1].map(|axis| number(&found, &format!("/lens_distances_mm/{axis}/value"))),
+        &DISTANCES,
+        0.2,
+    );
+    // Four values leave nothing to check them with: the uncertainty is that of the ruler.
+    assert_eq!((number(&found, "/spare"), number(&found, "/reading_mm")), (0.0, 0.1));
+    calibrate(&desk, "--distance 30").refused(2, &["does not have four parts"]);
+    desk.isomark(&["calibrate", "lens", "station.toml", "--distance", "30 A1 D9 1"])
+        .refused(2, &["no cross `D9`"]);
+}
+
+#[test]
+fn tables_that_cannot_be_right_are_refused_with_what_to_do() {
+    let desk = desk();
+    let table = measured(&desk.text("lens/lens-positions.csv"), &mut Noise(4), 0.02, false);
+    let each = |change: &dyn Fn(&mut Vec<String>)| {
+        let lines = table.lines().map(|line| {
+            let mut cells: Vec<String> = line.split(';').map(str::to_owned).collect();
+            if cells.len() == 6 && cells[0].len() == 2 {
+                change(&mut cells);
+            }
+            cells.join(";")
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    let cases: [(String, i32, &[&str]); 6] = [
+        (
+            each(&|cells| cells.swap(4, 5)),
+            1,
+            &["y seem swapped on the plate at 0 mm", "Exchange the columns"],
+        ),
+        (each(&|cells| cells[5] = format!("-{}", cells[5])), 1, &["sign of y seems wrong"]),
+        (
+            each(&|cells| {
+                if cells[1] == "30" {
+                    cells[1] = "-30".into()
+                }
+            }),
+            1,
+            &["marks become larger", "height_mm", "number: growth"],
+        ),
+        (
+            each(&|cells| {
+                if cells[0] != "A1" {
+                    cells[4].clear()
+                }
+            }),
+            1,
+            &["do not determine the lens", "three crosses"],
+        ),
+        (
+            each(&|cells| {
+                if cells[1] == "30" {
+                    cells[4].clear();
+                    cells[5].clear()
+                }
+            }),
+            1,
+            &["at one height"],
+        ),
+        (
+            each(&|cells| {
+                if cells[0] == "B2" {
+                    cells[4] = "7o".into()
+                }
+            }),
+            1,
+            &["`7o` is not a number", "line 6", "column measured_x_mm"],
+        ),
+    ];
+    for (text, code, words) in cases {
+        desk.write("measured.csv", text);
+        calibrate(&desk, "--measured measured.csv").refused(code, words);
+        calibrate(&desk, "--measured measured.csv --json --write");
+        assert_eq!(desk.text("station.toml"), settings(), "the settings are kept");
+    }
+    calibrate(&desk, "--measured none.csv").refused(3, &["none.csv"]);
+    calibrate(&desk, "--measured measured.csv --picture measured.csv").refused(2, &["would be lost"]);
+}
+
+#[test]
+fn a_lens_table_from_the_measurements_describes_the_same_lens() {
+    let desk = desk();
+    let table = measured(&desk.text("lens/lens-positions.csv"), &mut Noise(5), 0.01, true);
+    desk.write("measured.csv", table);
+    result(&desk, "--measured measured.csv --stops --table lens/lens.csv --write");
+    let station = desk.text("station.toml");
+    assert!(station.contains("table = \"lens/lens.csv\"") && !station.contains("kind"), "{station}");
+    desk.write("plate.obj", "v 60 40 25\nv 140 40 25\nv 140 120 25\nv 60 120 25\nf 1 2 3\nf 1 3 4\n");
+    desk.write("square.dxf", SQUARE);
+    desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+    let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+    let width = (beam(marked[1], 25.0) - beam(marked[0], 25.0)).norm();
+    assert!((width - 60.0).abs() < 0.05, "{width}");
+}
