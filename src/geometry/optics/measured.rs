@@ -19,7 +19,7 @@ const MISTAKE: f64 = 0.5;
 /// Beams are known up to this share of the measured rectangle beyond its sides.
 const BEYOND: f64 = 0.1;
 /// Largest number of measurements.
-pub const MOST_SIGHTINGS: usize = 10_000;
+pub const MOST_SIGHTINGS: usize = 2000;
 
 const fn terms(degree: usize) -> usize {
     (degree + 1) * (degree + 2) / 2
