@@ -49,12 +49,15 @@ mod placing;
 mod causes;
 mod checks;
 mod evaluate;
+mod fill;
+mod focus;
 mod landmarks;
 mod preview;
 mod on_part;
 mod progress;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub use focus::StepDrawing;
 pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use scan::surface_of;
@@ -115,6 +118,8 @@ pub struct Corrected {
     pub dxf: Vec<u8>,
     /// The drawing in the file.
     pub drawing: MarkingDrawing,
+    /// The steps of focus into which it is cut; empty if it is not cut.
+    pub steps: Vec<StepDrawing>,
     /// The DXF dialect of the file.
     pub profile: DxfProfile,
     /// The report.
@@ -271,8 +276,8 @@ impl Pipeline {
             Vertices::Adaptive => Subdivision::Adaptive,
             Vertices::Keep => Subdivision::Keep,
         };
-        let Bent { mut drawing, shortening, .. } = projection
-            .bend(&placed, settings.correction.tolerance, subdivision)
+        let Bent { mut drawing, shortening, mut drawn, .. } = projection
+            .bend(&placed, fill::tolerance(settings), subdivision)
             .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
         let marked = placed.paths.iter().zip(&shortening);
         let marked = marked.filter(|(path, _)| {
@@ -289,10 +294,21 @@ impl Pipeline {
         let outline = with_pictures
             .then(|| frame_outline(&projection, &ink, settings.correction.tolerance))
             .transpose()
-            .map_err(|error| rejected(checks::above_lens(error.at)))?;
+            .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
         if with_pictures {
             clock.lap("frame");
         }
+        if let Some(spacing) = settings.fill.spacing {
+            self.check_pace((ink.area() / spacing) as usize, QUICK_WORK)?;
+        }
+        let turn = placing.direction();
+        let filled = fill::add(&placed, turn, &projection, settings, lift, &mut drawing, &mut notices);
+        let mut filled = filled.map_err(rejected)?;
+        clock.lap("fill");
+        drawn.extend(filled.iter_mut().flat_map(|filled| std::mem::take(&mut filled.drawn)));
+        let (drawn, stepped) =
+            focus::divide(&mut drawing, drawn, &projection, &exposure, settings).map_err(rejected)?;
+        clock.lap("focus");
 
         steps.at(Step::Measure);
         let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
@@ -335,8 +351,14 @@ impl Pipeline {
                 residual_under_ink: exposure.max_difference,
                 anchor: placing.place,
                 part_size: seen_size(&part.facts, &settings.part),
+                heights: [exposure.lowest, exposure.highest],
             };
-            preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, shown)
+            let mut preview =
+                preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, shown);
+            if let Some(filled) = &filled {
+                preview::add_fill(&mut preview, filled, (&map, surface), placing.place, &after);
+            }
+            preview
         });
         if with_pictures {
             clock.lap("prepare preview");
@@ -380,6 +402,8 @@ impl Pipeline {
             quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
             exposure: (&exposure).into(),
             sensitivity: Some(SensitivityReport::new(&sensitivity, &settings.pose_uncertainty)),
+            fill: filled.as_ref().map(|filled| filled.report.clone()),
+            focus: stepped.as_ref().map(|stepped| stepped.report.clone()),
             output: output_report(&dxf, &drawing, shortening, settings),
             changes,
             notices,
@@ -393,9 +417,12 @@ impl Pipeline {
             mark_range: after.stretch_range,
             length: after.length,
             ink: placed.with_layers(is_ink),
+            fill: filled.map_or_else(Pattern::default, |filled| filled.shown),
             map,
+            drawn,
         });
-        Ok(Corrected { dxf, drawing, profile, report, preview, marked, landmarks, frame })
+        let steps = stepped.map_or_else(Vec::new, |stepped| stepped.steps);
+        Ok(Corrected { dxf, drawing, steps, profile, report, preview, marked, landmarks, frame })
     }
 }
 

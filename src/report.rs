@@ -5,6 +5,12 @@
 
 use serde::{Deserialize, Serialize};
 
+mod fill;
+mod focus;
+
+pub use fill::FillReport;
+pub use focus::{FocusReport, FocusStepReport};
+
 use crate::cache::PartOrigin;
 use crate::diff::DrawingDiff;
 use crate::formats::mesh::{FrameFacts, PartFacts};
@@ -54,6 +60,12 @@ pub struct Report {
     /// What a misplaced part does to the mark; absent in reports of older programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity: Option<SensitivityReport>,
+    /// The lines that fill contours; absent without a fill.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fill: Option<FillReport>,
+    /// The steps into which the drawing is cut by height; absent without steps of focus.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focus: Option<FocusReport>,
     /// The corrected drawing.
     pub output: OutputReport,
     /// The differences from the drawing that the new one replaces.
@@ -660,6 +672,14 @@ impl Report {
             "surface       within {:.4} mm of the {measured} under the ink; the beam hits it at up to {:.0} deg",
             self.part.residual.under_ink_mm, self.exposure.incidence_deg,
         ));
+        let [lowest, highest] = self.exposure.height_mm;
+        lines.push(format!(
+            "focus         best at z = {:.2} mm in the laser's frame; the ink spans {:.2} mm of height",
+            self.exposure.best_focus_mm + 0.0,
+            highest - lowest,
+        ));
+        lines.extend(self.focus.as_ref().map(FocusReport::summary));
+        lines.extend(self.fill.as_ref().map(FillReport::summary));
         lines.extend(self.sensitivity.iter().flat_map(SensitivityReport::lines));
         if let Some(scan) = scan {
             let what = if self.part.facts.triangles > 0 { "mesh, smoothed as a scan" } else { "scan" };

@@ -10,7 +10,7 @@ use super::outcome::{Failure, Outcome, print_json, tell};
 use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
-use crate::formats::pattern::is_dxf;
+use crate::formats::pattern::{is_dxf, write_points, write_space};
 use crate::pipeline::{Corrected, PatternInput};
 use crate::preview::{self, PartSource};
 use crate::report_html::{self, PageContent};
@@ -48,6 +48,10 @@ pub(super) struct CorrectArguments {
     /// Greatest distance between corrected lines and the true curves, mm, 0.0001 to 1; default 0.01.
     #[arg(long, value_name = "MM", help_heading = CORRECTION, allow_hyphen_values = true)]
     tolerance: Option<String>,
+    /// Fills closed contours and solid hatches with lines this far apart on the part, mm, 0.005 to 10; with one or two directions in
+    /// degrees, as in 0.05,45,135. Default: as set under [fill], which fills nothing.
+    #[arg(long, value_name = "MM[,DEG[,DEG]]", help_heading = CORRECTION, allow_hyphen_values = true)]
+    fill: Option<String>,
     /// Writes the report: what was read, what was assumed, and how true every length is.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
@@ -65,6 +69,14 @@ pub(super) struct CorrectArguments {
     /// Writes the outline of the ink and its box, as they are on the part, for the pilot beam: trace it before marking.
     #[arg(long, value_name = "FILE.dxf")]
     frame_drawing: Option<PathBuf>,
+    /// Writes the drawing on the part for a head with three axes: x, y and z of every point in the laser's frame, mm, as a list (.csv) or
+    /// as polylines in space (.dxf).
+    #[arg(long, value_name = "FILE.csv|FILE.dxf")]
+    xyz: Option<PathBuf>,
+    /// With steps of focus (`--set focus.steps=layers`), writes each step into a file of its own beside OUT, too, named after its
+    /// height, such as OUT.z+1.500.dxf.
+    #[arg(long)]
+    step_files: bool,
     /// Prints the report, or the reason of a refusal, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
@@ -78,6 +90,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--on-part", arguments.on_part.as_ref()),
         ("--report-html", arguments.report_html.as_ref()),
         ("--frame-drawing", arguments.frame_drawing.as_ref()),
+        ("--xyz", arguments.xyz.as_ref()),
     ];
     let written: Vec<(&str, &Path)> =
         named.iter().filter_map(|(option, file)| file.map(|file| (*option, file.as_path()))).collect();
@@ -91,10 +104,13 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     for (option, file, ending, kind) in pictures {
         check_ending(option, file, ending, kind)?;
     }
+    if let Some(file) = arguments.xyz.as_ref().filter(|file| !has_ending(file, "csv")) {
+        check_ending("--xyz", Some(file), "dxf", "a list of points (.csv) or a DXF")?;
+    }
     let previous = replaced(&arguments.out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
-    let with_pictures = pictures.iter().any(|(_, file, ..)| file.is_some());
+    let with_pictures = pictures.iter().any(|(_, file, ..)| file.is_some()) || arguments.xyz.is_some();
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
@@ -103,6 +119,11 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         write_file_if(&arguments.out, &dxf, |file| corrected.read_back(file))?;
     } else {
         write_file(&arguments.out, &dxf)?;
+    }
+    arguments.write_steps(&corrected)?;
+    if let (Some(path), Some(drawing)) = (&arguments.xyz, pipeline.in_space(learned, &corrected, settings)) {
+        let bytes = if has_ending(path, "csv") { write_points(&drawing) } else { write_space(&drawing) };
+        write_file(path, &bytes)?;
     }
     let json = corrected.report.to_json().map_err(|error| Failure::environment(&error.into()))?;
     if let Some(path) = &arguments.report {
@@ -179,6 +200,17 @@ impl CorrectArguments {
         Ok(on_part.part_source == PartSource::Heights && job.learned.kept.facts.scan.is_none())
     }
 
+    /// Writes each step of focus into a file of its own, if that is asked for.
+    fn write_steps(&self, corrected: &Corrected) -> Outcome {
+        if !self.step_files {
+            return Ok(());
+        }
+        for (height, dxf) in corrected.step_files() {
+            write_file(&self.out.with_extension(format!("{height}.dxf")), &dxf)?;
+        }
+        Ok(())
+    }
+
     /// The settings of options that only this command has.
     fn overrides(&self) -> Result<Overrides, Failure> {
         let mut overrides = Overrides::default();
@@ -193,6 +225,20 @@ impl CorrectArguments {
                 ("--tolerance", "correction.tolerance_mm", self.tolerance.as_ref()),
             ],
         )?;
+        if let Some(fill) = &self.fill {
+            let option = format!("--fill {fill}");
+            let given: Vec<&str> = fill.split(',').map(str::trim).collect();
+            let keys = ["fill.spacing_mm", "fill.angle_deg", "fill.second_angle_deg"];
+            if given.len() > keys.len() {
+                return Err(Failure::usage(
+                    format!("`{option}` gives more than a distance and two directions."),
+                    "Give the distance of the lines in mm, and one or two directions in degrees, as in 0.05,45,135.",
+                ));
+            }
+            for (key, value) in keys.into_iter().zip(given) {
+                overrides.add(&option, key, value)?;
+            }
+        }
         Ok(overrides)
     }
 }

@@ -39,6 +39,7 @@ const DROPS: &[(&str, &[u8])] = &[
     ("mouse@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
     ("mouse@guilloche.dxf", include_bytes!("../../examples/patterns/guilloche.dxf")),
     ("can@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),
+    ("can@logo.toml", include_bytes!("../../examples/patterns/logo.toml")),
     ("can@logo.dxf", include_bytes!("../../examples/patterns/logo.dxf")),
     ("can@code.dxf", include_bytes!("../../examples/patterns/code.dxf")),
     ("mandarin@letters.dxf", include_bytes!("../../examples/patterns/letters.dxf")),

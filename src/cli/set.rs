@@ -134,6 +134,7 @@ pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
         ("correction.tolerance_mm" | "correction.vertices", _) | (_, "output" | "delivery") => {
             Some("`isomark evaluate` writes no drawing")
         }
+        (_, "fill" | "focus") => Some("`isomark evaluate` writes no drawing"),
         (_, "field" | "optics" | "fixture") => {
             Some("`isomark evaluate` compares the methods on the part, without field and lens")
         }

@@ -17,7 +17,8 @@
 
 use std::fmt::Write;
 
-use super::choices::{Align, DxfVersion, FloaterWeights, Method, Vertices, Weighting};
+use super::choices::{Align, DxfVersion, FloaterWeights, FocusSteps, Method, Vertices, Weighting};
+use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
     ViewSource,
@@ -68,6 +69,8 @@ pub fn drawing(settings: &JobSettings) -> String {
         pattern,
         placement,
         correction,
+        fill,
+        focus,
         fixture,
         // It is reported.
         pose_uncertainty: _,
@@ -82,6 +85,8 @@ pub fn drawing(settings: &JobSettings) -> String {
     text.frame(part);
     text.placement(placement);
     text.correction(correction);
+    text.fill(fill);
+    text.focus(focus, optics);
     text.fixture(fixture, &optics.lens);
     text.optics(optics, settings);
     text.output(output);
@@ -149,14 +154,7 @@ impl Text {
             losses: _,
         } = settings;
         self.word("pattern.unit_if_unitless", unit_if_unitless.map(|unit| unit.to_string()));
-        if let Some(names) = ink_layers {
-            // Layers are compared without regard to case, and in any order.
-            let mut names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
-            names.sort();
-            names.dedup();
-            let counted: String = names.iter().map(|name| format!(" {}:{name}", name.len())).collect();
-            self.word("pattern.ink_layers", Some(format!("{}{counted}", names.len())));
-        }
+        self.layers("pattern.ink_layers", ink_layers.as_ref());
         let RasterOptions { width, height, threshold, inverted } = picture;
         self.optional("pattern.picture_width_mm", *width);
         self.optional("pattern.picture_height_mm", *height);
@@ -164,6 +162,16 @@ impl Text {
         self.flag("pattern.picture_inverted", *inverted, false);
         self.number("pattern.joining_mm", *joining_tolerance, 0.002);
         self.flag("pattern.strict", *strict, false);
+    }
+
+    fn layers(&mut self, key: &str, names: Option<&Vec<String>>) {
+        let Some(names) = names else { return };
+        // Layers are compared without regard to case, and in any order.
+        let mut names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+        names.sort();
+        names.dedup();
+        let counted: String = names.iter().map(|name| format!(" {}:{name}", name.len())).collect();
+        self.word(key, Some(format!("{}{counted}", names.len())));
     }
 
     fn frame(&mut self, settings: &PartSettings) {
@@ -231,6 +239,27 @@ impl Text {
         self.flag("correction.mapping_domain_knot_vectors_as_printed", *knot_vectors, false);
     }
 
+    fn fill(&mut self, settings: &FillSettings) {
+        let FillSettings { spacing, angle, second_angle, border, layers } = settings;
+        // Without a spacing, the others change nothing.
+        let Some(spacing) = spacing else { return };
+        self.numbers("fill.spacing_mm", [*spacing]);
+        self.number("fill.angle_rad", *angle, 0.0);
+        self.optional("fill.second_angle_rad", *second_angle);
+        self.number("fill.border_mm", *border, 0.0);
+        self.layers("fill.layers", layers.as_ref());
+    }
+
+    fn focus(&mut self, settings: &FocusSettings, optics: &Optics) {
+        let FocusSettings { steps, step, overlap } = settings;
+        if *steps == FocusSteps::Off {
+            return;
+        }
+        self.word("focus.steps", Some(steps));
+        self.optional("focus.step_mm", step.or(optics.focus_depth));
+        self.number("focus.overlap_mm", *overlap, 0.0);
+    }
+
     fn fixture(&mut self, fixture: &Fixture, lens: &Lens) {
         let Fixture { x, y, z, rotation } = fixture;
         self.number("fixture.x_mm", *x, 0.0);
@@ -247,7 +276,7 @@ impl Text {
             lens,
             // The scan head gives it, perhaps as the middle of the field.
             axis: _,
-            // It makes the report warn.
+            // It makes the report warn, and is the usual height of a step of focus.
             focus_depth: _,
             // It makes the report warn.
             spot: _,

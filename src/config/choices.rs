@@ -76,6 +76,16 @@ macro_rules! choices {
 }
 
 choices! {
+    /// What a drawing is divided into where it is higher than the depth of focus.
+    FocusSteps, "focus.steps" {
+        /// It is not divided.
+        #[default] Off = "off",
+        /// Layers, one set for each height of focus.
+        Layers = "layers",
+    }
+}
+
+choices! {
     /// How the drawing is bent.
     Method, "method" {
         /// The exact cylinder or cone where the part is one within the residual, otherwise `isometric`.

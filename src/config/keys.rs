@@ -12,6 +12,7 @@ use super::choices::{
     Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
+use super::fill::{FillKeys, FocusKeys};
 use super::lens_table;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, ViewSource};
 use super::text::{Numbers, SettingsText};
@@ -46,6 +47,8 @@ pub(super) struct JobKeys {
     placement: PlacementKeys,
     correction: CorrectionKeys,
     fixture: FixtureKeys,
+    fill: FillKeys,
+    focus: FocusKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -193,8 +196,9 @@ impl JobKeys {
         placement: PlacementKeys,
         correction: CorrectionKeys,
         fixture: FixtureKeys,
+        (fill, focus): (FillKeys, FocusKeys),
     ) -> Self {
-        Self { part, pattern, placement, correction, fixture }
+        Self { part, pattern, placement, correction, fixture, fill, focus }
     }
 
     /// Changes what the file names and keeps the rest.
@@ -203,7 +207,9 @@ impl JobKeys {
         self.pattern.apply(text, to)?;
         self.placement.apply(text, to)?;
         self.correction.apply(text, to)?;
-        self.fixture.apply(text, to)
+        self.fixture.apply(text, to)?;
+        self.fill.apply(text, to)?;
+        self.focus.apply(text, to)
     }
 }
 
@@ -214,6 +220,7 @@ pub(super) struct SidecarKeys {
     pattern: PatternKeys,
     placement: PlacementKeys,
     correction: SidecarCorrectionKeys,
+    fill: FillKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -226,6 +233,7 @@ impl SidecarKeys {
     pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
         self.pattern.apply(text, to)?;
         self.placement.apply(text, to)?;
+        self.fill.apply(text, to)?;
         to.correction.method = self.correction.method.unwrap_or(to.correction.method);
         Ok(())
     }

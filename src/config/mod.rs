@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! station.toml  ──▶ Station { folders, watch, settings: JobSettings }
-//! skus/<sku>.toml ──────────▶ JobSettings of that SKU (overrides any part, placement, pattern or correction key)
+//! skus/<sku>.toml ──────────▶ JobSettings of that SKU (overrides any key of the part, the drawing, its fill and its correction)
 //! ```
 //!
 //! In the files angles are in degrees and every key names its unit; inside the program lengths are in mm and angles in rad.
@@ -13,6 +13,7 @@ pub mod canonical;
 mod choices;
 mod sku;
 mod settings;
+mod fill;
 mod page;
 mod station;
 mod lens_table;
@@ -26,12 +27,13 @@ mod error;
 mod suggest;
 
 pub use choices::{
-    Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, Outdated,
-    OutsideMark, PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting, parse_axis,
-    parse_facing,
+    Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps, Losses, Method,
+    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting,
+    parse_axis, parse_facing,
 };
 pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
+pub use fill::{FillSettings, FocusSettings};
 pub use lens_table::LENS_TABLE_COLUMNS;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;

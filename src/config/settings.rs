@@ -3,6 +3,7 @@
 use super::choices::{
     Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, Vertices, Weighting,
 };
+use super::fill::{FillSettings, FocusSettings};
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
@@ -26,6 +27,10 @@ pub struct JobSettings {
     pub placement: Placement,
     /// How the drawing is bent.
     pub correction: CorrectionSettings,
+    /// How contours are filled with lines.
+    pub fill: FillSettings,
+    /// How a drawing is divided by height.
+    pub focus: FocusSettings,
     /// Where the part is under the laser.
     pub fixture: Fixture,
     /// How well that position is known; all zero where the settings state nothing.
@@ -210,7 +215,7 @@ impl PatternSettings {
 }
 
 /// Whether two names are the same layer's: DXF compares them without regard to case.
-fn is_same_layer(one: &str, other: &str) -> bool {
+pub(super) fn is_same_layer(one: &str, other: &str) -> bool {
     one.to_lowercase() == other.to_lowercase()
 }
 

@@ -9,6 +9,7 @@ use toml::Spanned;
 
 use super::choices::{Backend, DeliveryKind, Outdated, Repeat};
 use super::error::ConfigError;
+use super::fill::{FillKeys, FocusKeys};
 use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
     PlacementKeys, SidecarKeys,
@@ -301,8 +302,16 @@ impl Station {
         let lens_table = lens_table(&text, &keys.optics, base)?;
         keys.optics.apply(&text, lens_table.as_deref(), &mut settings)?;
         keys.output.apply(&mut settings);
-        JobKeys::from_tables(keys.part, keys.pattern, keys.placement, keys.correction, keys.fixture)
-            .apply(&text, &mut settings)?;
+        let of_light = (keys.fill, keys.focus);
+        JobKeys::from_tables(
+            keys.part,
+            keys.pattern,
+            keys.placement,
+            keys.correction,
+            keys.fixture,
+            of_light,
+        )
+        .apply(&text, &mut settings)?;
         settings.are_for_every_part();
         let folders = keys.folders.resolve(&text, base)?;
         Ok(Self {
@@ -436,6 +445,10 @@ struct StationKeys {
     placement: PlacementKeys,
     #[serde(default)]
     correction: CorrectionKeys,
+    #[serde(default)]
+    fill: FillKeys,
+    #[serde(default)]
+    focus: FocusKeys,
     #[serde(default)]
     output: OutputKeys,
     #[serde(default)]

@@ -505,6 +505,11 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("field.height_mm", "70", &[]),
     ("field.origin", "corner", &[]),
     ("field.width_mm", "70", &[]),
+    ("fill.angle_deg", "45", &[("fill.spacing_mm", "0.1")]),
+    ("fill.border_mm", "0.1", &[]),
+    ("fill.layers", "LOGO", &[]),
+    ("fill.second_angle_deg", "90", &[]),
+    ("fill.spacing_mm", "0.1", &[]),
     ("fixture.rotation_deg", "90", &[]),
     ("fixture.uncertainty_deg", "0.1", &[]),
     ("fixture.uncertainty_mm", "0.2", &[]),
@@ -512,6 +517,9 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("fixture.x_mm", "-3", &[]),
     ("fixture.y_mm", "+3", &[]),
     ("fixture.z_mm", ".5", &[]),
+    ("focus.overlap_mm", "0.2", &[]),
+    ("focus.step_mm", "2", &[]),
+    ("focus.steps", "layers", &[("focus.step_mm", "2")]),
     ("folders.archive", "done", &[]),
     ("folders.cache", "surfaces", &[]),
     ("folders.hot", "drops", &[]),
@@ -670,7 +678,7 @@ fn changed_file(settings: &[(&str, &str)]) -> toml::Table {
             ("correction.mapping_domain_as_printed" | "page.names", items) => {
                 list(items.split(',').map(text).collect())
             }
-            ("pattern.ink_layers", item) => list(vec![text(item)]),
+            ("pattern.ink_layers" | "fill.layers", item) => list(vec![text(item)]),
             ("placement.place_mm", _) => list(vec![0.into(), 60.into()]),
             ("optics.axis_mm", _) => list(vec![3.into(), (-2).into()]),
             ("station.name" | "folders.reports", name) => text(name),

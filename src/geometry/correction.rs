@@ -53,6 +53,8 @@ pub struct Bent {
     /// For each path, by how much the marked polyline is shorter on the part than the drawn curve, mm, because chords are
     /// shorter than arcs.
     pub shortening: Vec<f64>,
+    /// For each path, the points of the placed drawing that its points mark.
+    pub drawn: Vec<Vec<FlatPoint>>,
 }
 
 /// A point of the drawing with the field coordinates that mark it.
@@ -105,6 +107,7 @@ impl Projection<'_> {
     ) -> Result<Bent, AboveLens> {
         let mut shortening = Vec::with_capacity(pattern.paths.len());
         let mut paths = Vec::with_capacity(pattern.paths.len());
+        let mut drawn = Vec::with_capacity(pattern.paths.len());
         let junctions = Junctions::of(pattern);
         for path in &pattern.paths {
             let bend = |segments: &[Segment]| {
@@ -113,31 +116,35 @@ impl Projection<'_> {
                     Subdivision::Keep => self.bend_point_by_point(segments, tolerance)?,
                 };
                 let chords = points.windows(2).map(|ends| ends[0].flat.distance(ends[1].flat)).sum::<f64>();
-                let drawn = drawn_length(segments);
-                let lost = if drawn - chords > ROUNDING * drawn { drawn - chords } else { 0.0 };
-                Ok((points.iter().map(|point| point.field).collect::<Vec<_>>(), lost))
+                let length = drawn_length(segments);
+                let lost = if length - chords > ROUNDING * length { length - chords } else { 0.0 };
+                let (field, flat): (Vec<_>, Vec<_>) =
+                    points.iter().map(|point| (point.field, point.flat)).unzip();
+                Ok((field, flat, lost))
             };
-            let (shape, lost) = match &path.shape {
-                Shape::Dot(point) => (MarkingShape::Dot(self.aim(*point)?), 0.0),
+            let (shape, flat, lost) = match &path.shape {
+                Shape::Dot(point) => (MarkingShape::Dot(self.aim(*point)?), vec![*point], 0.0),
                 Shape::Open(segments) => {
-                    let (points, lost) = bend(segments)?;
-                    (MarkingShape::Open(points), lost)
+                    let (points, flat, lost) = bend(segments)?;
+                    (MarkingShape::Open(points), flat, lost)
                 }
                 Shape::Closed(segments) => {
-                    let (mut points, lost) = bend(segments)?;
+                    let (mut points, mut flat, lost) = bend(segments)?;
                     points.pop();
                     // A repeated first point may differ by rounding; the side between the two has no length.
                     while points.len() > 2 && points.first().zip(points.last()).is_some_and(is_same) {
                         points.pop();
                     }
-                    (MarkingShape::Closed(points), lost)
+                    flat.truncate(points.len());
+                    (MarkingShape::Closed(points), flat, lost)
                 }
             };
             shortening.push(lost);
+            drawn.push(flat);
             paths.push(MarkingPath { layer: path.layer, color: path.color, shape });
         }
         let drawing = MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() };
-        Ok(Bent { drawing, shortening })
+        Ok(Bent { drawing, shortening, drawn })
     }
 
     /// The images of the ends of all segments, after curves are flattened.

@@ -112,16 +112,25 @@ pub(super) fn contours(
     is_marked: impl Fn(&str) -> bool,
     tolerance: f64,
 ) -> BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> {
-    let mut contours: BTreeMap<_, Vec<Vec<FlatPoint>>> = BTreeMap::new();
+    let flattened = |paths: Vec<&Path>| paths.iter().map(|path| path.shape.flattened(tolerance)).collect();
+    let groups = bounding_paths(pattern, is_marked);
+    groups.into_iter().map(|(group, paths)| (group, flattened(paths))).collect()
+}
+
+/// The paths that bound the inked area, by layer and fill.
+pub(super) fn bounding_paths(
+    pattern: &Pattern,
+    is_marked: impl Fn(&str) -> bool,
+) -> BTreeMap<(usize, Option<u32>), Vec<&Path>> {
+    let mut groups: BTreeMap<_, Vec<&Path>> = BTreeMap::new();
     let mut outlines = BTreeSet::new();
     for path in inked(pattern, is_marked) {
         // A second, identical outline would turn the area of the first one into a hole.
         if path.is_contour() && (path.region.is_some() || outlines.insert((path.layer, Drawn::by(path)))) {
-            let group = contours.entry((path.layer, path.region)).or_default();
-            group.push(path.shape.flattened(tolerance));
+            groups.entry((path.layer, path.region)).or_default().push(path);
         }
     }
-    contours
+    groups
 }
 
 /// Chord tolerance for measuring lengths, mm.
@@ -177,7 +186,8 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
     });
 }
 
-fn squares_inside<Key: Ord>(
+/// The centres of those squares of an axis-parallel grid that are inside the contours, by the even-odd rule in each group.
+pub(super) fn squares_inside<Key: Ord>(
     contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
     extents: &Extents,
     side: f64,

@@ -31,6 +31,8 @@ pub mod correction;
 pub mod sensitivity;
 pub mod shadow;
 pub mod frame_outline;
+pub mod fill;
+pub mod focus;
 pub mod mark_region;
 pub mod sides;
 pub mod rims;

@@ -35,7 +35,11 @@ pub struct Marked {
     pub(super) drawing: String,
     /// The placed paths on ink layers.
     pub(super) ink: Pattern,
+    /// The lines of its fill that pictures show.
+    pub(super) fill: Pattern,
     pub(super) map: LengthTrueMap,
+    /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
+    pub(super) drawn: Vec<Vec<FlatPoint>>,
     /// Length of all lines as drawn, mm.
     pub(super) length: f64,
     pub(super) drawn_range: Option<[f64; 2]>,
@@ -64,10 +68,11 @@ impl Pipeline {
             let at = marked.map.point(flat);
             Point3::new(at.x, at.y, height(at))
         };
-        let mark = lines(marked, surface, &view, landing);
+        let mut mark = lines(&marked.ink, marked, surface, &view, landing);
+        mark.extend(lines(&marked.fill, marked, surface, &view, landing));
         let area = marked.area().grown(MARGIN);
         let part = part.following(&view, &area, |at| surface.sampled_height(at), MAX_ADDED);
-        let drawn = lines(marked, surface, &view, |flat| {
+        let drawn = lines(&marked.ink, marked, surface, &view, |flat| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
         });
@@ -116,6 +121,7 @@ impl Pipeline {
 
 /// The lines of the ink on the part, lifted; `image` maps the drawing to the view.
 fn lines(
+    pattern: &Pattern,
     marked: &Marked,
     surface: &FittedSurface,
     view: &View,
@@ -136,7 +142,7 @@ fn lines(
         }
         path
     };
-    marked.ink.paths.iter().map(|path| line(&path.shape)).collect()
+    pattern.paths.iter().map(|path| line(&path.shape)).collect()
 }
 
 /// A point of the surface, moved towards the outside by `distance` mm.

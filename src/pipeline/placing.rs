@@ -140,6 +140,12 @@ impl Placing {
         self.aligned += angle;
     }
 
+    /// The direction of the drawing's x in the placed drawing, rad.
+    pub(super) fn direction(&self) -> f64 {
+        let x = self.motion.linear.column(0);
+        x[1].atan2(x[0]) + self.aligned
+    }
+
     /// The direction of the drawing's x beside that round the axis of the map, if it has one.
     pub(super) fn round(&self, map: &LengthTrueMap, settings: &JobSettings) -> Option<RoundReport> {
         let round = map.round_angle()?;

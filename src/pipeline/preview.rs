@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Point3, Vector2};
 
+use super::fill::Filled;
 use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
 use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Ink, stations};
@@ -28,6 +29,8 @@ pub(super) struct Shown {
     pub(super) anchor: FlatPoint,
     /// Width and height of the part in the view, mm.
     pub(super) part_size: Option<[f64; 2]>,
+    /// Lowest and highest height of the ink in the laser's frame, mm.
+    pub(super) heights: [f64; 2],
 }
 
 pub(super) fn preview(
@@ -37,7 +40,7 @@ pub(super) fn preview(
     surface: &FittedSurface,
     settings: &JobSettings,
     (before, after): (Option<&Distortion>, &Distortion),
-    Shown { residual_under_ink, anchor, part_size }: Shown,
+    Shown { residual_under_ink, anchor, part_size, heights }: Shown,
 ) -> Preview {
     let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
@@ -60,6 +63,15 @@ pub(super) fn preview(
     }
     summary.push(row("largest stretch", &|d| format!("{:.2} %", d.max_stretch * 100.0)));
     summary.push(row("largest angle error", &|d| format!("{:.2}°", d.max_angle_error.to_degrees())));
+    let [lowest, highest] = heights;
+    summary.push((
+        "best focus".to_owned(),
+        format!(
+            "z = {:.2} mm; the ink spans {:.2} mm of height",
+            (lowest + highest) / 2.0 + 0.0,
+            highest - lowest
+        ),
+    ));
     let residual = &surface.residual;
     summary.push((
         "surface residual".to_owned(),
@@ -82,6 +94,32 @@ pub(super) fn preview(
         field,
         summary,
     }
+}
+
+/// Adds the lines of the fill after the correction, and their spacing.
+pub(super) fn add_fill(
+    preview: &mut Preview,
+    filled: &Filled,
+    (map, surface): (&LengthTrueMap, &FittedSurface),
+    anchor: FlatPoint,
+    after: &Distortion,
+) {
+    let piece = PIECE;
+    let marked = paths(&filled.shown, piece, &|at| map.point(at), surface);
+    preview.unrolled.extend(unrolled(
+        &filled.shown,
+        (map, surface),
+        piece,
+        anchor,
+        after.max_stretch,
+        &marked,
+    ));
+    preview.after.extend(marked);
+    let mut text = filled.report.spacing_text();
+    if filled.every > 1 {
+        text += &format!("; one line in {} is shown", filled.every);
+    }
+    preview.summary.push(("fill".to_owned(), text));
 }
 
 /// Maps with at most this stretch unroll the part: the mark on it is the drawing, to within this.

@@ -327,6 +327,60 @@ const CODES: &[Code] = &[
          complete.",
     ]),
     notice([
+        "fill-crossing",
+        "A contour that is to be filled crosses itself.",
+        "By the even-odd rule, what such a contour encloses once is filled and what it encloses twice \
+         is not. The message states how many contours cross themselves and where the first one does.",
+        "Look at the fill in the preview. If a part is missing, unite the pieces of the outline in \
+         the drawing program.",
+    ]),
+    notice([
+        "fill-layer-missing",
+        "The drawing has no layer with the name of a layer to fill.",
+        "`layers` under [fill] names a layer that the drawing does not have, perhaps because of a \
+         typing error. Nothing is filled for it.",
+        "Correct the name in `layers`, or remove it.",
+    ]),
+    reason([
+        "fill-not-found",
+        "The equations for evenly spaced fill lines could not be solved.",
+        "isomark finds the lines of a fill as the level lines of a distance on the part. The \
+         equations for it had no solution, or memory was not enough.",
+        "Fill fewer layers (`layers` under [fill]), or check the drawing's size.",
+    ]),
+    notice([
+        "fill-nothing",
+        "A fill is set, and nothing was filled.",
+        "The drawing has no closed contour and no solid hatch on the layers of the fill, or they are \
+         narrower than the distance of the lines and the border.",
+        "Close the contours in the drawing, name their layers in `layers` under [fill], or lower \
+         `spacing_mm` and `border_mm`. `spacing_mm = 0` fills nothing.",
+    ]),
+    notice([
+        "fill-open",
+        "Lines on the layers of the fill are open, so they enclose nothing.",
+        "Only closed contours are filled. As a note the lines are probably meant to be open; as a \
+         warning the ends of some are at most 1 mm apart, so they are probably meant to be closed.",
+        "Close them in the drawing program, or raise `joining_mm` under [pattern] to the gap in the \
+         message.",
+    ]),
+    reason([
+        "fill-too-much",
+        "The fill has more lines than can be marked.",
+        "The length of all lines is about the filled area divided by their distance. isomark stops at \
+         5,000,000 mm, more than an hour of marking, and at 3,000,000 points or pieces of lines.",
+        "Raise `spacing_mm` under [fill] (`--fill`), or fill fewer layers (`layers`).",
+    ]),
+    notice([
+        "fill-uneven",
+        "The lines of the fill are not evenly spaced everywhere on the part.",
+        "On more than 1 % of the fill, the distance of neighbouring lines on the part differs from \
+         `spacing_mm` by more than 1 %. Lines at the same distance exist on every surface, but where \
+         it is strongly curved they would meet or part.",
+        "Look at the place that the report shows. Another direction (`angle_deg`), a smaller drawing, \
+         or a place where the part is less curved helps.",
+    ]),
+    notice([
         "fills-outlined",
         "Filled areas are written as outlines.",
         "HATCH and SOLID entities become closed contours. The corrected drawing contains no hatch lines, because \
@@ -347,6 +401,13 @@ const CODES: &[Code] = &[
          side was not given for this part.",
         "Name the side with `facing` (`--facing`) in the file of the SKU or on the command line; `isomark inspect PART` \
          lists the sides and where a drawing fits. If the flat side is meant, name it in the same way.",
+    ]),
+    reason([
+        "focus-too-many-steps",
+        "The drawing would be cut into too many steps of focus.",
+        "The height of the drawing divided by `step_mm` under [focus] (or `focus_depth_mm` under \
+         [optics]) is more than 200.",
+        "Raise `step_mm` under [focus].",
     ]),
     reason([
         "folder-missing",

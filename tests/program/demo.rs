@@ -34,6 +34,9 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
         assert!(files(&demo.join("hot")).is_empty() && files(&demo.join("rejected")).is_empty());
         let import = files(&demo.join("import"));
         assert_eq!(import.len(), 6);
+        // The logo is filled, its frame is not.
+        let logo = desk.text("isomark-demo/import/can@logo.dxf");
+        assert!(logo.contains("Logo-fill") && !logo.contains("Frame-fill"));
         let reports = files(&demo.join("reports"));
         assert_eq!(reports.iter().filter(|name| name.ends_with(".preview.svg")).count(), 6);
         assert_eq!(reports.iter().filter(|name| name.ends_with(".on-part.glb")).count(), 6);

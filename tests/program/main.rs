@@ -44,3 +44,4 @@ mod sides;
 mod losses;
 mod misplacement;
 mod names;
+mod fill;

@@ -41,6 +41,14 @@ correction.length_weight 4000000000000000
 correction.angle_weight 3fe0000000000000
 correction.tolerance_mm 3f747ae147ae147b
 correction.vertices keep
+fill.spacing_mm 3fa999999999999a
+fill.angle_rad 3fe0000000000000
+fill.second_angle_rad 4000000000000000
+fill.border_mm 3fb999999999999a
+fill.layers 1 4:text
+focus.steps layers
+focus.step_mm 3ff8000000000000
+focus.overlap_mm 3fc999999999999a
 fixture.x_mm 3ff0000000000000
 fixture.y_mm c04e000000000000
 fixture.z_mm 4010000000000000
@@ -98,6 +106,14 @@ pub(crate) fn everything() -> JobSettings {
             vertices: Vertices::Keep,
             max_residual: 0.2,
         },
+        fill: FillSettings {
+            spacing: Some(0.05),
+            angle: 0.5,
+            second_angle: Some(2.0),
+            border: 0.1,
+            layers: Some(vec!["TEXT".into()]),
+        },
+        focus: FocusSettings { steps: FocusSteps::Layers, step: Some(1.5), overlap: 0.2 },
         fixture: Fixture { x: 1.0, y: -60.0, z: 4.0, rotation: 0.2 },
         pose_uncertainty: PoseUncertainty { sideways: 0.1, height: 0.2, turn: 0.01 },
         optics: Optics {

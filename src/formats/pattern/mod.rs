@@ -12,6 +12,7 @@ mod reading;
 mod units;
 
 pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
+pub use dxf::space::{write_points, write_space};
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
 pub use facts::{LayerFacts, LostInk, PatternFacts, RasterFacts, Repair, RepairPlace, Skipped};

@@ -1,6 +1,7 @@
 //! What the laser does to the corrected ink: incidence, focus, field, and what is known of the surface under it.
 
 use super::{above_lens, off_surface, span};
+use crate::config::FocusSteps;
 use crate::geometry::correction::Projection;
 use crate::geometry::optics::Lens;
 use crate::geometry::space::ViewPoint;
@@ -110,7 +111,11 @@ pub(in crate::pipeline) fn hidden(
 }
 
 fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
-    let (range, best) = (seen.highest - seen.lowest, (seen.highest + seen.lowest) / 2.0);
+    let (whole, best) = (seen.highest - seen.lowest, (seen.highest + seen.lowest) / 2.0);
+    // Each step has its own focus.
+    let step = settings.focus.step.or(settings.optics.focus_depth);
+    let step = step.filter(|_| settings.focus.steps != FocusSteps::Off);
+    let range = step.map_or(whole, |step| whole.min(step));
     if let Some(depth) = settings.optics.focus_depth.filter(|depth| range > *depth) {
         notices.push(Notice::warning(
             "out-of-focus",

@@ -24,6 +24,7 @@ mod hatch_lines;
 mod text;
 mod blocks;
 mod findings;
+pub(super) mod space;
 pub(super) mod write;
 pub(super) mod readback;
 

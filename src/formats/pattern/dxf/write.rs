@@ -8,7 +8,7 @@ use std::fmt::{Display, Write};
 
 use crate::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use crate::geometry::pattern::{Color, Layer};
-use crate::geometry::space::FieldPoint;
+use crate::geometry::space::{Extents, FieldPoint};
 use crate::reason::Notice;
 
 /// The version of DXF to write.
@@ -44,7 +44,7 @@ pub fn write(drawing: &MarkingDrawing, profile: DxfProfile) -> Vec<u8> {
     }
     file.next_handle = entities.next_handle;
 
-    header(&mut file, drawing);
+    header(&mut file, &drawing.extents(), drawing.layers.len());
     file.section("TABLES", |file| tables(file, &drawing.layers, &names));
     file.section("BLOCKS", blocks);
     file.section("ENTITIES", |file| file.text.push_str(&entities.text));
@@ -102,30 +102,30 @@ const ROOT_DICTIONARY: u64 = 0xC;
 const GROUP_DICTIONARY: u64 = 0xD;
 const LAYOUT_DICTIONARY: u64 = 0xE;
 const STANDARD_STYLE: u64 = 0x11;
-const MODEL_SPACE: u64 = 0x20;
+pub(super) const MODEL_SPACE: u64 = 0x20;
 const PAPER_SPACE: u64 = 0x21;
 const MODEL_LAYOUT: u64 = 0x22;
 const PAPER_LAYOUT: u64 = 0x23;
-const FIRST_FREE_HANDLE: u64 = 0x100;
+pub(super) const FIRST_FREE_HANDLE: u64 = 0x100;
 
 /// Group codes and values, one per line.
-struct Groups {
-    text: String,
-    next_handle: u64,
+pub(super) struct Groups {
+    pub(super) text: String,
+    pub(super) next_handle: u64,
     profile: DxfProfile,
 }
 
 impl Groups {
-    fn new(next_handle: u64, profile: DxfProfile) -> Self {
+    pub(super) fn new(next_handle: u64, profile: DxfProfile) -> Self {
         Self { text: String::new(), next_handle, profile }
     }
 
-    fn put(&mut self, code: u16, value: impl Display) {
+    pub(super) fn put(&mut self, code: u16, value: impl Display) {
         // Writing into a String cannot fail.
         let _ = write!(self.text, "{code:>3}\r\n{value}\r\n");
     }
 
-    fn put_all(&mut self, groups: &[(u16, &str)]) {
+    pub(super) fn put_all(&mut self, groups: &[(u16, &str)]) {
         groups.iter().for_each(|(code, value)| self.put(*code, value));
     }
 
@@ -141,19 +141,19 @@ impl Groups {
     }
 
     /// A new handle with the handle of its owner.
-    fn put_new_handle(&mut self, owner: u64) {
+    pub(super) fn put_new_handle(&mut self, owner: u64) {
         self.put_handle(5, self.next_handle);
         self.put_handle(330, owner);
         self.next_handle += 1;
     }
 
-    fn put_class(&mut self, class: &str) {
+    pub(super) fn put_class(&mut self, class: &str) {
         if self.profile == DxfProfile::R2000 {
             self.put(100, class);
         }
     }
 
-    fn section(&mut self, name: &str, content: impl FnOnce(&mut Self)) {
+    pub(super) fn section(&mut self, name: &str, content: impl FnOnce(&mut Self)) {
         self.put_all(&[(0, "SECTION"), (2, name)]);
         content(self);
         self.put(0, "ENDSEC");
@@ -182,8 +182,7 @@ impl Groups {
     }
 }
 
-fn header(file: &mut Groups, drawing: &MarkingDrawing) {
-    let extents = drawing.extents();
+pub(super) fn header(file: &mut Groups, extents: &Extents, layers: usize) {
     let (min, max) = if extents.is_empty() { Default::default() } else { (extents.min, extents.max) };
     file.section("HEADER", |file| {
         file.put_all(&[(9, "$ACADVER"), (1, if file.profile.is_r12() { "AC1009" } else { "AC1015" })]);
@@ -198,12 +197,12 @@ fn header(file: &mut Groups, drawing: &MarkingDrawing) {
         if file.profile == DxfProfile::R2000 {
             file.put_all(&[(9, "$INSUNITS"), (70, "4"), (9, "$MEASUREMENT"), (70, "1"), (9, "$HANDSEED")]);
             // Layers and table entries get their handles later; 0x100 are more than enough.
-            file.put(5, format_args!("{:X}", file.next_handle + drawing.layers.len() as u64 + 0x100));
+            file.put(5, format_args!("{:X}", file.next_handle + layers as u64 + 0x100));
         }
     });
 }
 
-fn tables(file: &mut Groups, layers: &[Layer], names: &[String]) {
+pub(super) fn tables(file: &mut Groups, layers: &[Layer], names: &[String]) {
     let r2000 = file.profile == DxfProfile::R2000;
     if r2000 {
         file.table("VPORT", VIEWPORT_TABLE, 0, |_| {});
@@ -276,7 +275,7 @@ fn layer_entry(file: &mut Groups, name: &str, layer_color: Color) {
     file.put(6, if file.profile.is_r12() { "CONTINUOUS" } else { "Continuous" });
 }
 
-fn color(file: &mut Groups, color: Color) {
+pub(super) fn color(file: &mut Groups, color: Color) {
     let (aci, rgb) = match color {
         Color::ByLayer => return,
         Color::Aci(aci) => (aci, None),
@@ -289,7 +288,7 @@ fn color(file: &mut Groups, color: Color) {
     }
 }
 
-fn blocks(file: &mut Groups) {
+pub(super) fn blocks(file: &mut Groups) {
     if file.profile.is_r12() {
         return;
     }
@@ -358,7 +357,7 @@ fn entity(file: &mut Groups, path: &MarkingPath, layer: &str) {
     }
 }
 
-fn objects(file: &mut Groups) {
+pub(super) fn objects(file: &mut Groups) {
     let dictionary = |file: &mut Groups, handle: u64, owner: u64, entries: &[(&str, u64)]| {
         file.put(0, "DICTIONARY");
         file.put_handle(5, handle);
@@ -394,7 +393,7 @@ fn objects(file: &mut Groups) {
 }
 
 /// A number with at most six decimals and at least one, without trailing zeros and never `-0.0`.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let text = format!("{value:.6}");
     let text = text.trim_end_matches('0');
     let text = if text.ends_with('.') { format!("{text}0") } else { text.into() };
@@ -417,7 +416,7 @@ fn escape_of(letter: char) -> Option<String> {
 }
 
 /// A comment, split into lines that every reader accepts (AutoCAD's limit is 255 characters).
-fn comment_lines(comment: &str) -> Vec<String> {
+pub(super) fn comment_lines(comment: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for paragraph in comment.lines() {
         let mut line = String::new();
@@ -433,7 +432,7 @@ fn comment_lines(comment: &str) -> Vec<String> {
 }
 
 /// The layers' names as they are written in the file.
-fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
+pub(super) fn layer_names(layers: &[Layer], profile: DxfProfile) -> Vec<String> {
     plain_layer_names(layers, profile).iter().map(|name| escaped(name)).collect()
 }
 

@@ -1,0 +1,220 @@
+//! The fill of a job: its lines in the corrected drawing, its report, and what a person should know of it.
+
+use std::collections::BTreeMap;
+
+use super::checks;
+use super::landmarks::Lift;
+use super::{JobSettings, MarkingDrawing, Pattern, Projection};
+use crate::geometry::fill::{self, FillError, FillLine, FillOptions, Filling};
+use crate::geometry::marking::{MarkingPath, MarkingShape};
+use crate::geometry::pattern::{Layer, Path, Segment, Shape, Source};
+use crate::geometry::space::FlatPoint;
+use crate::reason::{Notice, Reason};
+use crate::report::FillReport;
+
+/// What the layers of fill lines are called: the layer of their contours with this.
+const SUFFIX: &str = "-fill";
+/// Contours with a fill are marked with this share of the chord tolerance, so that its lines end on them.
+const CONTOUR_SHARE: f64 = 0.5;
+/// A line whose ends are at most this far apart is probably meant to be closed, mm.
+const NEARLY_CLOSED: f64 = 1.0;
+/// A share of uneven lines that is worth a warning.
+const NOTABLE: f64 = 0.01;
+/// Length of fill lines that a picture shows, mm; beyond it, some lines are left out.
+const SHOWN: f64 = 8000.0;
+/// Distance of the lines that a picture shows, mm: closer ones would cover the contours and their colours.
+const SHOWN_APART: f64 = 0.6;
+
+/// A fill in the corrected drawing.
+pub(super) struct Filled {
+    pub(super) report: FillReport,
+    /// The points of each line in the placed drawing.
+    pub(super) drawn: Vec<Vec<FlatPoint>>,
+    /// The lines for pictures, in the placed drawing.
+    pub(super) shown: Pattern,
+    /// Every how many lines are shown.
+    pub(super) every: usize,
+}
+
+/// The chord tolerance for the lines of the drawing itself, mm.
+pub(super) fn tolerance(settings: &JobSettings) -> f64 {
+    settings.correction.tolerance * if settings.fill.spacing.is_some() { CONTOUR_SHARE } else { 1.0 }
+}
+
+/// Adds the lines of the fill to the corrected drawing, on their own layers after everything else. `turn` is the direction of the
+/// drawing's x in the placed drawing, rad. `None` without a fill.
+///
+/// # Errors
+/// When the fill would be too much to be marked.
+pub(super) fn add(
+    placed: &Pattern,
+    turn: f64,
+    projection: &Projection<'_>,
+    settings: &JobSettings,
+    lift: Lift<'_>,
+    drawing: &mut MarkingDrawing,
+    notices: &mut Vec<Notice>,
+) -> Result<Option<Filled>, Reason> {
+    let Some(spacing) = settings.fill.spacing else { return Ok(None) };
+    let is_filled = |layer: &str| settings.pattern.counts_as_ink(layer) && settings.fill.includes(layer);
+    let angles: Vec<f64> = [settings.fill.angle].into_iter().chain(settings.fill.second_angle).collect();
+    let options = FillOptions {
+        spacing,
+        angles: angles.iter().map(|angle| angle + turn).collect(),
+        border: settings.fill.border,
+        tolerance: settings.correction.tolerance,
+    };
+    contours(placed, is_filled, settings, lift, projection, notices);
+    let found =
+        fill::fill(placed, is_filled, projection, &options).map_err(|error| refused(&error, spacing))?;
+    let Some(mut filling) = found.filter(|filling| !filling.lines.is_empty()) else {
+        let message = "nothing is filled: the drawing has no closed contour on the layers of the fill that is wider than the lines \
+                       are apart";
+        notices.push(Notice::warning("fill-nothing", message));
+        return Ok(None);
+    };
+    let place = |at: FlatPoint| lift.point(projection.map.point(at));
+    if filling.uneven > NOTABLE {
+        let [least, most] = filling.deviation.map(|share| share * 100.0);
+        let message = format!(
+            "on {:.1} % of the fill, the distance of the lines on the part is not within 1 % of {spacing} mm ({least:+.1} to \
+             {most:+.1} %): there the surface has no evenly spaced lines in this direction",
+            filling.uneven * 100.0
+        );
+        notices.push(Notice::warning("fill-uneven", message).at_places(place(filling.deviation_at)));
+    }
+    let shown_length = filling.lines.iter().map(length).sum::<f64>();
+    let every = (shown_length / SHOWN).max(SHOWN_APART / spacing).round().max(1.0) as usize;
+    let layers = new_layers(placed, &filling);
+    let names = layers.values().map(|(_, layer)| layer.name.clone()).collect();
+    let report = FillReport::new(&filling, spacing, &angles, settings.fill.border, names);
+    let first = drawing.layers.len();
+    drawing.layers.extend(layers.values().map(|(_, layer)| layer.clone()));
+    let shown = filling.lines.iter().filter(|line| line.number.rem_euclid(every as i64) == 0).map(path);
+    let shown = Pattern { layers: placed.layers.clone(), paths: shown.collect() };
+    let mut drawn = Vec::with_capacity(filling.lines.len());
+    for line in filling.lines.drain(..) {
+        let layer = first + layers.get(&line.layer).map_or(0, |(position, _)| *position);
+        let shape = MarkingShape::Open(line.marked);
+        drawing.paths.push(MarkingPath { layer, color: line.color, shape });
+        drawn.push(line.drawn);
+    }
+    Ok(Some(Filled { report, drawn, shown, every }))
+}
+
+/// The layers of the lines, by the layer of their contours: position and content.
+fn new_layers(placed: &Pattern, filling: &Filling) -> BTreeMap<usize, (usize, Layer)> {
+    let mut names: Vec<String> = placed.layers.iter().map(|layer| layer.name.to_lowercase()).collect();
+    let mut layers: BTreeMap<usize, (usize, Layer)> = BTreeMap::new();
+    for line in &filling.lines {
+        if layers.contains_key(&line.layer) {
+            continue;
+        }
+        let Some(of_contours) = placed.layers.get(line.layer) else { continue };
+        let mut name = format!("{}{SUFFIX}", of_contours.name);
+        let mut number = 2;
+        while names.contains(&name.to_lowercase()) {
+            name = format!("{}{SUFFIX}-{number}", of_contours.name);
+            number += 1;
+        }
+        names.push(name.to_lowercase());
+        layers.insert(line.layer, (layers.len(), Layer { name, color: of_contours.color }));
+    }
+    layers
+}
+
+fn length(line: &FillLine) -> f64 {
+    line.drawn.windows(2).map(|ends| ends[0].distance(ends[1])).sum()
+}
+
+fn path(line: &FillLine) -> Path {
+    let sides = line.drawn.windows(2).map(|ends| Segment::Line { from: ends[0], to: ends[1] });
+    Path {
+        layer: line.layer,
+        color: line.color,
+        shape: Shape::Open(sides.collect()),
+        region: None,
+        source: Source { is_stroke: true, ..Source::default() },
+    }
+}
+
+/// What is unusual about the contours.
+fn contours(
+    placed: &Pattern,
+    is_filled: impl Fn(&str) -> bool + Copy,
+    settings: &JobSettings,
+    lift: Lift<'_>,
+    projection: &Projection<'_>,
+    notices: &mut Vec<Notice>,
+) {
+    let place = |at: FlatPoint| lift.point(projection.map.point(at));
+    let layers: Vec<&str> = placed.layers.iter().map(|layer| layer.name.as_str()).collect();
+    let missing = settings.fill.layers_missing_in(&layers);
+    if !missing.is_empty() {
+        let message = format!(
+            "the drawing has no layer {} to fill; its layers are {}",
+            missing.join(", "),
+            layers.join(", ")
+        );
+        notices.push(Notice::warning("fill-layer-missing", message));
+    }
+    let open = fill::open_lines(placed, is_filled);
+    let nearly = open.iter().filter(|line| line.gap <= NEARLY_CLOSED).count();
+    if let Some(first) = open.first() {
+        let what = match open.len() {
+            1 => "1 open line encloses nothing and is not filled".to_owned(),
+            many => format!("{many} open lines enclose nothing and are not filled"),
+        };
+        let places = open.iter().filter_map(|line| place(line.at));
+        let notice = match nearly {
+            0 => Notice::note("fill-open", what),
+            _ => Notice::warning(
+                "fill-open",
+                format!(
+                    "{what}; of {nearly} the ends are at most {NEARLY_CLOSED} mm apart, of the first {:.3} mm: close them in the \
+                     drawing, or raise `joining_mm` under [pattern]",
+                    first.gap
+                ),
+            ),
+        };
+        notices.push(notice.at_places(places));
+    }
+    let crossings = fill::self_crossings(placed, is_filled);
+    if let Some(first) = crossings.first() {
+        let what = match crossings.len() {
+            1 => "1 contour crosses itself".to_owned(),
+            many => format!("{many} contours cross themselves"),
+        };
+        let at = projection.map.point(*first);
+        let message = format!(
+            "{what}, as at ({:.2}, {:.2}) mm of the view: by the even-odd rule, what such a contour encloses twice is not filled",
+            at.x, at.y
+        );
+        notices.push(
+            Notice::warning("fill-crossing", message).at_places(crossings.iter().filter_map(|at| place(*at))),
+        );
+    }
+}
+
+fn refused(error: &FillError, spacing: f64) -> Reason {
+    match error {
+        FillError::TooMuch { length, pieces } => {
+            let (name, value, unit, limit) = match *length > fill::LONGEST {
+                true => ("length of the fill", *length, "mm", fill::LONGEST),
+                false => ("points and pieces of the fill", *pieces as f64, "", fill::MOST_POINTS as f64),
+            };
+            Reason::new(
+                "fill-too-much",
+                format!("The fill with lines {spacing} mm apart is more than can be marked."),
+                "Raise `spacing_mm` under [fill] (`--fill`), or fill fewer layers (`layers`).",
+            )
+            .with_number(name, value, unit, Some(limit))
+        }
+        FillError::AboveLens(error) => checks::above_lens(error.at),
+        FillError::Solve(error) => Reason::new(
+            "fill-not-found",
+            format!("No evenly spaced lines were found on the part: {error}."),
+            "Fill fewer layers (`layers` under [fill]), or check the drawing's size.",
+        ),
+    }
+}
