@@ -20,6 +20,7 @@ mod schema;
 mod job;
 mod log;
 mod marked_line;
+mod rotary;
 mod service;
 mod set;
 mod shell;

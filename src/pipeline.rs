@@ -55,15 +55,18 @@ mod landmarks;
 mod preview;
 mod on_part;
 mod progress;
+mod rotary;
 
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use focus::StepDrawing;
 pub use on_part::Marked;
 pub use progress::{Progress, Step};
+pub use rotary::{TileFile, rotary_table};
 pub use scan::surface_of;
 
 use landmarks::Lift;
 use progress::Observer;
+use rotary::Rolled;
 
 /// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
@@ -122,6 +125,9 @@ pub struct Corrected {
     pub steps: Vec<StepDrawing>,
     /// The DXF dialect of the file.
     pub profile: DxfProfile,
+    /// The files of a mark in tiles (`[rotary] as = "files"`), in the order of their angles; otherwise empty, and all tiles
+    /// are layers of [`dxf`](Self::dxf).
+    pub tile_files: Vec<TileFile>,
     /// The report.
     pub report: Report,
     /// The content of the preview, if requested; [`svg`](crate::preview::svg) draws it, which takes longer than all
@@ -242,6 +248,7 @@ impl Pipeline {
         settings: &JobSettings,
         with_pictures: bool,
     ) -> Result<Corrected, PipelineError> {
+        let given = settings;
         let mut clock = Clock::start();
         let part = &learned.kept;
         let mut notices = learned.notices.clone();
@@ -252,7 +259,9 @@ impl Pipeline {
         let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
-        let (placed_pattern, map) = Self::mapped(placed_pattern, part, settings, input.name)?;
+        let Rolled { pattern: placed_pattern, map, settings, tiles } =
+            Self::rolled(placed_pattern, learned, settings, input.name)?;
+        let settings = &settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
         let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
@@ -268,7 +277,10 @@ impl Pipeline {
         checks::hidden(&projection, &ink, settings, lift).map_err(rejected)?;
         notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
         clock.lap("check");
-        notices.extend(checks::close_lines(&ink, &map, settings, lift));
+        // Tiles are marked one after the other in front of the laser, where their lines cross.
+        if tiles.is_none() {
+            notices.extend(checks::close_lines(&ink, &map, settings, lift));
+        }
         clock.lap("check lines");
 
         steps.at(Step::Bend);
@@ -328,6 +340,9 @@ impl Pipeline {
         checks::quality(&map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
+        let rotary = tiles.as_ref().map(|tiles| tiles.report(&placed, &projection, &drawing, settings));
+        notices.extend(tiles.iter().flat_map(|tiles| tiles.notices(part, settings)));
+        let files = tiles.as_ref().map(|tiles| tiles.files(&drawing, sku, learned, input, settings));
         let profile = profile(settings);
         let dxf = pattern::write(&drawing, profile);
         notices.extend(pattern::losses(&drawing, profile));
@@ -352,6 +367,10 @@ impl Pipeline {
                 anchor: placing.place,
                 part_size: seen_size(&part.facts, &settings.part),
                 heights: [exposure.lowest, exposure.highest],
+                tiles: tiles
+                    .as_ref()
+                    .zip(rotary.as_ref())
+                    .map(|(tiles, report)| tiles.picture(report, &drawing)),
             };
             let mut preview =
                 preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, shown);
@@ -369,7 +388,9 @@ impl Pipeline {
                 let [x, y] = place.at_mm;
                 lift.point(map.point(placing.motion.point(FlatPoint::new(x, y))))
             };
-            repair.notice.clone().at_places(repair.places.iter().filter_map(on_part))
+            // Places on the sides of a part that turns are not in the picture.
+            let shown = repair.places.iter().filter(|_| tiles.is_none());
+            repair.notice.clone().at_places(shown.filter_map(on_part))
         }));
         let landmarks = with_pictures.then(|| landmarks::landmarks(lift, &map, &exposure, &after, settings));
         notices.extend(facts.notices.iter().cloned());
@@ -377,6 +398,7 @@ impl Pipeline {
 
         let mut timings = learned.timings.clone();
         timings.append(&mut clock.laps);
+        let read = tiles.as_ref().map_or(&placed, |tiles| &tiles.drawn);
         let report = Report {
             schema: report::SCHEMA.into(),
             program: program(),
@@ -392,10 +414,10 @@ impl Pipeline {
             pattern: PatternReport {
                 file: input.name.into(),
                 blake3: hash(input.bytes),
-                paths: placed.paths.len(),
-                contours: placed.paths.iter().filter(|path| path.is_contour()).count(),
+                paths: read.paths.len(),
+                contours: read.paths.iter().filter(|path| path.is_contour()).count(),
                 facts,
-                ink_layers: settings.pattern.ink_layers.clone(),
+                ink_layers: given.pattern.ink_layers.clone(),
             },
             placement: PlacementReport { round, ..placing.report(settings) },
             map: map_report,
@@ -405,6 +427,7 @@ impl Pipeline {
             fill: filled.as_ref().map(|filled| filled.report.clone()),
             focus: stepped.as_ref().map(|stepped| stepped.report.clone()),
             output: output_report(&dxf, &drawing, shortening, settings),
+            rotary,
             changes,
             notices,
             timings,
@@ -416,13 +439,19 @@ impl Pipeline {
             drawn_range: preview::before_range(before.as_ref(), &ink, surface),
             mark_range: after.stretch_range,
             length: after.length,
-            ink: placed.with_layers(is_ink),
-            fill: filled.map_or_else(Pattern::default, |filled| filled.shown),
+            is_round: tiles.is_some(),
+            // The lines of the fill are in front of the laser, tile by tile.
+            fill: filled.filter(|_| tiles.is_none()).map_or_else(Pattern::default, |filled| filled.shown),
+            ink: match tiles {
+                Some(tiles) => tiles.drawn.with_layers(|layer| given.pattern.counts_as_ink(layer)),
+                None => placed.with_layers(is_ink),
+            },
             map,
             drawn,
         });
         let steps = stepped.map_or_else(Vec::new, |stepped| stepped.steps);
-        Ok(Corrected { dxf, drawing, steps, profile, report, preview, marked, landmarks, frame })
+        let tile_files = files.unwrap_or_default();
+        Ok(Corrected { dxf, drawing, steps, profile, tile_files, report, preview, marked, landmarks, frame })
     }
 }
 

@@ -25,8 +25,10 @@ use crate::geometry::surface::fit::FittedSurface;
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 
+mod rotary;
 mod sensitivity;
 
+pub use rotary::{ROTARY_SCHEMA, RotaryReport, RotaryTable, TileReport};
 pub use sensitivity::{EffectReport, MisplacedReport, Movement, SensitivityReport, UncertaintyReport};
 
 /// Name and version of the JSON form.
@@ -68,6 +70,9 @@ pub struct Report {
     pub focus: Option<FocusReport>,
     /// The corrected drawing.
     pub output: OutputReport,
+    /// The tiles of a mark that goes round the part; absent if the part does not turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotary: Option<RotaryReport>,
     /// The differences from the drawing that the new one replaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub changes: Option<ChangesReport>,
@@ -681,6 +686,7 @@ impl Report {
         lines.extend(self.focus.as_ref().map(FocusReport::summary));
         lines.extend(self.fill.as_ref().map(FillReport::summary));
         lines.extend(self.sensitivity.iter().flat_map(SensitivityReport::lines));
+        lines.extend(self.rotary.as_ref().map(RotaryReport::summary));
         if let Some(scan) = scan {
             let what = if self.part.facts.triangles > 0 { "mesh, smoothed as a scan" } else { "scan" };
             lines.push(format!("{what}: {}", scan.summary()));

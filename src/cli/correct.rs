@@ -7,6 +7,7 @@ use clap::Args;
 use super::job::{Job, JobArguments};
 use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
+use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
@@ -26,6 +27,8 @@ const WITHOUT_MESH: &str = "shows only the side that faces the laser, because th
 pub(super) struct CorrectArguments {
     #[command(flatten)]
     job: JobArguments,
+    #[command(flatten)]
+    rotary: RotaryArguments,
     /// The corrected drawing to write; an existing drawing is replaced.
     #[arg(long, short, value_name = "OUT.dxf")]
     out: PathBuf,
@@ -115,7 +118,10 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
     let dxf = std::mem::take(&mut corrected.dxf);
-    if corrected.is_to_be_read_back(*verify) {
+    let is_read_back = corrected.is_to_be_read_back(*verify);
+    if write_tiles(&arguments.out, &mut corrected, &arguments.job.files(), is_read_back)? {
+        // The tiles are files of their own.
+    } else if is_read_back {
         write_file_if(&arguments.out, &dxf, |file| corrected.read_back(file))?;
     } else {
         write_file(&arguments.out, &dxf)?;
@@ -239,6 +245,7 @@ impl CorrectArguments {
                 overrides.add(&option, key, value)?;
             }
         }
+        self.rotary.add_to(&mut overrides)?;
         Ok(overrides)
     }
 }

@@ -36,6 +36,7 @@ documents! {
     "status": "the state of a station",
     "lens": "a measured lens",
     "registration": "where a part stands under the laser",
+    "rotary": "the tiles of a mark round the part, with the angles of the rotary axis",
     "codes": "codes of reasons and notices, explained",
 }
 

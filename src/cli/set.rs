@@ -135,6 +135,7 @@ pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
             Some("`isomark evaluate` writes no drawing")
         }
         (_, "fill" | "focus") => Some("`isomark evaluate` writes no drawing"),
+        (_, "rotary") => Some("`isomark evaluate` compares the methods on the side that faces the laser"),
         (_, "field" | "optics" | "fixture") => {
             Some("`isomark evaluate` compares the methods on the part, without field and lens")
         }

@@ -21,7 +21,7 @@ use super::choices::{Align, DxfVersion, FloaterWeights, FocusSteps, Method, Vert
 use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
-    ViewSource,
+    Rotary, Tiles, ViewSource,
 };
 use crate::formats::mesh::NormalsChoice;
 use crate::formats::pattern::RasterOptions;
@@ -71,6 +71,7 @@ pub fn drawing(settings: &JobSettings) -> String {
         correction,
         fill,
         focus,
+        rotary,
         fixture,
         // It is reported.
         pose_uncertainty: _,
@@ -87,6 +88,7 @@ pub fn drawing(settings: &JobSettings) -> String {
     text.correction(correction);
     text.fill(fill);
     text.focus(focus, optics);
+    text.rotary(rotary, settings);
     text.fixture(fixture, &optics.lens);
     text.optics(optics, settings);
     text.output(output);
@@ -226,6 +228,32 @@ impl Text {
         self.number("correction.angle_weight", *angle_weight, 1.0);
         self.number("correction.tolerance_mm", *tolerance, 0.01);
         self.word("correction.vertices", (*vertices != Vertices::Adaptive).then_some(vertices));
+    }
+
+    /// Only a mark round the part depends on the limits of the laser: they decide how it is divided.
+    fn rotary(&mut self, rotary: &Rotary, settings: &JobSettings) {
+        let Rotary {
+            tiles,
+            overlap,
+            max_tile,
+            // A station delivers layers.
+            written_as: _,
+            is_reversed,
+        } = rotary;
+        match tiles {
+            Tiles::Off => return,
+            Tiles::Auto => self.word("rotary.tiles", Some("auto")),
+            Tiles::Count(count) => self.word("rotary.tiles", Some(count)),
+        }
+        self.number("rotary.overlap_mm", *overlap, 0.0);
+        self.optional("rotary.max_tile_rad", *max_tile);
+        self.flag("rotary.reverse", *is_reversed, false);
+        let incidence = &settings.optics.incidence;
+        self.numbers("rotary.incidence_rad", [incidence.warn, incidence.refuse]);
+        self.optional("rotary.focus_depth_mm", settings.optics.focus_depth);
+        if let Some(field) = settings.field.map(|field| field.extents()) {
+            self.numbers("rotary.field_mm", [field.min.x, field.min.y, field.max.x, field.max.y]);
+        }
     }
 
     fn mapping_domain(&mut self, options: &MappingDomainOptions) {

@@ -118,6 +118,17 @@ choices! {
 }
 
 choices! {
+    /// How the tiles of a mark round the part are written.
+    TilesAs, "as" {
+        /// One file, with the layers of each tile named after its angle.
+        #[default]
+        Layers = "layers",
+        /// One file for each tile, named after its angle; only with `isomark correct`.
+        Files = "files",
+    }
+}
+
+choices! {
     /// What is done with ink outside the faces of a part that are named `mark`.
     OutsideMark, "outside_mark" {
         /// The drawing is rejected.

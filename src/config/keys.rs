@@ -9,12 +9,12 @@ use toml::Spanned;
 
 use super::choices::{
     Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip, Smoothing,
-    Vertices, Weighting, numbers, parse_axis, parse_facing,
+    TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
 use super::fill::{FillKeys, FocusKeys};
 use super::lens_table;
-use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, ViewSource};
+use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Tiles, ViewSource};
 use super::text::{Numbers, SettingsText};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
@@ -46,6 +46,7 @@ pub(super) struct JobKeys {
     pattern: PatternKeys,
     placement: PlacementKeys,
     correction: CorrectionKeys,
+    rotary: RotaryKeys,
     fixture: FixtureKeys,
     fill: FillKeys,
     focus: FocusKeys,
@@ -109,6 +110,58 @@ pub(super) struct CorrectionKeys {
     tolerance_mm: Option<Spanned<f64>>,
     vertices: Option<Vertices>,
     max_residual_mm: Option<Spanned<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RotaryKeys {
+    tiles: Option<Spanned<TilesKey>>,
+    overlap_mm: Option<Spanned<f64>>,
+    max_tile_deg: Option<Spanned<f64>>,
+    #[serde(rename = "as")]
+    written_as: Option<TilesAs>,
+    reverse: Option<bool>,
+}
+
+/// A number of tiles, or how it is found.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected \"off\", \"auto\" or a number of tiles")]
+enum TilesKey {
+    Count(usize),
+    Name(String),
+}
+
+impl RotaryKeys {
+    fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
+        let rotary = &mut to.rotary;
+        if let Some(tiles) = self.tiles {
+            rotary.tiles = match tiles.get_ref() {
+                TilesKey::Name(name) if name == "off" => Tiles::Off,
+                TilesKey::Name(name) if name == "auto" => Tiles::Auto,
+                TilesKey::Name(name) => {
+                    return Err(ConfigError::UnknownChoice {
+                        spot: text.spot(&tiles.span()),
+                        given: name.clone(),
+                        allowed: ["off", "auto", "N"].map(String::from).into(),
+                    });
+                }
+                TilesKey::Count(count) => {
+                    let count = Spanned::new(tiles.span(), *count);
+                    Tiles::Count(text.count("rotary.tiles", &count, 1..=Tiles::MOST)?)
+                }
+            };
+        }
+        if let Some(overlap) = self.overlap_mm {
+            rotary.overlap = text.number("rotary.overlap_mm", &overlap, 0.0..=10.0, "mm")?;
+        }
+        if let Some(widest) = self.max_tile_deg {
+            let widest = text.number("rotary.max_tile_deg", &widest, 1.0..=178.0, "deg")?;
+            rotary.max_tile = Some(widest.to_radians());
+        }
+        rotary.written_as = self.written_as.unwrap_or(rotary.written_as);
+        rotary.is_reversed = self.reverse.unwrap_or(rotary.is_reversed);
+        Ok(())
+    }
 }
 
 /// A name in quotes, or numbers.
@@ -195,10 +248,11 @@ impl JobKeys {
         pattern: PatternKeys,
         placement: PlacementKeys,
         correction: CorrectionKeys,
+        rotary: RotaryKeys,
         fixture: FixtureKeys,
         (fill, focus): (FillKeys, FocusKeys),
     ) -> Self {
-        Self { part, pattern, placement, correction, fixture, fill, focus }
+        Self { part, pattern, placement, correction, rotary, fixture, fill, focus }
     }
 
     /// Changes what the file names and keeps the rest.
@@ -207,6 +261,7 @@ impl JobKeys {
         self.pattern.apply(text, to)?;
         self.placement.apply(text, to)?;
         self.correction.apply(text, to)?;
+        self.rotary.apply(text, to)?;
         self.fixture.apply(text, to)?;
         self.fill.apply(text, to)?;
         self.focus.apply(text, to)
@@ -221,6 +276,7 @@ pub(super) struct SidecarKeys {
     placement: PlacementKeys,
     correction: SidecarCorrectionKeys,
     fill: FillKeys,
+    rotary: RotaryKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -235,7 +291,7 @@ impl SidecarKeys {
         self.placement.apply(text, to)?;
         self.fill.apply(text, to)?;
         to.correction.method = self.correction.method.unwrap_or(to.correction.method);
-        Ok(())
+        self.rotary.apply(text, to)
     }
 }
 

@@ -28,7 +28,7 @@ mod suggest;
 
 pub use choices::{
     Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps, Losses, Method,
-    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, UnknownChoice, Vertices, Weighting,
+    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, TilesAs, UnknownChoice, Vertices, Weighting,
     parse_axis, parse_facing,
 };
 pub use edit::{NewValue, edited};
@@ -40,7 +40,7 @@ pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
-    PatternSettings, Placement, ViewSource,
+    PatternSettings, Placement, Rotary, Tiles, ViewSource,
 };
 #[cfg(feature = "station")]
 pub(crate) use sku::fold;

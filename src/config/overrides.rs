@@ -3,7 +3,8 @@
 use toml::Value;
 
 /// The tables that a SKU's file may hold; all others are the station's.
-const JOB_TABLES: &[&str] = &["part", "pattern", "placement", "correction", "fixture", "fill", "focus"];
+const JOB_TABLES: &[&str] =
+    &["part", "pattern", "placement", "correction", "rotary", "fixture", "fill", "focus"];
 
 /// Settings that the command line gives, as `table.key=value` or by options of their own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -1,7 +1,8 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, Vertices, Weighting,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, TilesAs, Vertices,
+    Weighting,
 };
 use super::fill::{FillSettings, FocusSettings};
 use crate::formats::Pace;
@@ -31,6 +32,8 @@ pub struct JobSettings {
     pub fill: FillSettings,
     /// How a drawing is divided by height.
     pub focus: FocusSettings,
+    /// Marks that go round the part, in tiles.
+    pub rotary: Rotary,
     /// Where the part is under the laser.
     pub fixture: Fixture,
     /// How well that position is known; all zero where the settings state nothing.
@@ -305,6 +308,40 @@ impl FromIterator<Slip> for AsPrinted {
             Slip::KnotVectors => Self { knot_vectors: true, ..kept },
         })
     }
+}
+
+/// Marks that go round a cylinder or cone: the part turns about its axis between tiles.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Rotary {
+    /// Whether a drawing is divided into tiles.
+    pub tiles: Tiles,
+    /// How far two tiles overlap where a contour is cut, mm on the part.
+    pub overlap: f64,
+    /// The widest tile, rad about the axis; `None` for what incidence, focus and field allow.
+    pub max_tile: Option<f64>,
+    /// How the tiles are written.
+    pub written_as: TilesAs,
+    /// Whether the angles of the rotary axis grow in the other direction.
+    pub is_reversed: bool,
+}
+
+/// The number of tiles.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Tiles {
+    /// The part does not turn.
+    #[default]
+    Off,
+    /// As few as possible.
+    Auto,
+    /// This many.
+    Count(usize),
+}
+
+impl Tiles {
+    /// The largest number of tiles that a person may ask for.
+    pub const MOST: usize = 360;
 }
 
 /// The lens and the limits of what it can mark.

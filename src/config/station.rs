@@ -12,7 +12,7 @@ use super::error::ConfigError;
 use super::fill::{FillKeys, FocusKeys};
 use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
-    PlacementKeys, SidecarKeys,
+    PlacementKeys, RotaryKeys, SidecarKeys,
 };
 use super::overrides::Overrides;
 use super::page::{PageKeys, PageSettings};
@@ -308,6 +308,7 @@ impl Station {
             keys.pattern,
             keys.placement,
             keys.correction,
+            keys.rotary,
             keys.fixture,
             of_light,
         )
@@ -449,6 +450,8 @@ struct StationKeys {
     fill: FillKeys,
     #[serde(default)]
     focus: FocusKeys,
+    #[serde(default)]
+    rotary: RotaryKeys,
     #[serde(default)]
     output: OutputKeys,
     #[serde(default)]

@@ -34,6 +34,7 @@ pub mod frame_outline;
 pub mod fill;
 pub mod focus;
 pub mod mark_region;
+pub mod rotary;
 pub mod sides;
 pub mod rims;
 pub mod silhouette;

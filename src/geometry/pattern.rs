@@ -176,6 +176,37 @@ impl Segment {
         }
     }
 
+    /// The piece from parameter `from` to `to`, both 0 to 1.
+    pub fn section(&self, from: f64, to: f64) -> Self {
+        match self {
+            Self::Line { .. } => Self::Line { from: self.point(from), to: self.point(to) },
+            Self::Arc { center, u, v, start, sweep } => Self::Arc {
+                center: *center,
+                u: *u,
+                v: *v,
+                start: start + sweep * from,
+                sweep: sweep * (to - from),
+            },
+            Self::Bezier { points, weights } => {
+                let controls: [nalgebra::Vector3<f64>; 4] =
+                    std::array::from_fn(|index| points[index].coords().push(1.0) * weights[index]);
+                // The polar form of the curve: its value for three parameters (Farin, Curves and Surfaces, section 4.4).
+                let polar = |parameters: [f64; 3]| {
+                    let mut row = controls.to_vec();
+                    for t in parameters {
+                        row = row.windows(2).map(|pair| pair[0].lerp(&pair[1], t)).collect();
+                    }
+                    row[0]
+                };
+                let cut = [[from; 3], [from, from, to], [from, to, to], [to; 3]].map(polar);
+                Self::Bezier {
+                    points: cut.map(|point| (point.xy() / point.z).into()),
+                    weights: cut.map(|point| point.z),
+                }
+            }
+        }
+    }
+
     /// The image under an affine map.
     pub fn transformed(&self, map: &Affine) -> Self {
         match self {

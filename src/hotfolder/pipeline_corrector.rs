@@ -15,7 +15,7 @@ use crate::hotfolder::api::{
 };
 use crate::pipeline::{Corrected, FrameDrawing, LearnedPart, Marked, PatternInput, Pipeline, PipelineError};
 use crate::preview::{Backdrop, OnPart, Preview, glb, svg, svg_on};
-use crate::reason::Reason;
+use crate::reason::{Notice, Reason};
 use crate::report::Report;
 use crate::report_html::{Landmarks, PageContent, html};
 
@@ -258,6 +258,11 @@ impl Corrector for PipelineCorrector {
         })?;
         let input = PatternInput { name: &pattern.name, bytes: &pattern.bytes, previous };
         let mut corrected = self.pipeline().at(pace).correct(sku, &known.learned, input, settings, true)?;
+        if !corrected.tile_files.is_empty() {
+            let message = "a station delivers one file for each drawing, so the tiles are its layers, although `[rotary] as` is \
+                           \"files\"";
+            corrected.report.notices.push(Notice::note("rotary-as-layers", message));
+        }
         let [left, bottom, right, top] = corrected.report.output.extents_mm;
         let drawing = std::mem::take(&mut corrected.dxf);
         let pictures = Pictures::of(&mut corrected, self.pipeline(), known).map(Arc::new);

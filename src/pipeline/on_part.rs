@@ -40,6 +40,8 @@ pub struct Marked {
     pub(super) map: LengthTrueMap,
     /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
     pub(super) drawn: Vec<Vec<FlatPoint>>,
+    /// Whether the mark goes round the part, which turns; then the ink is the drawing before it was divided.
+    pub(super) is_round: bool,
     /// Length of all lines as drawn, mm.
     pub(super) length: f64,
     pub(super) drawn_range: Option<[f64; 2]>,
@@ -66,16 +68,24 @@ impl Pipeline {
         let height = |at: ViewPoint| surface.nurbs.height(at) + surface.difference(at);
         let landing = |flat: FlatPoint| {
             let at = marked.map.point(flat);
-            Point3::new(at.x, at.y, height(at))
+            let round = marked.map.point_round(flat).filter(|_| marked.is_round);
+            round.unwrap_or_else(|| Point3::new(at.x, at.y, height(at)))
         };
-        let mut mark = lines(&marked.ink, marked, surface, &view, landing);
-        mark.extend(lines(&marked.fill, marked, surface, &view, landing));
+        let raise = |point: Point3<f64>, distance: f64| match marked.map.outward(point) {
+            Some(outward) if marked.is_round => point + outward * distance,
+            _ => raised(surface, point, distance),
+        };
+        let mut mark = lines(&marked.ink, marked, &view, landing, raise);
+        mark.extend(lines(&marked.fill, marked, &view, landing, raise));
         let area = marked.area().grown(MARGIN);
         let part = part.following(&view, &area, |at| surface.sampled_height(at), MAX_ADDED);
-        let drawn = lines(&marked.ink, marked, surface, &view, |flat| {
+        let plain = |flat: FlatPoint| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
-        });
+        };
+        // A drawing that goes round is wider than the part.
+        let drawn =
+            if marked.is_round { Vec::new() } else { lines(&marked.ink, marked, &view, plain, raise) };
         let in_part = |ring: Vec<Point3<f64>>| ring.into_iter().map(|point| view.part_point(point)).collect();
         OnPart {
             sku: marked.sku.to_string(),
@@ -89,7 +99,7 @@ impl Pipeline {
             drawn,
             mark,
             ink: FlatMesh::of_ink(&marked.ink, MAX_INK_POINTS).map(|flat| {
-                let image = |flat| view.part_point(raised(surface, landing(flat), INK_LIFT));
+                let image = |flat| view.part_point(raise(landing(flat), INK_LIFT));
                 let (positions, triangles) = flat.draped(image, MAX_INK_VERTICES);
                 InkMesh { positions, triangles }
             }),
@@ -123,9 +133,9 @@ impl Pipeline {
 fn lines(
     pattern: &Pattern,
     marked: &Marked,
-    surface: &FittedSurface,
     view: &View,
     image: impl Fn(FlatPoint) -> Point3<f64>,
+    raise: impl Fn(Point3<f64>, f64) -> Point3<f64>,
 ) -> Vec<PreviewPath<3>> {
     let piece = piece(marked.length);
     let line = |shape: &Shape| {
@@ -138,7 +148,7 @@ fn lines(
             shape => lifted(shape, piece, &image),
         };
         for point in &mut path.points {
-            *point = view.part_point(raised(surface, Point3::from(*point), LIFT)).coords.into();
+            *point = view.part_point(raise(Point3::from(*point), LIFT)).coords.into();
         }
         path
     };

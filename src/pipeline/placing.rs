@@ -135,8 +135,13 @@ impl Placing {
         Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place), aligned: 0.0 }
     }
 
+    /// The turn after which the drawing's x, before `rotate_deg`, is along the direction round the axis of the map, rad.
+    pub(super) fn turn_to_axis(&self, map: &LengthTrueMap) -> f64 {
+        map.round_angle().map_or(0.0, |round| round - self.aligned)
+    }
+
     /// Turns the placed drawing about its anchor by this angle, rad.
-    fn turn(&mut self, angle: f64) {
+    pub(super) fn turn(&mut self, angle: f64) {
         self.aligned += angle;
     }
 

@@ -10,7 +10,7 @@ use crate::geometry::mapping::quality;
 use crate::geometry::mapping::tangent::tangent_frame;
 use crate::geometry::pattern::{Path, Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
-use crate::preview::{HeightPicture, Preview, PreviewPath};
+use crate::preview::{HeightPicture, Preview, PreviewPath, TilesPicture};
 
 /// Lines are shown in pieces of this length, mm, or longer ones if there would be more than [`MAX_PIECES`].
 const PIECE: f64 = 0.5;
@@ -31,6 +31,8 @@ pub(super) struct Shown {
     pub(super) part_size: Option<[f64; 2]>,
     /// Lowest and highest height of the ink in the laser's frame, mm.
     pub(super) heights: [f64; 2],
+    /// The tiles of a mark round the part.
+    pub(super) tiles: Option<TilesPicture>,
 }
 
 pub(super) fn preview(
@@ -40,7 +42,7 @@ pub(super) fn preview(
     surface: &FittedSurface,
     settings: &JobSettings,
     (before, after): (Option<&Distortion>, &Distortion),
-    Shown { residual_under_ink, anchor, part_size, heights }: Shown,
+    Shown { residual_under_ink, anchor, part_size, heights, tiles }: Shown,
 ) -> Preview {
     let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
@@ -93,6 +95,7 @@ pub(super) fn preview(
         after_range: Some(after.stretch_range),
         field,
         summary,
+        tiles,
     }
 }
 

@@ -16,9 +16,9 @@ const A4: f64 = 297.0;
 /// Colour of the field's border.
 const FIELD: &str = "#0f766e";
 
-const TITLE: Type = Type::new(4.2, DARK).bold();
-const HEADING: Type = Type::new(3.0, DARK).bold();
-const LABEL: Type = Type::new(2.3, QUIET);
+pub(super) const TITLE: Type = Type::new(4.2, DARK).bold();
+pub(super) const HEADING: Type = Type::new(3.0, DARK).bold();
+pub(super) const LABEL: Type = Type::new(2.3, QUIET);
 const VALUE: Type = Type::new(2.3, DARK);
 const TICK: Type = Type::new(1.9, QUIET);
 
@@ -37,6 +37,9 @@ pub fn svg(preview: &Preview) -> String {
 /// [`part_outline`](Preview::part_outline), and drawing it takes most of the time.
 #[must_use]
 pub fn svg_on(backdrop: &Backdrop, preview: &Preview) -> String {
+    if let Some(tiles) = &preview.tiles {
+        return super::tiles::svg(preview, tiles);
+    }
     let before = ink::lines(&preview.before);
     let after = ink::lines(&preview.after);
     let colors = StretchScale::covering(ink::weighted(&before).chain(ink::weighted(&after)));
@@ -346,7 +349,7 @@ fn anchor_at(place: f64) -> Anchor {
 }
 
 /// The table of the summary; returns its lower edge.
-fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)]) -> f64 {
+pub(super) fn summary(page: &mut Page, at: [f64; 2], width: f64, rows: &[(String, String)]) -> f64 {
     let [x, mut y] = at;
     y += 2.3;
     for (label, text) in rows {

@@ -21,6 +21,7 @@ mod ink;
 mod relief;
 mod on_part;
 mod sides;
+mod tiles;
 
 use crate::geometry::space::Extents;
 
@@ -30,6 +31,7 @@ pub(crate) use page::escaped;
 pub use relief::Backdrop;
 pub use sides::{SidePicture, sides_svg};
 pub(crate) use stretch_scale::{colors as stretch_colors, range_text as stretch_range_text};
+pub use tiles::{TilePicture, TilesPicture};
 
 /// The content of the picture. All lengths are in mm of the view, x to the right and y up as the laser sees it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -55,6 +57,8 @@ pub struct Preview {
     pub field: Option<Extents>,
     /// Rows of the table at the bottom: label and text, such as `length error` and `6.83 mm → 0.05 mm`.
     pub summary: Vec<(String, String)>,
+    /// The tiles of a mark that goes round the part; they are then shown instead of the panels before and after.
+    pub tiles: Option<TilesPicture>,
 }
 
 /// Heights of the part on a square grid, for the background of the picture. About 200 nodes along the longer side

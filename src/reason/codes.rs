@@ -1259,6 +1259,72 @@ const CODES: &[Code] = &[
         "Check the disk, the network and the computer's memory, then try again. If the same drawing is refused \
          again, it is a defect of isomark: keep the drawing and report it.",
     ]),
+    notice([
+        "rotary-as-layers",
+        "The tiles of a mark round the part are layers, because a station delivers one file for each drawing.",
+        "The settings ask for one file for each tile. A station delivers every drawing exactly once, as one file that appears \
+         completely or not at all; several files could be delivered in part. So the tiles are layers of this file, named after \
+         the angle of the rotary axis.",
+        "Set `as = \"layers\"` under [rotary], or write the files with `isomark correct --tiles-as files`.",
+    ]),
+    reason([
+        "rotary-hollow",
+        "A mark in tiles was asked for on the inside of a hollow cylinder or cone.",
+        "Between two tiles the part turns about its axis. When the laser looks at the inside of a part, the other side of the \
+         part is in the way after a turn.",
+        "Check `facing`, or set `tiles = \"off\"` under [rotary].",
+    ]),
+    reason([
+        "rotary-method",
+        "A mark in tiles was asked for with a method that does not unroll the part.",
+        "A mark that goes round closes on itself only if the part is unrolled exactly, as a cylinder or cone.",
+        "Set `method` to \"auto\", \"cylinder\" or \"cone\" under [correction], or `tiles = \"off\"` under [rotary].",
+    ]),
+    reason([
+        "rotary-no-room",
+        "The laser can mark hardly anything of the part between two turns.",
+        "isomark looks for the widest tile in which all ink is on the part, inside the field, in focus, and hit by the beam at \
+         less than `incidence_warn_deg` (`incidence_refuse_deg` if the number of tiles is given). Here it is narrower than half \
+         a degree.",
+        "Move the part nearer to the lens axis and enter its position under [fixture], or check the limits under [optics] and \
+         [field].",
+    ]),
+    reason([
+        "rotary-not-round",
+        "A mark in tiles was asked for on a part that is neither a cylinder nor a cone.",
+        "isomark fits a cylinder and a cone to the side that faces the laser, where the drawing's anchor is. Both are farther \
+         from the part than 0.005 mm, so the other sides of the part are not known.",
+        "Check `facing` and `place_mm`: the anchor must be on the round side. For a part that is not quite round, give its sizes \
+         (`shape`, `--cylinder`, `--cone`) or set `method = \"cylinder\"` or `\"cone\"`.",
+    ]),
+    notice([
+        "rotary-other-sides",
+        "The sides of the part that face the laser only after a turn were not examined.",
+        "A mark in tiles takes the part as a cylinder or cone all the way round, as it is on the side that faces the laser. \
+         Handles, holes and flats on the other sides are not known, and faces named `mark` are checked as if they went all the \
+         way round.",
+        "Check that the part is the same all the way round where the drawing is.",
+    ]),
+    reason([
+        "rotary-overlap",
+        "The overlap of tiles is too wide for the tiles.",
+        "Where a contour is cut, both tiles continue by half of `overlap_mm` beyond the border. It must be less than half the \
+         width of the widest tile.",
+        "Make `overlap_mm` under [rotary] smaller, or `max_tile_deg` larger.",
+    ]),
+    reason([
+        "rotary-tiles",
+        "The drawing cannot be divided into the number of tiles that the settings ask for.",
+        "Each tile must have ink, and must not be wider than the laser can mark between two turns.",
+        "Set `tiles` under [rotary] to the number in the reason, or to \"auto\".",
+    ]),
+    reason([
+        "rotary-too-wide",
+        "The drawing is wider than the part is round.",
+        "Its ends would be marked over each other. The circumference is pi times the diameter; on a cone, a drawing is as wide \
+         as the angle that it spans about the axis.",
+        "Make the drawing narrower, or check its unit and the part's diameter.",
+    ]),
     reason([
         "scan-empty",
         "The scan contains no points.",

@@ -45,3 +45,4 @@ mod losses;
 mod misplacement;
 mod names;
 mod fill;
+mod rotary;

@@ -1,7 +1,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::*;
-use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark};
+use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark, TilesAs};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::DrawingUnit;
 use crate::geometry::sensitivity::PoseUncertainty;
@@ -49,6 +49,13 @@ fill.layers 1 4:text
 focus.steps layers
 focus.step_mm 3ff8000000000000
 focus.overlap_mm 3fc999999999999a
+rotary.tiles 5
+rotary.overlap_mm 3fe0000000000000
+rotary.max_tile_rad 3ff8000000000000
+rotary.reverse true
+rotary.incidence_rad 3fc999999999999a 3fd3333333333333
+rotary.focus_depth_mm 4008000000000000
+rotary.field_mm 0000000000000000 0000000000000000 405b800000000000 4056800000000000
 fixture.x_mm 3ff0000000000000
 fixture.y_mm c04e000000000000
 fixture.z_mm 4010000000000000
@@ -114,6 +121,13 @@ pub(crate) fn everything() -> JobSettings {
             layers: Some(vec!["TEXT".into()]),
         },
         focus: FocusSettings { steps: FocusSteps::Layers, step: Some(1.5), overlap: 0.2 },
+        rotary: Rotary {
+            tiles: Tiles::Count(5),
+            overlap: 0.5,
+            max_tile: Some(1.5),
+            written_as: TilesAs::Files,
+            is_reversed: true,
+        },
         fixture: Fixture { x: 1.0, y: -60.0, z: 4.0, rotation: 0.2 },
         pose_uncertainty: PoseUncertainty { sideways: 0.1, height: 0.2, turn: 0.01 },
         optics: Optics {

@@ -1,6 +1,6 @@
 //! The exact map onto a cone with any direction, tilt and offset.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector2, Vector3};
 
 use super::patch::{SampledPatch, TooFewPoints, cross_directions};
 use super::tangent::tangent_frame;
@@ -133,6 +133,12 @@ impl Cone {
         radial.norm() * self.half_angle.cos() - along * self.half_angle.sin()
     }
 
+    /// The unit normal at a point that is not on the axis, away from it.
+    pub fn outward(&self, point: &Point3<f64>) -> Vector3<f64> {
+        let (sin, cos) = self.half_angle.sin_cos();
+        self.split(point).1.normalize() * cos - *self.axis * sin
+    }
+
     /// Distance and its derivatives by shifts of the apex, rotations of the axis, and the half angle.
     fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 6]) {
         let (along, radial) = self.split(point);
@@ -229,6 +235,22 @@ impl ConeMap {
         Ok(Self { cone, anchor, start: distance, radial, generator, right: lift(0), up: lift(1), hollow })
     }
 
+    /// The point of the drawing that keeps its place, mm.
+    pub fn anchor(&self) -> FlatPoint {
+        self.anchor
+    }
+
+    /// The apex in the plane of the drawing, mm.
+    pub fn flat_apex(&self) -> FlatPoint {
+        self.anchor
+            + Vector2::new(self.generator.dot(&self.right), self.generator.dot(&self.up)) * -self.start
+    }
+
+    /// Whether the laser sees the concave side.
+    pub fn is_hollow(&self) -> bool {
+        self.hollow
+    }
+
     /// The angle from the drawing's x to the direction round the axis, at the anchor, rad.
     pub fn round_angle(&self) -> f64 {
         let round = self.cone.axis.cross(&self.radial);
@@ -278,7 +300,6 @@ mod tests {
     use crate::geometry::shapes;
     use crate::geometry::space::{Extents, View};
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};
-    use nalgebra::Vector2;
     use proptest::prelude::*;
 
     fn cone(azimuth: f64, tilt: f64, half_angle: f64) -> Cone {

@@ -117,6 +117,11 @@ impl Cylinder {
         self.split(point).1.norm() - self.radius
     }
 
+    /// The unit direction away from the axis at a point that is not on it.
+    pub fn outward(&self, point: &Point3<f64>) -> Vector3<f64> {
+        self.split(point).1.normalize()
+    }
+
     /// Distance and its derivatives by shifts and rotations of the axis, and by the radius.
     fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
         let (along, radial) = self.split(point);
@@ -191,6 +196,16 @@ impl CylinderMap {
             Vector3::new(flat[0], flat[1], gradient.dot(&flat))
         };
         Ok(Self { cylinder, anchor, start, radial, right: lift(0), up: lift(1), hollow })
+    }
+
+    /// The point of the drawing that keeps its place, mm.
+    pub fn anchor(&self) -> FlatPoint {
+        self.anchor
+    }
+
+    /// Whether the laser sees the concave side.
+    pub fn is_hollow(&self) -> bool {
+        self.hollow
     }
 
     /// The point of the cylinder onto which a point of the drawing is mapped, mm, in the frame of the view.

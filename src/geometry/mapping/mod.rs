@@ -14,7 +14,7 @@ pub mod quality;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use self::cone::{ConeError, ConeFit, ConeMap};
 use self::cylinder::{CylinderError, CylinderFit, CylinderMap};
@@ -216,6 +216,26 @@ impl LengthTrueMap {
             Self::MappingDomain(map) => map.point(at),
             Self::Floater(map) => map.point(at),
             Self::Plain => at.coords().into(),
+        }
+    }
+
+    /// The point of a cylinder or cone onto which a point of the drawing is mapped, mm, in the frame of the view, also on the
+    /// side that faces away from the laser; `None` for maps without an axis.
+    pub fn point_round(&self, at: FlatPoint) -> Option<Point3<f64>> {
+        match self {
+            Self::Cylinder(map, _) => Some(map.point_on_part(at)),
+            Self::Cone(map, _) => Some(map.point_on_part(at)),
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => None,
+        }
+    }
+
+    /// The unit direction out of a cylinder or cone at a point of it (mm, in the frame of the view); `None` for maps without an
+    /// axis.
+    pub fn outward(&self, at: Point3<f64>) -> Option<Vector3<f64>> {
+        match self {
+            Self::Cylinder(map, _) => Some(map.cylinder.outward(&at)),
+            Self::Cone(map, _) => Some(map.cone.outward(&at)),
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => None,
         }
     }
 
