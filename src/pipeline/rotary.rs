@@ -142,8 +142,7 @@ fn tiled(
         });
         names.extend(of_tiles);
     }
-    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+    let ink = ink_of(&placed, &tiles, &settings);
     let mark = TiledMark {
         unrolled: stage.unrolled,
         radius: stage.radius,
@@ -461,6 +460,16 @@ impl Tile {
         let sense = if is_reversed { 1.0 } else { -1.0 };
         sense * self.angle_deg.to_radians()
     }
+
+    fn has_layer(&self, layer: usize) -> bool {
+        self.layers.iter().any(|(index, _)| *index == layer)
+    }
+
+    /// Its paths among those of all tiles.
+    fn pattern(&self, placed: &Pattern) -> Pattern {
+        let paths = placed.paths.iter().filter(|path| self.has_layer(path.layer)).cloned().collect();
+        Pattern { layers: placed.layers.clone(), paths }
+    }
 }
 
 /// Positions of ink along the axis: the first and the last in each of many equal stretches.
@@ -480,6 +489,30 @@ fn positions(ink: &Ink, unrolled: &Unrolled) -> Vec<f64> {
     let mut positions: Vec<f64> = stretches.into_iter().flatten().flatten().collect();
     positions.dedup();
     positions
+}
+
+/// The ink of all tiles. Where filled areas of different tiles are on each other, each is sampled.
+fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
+    let sampled = |side: f64| {
+        let sample = |tile: &Tile| Ink::sample(&tile.pattern(placed), |layer| settings.pattern.counts_as_ink(layer), quality::PIECE, side);
+        tiles.iter().map(sample).collect::<Vec<Ink>>()
+    };
+    let mut each = sampled(quality::SQUARE);
+    // The squares of a very large drawing are larger.
+    let side = each.iter().map(|ink| ink.side).fold(0.0, f64::max);
+    if each.iter().any(|ink| ink.side != side) {
+        each = sampled(side);
+    }
+    let mut all = Ink { pieces: Vec::new(), dots: Vec::new(), squares: Vec::new(), side, extents: Extents::EMPTY };
+    for ink in each {
+        for corner in [ink.extents.min, ink.extents.max].into_iter().filter(|_| !ink.extents.is_empty()) {
+            all.extents.include(corner);
+        }
+        all.pieces.extend(ink.pieces);
+        all.dots.extend(ink.dots);
+        all.squares.extend(ink.squares);
+    }
+    all
 }
 
 /// All tiles over each other, where each is marked; with each new layer the index of the one it comes from and its name.
@@ -541,13 +574,11 @@ impl TiledMark {
             [self.tiling.tiles.first().map(|tile| tile[0]), self.tiling.tiles.last().map(|tile| tile[1])];
         let width = widths[1].unwrap_or(0.0) - widths[0].unwrap_or(0.0);
         let tile = |(number, (tile, on_part)): (usize, (&Tile, &[f64; 2]))| {
-            let is_of_tile = |layer: usize| tile.layers.iter().any(|(index, _)| *index == layer);
-            let paths = placed.paths.iter().filter(|path| is_of_tile(path.layer)).cloned().collect();
-            let pattern = Pattern { layers: placed.layers.clone(), paths };
+            let pattern = tile.pattern(placed);
             let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
             let ink = Ink::sample(&pattern, is_ink, quality::PIECE, quality::SQUARE);
             let seen = projection.expose(&ink);
-            let points = drawing.paths.iter().filter(|path| is_of_tile(path.layer));
+            let points = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
             let points = points.flat_map(|path| path.shape.points()).map(|point| point.coords());
             let mut report =
                 TileReport::new(number + 1, tile.angle_deg, tile.name.clone(), &Extents::of(points));
@@ -638,19 +669,15 @@ impl TiledMark {
             let inner = (0..=steps).rev().map(|step| at(step, least));
             outer.chain(inner).map(|at| [at.x, at.y]).collect()
         };
-        let tiles =
-            self.tiles.iter().zip(&report.tiles).zip(&self.tiling.tiles).map(|((tile, report), on_part)| {
-                let of_tile = drawing
-                    .paths
-                    .iter()
-                    .filter(|path| tile.layers.iter().any(|(index, _)| *index == path.layer));
-                TilePicture {
-                    name: format!("{:+.3}°", tile.angle_deg),
-                    about: format!("{:.1}°, {:.1} mm", report.incidence_deg, report.ink_mm),
-                    band: band(*on_part),
-                    marked: of_tile.map(|path| marked(&path.shape)).collect(),
-                }
-            });
+        let tiles = self.tiles.iter().zip(&report.tiles).zip(&self.tiling.tiles).map(|((tile, report), on_part)| {
+            let of_tile = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
+            TilePicture {
+                name: format!("{:+.3}°", tile.angle_deg),
+                about: format!("{:.1}°, {:.1} mm", report.incidence_deg, report.ink_mm),
+                band: band(*on_part),
+                marked: of_tile.map(|path| marked(&path.shape)).collect(),
+            }
+        });
         TilesPicture { drawn: lines(&self.drawn.paths), tiles: tiles.collect() }
     }
 }

@@ -290,19 +290,19 @@ fn crossings(segment: &Segment, from: FlatPoint, normal: Vector2<f64>) -> Vec<f6
     found
 }
 
-/// A curve that is nearer to a border than this, mm, runs along it and does not cross it.
+/// A piece of a curve that is nearer to a border than this, mm, is on it.
 const ALONG: f64 = 1e-12;
 
 /// The roots of a cubic polynomial with these Bernstein coefficients over `range`: by halving, because the polynomial is
 /// within the range of its coefficients.
 fn bernstein_roots(values: [f64; 4], [from, to]: [f64; 2], found: &mut Vec<f64>) {
-    let is_along = values.iter().all(|value| value.abs() < ALONG);
-    if is_along || values.iter().all(|value| *value > 0.0) || values.iter().all(|value| *value < 0.0) {
+    if values.iter().all(|value| *value > 0.0) || values.iter().all(|value| *value < 0.0) {
         return;
     }
     let middle = f64::midpoint(from, to);
-    if to - from < 1e-14 {
-        if found.last().is_none_or(|last| middle - last > 1e-12) {
+    if to - from < 1e-14 || values.iter().all(|value| value.abs() < ALONG) {
+        // A curve that only touches the border does not cross it.
+        if (values[0] < 0.0) != (values[3] < 0.0) && found.last().is_none_or(|last| middle - last > 1e-12) {
             found.push(middle);
         }
         return;

@@ -186,7 +186,9 @@ fn cut_lines_join_to_the_same_point() {
         }
         for (tile, [from, to]) in tiles.iter().zip([[-1e3, -4.0], [-4.0, 2.0], [2.0, 1e3]]) {
             let points = tile.iter().flat_map(|piece| piece.shape.flattened(1e-3));
-            assert!(points.into_iter().all(|at| at.x > from - 1e-4 && at.x < to + 1e-4));
+            for at in points {
+                assert!(at.x > from - 1e-4 && at.x < to + 1e-4, "{at:?} in {from} to {to}: {tile:?}");
+            }
         }
         // The overlap is marked twice.
         let overlapping = all_tiles(&paths, &unrolled, &[-4.0, 2.0], 0.5).concat();
