@@ -21,18 +21,17 @@ fn main() {
 
 fn correct(bencher: Bencher<'_, '_>, part: (&str, &[u8]), drawing: &[u8], settings: &str) {
     let sku: Sku = "bench".parse().expect("a valid name");
-    let settings = JobSettings::default()
-        .overridden_by("bench.toml".as_ref(), settings)
-        .unwrap_or_else(|error| panic!("{error}"));
+    let settings =
+        JobSettings::default().overridden_by("bench.toml".as_ref(), settings).expect("the sample is valid");
     let pipeline = Pipeline::new(None);
     let learned = pipeline
         .learn(&sku, &PartFile::alone(part.0, part.1.to_vec()), &settings.part)
-        .unwrap_or_else(|error| panic!("{error}"));
+        .expect("the sample is valid");
     let input = PatternInput { name: "drawing.dxf", bytes: drawing, previous: None };
     bencher.bench_local(|| {
         let corrected = pipeline
             .correct(&sku, &learned, black_box(input), &settings, false)
-            .unwrap_or_else(|error| panic!("{error}"));
+            .expect("the sample is valid");
         black_box(corrected.dxf.len())
     });
 }

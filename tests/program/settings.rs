@@ -12,6 +12,7 @@ const STATION: &str = "[station]\nname = \"L1\"\n[folders]\nhot = \"hot\"\nimpor
 
 /// Each option that is the short form of a setting, with a value that is refused and the limits of the setting.
 const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
+    ("--fill", "fill.spacing_mm", "20", &["0.005", "10"]),
     ("--tolerance", "correction.tolerance_mm", "10", &["0.0001", "1"]),
     ("--length-weight", "correction.length_weight", "0.01", &["0.1", "10"]),
     ("--angle-weight", "correction.angle_weight", "50", &["0.1", "10"]),
@@ -61,6 +62,8 @@ const OTHERS: &[&str] = &[
     "--help",
     "--strict",
     "--invert",
+    "--xyz",
+    "--step-files",
     "--cylinder",
     "--cone",
 ];
