@@ -80,12 +80,11 @@ fn fit_scan(
     settings: &PartSettings,
 ) -> Result<FittedSurface, FitError> {
     let found = ScanFacts::new(&scan.quality, settings.smoothing);
-    let uncertainty = scan.quality.uncertainty();
     let surface = FittedSurface::of_field(scan.field);
     let lift = surface.as_ref().ok().map(|surface| Lift::new(surface, settings));
     facts.notices.extend(notices(&found, lift));
     facts.scan = Some(found);
-    Ok(surface?.uncertain(uncertainty))
+    Ok(surface?.doubted(Vec::new(), scan.uncertainties))
 }
 
 /// The surface of a mesh whose vertices scatter: that of the points of a scan, as long as it covers what the mesh does.
@@ -106,10 +105,10 @@ fn noisy_mesh(
     match scan.filter(|scan| covers(&scan.field, &part)) {
         Some(scan) => {
             let noise = facts.noise.map_or(0.0, |noise| noise.noise_mm);
-            let uncertainty = scan.quality.uncertainty();
+            let uncertainties = scan.uncertainties.clone();
             let surface = fit_scan(scan, facts, settings)?;
             let field = beyond_noise(&surface, &part, noise);
-            Ok(FittedSurface::compare(surface.nurbs, field).uncertain(uncertainty))
+            Ok(FittedSurface::compare(surface.nurbs, field).doubted(Vec::new(), uncertainties))
         }
         None => {
             facts.normals_used = Some(NormalsUsed::Estimated);

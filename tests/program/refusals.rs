@@ -485,10 +485,8 @@ fn a_refusal_as_json() {
     assert!(reason["remedy"].as_str().unwrap().ends_with('.'));
 }
 
-/// Random points of a rounded block, also of its steep sides: nothing is marked of which a tenth of the length is uncertain.
-#[test]
-fn a_surface_that_is_not_known_is_not_marked() {
-    let desk = Desk::new();
+/// Random points of a rounded block and of its steep sides, with noise of a standard deviation, mm.
+fn block(noise: f64) -> String {
     let mut state = 5u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -502,35 +500,43 @@ fn a_surface_that_is_not_known_is_not_marked() {
         let mut direction = [normal(), normal(), normal()];
         direction[2] = direction[2].abs();
         let norm: f64 = (0..3).map(|axis| (direction[axis] / half[axis]).powi(4)).sum();
-        let at = direction.map(|share| share * norm.powf(-0.25) + 0.02 * normal());
+        let at = direction.map(|share| share * norm.powf(-0.25) + noise * normal());
         text += &format!("{:.3} {:.3} {:.3}\n", at[0], at[1], at[2]);
     }
-    desk.write("block.xyz", text);
+    text
+}
+
+/// Nothing is marked of which a tenth of the length is uncertain.
+#[test]
+fn a_surface_that_is_not_known_is_not_marked() {
+    let desk = Desk::new();
+    desk.write("block.xyz", block(0.3));
     for bridge in ["0", "3"] {
         let drawing = drawing("abc");
-        let output = desk.isomark(&[
-            "correct",
-            "block.xyz",
-            &drawing,
-            "--place",
-            "0,8",
-            "--bridge",
-            bridge,
-            "-o",
-            "out.dxf",
-        ]);
-        match output.code {
-            1 => assert!(
-                output.err.contains("off-surface") || output.err.contains("surface-unknown"),
-                "{}",
-                output.err
-            ),
-            _ => {
-                let error = output.err.split("length error").nth(1).unwrap().split("-> ").nth(1).unwrap();
-                let error: f64 = error.split(' ').next().unwrap().parse().unwrap();
-                // The letters are 182 mm long.
-                assert!(error < 18.2 && output.err.contains("warning"), "{}", output.err);
-            }
-        }
+        let options = ["--place", "0,8", "--bridge", bridge, "--smoothing", "none", "-o", "out.dxf"];
+        let output = desk.isomark(&[&["correct", "block.xyz", &drawing][..], &options].concat());
+        assert_eq!(output.code, 1, "{}", output.err);
+        assert!(
+            output.err.contains("off-surface") || output.err.contains("surface-unknown"),
+            "{}",
+            output.err
+        );
+    }
+}
+
+/// Most points of this scan are on the steep sides, and the rest is denser in the middle.
+#[test]
+fn a_scan_with_steep_sides_is_marked() {
+    let desk = Desk::new();
+    desk.write("block.xyz", block(0.02));
+    for bridge in [&[][..], &["--bridge", "3"]] {
+        let drawing = drawing("abc");
+        let options = ["--place", "0,8", "-o", "out.dxf"];
+        let output = desk.isomark(&[&["correct", "block.xyz", &drawing][..], &options, bridge].concat());
+        assert_eq!(output.code, 0, "{}", output.err);
+        let error = output.err.split("length error").nth(1).unwrap().split("-> ").nth(1).unwrap();
+        let error: f64 = error.split(' ').next().unwrap().parse().unwrap();
+        // The letters are 182 mm long.
+        assert!(error < 0.5 && !output.err.contains("dropped"), "{}", output.err);
     }
 }

@@ -151,7 +151,7 @@ fn meshed(height: Height, kind: Kind, edge: f64, with_normals: bool) -> TriMesh 
     TriMesh::new(positions, normals, triangles).unwrap()
 }
 
-fn judged(surface: &FittedSurface, height: impl Fn(f64, f64) -> f64) -> [Distortion; 2] {
+pub(super) fn judged(surface: &FittedSurface, height: impl Fn(f64, f64) -> f64) -> [Distortion; 2] {
     let bytes = include_bytes!("../../examples/patterns/letters.dxf");
     let pattern = read(bytes, &PatternOptions::default()).unwrap().pattern;
     let anchor = FlatPoint::new(0.0, 2.0);
@@ -301,7 +301,7 @@ fn results_on_scans_and_noisy_meshes_are_upper_estimates() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-fn surface_in(text: &str, format: MeshFormat) -> FittedSurface {
+pub(super) fn surface_in(text: &str, format: MeshFormat) -> FittedSurface {
     let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
     let mut reading = mesh::read(text.as_bytes(), format, &options, &BTreeMap::new()).unwrap();
     surface_of(&reading.shape, &mut reading.facts, &PartSettings::default(), &FitOptions::default()).unwrap()

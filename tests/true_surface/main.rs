@@ -17,6 +17,7 @@ mod profiles;
 mod waves;
 mod shading;
 mod skins;
+mod steep_scans;
 mod winding;
 
 use isomark::geometry::height_field::FacingPart;

@@ -212,12 +212,6 @@ impl FittedSurface {
         Self { doubts, uncertainties, ..self }
     }
 
-    /// The surface with the same uncertainty everywhere.
-    pub fn uncertain(self, everywhere: Uncertainty) -> Self {
-        let uncertainties = vec![everywhere; self.field.nodes().len()];
-        Self { uncertainties, ..self }
-    }
-
     /// The doubt of each node, mm; empty where there is none.
     pub fn doubts(&self) -> &[f64] {
         &self.doubts

@@ -27,9 +27,13 @@ mod penalised;
 
 /// Maximum number of steps of the height field along its longer side, the same as for a mesh.
 const MAX_STEPS: f64 = 512.0;
-/// A node needs points in all four quadrants within this distance, in units of the point spacing, if no
+/// A node needs points on all sides within this distance, in units of the point spacing, if no
 /// width of gaps is given: gaps are bridged, but rims are not extended.
 const REACH: f64 = 3.5;
+/// The point spacing for this is the usual one, or where points are sparse this share of the local one, if that is larger; up to so
+/// many times the usual one.
+const LOCAL_SPACING: f64 = 0.8;
+const SPARSEST: f64 = 2.0;
 /// The same distance is at most this many nodes, which limits the time.
 const MAX_REACH: f64 = 40.0;
 /// A node this close to a point needs no other points, in units of the point spacing.
@@ -43,6 +47,8 @@ const SMOOTHING_AND_NOISE: f64 = 1.5;
 pub struct SmoothedScan {
     /// Heights of the smoothed surfaces; walls between two of them.
     pub field: HeightField,
+    /// For each node of the field, how far the part may be from it because the points of its surface scatter.
+    pub uncertainties: Vec<Uncertainty>,
     /// Measurements of the scan's quality.
     pub quality: ScanQuality,
 }
@@ -121,10 +127,13 @@ impl SmoothedScan {
             Ok((region, smoothed))
         };
         let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;
-        let reach = widest.unwrap_or(REACH * seen.cells.spacing());
-        let field = sampled(&surfaces, &seen.cells, reach);
         let regions = surfaces.iter().map(|(region, smoothed)| ScanRegion::new(region, smoothed, smoothing));
         let regions: Vec<ScanRegion> = regions.collect();
+        let (field, owners) = sampled(&surfaces, &seen.cells, widest);
+        let of_surfaces: Vec<Uncertainty> =
+            regions.iter().map(|region| region.uncertainty(seen.cells.spacing())).collect();
+        let of_owner = |&owner: &usize| of_surfaces.get(owner).copied().unwrap_or(Uncertainty::NONE);
+        let uncertainties = owners.iter().map(of_owner).collect();
         let used = regions.iter().map(|region| region.points).sum();
         let hidden = away + seen.hidden;
         let quality = ScanQuality {
@@ -136,16 +145,7 @@ impl SmoothedScan {
             step: field.step(),
             regions,
         };
-        Ok(Self { field, quality })
-    }
-}
-
-impl ScanQuality {
-    /// How far the part may be from the smoothed surfaces because the points scatter; of several surfaces the largest
-    /// values.
-    pub fn uncertainty(&self) -> Uncertainty {
-        let of_regions = self.regions.iter().map(|region| region.uncertainty(self.spacing));
-        of_regions.fold(Uncertainty::NONE, Uncertainty::largest)
+        Ok(Self { field, uncertainties, quality })
     }
 }
 
@@ -180,14 +180,21 @@ impl ScanRegion {
     }
 }
 
-/// The height field of all surfaces: nodes that have points of a surface on all sides, within `reach` mm.
-fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, reach: f64) -> HeightField {
+/// The height field of all surfaces: nodes that have points of a surface on all sides, within `widest` mm or a few points; and for
+/// each node the number of its surface.
+fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) -> (HeightField, Vec<usize>) {
     let used = |(region, smoothed): &(Region, Smoothed)| {
-        let points = region.points.iter().zip(&smoothed.is_used);
-        points.filter(|(_, is_used)| **is_used).map(|(point, _)| point.coords.xy()).collect::<Vec<_>>()
+        let points = region.points.iter().zip(&region.cells).zip(&smoothed.is_used);
+        let used = points.filter(|(_, is_used)| **is_used);
+        used.map(|((point, cell), _)| (point.coords.xy(), *cell)).collect::<Vec<_>>()
     };
-    let placed: Vec<Vec<Vector2<f64>>> = surfaces.iter().map(used).collect();
-    let extents = Extents::of(placed.iter().flatten().copied());
+    let placed: Vec<Vec<(Vector2<f64>, usize)>> = surfaces.iter().map(used).collect();
+    let mut counts = vec![0; cells.count()];
+    placed.iter().flatten().for_each(|(_, cell)| counts[*cell] += 1);
+    let usual = cells.spacing();
+    let local = |spacing: f64| REACH * (LOCAL_SPACING * spacing).clamp(usual, SPARSEST * usual);
+    let reaches: Vec<f64> = cells.local_spacings(&counts).into_iter().map(local).collect();
+    let extents = Extents::of(placed.iter().flatten().map(|(point, _)| *point));
     let longer = extents.size().max();
     // Two samples per knot distance, as the fit uses them, but not more than for a mesh.
     let knots = surfaces.iter().map(|(_, smoothed)| smoothed.nurbs.knots().0.step());
@@ -200,13 +207,14 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, reach: f64) -> Height
     let mut nodes = vec![Node::Empty; columns * rows];
     let mut owners = vec![usize::MAX; columns * rows];
     let mut sides = vec![0u8; columns * rows];
-    let [reach, at_point] = [(reach / step).clamp(1.0, MAX_REACH), AT_POINT * cells.spacing() / step];
+    let at_point = AT_POINT * usual / step;
     for (owner, ((_, smoothed), points)) in surfaces.iter().zip(&placed).enumerate() {
         sides.fill(0);
-        for point in points {
+        for (point, cell) in points {
+            let reach = (widest.unwrap_or(reaches[*cell]) / step).clamp(1.0, MAX_REACH);
             mark_sides(&mut sides, (point - origin) / step, [columns, rows], [reach, at_point]);
         }
-        for (index, _) in sides.iter().enumerate().filter(|(_, sides)| **sides == 0b1111) {
+        for (index, _) in sides.iter().enumerate().filter(|(_, sides)| is_surrounded(**sides)) {
             let at = origin + Vector2::new((index % columns) as f64, (index / columns) as f64) * step;
             let jet = smoothed.nurbs.jet(at.into());
             let node = match jet.tilt() <= STEEPEST_SURFACE {
@@ -219,12 +227,21 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, reach: f64) -> Height
         }
     }
     separate(&mut nodes, &owners, columns);
-    HeightField::new(origin, step, columns.max(2), rows.max(2), nodes)
-        .expect("a surface of 64 points that are not collinear has columns and rows")
+    let field = HeightField::new(origin, step, columns.max(2), rows.max(2), nodes)
+        .expect("a surface of 64 points that are not collinear has columns and rows");
+    (field, owners)
 }
 
-/// Marks, at the nodes round a point (in steps of the grid), the quadrant in which the point is: one bit for each
-/// quadrant.
+/// Whether there are points in all four quadrants, or in octants of which no three in a row are without: either way, no half-plane
+/// is empty.
+fn is_surrounded(octants: u8) -> bool {
+    let empty = !octants;
+    let has_empty_quadrant = (0..4).any(|quadrant| octants >> (2 * quadrant) & 0b11 == 0);
+    !has_empty_quadrant || empty & empty.rotate_left(1) & empty.rotate_left(2) == 0
+}
+
+/// Marks, at the nodes round a point (in steps of the grid), the octant in which the point is: one bit for each
+/// octant, anticlockwise.
 fn mark_sides(
     sides: &mut [u8],
     point: Vector2<f64>,
@@ -242,10 +259,16 @@ fn mark_sides(
             let distance = away.norm();
             let side = &mut sides[row * columns + column];
             if distance <= at_point {
-                *side = 0b1111;
+                *side = u8::MAX;
             } else if distance <= reach {
-                let (is_right, is_up) = (away.x >= 0.0, away.y >= 0.0);
-                *side |= 1 << (usize::from(is_right) + 2 * usize::from(is_up));
+                let is_wide = away.x.abs() >= away.y.abs();
+                *side |= 1
+                    << match (away.x >= 0.0, away.y >= 0.0) {
+                        (true, true) => usize::from(!is_wide),
+                        (false, true) => 2 + usize::from(is_wide),
+                        (false, false) => 4 + usize::from(!is_wide),
+                        (true, false) => 6 + usize::from(is_wide),
+                    };
             }
         }
     }

@@ -20,6 +20,17 @@ const FAR: f64 = 0.01;
 const FILLED: f64 = 0.7;
 /// Share of the points round a point that must be near its height.
 const SUPPORT: f64 = 0.15;
+/// Points in a cell that are counted for this share at most, in units of the usual number: a steep side has many points under one
+/// another.
+const MOST_OF_USUAL: f64 = 2.0;
+/// Side of the cells of the first look, in units of those for all points: points on undersides and steep sides make these narrower
+/// than the points on the visible surface require.
+const FIRST_LOOK: f64 = 3.0;
+/// The first look determines the spacing again if it hides more than this share of the points.
+const NOTABLE_HIDDEN: f64 = 0.1;
+/// A cell is a gap between the points of the surface if so many of the eight cells round it are above it by more than the steepest
+/// surface climbs: the laser meets the surface there, and the points in the cell are behind it.
+const ROUND_GAP: usize = 6;
 /// Minimum number of points of a region.
 pub(super) const MIN_POINTS: usize = 64;
 /// Maximum number of regions; smaller ones are debris.
@@ -67,9 +78,48 @@ struct Cell {
 }
 
 impl Cells {
+    /// The points that are `inside`, in cells with a side, mm.
+    fn new(points: &[Point3<f64>], inside: &[u32], side: f64) -> Self {
+        let extents = extents_of(points, inside);
+        let size = extents.size();
+        let (columns, rows) = ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
+        let cell_of = |at: u32| {
+            let place = (points[at as usize].coords.xy() - extents.min) / side;
+            place.y as usize * columns + place.x as usize
+        };
+        let mut starts = vec![0; columns * rows + 1];
+        inside.iter().for_each(|&at| starts[cell_of(at) + 1] += 1);
+        (0..columns * rows).for_each(|cell| starts[cell + 1] += starts[cell]);
+        let (mut next, mut order) = (starts.clone(), vec![0; inside.len()]);
+        for &at in inside {
+            let cell = cell_of(at);
+            order[next[cell]] = at;
+            next[cell] += 1;
+        }
+        for cell in 0..columns * rows {
+            let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
+            order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
+        }
+        Self { side, columns, rows, starts, order }
+    }
+
     /// Distance between points, mm.
     pub(super) fn spacing(&self) -> f64 {
         self.side / CELL
+    }
+
+    /// Distance between points round each cell, mm, if `chosen` gives the number of points in it: that of points spread evenly over
+    /// the cells which have some.
+    pub(super) fn local_spacings(&self, chosen: &[usize]) -> Vec<f64> {
+        let local = |cell: usize| {
+            let [mut count, mut filled] = [0usize; 2];
+            for near in self.window(cell) {
+                count += chosen[near];
+                filled += usize::from(chosen[near] > 0);
+            }
+            self.side * (filled as f64 / count.max(1) as f64).sqrt()
+        };
+        (0..self.count()).map(local).collect()
     }
 
     /// Side of a cell, mm.
@@ -114,21 +164,69 @@ pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanErro
     let inside: Vec<u32> =
         (0..points.len() as u32).filter(|&at| extents.contains(points[at as usize].coords.xy())).collect();
     has_area(points, &inside)?;
-    let cells = cells(points, inside);
+    let (cells, Look { tops: surface_tops, known, mut hidden, noise }) = resolved(points, &inside)?;
+    let surface: Vec<Cell> = (0..cells.count())
+        .map(|cell| Cell {
+            height: known[cell],
+            slope: slopes(&cells, &known, cell).map(|s| s * s).iter().sum::<f64>().sqrt(),
+        })
+        .collect();
+    let labels = connected(&cells, &surface, noise);
+    hide_steep(&cells, &surface, &labels, &mut hidden);
+    let regions = regions(&cells, points, &labels, &surface_tops, &hidden);
+    if regions.is_empty() {
+        return Err(ScanError::NoSurface { points: points.len() });
+    }
+    let hidden = hidden.iter().filter(|hidden| **hidden).count();
+    Ok(Seen { regions, cells, hidden })
+}
 
-    let tops = |cell: usize| cells.points(cell).first().map_or(f64::NAN, |&at| points[at as usize].z);
-    let noise = roughness(&cells, &(0..cells.count()).map(tops).collect::<Vec<_>>());
+/// What a view of the points shows in cells of one size.
+struct Look {
+    /// For each cell, its uppermost supported height, mm; NaN without one.
+    tops: Vec<f64>,
+    /// For each cell, the median height of its visible points, mm; NaN without one.
+    known: Vec<f64>,
+    /// For each point, whether it is below a surface.
+    hidden: Vec<bool>,
+    /// Deviation of the heights from those round them, mm: no less than the noise.
+    noise: f64,
+}
+
+/// Cells that are as wide as the visible points require, and what they show.
+fn resolved(points: &[Point3<f64>], inside: &[u32]) -> Result<(Cells, Look), ScanError> {
+    let narrow = side_of(points, inside, inside);
+    let first = look(points, &Cells::new(points, inside, narrow * FIRST_LOOK))?;
+    let visible: Vec<u32> = inside.iter().copied().filter(|&at| !first.hidden[at as usize]).collect();
+    let hides = (inside.len() - visible.len()) as f64 > NOTABLE_HIDDEN * inside.len() as f64;
+    let side = if hides { side_of(points, &visible, inside).max(narrow) } else { narrow };
+    let cells = Cells::new(points, inside, side);
+    let look = look(points, &cells)?;
+    Ok((cells, look))
+}
+
+fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
+    let highest = |cell: usize| cells.points(cell).first().map_or(f64::NAN, |&at| points[at as usize].z);
+    let noise = roughness(cells, &(0..cells.count()).map(highest).collect::<Vec<_>>());
     if !(noise <= ROUGHEST * cells.side) {
         return Err(ScanError::NoSurface { points: points.len() });
     }
-    let surface_tops: Vec<f64> =
-        (0..cells.count()).map(|cell| supported_top(&cells, points, cell, noise)).collect();
+    let mut counts: Vec<f64> =
+        (0..cells.count()).map(|cell| cells.points(cell).len() as f64).filter(|count| *count > 0.0).collect();
+    let usual = median(&mut counts).unwrap_or(0.0);
+    let mut tops: Vec<f64> =
+        (0..cells.count()).map(|cell| supported_top(cells, points, cell, noise, usual)).collect();
     let mut hidden = vec![false; points.len()];
+    let gaps: Vec<usize> = (0..cells.count()).filter(|&cell| is_gap(cells, &tops, cell, noise)).collect();
+    for cell in gaps {
+        tops[cell] = f64::NAN;
+        cells.points(cell).iter().for_each(|&at| hidden[at as usize] = true);
+    }
     let mut known = Vec::with_capacity(cells.count());
     let mut seen = Vec::new();
     for cell in 0..cells.count() {
-        let top = surface_tops[cell];
-        let [along, across] = slopes(&cells, &surface_tops, cell);
+        let top = tops[cell];
+        let [along, across] = slopes(cells, &tops, cell);
         let lowest = top - (1.25 * (along + across) + 0.3) * cells.side - BEYOND_NOISE * noise;
         seen.clear();
         for &at in cells.points(cell) {
@@ -141,19 +239,27 @@ pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanErro
         }
         known.push(seen.get(seen.len() / 2).copied().unwrap_or(f64::NAN));
     }
-    let surface: Vec<Cell> = (0..cells.count())
-        .map(|cell| Cell {
-            height: known[cell],
-            slope: slopes(&cells, &known, cell).map(|s| s * s).iter().sum::<f64>().sqrt(),
-        })
-        .collect();
-    let labels = connected(&cells, &surface, noise);
-    let regions = regions(&cells, points, &labels, &surface_tops, &hidden);
-    if regions.is_empty() {
-        return Err(ScanError::NoSurface { points: points.len() });
+    Ok(Look { tops, known, hidden, noise })
+}
+
+/// Whether nearly all cells round a cell are above it by more than a surface climbs: then it has no point of that surface.
+fn is_gap(cells: &Cells, tops: &[f64], cell: usize, noise: f64) -> bool {
+    let climb = STEEPEST_SURFACE.tan() * cells.side + BEYOND_NOISE * noise;
+    cells.window(cell).filter(|&near| tops[near] - tops[cell] > climb).count() >= ROUND_GAP
+}
+
+/// Hides the points of surfaces that are too steep to be marked nearly everywhere: the sides of a part.
+fn hide_steep(cells: &Cells, surface: &[Cell], labels: &[u32], hidden: &mut [bool]) {
+    let mut counts = vec![[0usize; 2]; labels.iter().max().map_or(0, |last| *last as usize + 1)];
+    for (cell, label) in labels.iter().enumerate().filter(|(_, label)| **label != 0) {
+        counts[*label as usize][usize::from(surface[cell].slope > STEEPEST_SURFACE.tan())] += 1;
     }
-    let hidden = hidden.iter().filter(|hidden| **hidden).count();
-    Ok(Seen { regions, cells, hidden })
+    for (cell, label) in labels.iter().enumerate() {
+        let [flat, steep] = counts[*label as usize];
+        if steep > flat {
+            cells.points(cell).iter().for_each(|&at| hidden[at as usize] = true);
+        }
+    }
 }
 
 /// The rectangle of all points except a few far ones, extended by half its size on every side.
@@ -181,19 +287,19 @@ fn has_area(points: &[Point3<f64>], inside: &[u32]) -> Result<(), ScanError> {
     if width > length * 1e-3 && length > 1e-2 { Ok(()) } else { Err(ScanError::NoArea { width, length }) }
 }
 
-/// The points in cells that are wide enough that few cells between points are empty.
-fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
-    let extents = Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9);
-    let (size, count) = (extents.size(), inside.len() as f64);
+/// The side of cells that are wide enough that few cells between the `chosen` points are empty, over the extents of all points
+/// that are `inside`.
+fn side_of(points: &[Point3<f64>], chosen: &[u32], inside: &[u32]) -> f64 {
+    let extents = extents_of(points, inside);
+    let (size, count) = (extents.size(), chosen.len() as f64);
     let grid = |side: f64| ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
-    let cell_of = |side: f64, columns: usize, at: u32| {
-        let place = (points[at as usize].coords.xy() - extents.min) / side;
-        place.y as usize * columns + place.x as usize
-    };
     let occupied = |side: f64| {
         let (columns, rows) = grid(side);
         let mut occupied = vec![false; columns * rows];
-        inside.iter().for_each(|&at| occupied[cell_of(side, columns, at)] = true);
+        for &at in chosen {
+            let place = (points[at as usize].coords.xy() - extents.min) / side;
+            occupied[place.y as usize * columns + place.x as usize] = true;
+        }
         (occupied, columns, rows)
     };
     let mut side = CELL * (size.x * size.y / count).sqrt();
@@ -201,7 +307,7 @@ fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
         let filled = occupied(side).0.iter().filter(|occupied| **occupied).count() as f64;
         let finer = CELL * side * (filled / count).sqrt();
         let (columns, rows) = grid(finer);
-        if finer > 0.9 * side || columns.saturating_mul(rows) > 8 * inside.len() + 1000 {
+        if finer > 0.9 * side || columns.saturating_mul(rows) > 8 * chosen.len() + 1000 {
             break;
         }
         side = finer;
@@ -224,21 +330,11 @@ fn cells(points: &[Point3<f64>], inside: Vec<u32>) -> Cells {
         }
         side *= 1.25;
     }
-    let (columns, rows) = grid(side);
-    let mut starts = vec![0; columns * rows + 1];
-    inside.iter().for_each(|&at| starts[cell_of(side, columns, at) + 1] += 1);
-    (0..columns * rows).for_each(|cell| starts[cell + 1] += starts[cell]);
-    let (mut next, mut order) = (starts.clone(), vec![0; inside.len()]);
-    for at in inside {
-        let cell = cell_of(side, columns, at);
-        order[next[cell]] = at;
-        next[cell] += 1;
-    }
-    for cell in 0..columns * rows {
-        let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
-        order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
-    }
-    Cells { side, columns, rows, starts, order }
+    side
+}
+
+fn extents_of(points: &[Point3<f64>], inside: &[u32]) -> Extents {
+    Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9)
 }
 
 /// A robust measure of how far heights deviate from the mean of their neighbours, mm: no less than the noise.
@@ -268,10 +364,13 @@ pub(super) fn median(values: &mut [f64]) -> Option<f64> {
 }
 
 /// The uppermost point of a cell that has enough points near its height round it; NaN if there is none.
-fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64) -> f64 {
+///
+/// `usual` is the number of points in most cells.
+fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64, usual: f64) -> f64 {
     let near = 1.2 * cells.side + BEYOND_NOISE * noise;
-    let around: usize = cells.window(cell).map(|cell| cells.points(cell).len()).sum();
-    let needed = (SUPPORT * around as f64).max(2.0);
+    let around: f64 =
+        cells.window(cell).map(|cell| (cells.points(cell).len() as f64).min(MOST_OF_USUAL * usual)).sum();
+    let needed = (SUPPORT * around).max(2.0);
     let height = |at: u32| points[at as usize].z;
     let is_supported = |&top: &f64| {
         let supporters = cells.window(cell).map(|cell| {
