@@ -494,7 +494,14 @@ fn positions(ink: &Ink, unrolled: &Unrolled) -> Vec<f64> {
 /// The ink of all tiles. Where filled areas of different tiles are on each other, each is sampled.
 fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
     let sampled = |side: f64| {
-        let sample = |tile: &Tile| Ink::sample(&tile.pattern(placed), |layer| settings.pattern.counts_as_ink(layer), quality::PIECE, side);
+        let sample = |tile: &Tile| {
+            Ink::sample(
+                &tile.pattern(placed),
+                |layer| settings.pattern.counts_as_ink(layer),
+                quality::PIECE,
+                side,
+            )
+        };
         tiles.iter().map(sample).collect::<Vec<Ink>>()
     };
     let mut each = sampled(quality::SQUARE);
@@ -503,7 +510,8 @@ fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
     if each.iter().any(|ink| ink.side != side) {
         each = sampled(side);
     }
-    let mut all = Ink { pieces: Vec::new(), dots: Vec::new(), squares: Vec::new(), side, extents: Extents::EMPTY };
+    let mut all =
+        Ink { pieces: Vec::new(), dots: Vec::new(), squares: Vec::new(), side, extents: Extents::EMPTY };
     for ink in each {
         for corner in [ink.extents.min, ink.extents.max].into_iter().filter(|_| !ink.extents.is_empty()) {
             all.extents.include(corner);
@@ -669,15 +677,16 @@ impl TiledMark {
             let inner = (0..=steps).rev().map(|step| at(step, least));
             outer.chain(inner).map(|at| [at.x, at.y]).collect()
         };
-        let tiles = self.tiles.iter().zip(&report.tiles).zip(&self.tiling.tiles).map(|((tile, report), on_part)| {
-            let of_tile = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
-            TilePicture {
-                name: format!("{:+.3}°", tile.angle_deg),
-                about: format!("{:.1}°, {:.1} mm", report.incidence_deg, report.ink_mm),
-                band: band(*on_part),
-                marked: of_tile.map(|path| marked(&path.shape)).collect(),
-            }
-        });
+        let tiles =
+            self.tiles.iter().zip(&report.tiles).zip(&self.tiling.tiles).map(|((tile, report), on_part)| {
+                let of_tile = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
+                TilePicture {
+                    name: format!("{:+.3}°", tile.angle_deg),
+                    about: format!("{:.1}°, {:.1} mm", report.incidence_deg, report.ink_mm),
+                    band: band(*on_part),
+                    marked: of_tile.map(|path| marked(&path.shape)).collect(),
+                }
+            });
         TilesPicture { drawn: lines(&self.drawn.paths), tiles: tiles.collect() }
     }
 }

@@ -334,10 +334,8 @@ fn marked(dxf: &[u8], mark: &Value, laser: &Laser, part: &Part) -> Mark {
     assert!(beside.cross(&known).norm() < 1e-6, "{beside}");
     let (mut flat, mut points) = (Vec::new(), Vec::new());
     for (layer, line) in polylines(dxf) {
-        let on_part: Vec<Point3<f64>> = line
-            .iter()
-            .map(|aim| laser.in_view(table.turned_back(laser.cast(*aim, part), &layer)))
-            .collect();
+        let on_part: Vec<Point3<f64>> =
+            line.iter().map(|aim| laser.in_view(table.turned_back(laser.cast(*aim, part), &layer))).collect();
         flat.push((layer, part.unrolled(&on_part)));
         points.push(on_part);
     }
@@ -345,7 +343,11 @@ fn marked(dxf: &[u8], mark: &Value, laser: &Laser, part: &Part) -> Mark {
 }
 
 fn report(desk: &Desk, part: &Part, options: &str) -> Value {
-    desk.correct_to("out.dxf", &["drawing.dxf"], &format!("{} --station station.toml --anchor origin {options}", part.options))
+    desk.correct_to(
+        "out.dxf",
+        &["drawing.dxf"],
+        &format!("{} --station station.toml --anchor origin {options}", part.options),
+    )
 }
 
 /// Every laser with every part.
@@ -638,9 +640,7 @@ fn limits_of_the_laser_decide_how_wide_a_tile_is() {
     assert_near(&[widest("--set optics.focus_depth_mm=1")], &[in_focus], 0.01);
     assert_near(&[widest("--set field.width_mm=20")], &[in_field], 0.01);
     assert_near(&[widest("--max-tile 25")], &[25.0], 1e-6);
-    let tiles = |options: &str| {
-        report(&desk, part, options)["rotary"]["tiles"].as_array().unwrap().len()
-    };
+    let tiles = |options: &str| report(&desk, part, options)["rotary"]["tiles"].as_array().unwrap().len();
     assert_eq!([tiles("--rotary=4"), tiles("--rotary=9")], [4, 9]);
     // At least a fifteenth of a turn, and not more than two letters less than that.
     assert!((15..=20).contains(&tiles("--rotary --max-tile 25")));
