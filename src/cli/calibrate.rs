@@ -360,6 +360,11 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
             format!("{error}."),
             "Mark and measure the crosses on a second plate at least 10 mm higher; the column is height_mm.",
         ),
+        CalibrationError::TooMany { readings, .. } => undetermined(
+            format!("{error}."),
+            "Leave out rows, and check that the column height_mm has one height for each plate.",
+        )
+        .with_number("readings", readings as f64, "", Some(500.0)),
         CalibrationError::NotDetermined { count } => undetermined(
             format!("{error}."),
             "Fill in more cells: on each plate at least three crosses that are not on one line, or distances along x and along y.",

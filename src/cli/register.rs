@@ -364,6 +364,9 @@ fn reason(error: &RegistrationError, contacts: &Contacts) -> Reason {
             pose("Give at least three points that form a triangle, or points on two edges.")
                 .with_number("points", count as f64, "", Some(3.0))
         }
+        RegistrationError::TooMany { count } => {
+            pose("Give fewer points, far apart.").with_number("points", count as f64, "", Some(200.0))
+        }
         RegistrationError::OnLine { width, needed } => {
             pose("Add a point beside the line, so that the points form a triangle.")
                 .with_number("largest distance from the line", width, "mm", Some(needed))

@@ -217,7 +217,28 @@ impl Measurements {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn any_bytes_give_a_table_or_a_reason(bytes in prop_oneof![
+            prop::collection::vec(any::<u8>(), 0..200),
+            "[xyz;,\\t\\n\"#0-9.eE+-]{0,200}".prop_map(String::into_bytes),
+        ]) {
+            match Measurements::read(&bytes) {
+                Ok(table) => for row in 0..table.len() {
+                    for name in table.names.clone() {
+                        let number = table.required(row, &name);
+                        prop_assert!(number.is_err() || number.is_ok_and(f64::is_finite));
+                    }
+                },
+                Err(error) => prop_assert!(!error.reason().remedy.is_empty()),
+            }
+        }
+    }
 
     #[test]
     fn tables_of_spreadsheets_are_read_with_their_gaps() {

@@ -13,11 +13,13 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::space::FieldPoint;
 
+mod beam;
 mod least_squares;
 pub mod calibration;
 pub mod registration;
 pub mod measured;
 
+pub use beam::Beam;
 use measured::MeasuredLens;
 
 /// The position of the part's view in the laser's frame; z = 0 is the plane in which the marking software's lens
@@ -82,27 +84,6 @@ impl Lens {
             Self::Perspective { x, y } => x.min(*y),
             Self::Measured(lens) => lens.height(),
         }
-    }
-}
-
-/// A straight beam below the lens, by its height in the laser's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Beam {
-    /// Where it meets the calibrated plane z = 0, mm.
-    foot: Vector2<f64>,
-    /// How far it moves sideways for each mm of height.
-    slope: Vector2<f64>,
-}
-
-impl Beam {
-    /// The point of the beam at height `z`, mm in the laser's frame.
-    pub fn at(&self, z: f64) -> Point3<f64> {
-        Point3::from((self.foot + self.slope * z).push(z))
-    }
-
-    /// Unit direction against the beam, to the laser.
-    pub fn towards(&self) -> Vector3<f64> {
-        self.slope.push(1.0).normalize()
     }
 }
 
@@ -176,6 +157,21 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    /// Normally distributed numbers with a standard deviation of 1, from a fixed sequence.
+    pub(super) struct Noise(pub(super) u64);
+
+    impl Noise {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+        }
+
+        pub(super) fn next(&mut self) -> f64 {
+            let (radius, angle) = (self.uniform(), self.uniform() * std::f64::consts::TAU);
+            (-2.0 * radius.ln()).sqrt() * angle.cos()
+        }
+    }
 
     fn head(x: f64, y: f64, axis: [f64; 2]) -> ScanHead {
         ScanHead { lens: Lens::Perspective { x, y }, axis: FieldPoint::new(axis[0], axis[1]) }
@@ -262,6 +258,25 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn any_table_gives_a_lens_that_casts_what_it_aims_or_a_reason(
+            rows in prop::collection::vec((0..4u8, 0..4u8, 0..3u8, [-200.0..200.0f64, -200.0..200.0], any::<bool>()), 0..60),
+        ) {
+            let sighting = |(i, j, z, [x, y], is_wild): &(u8, u8, u8, [f64; 2], bool)| {
+                let aim = FieldPoint::new(f64::from(*i) * 30.0, f64::from(*j) * 30.0);
+                let share = if *is_wild { 1.0 } else { 1e-4 };
+                let z = f64::from(*z) * 10.0;
+                measured::Sighting { aim, z, seen: aim.coords() * (1.0 - z / 300.0) + Vector2::new(*x, *y) * share }
+            };
+            let rows: Vec<_> = rows.iter().map(sighting).collect();
+            if let Ok((lens, _)) = MeasuredLens::fit(&rows) {
+                let at = Point3::new(40.0, 50.0, 5.0);
+                if let Some(aim) = lens.aim(at) {
+                    prop_assert!((lens.beam(aim).at(5.0) - at).norm() < 1e-8);
+                }
+            }
+        }
+
         #[test]
         fn aim_and_cast_are_inverses_for_every_lens_axis_and_fixture(
             head in any_head(),

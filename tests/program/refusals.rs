@@ -225,6 +225,29 @@ fn a_drawing_beside_the_field_and_the_fixture_that_moves_it_there() {
     assert!((left + right - 50.0).abs() < 0.2 && (bottom + top - 20.0).abs() < 0.2, "{report}");
 }
 
+/// Through a lens 150 mm above the field, a part at 40 mm moves the drawing by 1.4 mm for each mm.
+#[test]
+fn the_proposed_fixture_is_exact_through_a_lens() {
+    let desk = Desk::new();
+    let stand = |fixture: &str| {
+        let text = "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 80\n\
+                    height_mm = 80\norigin = \"corner\"\n[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 150\n\
+                    lens_distance_y_mm = 140\nincidence_refuse_deg = 89\n[fixture]\nz_mm = 10\nrotation_deg = 10\n";
+        desk.write("station.toml", format!("{text}{fixture}"));
+    };
+    stand("x_mm = 3\n");
+    let refused = correct(&desk, &part(MOUSE), &drawing("abc"), "--station station.toml");
+    refused.refused(1, &["under [fixture] the drawing is in the middle of the field"]);
+    let offset = |axis: &str| {
+        let after = refused.err.split(&format!("`{axis}_mm = ")).nth(1).unwrap();
+        after.split('`').next().unwrap().parse::<f64>().unwrap()
+    };
+    stand(&format!("x_mm = {}\ny_mm = {}\n", offset("x"), offset("y")));
+    let report = desk.correct(&part(MOUSE), &drawing("abc"), "--station station.toml");
+    let [left, bottom, right, top] = numbers(&report, "/output/extents_mm")[..] else { panic!("{report}") };
+    assert!((left + right - 80.0).abs() < 0.2 && (bottom + top - 80.0).abs() < 0.2, "{report}");
+}
+
 /// At 20 mm the lens is below the mouse, at 36 mm the beam is too flat to reach its sides.
 #[test]
 fn a_part_that_reaches_the_lens() {

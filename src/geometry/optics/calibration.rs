@@ -20,6 +20,10 @@ const CONTRADICTS: f64 = 0.3;
 const MOST_LEFT_OUT: usize = 8;
 /// Values that deviate by more than this number of readings' deviations are no measurement of a lens.
 const MOST_DEVIATION: f64 = 10.0;
+/// At most this number of values is left out.
+const MOST_MISTAKES: usize = 10;
+/// Largest number of readings, and of plates.
+const MOST: (usize, usize) = (500, 20);
 /// How well plates return to the same stops, mm.
 const STOPS: f64 = 0.1;
 /// With this number of spare values, their residuals show how well was measured.
@@ -139,6 +143,14 @@ pub enum CalibrationError {
         /// Their number.
         count: usize,
     },
+    /// More readings or plates than a person measures.
+    #[error("there are {readings} readings on {plates} plates, and at most 500 on 20 plates are used")]
+    TooMany {
+        /// The number of crosses and distances.
+        readings: usize,
+        /// The number of heights.
+        plates: usize,
+    },
     /// x and y are interchanged on a plate.
     #[error("x and y seem swapped on the plate at {z} mm")]
     Swapped {
@@ -200,7 +212,7 @@ impl LensCalibration {
     pub fn fit(readings: &LensReadings) -> Result<Self, CalibrationError> {
         let problem = Problem::new(readings)?;
         let (mut places, mut left_out) = (problem.places.clone(), Vec::new());
-        let most = problem.places.len().div_ceil(MOST_LEFT_OUT);
+        let most = problem.places.len().div_ceil(MOST_LEFT_OUT).min(MOST_MISTAKES);
         let solution = loop {
             let solution = problem.solve(&places)?;
             let Some(odd) = solution.most_contradicting() else { break solution };
@@ -255,6 +267,10 @@ impl<'a> Problem<'a> {
         let mut plates: Vec<f64> = used_crosses().map(|cross| cross.z).collect();
         plates.sort_by(f64::total_cmp);
         plates.dedup_by(|one, other| (*one - *other).abs() <= SAME_HEIGHT);
+        let count = crosses.len() + distances.len();
+        if count > MOST.0 || plates.len() > MOST.1 {
+            return Err(CalibrationError::TooMany { readings: count, plates: plates.len() });
+        }
         let plate_of = crosses
             .iter()
             .map(|cross| plates.iter().position(|z| (z - cross.z).abs() <= SAME_HEIGHT).unwrap_or(0));
@@ -456,22 +472,8 @@ impl<'a> Problem<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::optics::tests::Noise;
     use crate::geometry::optics::{Lens, ScanHead};
-
-    /// Normally distributed numbers with a standard deviation of 1, from a fixed sequence.
-    struct Noise(u64);
-
-    impl Noise {
-        fn uniform(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-        }
-
-        fn next(&mut self) -> f64 {
-            let (radius, angle) = (self.uniform(), self.uniform() * std::f64::consts::TAU);
-            (-2.0 * radius.ln()).sqrt() * angle.cos()
-        }
-    }
 
     const DISTANCES: [f64; 2] = [300.0, 285.0];
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Point3, Vector2};
 
-use super::Beam;
+use super::beam::Beam;
 use super::least_squares::{self, Solution};
 use crate::geometry::space::{Extents, FieldPoint};
 

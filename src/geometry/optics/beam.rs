@@ -1,0 +1,24 @@
+//! A beam under the lens.
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+/// A straight beam below the lens, by its height in the laser's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beam {
+    /// Where it meets the calibrated plane z = 0, mm.
+    pub(super) foot: Vector2<f64>,
+    /// How far it moves sideways for each mm of height.
+    pub(super) slope: Vector2<f64>,
+}
+
+impl Beam {
+    /// The point of the beam at height `z`, mm in the laser's frame.
+    pub fn at(&self, z: f64) -> Point3<f64> {
+        Point3::from((self.foot + self.slope * z).push(z))
+    }
+
+    /// Unit direction against the beam, to the laser.
+    pub fn towards(&self) -> Vector3<f64> {
+        self.slope.push(1.0).normalize()
+    }
+}
