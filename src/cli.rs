@@ -20,6 +20,7 @@ mod schema;
 mod job;
 mod log;
 mod marked_line;
+mod plan;
 mod rotary;
 mod service;
 mod set;
@@ -69,6 +70,8 @@ enum Command {
     Inspect(inspect::InspectArguments),
     /// Describes what changed between two drawings.
     Diff(diff::DiffArguments),
+    /// Plans a production line: how long a drawing takes on a belt, and how fast the belt may be.
+    Plan(plan::PlanArguments),
     /// Explains a code of a reason or notice: what it means and what to do.
     Explain(explain::ExplainArguments),
     /// Prints the JSON Schema of a document that isomark writes.
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Register(arguments) => (register::run(&arguments), arguments.json),
         Command::Inspect(arguments) => (inspect::run(&arguments), arguments.json),
         Command::Diff(arguments) => (diff::run(&arguments), arguments.json),
+        Command::Plan(arguments) => (plan::run(&arguments), arguments.json),
         Command::Explain(arguments) => (explain::run(&arguments), arguments.json),
         Command::Schema(arguments) => (schema::run(&arguments), false),
         Command::Cache(arguments) => (cache::run(&arguments), false),

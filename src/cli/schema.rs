@@ -37,6 +37,7 @@ documents! {
     "lens": "a measured lens",
     "registration": "where a part stands under the laser",
     "rotary": "the tiles of a mark round the part, with the angles of the rotary axis",
+    "plan": "how long a drawing takes on a belt, and how fast the belt may be",
     "codes": "codes of reasons and notices, explained",
 }
 

@@ -35,6 +35,7 @@ pub mod fill;
 pub mod focus;
 pub mod mark_region;
 pub mod rotary;
+pub mod belt;
 pub mod sides;
 pub mod rims;
 pub mod silhouette;

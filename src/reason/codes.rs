@@ -1245,6 +1245,19 @@ const CODES: &[Code] = &[
         "Nothing to do. Set `strict = true` (`--strict`) or `joining_mm = 0` to keep the pieces separate.",
     ]),
     reason([
+        "plan-empty",
+        "The drawing for a production line has no lines.",
+        "A plan needs the corrected drawing with everything that the laser marks.",
+        "Name a corrected drawing.",
+    ]),
+    reason([
+        "plan-outside-field",
+        "The drawing is wider than the field, across the belt.",
+        "The belt moves the product through the field in one direction only. Across the belt, the whole drawing must be inside \
+         the field.",
+        "Make the drawing narrower, turn the part, or divide the drawing between lasers side by side.",
+    ]),
+    reason([
         "pose-not-determined",
         "The points do not determine where the part stands.",
         "`isomark register` needs three points of the part that form a triangle, or points on two edges that meet at an angle, each \

@@ -46,3 +46,4 @@ mod misplacement;
 mod names;
 mod fill;
 mod rotary;
+mod plan;

@@ -1,0 +1,93 @@
+//! `isomark plan`: times of a drawing on a belt by closed forms, and what a belt that is too fast needs.
+
+use serde_json::Value;
+
+use crate::desk::{Desk, assert_near, number};
+
+/// Lines across a belt along x, 20 mm long, at these positions.
+fn drawing(positions: &[f64]) -> String {
+    let mut text =
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n".to_owned();
+    for x in positions {
+        text += &format!("0\nLINE\n8\nMARK\n10\n{x:?}\n20\n-10\n11\n{x:?}\n21\n10\n");
+    }
+    text + "0\nENDSEC\n0\nEOF\n"
+}
+
+fn plan(desk: &Desk, options: &str) -> Value {
+    let line = format!("plan drawing.dxf --json {options}");
+    let arguments: Vec<&str> = line.split_whitespace().collect();
+    let output = desk.isomark(&arguments);
+    assert_eq!(output.code, 0, "{}", output.err);
+    serde_json::from_str(&output.out).unwrap()
+}
+
+const LASER: &str =
+    "--field 100,60 --marking-speed 1000 --jump-speed 5000 --jump-delay 1 --line-delay 0.5 --corner-delay 0";
+
+#[test]
+fn times_lead_and_products_are_those_of_the_formulas() {
+    let desk = Desk::new();
+    desk.write("drawing.dxf", drawing(&[0.0, 10.0, 20.0]));
+    // The thesis, chapter 7: 10 cm/s and about 50 s from the scan to the drawing give 5 m.
+    let found = plan(&desk, &format!("{LASER} --speed 100 --pitch 200 --correction-time 50"));
+    let jumps = 2.0 * 20f64.hypot(10.0);
+    assert_near(&[number(&found, "/marking_s"), number(&found, "/jump_s")], &[0.06, jumps / 5000.0], 1e-9);
+    assert_near(&[number(&found, "/delay_s"), number(&found, "/lead_mm")], &[0.0035, 5000.0], 1e-9);
+    assert_near(
+        &[number(&found, "/corrections_at_once"), number(&found, "/products_per_s")],
+        &[25.0, 0.5],
+        1e-9,
+    );
+    assert_eq!((&found["fits"], &found["remedy"]), (&true.into(), &Value::Null));
+    assert_eq!(found["sections"][0]["paths"], serde_json::json!([3, 2, 1]));
+    // Against the belt, the other end is first.
+    let back = plan(&desk, &format!("{LASER} --speed 100 --direction=-x"));
+    assert_eq!(back["sections"][0]["paths"], serde_json::json!([1, 2, 3]));
+}
+
+#[test]
+fn a_belt_that_outruns_the_laser_gets_the_number_to_change() {
+    let desk = Desk::new();
+    desk.write(
+        "drawing.dxf",
+        drawing(&[0.0; 1]).replace("0\nENDSEC\n0\nEOF\n", "")
+            + &{
+                let many: Vec<f64> = (1..200).map(|index| f64::from(index) * 1e-3).collect();
+                drawing(&many).split_once("ENTITIES\n").unwrap().1.to_owned()
+            },
+    );
+    let found = plan(&desk, &format!("{LASER} --speed 100"));
+    assert_eq!(found["fits"], false);
+    let fastest = number(&found, "/fastest_belt_mm_per_s");
+    assert_near(&[fastest], &[100.0 / (200.0 * 0.0205 + 199.0 * 0.005)], 0.01);
+    assert!(found["remedy"].as_str().unwrap().contains(&format!("{fastest:.2} mm/s")));
+    assert_eq!(found["sections"].as_array().unwrap().len(), 6);
+    let slower = plan(&desk, &format!("{LASER} --speed {}", fastest * 0.999));
+    assert_eq!((&slower["fits"], slower["sections"].as_array().unwrap().len()), (&true.into(), 1));
+    // Products that follow too closely.
+    let close = plan(&desk, &format!("{LASER} --speed 10 --pitch 40"));
+    assert_eq!(close["fits"], false);
+    let least = number(&close, "/smallest_pitch_mm");
+    assert!(close["remedy"].as_str().unwrap().contains(&format!("{least:.2} mm apart")));
+}
+
+#[test]
+fn senseless_numbers_are_refused() {
+    let desk = Desk::new();
+    desk.write("drawing.dxf", drawing(&[0.0]));
+    for options in [
+        "--speed 0 --field 100,60",
+        "--speed 100",
+        "--speed 100 --field 100",
+        "--speed 100 --field 100,60 --marking-speed 0",
+        "--speed 100 --field 100,60 --jump-delay=-1",
+        "--speed nan --field 100,60",
+    ] {
+        let line = format!("plan drawing.dxf {options}");
+        let arguments: Vec<&str> = line.split_whitespace().collect();
+        assert!(desk.isomark(&arguments).code != 0, "{options}");
+    }
+    desk.isomark(&["plan", "drawing.dxf", "--speed", "100", "--field", "100,15"])
+        .refused(1, &["20", "15", "across"]);
+}
