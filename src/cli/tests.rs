@@ -40,7 +40,7 @@ fn schema_of(name: &str) -> Value {
         "registration" => document::<register::RegistrationDocument>(name),
         "lens" => document::<calibrate::LensDocument>(name),
         "rotary" => document::<RotaryTable>(name),
-        "plan" => document::<plan::Document>(name),
+        "plan" => document::<super::plan::Document>(name),
         "codes" => document::<explain::Document>(name),
         _ => panic!("no type makes the document {name}"),
     }
