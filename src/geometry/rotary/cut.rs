@@ -18,10 +18,13 @@ pub struct Item {
     pub span: [f64; 2],
 }
 
+/// The index of a path with its smallest and largest angle, rad.
+type Spanning = (usize, [f64; 2]);
+
 /// The paths of a drawing as items, in drawing order.
 pub fn items(paths: &[Path], unrolled: &Unrolled) -> Vec<Item> {
     let mut items = Vec::new();
-    let mut fills: BTreeMap<(usize, u32), Vec<(usize, [f64; 2])>> = BTreeMap::new();
+    let mut fills: BTreeMap<(usize, u32), Vec<Spanning>> = BTreeMap::new();
     for (index, path) in paths.iter().enumerate() {
         let span = unrolled.span(path);
         match path.region.filter(|_| path.is_contour()) {
@@ -206,7 +209,7 @@ fn closed_along(pieces: &[Vec<Segment>], unrolled: &Unrolled, window: &Window) -
     // The start of piece n is end 2n, its end is 2n + 1.
     let point = |end: usize| {
         let piece = pieces.get(end / 2)?;
-        if end % 2 == 0 { piece.first().map(Segment::start) } else { piece.last().map(Segment::end) }
+        if end.is_multiple_of(2) { piece.first().map(Segment::start) } else { piece.last().map(Segment::end) }
     };
     let mut partner = vec![None; 2 * pieces.len()];
     let borders: Vec<f64> = window.borders().collect();
@@ -233,7 +236,7 @@ fn closed_along(pieces: &[Vec<Segment>], unrolled: &Unrolled, window: &Window) -
         while !is_used[at / 2] {
             is_used[at / 2] = true;
             let piece = &pieces[at / 2];
-            if at % 2 == 0 {
+            if at.is_multiple_of(2) {
                 segments.extend(piece.iter().cloned());
             } else {
                 segments.extend(piece.iter().rev().map(Segment::reversed));
