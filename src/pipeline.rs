@@ -51,6 +51,7 @@ mod checks;
 mod evaluate;
 mod fill;
 mod focus;
+mod in_space;
 mod landmarks;
 mod preview;
 mod on_part;

@@ -12,7 +12,7 @@ use super::choices::{
     TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
-use super::fill::{FillKeys, FocusKeys};
+use super::fill_keys::{FillKeys, FocusKeys};
 use super::lens_table;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Tiles, ViewSource};
 use super::text::{Numbers, SettingsText};

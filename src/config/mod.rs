@@ -14,6 +14,8 @@ mod choices;
 mod sku;
 mod settings;
 mod fill;
+mod fill_keys;
+mod layers;
 mod page;
 mod station;
 mod lens_table;

@@ -5,6 +5,7 @@ use super::choices::{
     Weighting,
 };
 use super::fill::{FillSettings, FocusSettings};
+use super::layers::is_same_layer;
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
@@ -215,11 +216,6 @@ impl PatternSettings {
         let is_missing = |name: &&str| !layers.iter().any(|layer| is_same_layer(name, layer));
         self.ink_layers.iter().flatten().map(String::as_str).filter(is_missing).collect()
     }
-}
-
-/// Whether two names are the same layer's: DXF compares them without regard to case.
-pub(super) fn is_same_layer(one: &str, other: &str) -> bool {
-    one.to_lowercase() == other.to_lowercase()
 }
 
 /// Where the pattern lands on the part.

@@ -9,7 +9,7 @@ use toml::Spanned;
 
 use super::choices::{Backend, DeliveryKind, Outdated, Repeat};
 use super::error::ConfigError;
-use super::fill::{FillKeys, FocusKeys};
+use super::fill_keys::{FillKeys, FocusKeys};
 use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
     PlacementKeys, RotaryKeys, SidecarKeys,

@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::checks;
-use super::{Corrected, Exposure, JobSettings, LearnedPart, MarkingDrawing, Pipeline, Projection};
+use super::{Exposure, JobSettings, MarkingDrawing, Projection};
 use crate::config::FocusSteps;
-use crate::formats::pattern;
-use crate::geometry::focus::{self, FocusBands, FocusStep, MOST_STEPS, SpaceDrawing};
+use crate::geometry::focus::{self, FocusBands, FocusStep, MOST_STEPS};
 use crate::geometry::pattern::Layer;
 use crate::geometry::space::FlatPoint;
 use crate::reason::Reason;
@@ -112,41 +111,4 @@ fn on_layers(drawing: &mut MarkingDrawing, steps: &[FocusStep]) -> Vec<Vec<FlatP
 /// A height as a part of a name: `z` and the height in mm with its sign.
 fn height_name(height: f64) -> String {
     format!("z{:+.3}", (height * 1000.0).round() / 1000.0 + 0.0)
-}
-
-impl Corrected {
-    /// The DXF file of each step of focus with the name of its height, in their order; none if the drawing was not cut.
-    pub fn step_files(&self) -> impl Iterator<Item = (String, Vec<u8>)> {
-        self.steps.iter().map(|step| {
-            let name = step.name();
-            let mut drawing = step.drawing.clone();
-            drawing.comments.clone_from(&self.drawing.comments);
-            if !drawing.comments.is_empty() {
-                drawing.comments.push(format!("focus {name} mm"));
-            }
-            (name, pattern::write(&drawing, self.profile))
-        })
-    }
-}
-
-impl Pipeline {
-    /// A corrected drawing on its part in the laser's frame, with chords that are within the tolerance of the settings in space;
-    /// `None` if it was corrected without pictures.
-    #[must_use]
-    pub fn in_space(
-        &self,
-        learned: &LearnedPart,
-        corrected: &Corrected,
-        settings: &JobSettings,
-    ) -> Option<SpaceDrawing> {
-        let marked = corrected.marked.as_ref()?;
-        let projection = Projection {
-            map: &marked.map,
-            surface: &learned.kept.surface,
-            fixture: settings.fixture,
-            head: settings.scan_head(),
-        };
-        let tolerance = settings.correction.tolerance;
-        Some(focus::lifted(&corrected.drawing, &marked.drawn, &projection, tolerance))
-    }
 }

@@ -42,6 +42,7 @@ pub const MOST_POINTS: usize = 3_000_000;
 
 /// What a fill is.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct FillOptions {
     /// Distance of neighbouring lines on the part, mm.
     pub spacing: f64,
