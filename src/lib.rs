@@ -20,6 +20,7 @@
 //! | [`Ink::sample`](geometry::ink::Ink::sample) | [`Ink`](geometry::ink::Ink) | the placed pattern |
 //! | [`LengthTrueMap::find`](geometry::mapping::LengthTrueMap::find) | [`LengthTrueMap`](geometry::mapping::LengthTrueMap) | surface and placed pattern |
 //! | [`Projection::bend`](geometry::correction::Projection::bend) | [`MarkingDrawing`](geometry::marking::MarkingDrawing) | map, surface, fixture and lens |
+//! | [`fill`](geometry::fill::fill) | [`Filling`](geometry::fill::Filling) | closed contours, map, surface, fixture and lens |
 //! | [`quality::measure`](geometry::mapping::quality::measure) | [`Distortion`](geometry::mapping::quality::Distortion) | map and sampled part |
 //! | [`formats::pattern::write`] | DXF bytes | the marking drawing |
 //! | [`formats::surface::write`] | STEP or OBJ bytes | the fitted surface |

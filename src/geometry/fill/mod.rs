@@ -1,7 +1,7 @@
 //! Fills regions of the drawing with lines that are evenly spaced on the part.
 //!
 //! Lines that are even in the drawing are uneven on a part that cannot be unrolled. So the lines here are the level lines of a
-//! distance that is measured on the part ([`distance`]), cut at the contours ([`scan`]). They are found in the plane of the
+//! distance that is measured on the part (`distance`), cut at the contours (`scan`). They are found in the plane of the
 //! drawing: there the contours are as drawn, and the map of the drawing takes lines and contours to the same places.
 
 mod crossing;
