@@ -214,7 +214,10 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) 
             let reach = (widest.unwrap_or(reaches[*cell]) / step).clamp(1.0, MAX_REACH);
             mark_sides(&mut sides, (point - origin) / step, [columns, rows], [reach, at_point]);
         }
-        for (index, _) in sides.iter().enumerate().filter(|(_, sides)| is_surrounded(**sides)) {
+        let mut covered: Vec<bool> = sides.iter().map(|sides| is_surrounded(*sides)).collect();
+        let smallest = widest.map_or(usual, |widest| widest.min(usual)) / step;
+        fill_gaps(&mut covered, columns, smallest as usize);
+        for (index, _) in covered.iter().enumerate().filter(|(_, covered)| **covered) {
             let at = origin + Vector2::new((index % columns) as f64, (index / columns) as f64) * step;
             let jet = smoothed.nurbs.jet(at.into());
             let node = match jet.tilt() <= STEEPEST_SURFACE {
@@ -238,6 +241,39 @@ fn is_surrounded(octants: u8) -> bool {
     let empty = !octants;
     let has_empty_quadrant = (0..4).any(|quadrant| octants >> (2 * quadrant) & 0b11 == 0);
     !has_empty_quadrant || empty & empty.rotate_left(1) & empty.rotate_left(2) == 0
+}
+
+/// Covers the gaps of at most `most` nodes along and across: by chance, random points leave such gaps.
+fn fill_gaps(covered: &mut [bool], columns: usize, most: usize) {
+    let mut is_seen = covered.to_vec();
+    let (mut open, mut gap) = (Vec::new(), Vec::new());
+    for start in 0..covered.len() {
+        if std::mem::replace(&mut is_seen[start], true) {
+            continue;
+        }
+        gap.clear();
+        open.push(start);
+        let [mut low, mut high] = [[usize::MAX; 2], [0; 2]];
+        while let Some(node) = open.pop() {
+            gap.push(node);
+            let place = [node % columns, node / columns];
+            low = [low[0].min(place[0]), low[1].min(place[1])];
+            high = [high[0].max(place[0]), high[1].max(place[1])];
+            for row in place[1].saturating_sub(1)..(place[1] + 2).min(covered.len() / columns) {
+                for column in place[0].saturating_sub(1)..(place[0] + 2).min(columns) {
+                    let next = row * columns + column;
+                    if !std::mem::replace(&mut is_seen[next], true) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        let is_inside =
+            low.iter().all(|low| *low > 0) && high[0] + 1 < columns && high[1] + 1 < covered.len() / columns;
+        if is_inside && low.iter().zip(high).all(|(low, high)| high - low < most) {
+            gap.iter().for_each(|&node| covered[node] = true);
+        }
+    }
 }
 
 /// Marks, at the nodes round a point (in steps of the grid), the octant in which the point is: one bit for each

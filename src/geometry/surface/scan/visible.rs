@@ -28,9 +28,9 @@ const MOST_OF_USUAL: f64 = 2.0;
 const FIRST_LOOK: f64 = 3.0;
 /// The first look determines the spacing again if it hides more than this share of the points.
 const NOTABLE_HIDDEN: f64 = 0.1;
-/// A cell is a gap between the points of the surface if so many of the eight cells round it are above it by more than the steepest
-/// surface climbs: the laser meets the surface there, and the points in the cell are behind it.
-const ROUND_GAP: usize = 6;
+/// A cell is a gap between the points of the surface if so many of the 24 cells round it are above it by more than the steepest
+/// surface climbs: the laser meets the surface there, and the points in the cell are behind it. In the corner of two cliffs it is 16.
+const ROUND_GAP: usize = 17;
 /// Minimum number of points of a region.
 pub(super) const MIN_POINTS: usize = 64;
 /// Maximum number of regions; smaller ones are debris.
@@ -244,8 +244,13 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
 
 /// Whether nearly all cells round a cell are above it by more than a surface climbs: then it has no point of that surface.
 fn is_gap(cells: &Cells, tops: &[f64], cell: usize, noise: f64) -> bool {
-    let climb = STEEPEST_SURFACE.tan() * cells.side + BEYOND_NOISE * noise;
-    cells.window(cell).filter(|&near| tops[near] - tops[cell] > climb).count() >= ROUND_GAP
+    let offsets = (-2..=2).flat_map(|up| (-2..=2).map(move |right| (right, up)));
+    let is_above = |&(right, up): &(isize, isize)| {
+        let climb = STEEPEST_SURFACE.tan() * cells.side * (right as f64).hypot(up as f64);
+        let near = cells.neighbour(cell, right, up);
+        near.is_some_and(|near| tops[near] - tops[cell] > climb + BEYOND_NOISE * noise)
+    };
+    offsets.filter(is_above).count() >= ROUND_GAP
 }
 
 /// Hides the points of surfaces that are too steep to be marked nearly everywhere: the sides of a part.
