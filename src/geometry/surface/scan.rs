@@ -18,7 +18,7 @@ use crate::geometry::space::{Extents, View, ViewPoint};
 pub use error::ScanError;
 use penalised::Smoothed;
 pub use smoothing::Smoothing;
-use visible::{Cells, Region};
+use visible::{Cells, ROUGHEST, Region};
 
 mod error;
 mod smoothing;
@@ -121,6 +121,7 @@ impl SmoothedScan {
         let points: Vec<Point3<f64>> = points.map(|(_, &point)| view.point(point)).collect();
         let away = cloud.points().len() - points.len();
         let seen = visible::separate_surfaces(&points)?;
+        let points_left = points.len();
         drop(points);
         let smooth = |region: Region| -> Result<(Region, Smoothed), ScanError> {
             let smoothed = penalised::smooth(&region, &seen.cells, smoothing)?;
@@ -129,6 +130,10 @@ impl SmoothedScan {
         let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;
         let regions = surfaces.iter().map(|(region, smoothed)| ScanRegion::new(region, smoothed, smoothing));
         let regions: Vec<ScanRegion> = regions.collect();
+        // Points that fill a volume have a top, too, from which most of them are far away.
+        if regions.first().is_some_and(|region| region.noise > ROUGHEST * seen.cells.side()) {
+            return Err(ScanError::NoSurface { points: points_left });
+        }
         let (field, owners) = sampled(&surfaces, &seen.cells, widest);
         let of_surfaces: Vec<Uncertainty> =
             regions.iter().map(|region| region.uncertainty(seen.cells.spacing())).collect();

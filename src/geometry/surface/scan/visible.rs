@@ -36,7 +36,7 @@ pub(super) const MIN_POINTS: usize = 64;
 /// Maximum number of regions; smaller ones are debris.
 const MAX_REGIONS: usize = 16;
 /// Heights that scatter by more than this about their neighbours form no surface, in sides of a cell.
-const ROUGHEST: f64 = 4.0;
+pub(super) const ROUGHEST: f64 = 4.0;
 /// Deviations beyond this many standard deviations are not noise.
 const BEYOND_NOISE: f64 = 6.0;
 
