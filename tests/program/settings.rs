@@ -41,6 +41,9 @@ const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
     ("--facing", "part.facing", "up", &[]),
     ("--frame", "part.frame", "0,0,0", &[]),
     ("--axis", "part.axis", "z", &[]),
+    ("--overlap", "rotary.overlap_mm", "11", &["0", "10"]),
+    ("--max-tile", "rotary.max_tile_deg", "0", &["1", "178"]),
+    ("--tiles-as", "rotary.as", "pens", &[]),
     ("--ink-layers", "pattern.ink_layers", "", &[]),
     ("--mapping-domain-as-printed", "correction.mapping_domain_as_printed", "all", &[]),
     ("--pattern-unit", "pattern.unit_if_unitless", "furlong", &[]),
@@ -64,6 +67,8 @@ const OTHERS: &[&str] = &[
     "--invert",
     "--xyz",
     "--step-files",
+    "--rotary",
+    "--reverse",
     "--cylinder",
     "--cone",
 ];
