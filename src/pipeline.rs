@@ -67,7 +67,6 @@ pub use scan::surface_of;
 
 use landmarks::Lift;
 use progress::Observer;
-use rotary::Rolled;
 
 /// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
@@ -260,9 +259,9 @@ impl Pipeline {
         let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
-        let Rolled { pattern: placed_pattern, map, settings, tiles } =
-            Self::rolled(placed_pattern, learned, settings, input.name)?;
-        let settings = &settings;
+        let rolled = Self::rolled(placed_pattern, learned, settings, input.name)?;
+        let (placed_pattern, map, tiles) = (rolled.pattern, rolled.map, rolled.tiles);
+        let settings = &rolled.settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
         let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);

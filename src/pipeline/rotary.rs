@@ -17,7 +17,7 @@ use crate::geometry::rotary::{self, Item, Limits, Tiling, Unrolled};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::preview::{TilePicture, TilesPicture};
 use crate::reason::{Notice, Reason};
-use crate::report::{ROTARY_SCHEMA, RotaryReport, RotaryTable, TileReport};
+use crate::report::{ROTARY_SCHEMA, RotaryReport, RotaryTable, TileReport, corners};
 
 use super::landmarks::Lift;
 
@@ -589,7 +589,7 @@ impl TiledMark {
             let points = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
             let points = points.flat_map(|path| path.shape.points()).map(|point| point.coords());
             let mut report =
-                TileReport::new(number + 1, tile.angle_deg, tile.name.clone(), &Extents::of(points));
+                TileReport::new(number + 1, tile.angle_deg, tile.name.clone(), corners(&Extents::of(points)));
             let names = tile.layers.iter().filter_map(|(index, _)| placed.layers.get(*index));
             report.layers = names.map(|layer| layer.name.clone()).collect();
             report.on_part_deg = on_part.map(f64::to_degrees);

@@ -13,6 +13,7 @@
 //! assert!(svg(&preview).contains("+8.0 %"));
 //! ```
 
+mod draw;
 mod layout;
 mod window;
 mod page;
@@ -25,7 +26,7 @@ mod tiles;
 
 use crate::geometry::space::Extents;
 
-pub use layout::{svg, svg_on};
+pub use draw::{svg, svg_on};
 pub use on_part::{INK_LIFT, InkMesh, LIFT, ON_PART_SCHEMA, OnPart, PartSource, glb};
 pub(crate) use page::escaped;
 pub use relief::Backdrop;

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::space::Extents;
-
 /// Name and version of the JSON form of a [`RotaryTable`].
 pub const ROTARY_SCHEMA: &str = "isomark.rotary/1";
 
@@ -135,8 +133,8 @@ impl RotaryReport {
 }
 
 impl TileReport {
-    /// The report of a tile whose ink is in this rectangle of the field.
-    pub(crate) fn new(tile: usize, angle_deg: f64, name: String, field: &Extents) -> Self {
+    /// The report of a tile whose ink is in this rectangle of the field: left, bottom, right, top, mm.
+    pub(crate) fn new(tile: usize, angle_deg: f64, name: String, extents_mm: [f64; 4]) -> Self {
         Self {
             tile,
             angle_deg,
@@ -147,7 +145,7 @@ impl TileReport {
             incidence_deg: 0.0,
             ink_mm: 0.0,
             paths: 0,
-            extents_mm: super::corners(field),
+            extents_mm,
         }
     }
 }
