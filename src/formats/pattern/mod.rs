@@ -4,9 +4,13 @@
 //! The reader accepts many forms of DXF, the writer uses few. Nothing is dropped silently: [`PatternFacts`] lists
 //! everything that was skipped.
 
+mod budget;
+mod colour;
 mod dxf;
 mod error;
 mod facts;
+mod findings;
+mod font;
 mod raster;
 mod reading;
 mod units;

@@ -28,6 +28,25 @@ pub(super) struct Curve {
 }
 
 impl Curve {
+    /// A curve of the drawing plane, at height 0.
+    pub(super) fn of(shape: &Shape) -> Self {
+        let lifted = |point: FlatPoint| Vector3::new(point.x, point.y, 0.0);
+        let segments = shape.segments().iter().map(|segment| match segment {
+            Segment::Line { from, to } => SpaceSegment::Line { from: lifted(*from), to: lifted(*to) },
+            Segment::Arc { center, u, v, start, sweep } => SpaceSegment::Arc {
+                center: lifted(*center),
+                u: u.push(0.0),
+                v: v.push(0.0),
+                start: *start,
+                sweep: *sweep,
+            },
+            Segment::Bezier { points, weights } => {
+                SpaceSegment::Bezier { points: points.map(lifted), weights: *weights }
+            }
+        });
+        Self { segments: segments.collect(), closed: shape.is_closed() }
+    }
+
     /// The curve, transformed by the placement.
     pub(super) fn placed(mut self, placement: &Placement) -> Self {
         self.segments.iter_mut().for_each(|segment| *segment = segment.placed(placement));

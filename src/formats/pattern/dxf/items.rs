@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
+use super::super::font::FontUses;
 use super::curves::{Curve, Placement};
 use super::scan::Scan;
 use super::structure::{RecordColor, Structure};
-use super::text::font::FontUses;
 
 /// What an entity draws.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,10 +8,8 @@
 //! skipped.
 
 pub(super) mod scan;
-mod budget;
 mod code_page;
 mod structure;
-mod colour;
 mod curves;
 mod splines;
 mod groups;
@@ -31,7 +29,7 @@ pub(super) mod readback;
 use super::error::PatternReadError;
 use super::facts::PatternFacts;
 use super::units::{UnitHints, decide};
-use super::{PatternOptions, PatternReading};
+use super::{PatternOptions, PatternReading, budget, colour, findings as shared};
 use crate::geometry::contour;
 use crate::geometry::pattern::{Color, Layer, Path, Pattern};
 use budget::Budget;
@@ -73,10 +71,10 @@ fn read_within(
         false => contour::repair(paths, options.joining_tolerance),
     };
     if repaired.paths.is_empty() {
-        return Err(findings::only_without_length(drawn));
+        return Err(shared::only_without_length(drawn));
     }
 
-    let extents = findings::extents(&repaired.paths);
+    let extents = shared::extents(&repaired.paths);
     let mut facts = PatternFacts {
         producer: findings::producer(&structure),
         version: findings::version(&structure.header.version),
@@ -89,7 +87,10 @@ fn read_within(
         skipped: unfolded.skipped,
         repairs: match options.strict {
             true => Vec::new(),
-            false => findings::repairs(&repaired, &layers, &remarks, extra_points, options.joining_tolerance),
+            false => shared::repairs(&repaired, &layers, options.joining_tolerance)
+                .into_iter()
+                .chain(findings::extra_points_removed(&remarks, extra_points))
+                .collect(),
         },
         notices: unit_notice.into_iter().collect(),
         picture: None,
@@ -97,11 +98,13 @@ fn read_within(
     findings::size_notices(&structure, &mut facts, options);
     remarks.texts.retain(|index, _| unfolded.drawn.contains(index));
     remarks.wide.retain(|index| unfolded.drawn.contains(index));
-    findings::text_notices(&remarks, &mut facts);
+    shared::text_notices(remarks.texts.values(), &mut facts);
     findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
-    findings::drawing_notices(&repaired, unfolded.heights, &mut facts);
+    shared::drawing_notices(&repaired, &mut facts);
+    facts.notices.extend(findings::height_notice(unfolded.heights));
     if options.strict {
-        findings::unrepaired_notices(&repaired, &remarks, &mut facts);
+        shared::unrepaired_notices(&repaired, &mut facts);
+        facts.notices.extend(findings::extra_points_notice(&remarks));
     }
     Ok(PatternReading { pattern: Pattern { layers, paths: repaired.paths }, facts })
 }

@@ -3,25 +3,21 @@
 //! Heights are those of capitals, as in AutoCAD; the advance widths are those of the font that is used.
 
 mod codes;
-pub(super) mod font;
 pub(super) mod paragraphs;
 
-use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
 use self::codes::{Letter, Ruled, letters};
-use self::font::substitute;
-use self::font::{FontUses, Typeface};
 use super::super::error::PatternReadError;
+use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
 use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};
 use super::groups::{Groups, own};
 use super::items::{Item, Reader};
 use super::scan::Scan;
 use super::structure::{Record, Structure, TextStyle};
-use crate::printable::is_invisible;
 
 /// Lines under, over and through letters, for capitals 1 high: heights above the baseline and thickness.
 const UNDER: f64 = -0.2;
@@ -172,13 +168,8 @@ impl Font {
             true => Typeface::Outline,
             false => self.face,
         };
-        let mut seen = BTreeSet::new();
-        let missing = letters.iter().map(|letter| letter.char).filter(|letter| lacks(face, *letter));
-        let missing: String = missing.filter(|letter| seen.insert(*letter)).take(12).collect();
-        if !missing.is_empty() {
-            return Err(format!(
-                "its letters {missing} are in no available font: convert the text to outlines in the drawing program"
-            ));
+        if let Some(why) = missing_letters(face, letters.iter().map(|letter| letter.char)) {
+            return Err(why);
         }
         if !(self.is_exact && face == self.face) && letters.iter().any(|letter| !letter.char.is_whitespace())
         {
@@ -186,11 +177,6 @@ impl Font {
         }
         Ok(Row::new(letters, face, tracking, budget)?)
     }
-}
-
-/// Whether a letter needs no shape: blanks of all widths, joiners and direction marks.
-fn draws_nothing(letter: char) -> bool {
-    letter.is_whitespace() || is_invisible(letter)
 }
 
 /// Letters along the baseline from the origin, with capitals 1 high.
@@ -208,9 +194,10 @@ impl Row {
             starts.push(row.width);
             let blank = || face.glyph(' ').filter(|_| letter.char.is_whitespace());
             let Some(glyph) = face.glyph(letter.char).or_else(blank) else { continue };
-            budget.hold(glyph.curves.iter().map(|curve| curve.segments.len()).sum())?;
+            budget.hold(glyph.shapes.iter().map(|shape| shape.segments().len()).sum())?;
             let shift = sheared(0.0, Vector3::new(row.width, 0.0, 0.0));
-            let curves: Vec<Curve> = glyph.curves.into_iter().map(|curve| curve.placed(&shift)).collect();
+            let curves: Vec<Curve> =
+                glyph.shapes.iter().map(|shape| Curve::of(shape).placed(&shift)).collect();
             match face {
                 Typeface::Outline if curves.is_empty() => {}
                 Typeface::Outline => row.items.push(Item::Fill(curves)),

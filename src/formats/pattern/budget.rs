@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use super::super::error::{EntityName, PatternReadError};
+use super::error::{EntityName, PatternReadError};
 use crate::formats::Pace;
 
 /// What is counted.

@@ -7,26 +7,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::sync::LazyLock;
 
-use nalgebra::Vector3;
 use ttf_parser::{Face, OutlineBuilder};
 
-use super::super::curves::{Curve, SpaceSegment, through};
+use crate::geometry::pattern::{Segment, Shape};
+use crate::geometry::space::FlatPoint;
+use crate::printable::is_invisible;
 
-const OUTLINES: &[u8] = include_bytes!("../../../../../fonts/DejaVuSans-subset.ttf");
-const STROKES: &str = include_str!("../../../../../fonts/hershey-simplex.txt");
+const OUTLINES: &[u8] = include_bytes!("../../../fonts/DejaVuSans-subset.ttf");
+const STROKES: &str = include_str!("../../../fonts/hershey-simplex.txt");
 
 /// Height of a capital of the stroke font, in its units.
 const STROKE_CAPITAL: f64 = 21.0;
 
 /// A font that a drawing names, and the one that was used instead.
-pub(in super::super) type FontUse = (Rc<str>, Typeface);
+pub(super) type FontUse = (Rc<str>, Typeface);
 
 /// The replaced fonts of a text.
-pub(in super::super) type FontUses = BTreeSet<FontUse>;
+pub(super) type FontUses = BTreeSet<FontUse>;
 
 /// A font that is included in isomark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(in super::super) enum Typeface {
+pub(super) enum Typeface {
     Outline,
     Stroke,
 }
@@ -36,12 +37,12 @@ pub(in super::super) enum Typeface {
 pub(super) struct Glyph {
     /// Advance width: from the beginning of the letter to that of the next one.
     pub(super) advance: f64,
-    pub(super) curves: Vec<Curve>,
+    pub(super) shapes: Vec<Shape>,
 }
 
 impl Typeface {
     /// The font's name for messages.
-    pub(in super::super) fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Outline => "DejaVu Sans",
             Self::Stroke => "Hershey Simplex (single strokes)",
@@ -53,6 +54,14 @@ impl Typeface {
         match self {
             Self::Outline => 426.0 / 1493.0,
             Self::Stroke => 7.0 / STROKE_CAPITAL,
+        }
+    }
+
+    /// The size of an em, for capitals 1 high; sizes of fonts are usually given in em.
+    pub(super) fn em(self) -> f64 {
+        match self {
+            Self::Outline => FACE.as_ref().map_or(2048.0, |face| f64::from(face.units_per_em())) / *CAPITAL,
+            Self::Stroke => 4.0 / 3.0,
         }
     }
 
@@ -80,6 +89,23 @@ pub(super) fn substitute(asked: &str, is_family: bool) -> (Typeface, bool) {
     }
 }
 
+/// Whether a letter needs no shape: blanks of all widths, joiners and direction marks.
+pub(super) fn draws_nothing(letter: char) -> bool {
+    letter.is_whitespace() || is_invisible(letter)
+}
+
+/// A sentence about the letters that a font does not have; `None` if it has all of them.
+pub(super) fn missing_letters(face: Typeface, letters: impl Iterator<Item = char>) -> Option<String> {
+    let mut seen = BTreeSet::new();
+    let missing = letters.filter(|letter| face.glyph(*letter).is_none() && !draws_nothing(*letter));
+    let missing: String = missing.filter(|letter| seen.insert(*letter)).take(12).collect();
+    (!missing.is_empty()).then(|| {
+        format!(
+            "its letters {missing} are in no available font: convert the text to outlines in the drawing program"
+        )
+    })
+}
+
 static FACE: LazyLock<Option<Face<'static>>> = LazyLock::new(|| Face::parse(OUTLINES, 0).ok());
 
 /// Height of the capital X of the outline font, in its units.
@@ -93,29 +119,32 @@ fn outline(letter: char) -> Option<Glyph> {
     let face = FACE.as_ref()?;
     let id = face.glyph_index(letter)?;
     let scale = 1.0 / *CAPITAL;
-    let mut pen = Pen { scale, at: Vector3::zeros(), contours: Vec::new() };
+    let mut pen = Pen { scale, at: FlatPoint::new(0.0, 0.0), contours: Vec::new() };
     face.outline_glyph(id, &mut pen);
-    pen.contours.retain(|contour| contour.segments.len() > 1);
-    pen.contours.iter_mut().for_each(|contour| contour.segments.shrink_to_fit());
-    Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, curves: pen.contours })
+    let contours = pen.contours.into_iter().filter(|contour| contour.len() > 1);
+    let shapes = contours.map(|mut contour| {
+        contour.shrink_to_fit();
+        Shape::Closed(contour)
+    });
+    Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, shapes: shapes.collect() })
 }
 
 /// Collects the contours of an outline.
 struct Pen {
     scale: f64,
-    at: Vector3<f64>,
-    contours: Vec<Curve>,
+    at: FlatPoint,
+    contours: Vec<Vec<Segment>>,
 }
 
 impl Pen {
-    fn point(&self, x: f32, y: f32) -> Vector3<f64> {
-        Vector3::new(f64::from(x), f64::from(y), 0.0) * self.scale
+    fn point(&self, x: f32, y: f32) -> FlatPoint {
+        FlatPoint::new(f64::from(x) * self.scale, f64::from(y) * self.scale)
     }
 
-    fn push(&mut self, segment: SpaceSegment) {
+    fn push(&mut self, segment: Segment) {
         self.at = segment.end();
         if let Some(contour) = self.contours.last_mut() {
-            contour.segments.push(segment);
+            contour.push(segment);
         }
     }
 }
@@ -123,33 +152,33 @@ impl Pen {
 impl OutlineBuilder for Pen {
     fn move_to(&mut self, x: f32, y: f32) {
         self.at = self.point(x, y);
-        self.contours.push(Curve { segments: Vec::new(), closed: true });
+        self.contours.push(Vec::new());
     }
 
     fn line_to(&mut self, x: f32, y: f32) {
         let to = self.point(x, y);
         if to != self.at {
-            self.push(SpaceSegment::Line { from: self.at, to });
+            self.push(Segment::Line { from: self.at, to });
         }
     }
 
     fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
         // Raised to degree 3.
         let (control, to) = (self.point(x1, y1), self.point(x, y));
-        let points = [self.at, (self.at + control * 2.0) / 3.0, (to + control * 2.0) / 3.0, to];
-        self.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
+        let third = |end: FlatPoint| ((end.coords() + control.coords() * 2.0) / 3.0).into();
+        let points = [self.at, third(self.at), third(to), to];
+        self.push(Segment::Bezier { points, weights: [1.0; 4] });
     }
 
     fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
         let points = [self.at, self.point(x1, y1), self.point(x2, y2), self.point(x, y)];
-        self.push(SpaceSegment::Bezier { points, weights: [1.0; 4] });
+        self.push(Segment::Bezier { points, weights: [1.0; 4] });
     }
 
     fn close(&mut self) {
-        let start =
-            self.contours.last().and_then(|contour| contour.segments.first()).map(SpaceSegment::start);
+        let start = self.contours.last().and_then(|contour| contour.first()).map(Segment::start);
         if let Some(to) = start.filter(|start| *start != self.at) {
-            self.push(SpaceSegment::Line { from: self.at, to });
+            self.push(Segment::Line { from: self.at, to });
         }
     }
 }
@@ -162,19 +191,18 @@ fn stroke_glyph(line: &str) -> Option<(char, Glyph)> {
     let mut fields = line.split(';');
     let letter = u32::from_str_radix(fields.next()?, 16).ok().and_then(char::from_u32)?;
     let advance = fields.next()?.parse::<f64>().ok()? / STROKE_CAPITAL;
-    let point = |pair: &str| -> Option<Vector3<f64>> {
+    let point = |pair: &str| -> Option<FlatPoint> {
         let (x, y) = pair.split_once(',')?;
-        Some(Vector3::new(x.parse().ok()?, y.parse().ok()?, 0.0) / STROKE_CAPITAL)
+        Some(FlatPoint::new(x.parse::<f64>().ok()? / STROKE_CAPITAL, y.parse::<f64>().ok()? / STROKE_CAPITAL))
     };
-    let curves = fields.map(|stroke| {
-        let mut points: Vec<Vector3<f64>> = stroke.split(' ').filter_map(point).collect();
+    let shapes = fields.map(|stroke| {
+        let points: Vec<FlatPoint> = stroke.split(' ').filter_map(point).collect();
+        let ends = points.iter().zip(points.iter().skip(1));
+        let lines = ends.map(|(from, to)| Segment::Line { from: *from, to: *to }).collect();
         let closed = points.len() > 2 && points.first() == points.last();
-        if closed {
-            points.pop();
-        }
-        through(&points, closed)
+        if closed { Shape::Closed(lines) } else { Shape::Open(lines) }
     });
-    Some((letter, Glyph { advance, curves: curves.collect() }))
+    Some((letter, Glyph { advance, shapes: shapes.collect() }))
 }
 
 #[cfg(test)]
@@ -198,7 +226,7 @@ mod tests {
     fn capitals_are_one_high() {
         for face in [Typeface::Outline, Typeface::Stroke] {
             let glyph = face.glyph('X').unwrap();
-            let segments = glyph.curves.iter().flat_map(|curve| &curve.segments);
+            let segments = glyph.shapes.iter().flat_map(Shape::segments);
             let ends = segments.flat_map(|segment| [segment.start().y, segment.end().y]);
             let (low, high) = ends.fold((0.0f64, 0.0f64), |(low, high), y| (low.min(y), high.max(y)));
             assert!(low.abs() < 1e-12 && (high - 1.0).abs() < 1e-12, "{face:?}: {low} to {high}");
