@@ -46,7 +46,7 @@ impl Part {
     }
 }
 
-/// A drawing: a DXF file, or a PNG or BMP picture.
+/// A drawing: a DXF or SVG file, or a PNG or BMP picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Drawing {
     name: String,

@@ -16,7 +16,7 @@
 //! | [`formats::mesh::read`] | [`TriMesh`](geometry::mesh::TriMesh) | bytes of a part file |
 //! | [`FacingPart::new`](geometry::height_field::FacingPart::new) | [`FacingPart`](geometry::height_field::FacingPart) | the mesh and the side that faces the laser |
 //! | [`FittedSurface::of_part`](geometry::surface::fit::FittedSurface::of_part) | [`HeightField`](geometry::height_field::HeightField), [`NurbsSurface`](geometry::surface::nurbs::NurbsSurface), [`Residual`](geometry::surface::fit::Residual) | the facing part |
-//! | [`formats::pattern::read`] | [`Pattern`](geometry::pattern::Pattern) | DXF or picture bytes |
+//! | [`formats::pattern::read`] | [`Pattern`](geometry::pattern::Pattern) | DXF, SVG or picture bytes |
 //! | [`Ink::sample`](geometry::ink::Ink::sample) | [`Ink`](geometry::ink::Ink) | the placed pattern |
 //! | [`LengthTrueMap::find`](geometry::mapping::LengthTrueMap::find) | [`LengthTrueMap`](geometry::mapping::LengthTrueMap) | surface and placed pattern |
 //! | [`Projection::bend`](geometry::correction::Projection::bend) | [`MarkingDrawing`](geometry::marking::MarkingDrawing) | map, surface, fixture and lens |

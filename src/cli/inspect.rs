@@ -12,7 +12,7 @@ use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_options, refuse_options_of_pictures, useless_to_an_inspection};
+use super::set::{SetArguments, add_options, refuse_options_of_other_formats, useless_to_an_inspection};
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{
@@ -36,7 +36,7 @@ const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// A part (.glb, .gltf, .obj, .stl, .ply), a scan (.ply, .xyz, .csv, .txt) or a drawing (.dxf, .png, .bmp).
+    /// A part (.glb, .gltf, .obj, .stl, .ply), a scan (.ply, .xyz, .csv, .txt) or a drawing (.dxf, .svg, .png, .bmp).
     file: PathBuf,
     #[command(flatten)]
     meaning: MeaningArguments,
@@ -159,7 +159,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         None => {
             let settings = settings.pattern;
             let bytes = read_file(&arguments.file)?;
-            refuse_options_of_pictures(&overrides, &name, &bytes)?;
+            refuse_options_of_other_formats(&overrides, &name, &bytes)?;
             let mut reading = pattern::read(&bytes, &settings.options()).map_err(|error| match error {
                 // A drawing is recognised by its bytes, not by its name.
                 PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {

@@ -8,7 +8,7 @@ use super::named_files::{cache_of, known_cache, name_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_list, add_options, refuse_options_of_pictures};
+use super::set::{SetArguments, add_list, add_options, refuse_options_of_other_formats};
 use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
 use crate::pipeline::{LearnedPart, Pipeline};
@@ -20,7 +20,7 @@ const COMPARISON: &str = "Methods to compare with";
 
 #[derive(Debug, Args)]
 pub(super) struct JobArguments {
-    /// The part (.glb, .gltf, .obj, .stl, .ply), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .png, .bmp); the part may be left out for a SKU whose surface is kept.
+    /// The part (.glb, .gltf, .obj, .stl, .ply), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .svg, .png, .bmp); the part may be left out for a SKU whose surface is kept.
     #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
     inputs: Vec<PathBuf>,
     /// The product that the part belongs to; its surface is kept for later drawings. Default: the part's file name.
@@ -136,7 +136,7 @@ impl JobArguments {
         };
         let settings = settings.with_overrides(&of_job)?;
         let drawing = read_file(pattern)?;
-        refuse_options_of_pictures(&of_job, &name_of(pattern)?, &drawing)?;
+        refuse_options_of_other_formats(&of_job, &name_of(pattern)?, &drawing)?;
         let station = live.as_ref().map(LiveSettings::station);
         // Only a part that is not given must have been kept.
         let cache = match part.is_some() || settings.part.primitive.is_some() {

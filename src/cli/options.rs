@@ -26,10 +26,13 @@ pub(super) struct MeaningArguments {
     /// Unit of a drawing that names none: mm, in, px and others. Default: mm, or inches where the drawing suggests them.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<String>,
-    /// Width of the whole picture with its blank border, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) in its file.
+    /// What is marked of the strokes in an SVG drawing: center (default), their centre lines, or band, the area that they cover.
+    #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
+    strokes: Option<String>,
+    /// Width of the whole picture with its blank border, or of the page of an SVG drawing, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) or size in its file.
     #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
     width: Option<String>,
-    /// Height of a picture, mm, 0.01 to 10000.
+    /// Height of a picture or page, mm, 0.01 to 10000.
     #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
     height: Option<String>,
     /// Pixels of a picture darker than this are marked: 1 (nearly black) to 99 (nearly white); default 50.
@@ -69,6 +72,7 @@ impl MeaningArguments {
                 ("--threshold", "pattern.threshold_percent", percent.as_ref()),
                 ("--joining", "pattern.joining_mm", self.joining.as_ref()),
                 ("--losses", "pattern.losses", self.losses.as_ref()),
+                ("--strokes", "pattern.strokes", self.strokes.as_ref()),
             ],
         )?;
         add_switch(overrides, "--strict", "pattern.strict", self.strict)?;

@@ -87,25 +87,28 @@ pub(super) fn add_list(
     Ok(())
 }
 
-/// Refuses options that only pictures have, if the drawing `name` is a DXF. Settings in files are for all drawings and are
-/// not checked.
-pub(super) fn refuse_options_of_pictures(overrides: &Overrides, name: &str, drawing: &[u8]) -> Outcome {
-    if !pattern::is_dxf(drawing) {
-        return Ok(());
-    }
+/// Refuses options that have no effect on the drawing `name`, because only drawings in other formats have what they change.
+/// Settings in files are for all drawings and are not checked.
+pub(super) fn refuse_options_of_other_formats(overrides: &Overrides, name: &str, drawing: &[u8]) -> Outcome {
+    let format = match drawing {
+        _ if pattern::is_dxf(drawing) => "a DXF",
+        _ if pattern::is_svg(drawing) => "an SVG",
+        _ => return Ok(()),
+    };
     for (setting, option) in overrides.names() {
-        let (why, remedy) = match setting.as_str() {
-            "pattern.width_mm" | "pattern.height_mm" => {
+        let (why, remedy) = match (setting.as_str(), format) {
+            ("pattern.width_mm" | "pattern.height_mm", "a DXF") => {
                 ("is never scaled", "Remove it, or scale the drawing in the drawing program.")
             }
-            "pattern.threshold_percent" | "pattern.invert" => ("has no pixels", "Remove it."),
+            ("pattern.threshold_percent" | "pattern.invert", _) => ("has no pixels", "Remove it."),
+            ("pattern.strokes", "a DXF") => ("has widths only on polylines", "Remove it."),
             _ => continue,
         };
         // The value of a short option is of no use in the message.
         let typed =
             if option.starts_with("--set ") { option } else { option.split(' ').next().unwrap_or(option) };
         return Err(Failure::usage(
-            format!("`{typed}` has no effect: {name} is a DXF, which {why}."),
+            format!("`{typed}` has no effect: {name} is {format}, which {why}."),
             remedy,
         ));
     }

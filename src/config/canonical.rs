@@ -17,7 +17,7 @@
 
 use std::fmt::Write;
 
-use super::choices::{Align, DxfVersion, FloaterWeights, FocusSteps, Method, Vertices, Weighting};
+use super::choices::{Align, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting};
 use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
@@ -154,6 +154,7 @@ impl Text {
             strict,
             // It decides whether there is a drawing.
             losses: _,
+            strokes,
         } = settings;
         self.word("pattern.unit_if_unitless", unit_if_unitless.map(|unit| unit.to_string()));
         self.layers("pattern.ink_layers", ink_layers.as_ref());
@@ -164,6 +165,7 @@ impl Text {
         self.flag("pattern.picture_inverted", *inverted, false);
         self.number("pattern.joining_mm", *joining_tolerance, 0.002);
         self.flag("pattern.strict", *strict, false);
+        self.word("pattern.strokes", (*strokes != StrokesChoice::Center).then_some(strokes));
     }
 
     fn layers(&mut self, key: &str, names: Option<&Vec<String>>) {

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::suggest::{listed, nearest};
+use crate::formats::pattern::Strokes;
 use crate::geometry::space::Facing;
 use crate::geometry::surface::scan;
 
@@ -195,6 +196,28 @@ choices! {
         Refuse = "refuse",
         /// The rest is marked, and the report warns.
         Warn = "warn",
+    }
+}
+
+choices! {
+    /// What is marked of the strokes in an SVG drawing.
+    StrokesChoice, "strokes" {
+        /// Their centre lines.
+        #[default]
+        Center = "center",
+        /// The bands that they cover.
+        Band = "band",
+    }
+}
+
+impl StrokesChoice {
+    /// The same for the reader of drawings.
+    #[must_use]
+    pub fn strokes(self) -> Strokes {
+        match self {
+            Self::Center => Strokes::Center,
+            Self::Band => Strokes::Band,
+        }
     }
 }
 

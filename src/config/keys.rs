@@ -9,7 +9,7 @@ use toml::Spanned;
 
 use super::choices::{
     Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip, Smoothing,
-    TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
+    StrokesChoice, TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::error::ConfigError;
 use super::fill_keys::{FillKeys, FocusKeys};
@@ -84,6 +84,7 @@ pub(super) struct PatternKeys {
     overlap_mm: Option<Spanned<f64>>,
     strict: Option<bool>,
     losses: Option<Losses>,
+    strokes: Option<StrokesChoice>,
 }
 
 #[derive(Default, Deserialize)]
@@ -507,6 +508,7 @@ impl PatternKeys {
         }
         to.pattern.strict = self.strict.unwrap_or(to.pattern.strict);
         to.pattern.losses = self.losses.unwrap_or(to.pattern.losses);
+        to.pattern.strokes = self.strokes.unwrap_or(to.pattern.strokes);
         Ok(())
     }
 }

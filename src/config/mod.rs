@@ -30,7 +30,7 @@ mod suggest;
 
 pub use choices::{
     Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps, Losses, Method,
-    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, TilesAs, UnknownChoice, Vertices, Weighting,
+    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs, UnknownChoice, Vertices, Weighting,
     parse_axis, parse_facing,
 };
 pub use edit::{NewValue, edited};

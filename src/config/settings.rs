@@ -1,7 +1,7 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, TilesAs, Vertices,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, StrokesChoice, TilesAs, Vertices,
     Weighting,
 };
 use super::fill::{FillSettings, FocusSettings};
@@ -170,7 +170,9 @@ pub struct PatternSettings {
     pub unit_if_unitless: Option<DrawingUnit>,
     /// The ink layers, which are marked, compared without regard to case; `None` for all. Other layers are carried along.
     pub ink_layers: Option<Vec<String>>,
-    /// Size and threshold of a drawing that is a picture.
+    /// What is marked of the strokes in an SVG drawing.
+    pub strokes: StrokesChoice,
+    /// Size and threshold of a drawing that is a picture, and the size of the page of an SVG drawing.
     pub picture: RasterOptions,
     /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
     pub joining_tolerance: f64,
@@ -186,8 +188,17 @@ impl Default for PatternSettings {
     fn default() -> Self {
         let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, .. } =
             PatternOptions::default();
-        let losses = Losses::default();
-        Self { unit_if_unitless, ink_layers: None, picture, joining_tolerance, overlap: 0.1, strict, losses }
+        let (losses, strokes) = (Losses::default(), StrokesChoice::default());
+        Self {
+            unit_if_unitless,
+            ink_layers: None,
+            strokes,
+            picture,
+            joining_tolerance,
+            overlap: 0.1,
+            strict,
+            losses,
+        }
     }
 }
 
@@ -200,6 +211,7 @@ impl PatternSettings {
             unit: None,
             joining_tolerance: self.joining_tolerance,
             strict: self.strict,
+            strokes: self.strokes.strokes(),
             picture: self.picture,
             pace: Pace::Any,
         }

@@ -590,6 +590,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("pattern.losses", "warn", &[]),
     ("pattern.overlap_mm", "2", &[]),
     ("pattern.strict", "true", &[]),
+    ("pattern.strokes", "band", &[]),
     ("pattern.threshold_percent", "30", &[]),
     ("pattern.unit_if_unitless", "px", &[]),
     ("pattern.width_mm", "39", &[]),

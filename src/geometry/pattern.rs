@@ -345,6 +345,12 @@ impl Affine {
         (self.linear * point.coords() + self.offset).into()
     }
 
+    /// The map that applies `inner` first, then this one.
+    #[must_use]
+    pub fn after(&self, inner: &Self) -> Self {
+        Self { linear: self.linear * inner.linear, offset: self.linear * inner.offset + self.offset }
+    }
+
     /// The rigid motion that rotates by `angle` rad about `anchor` and then moves `anchor` to `target`.
     pub fn rigid(anchor: FlatPoint, angle: f64, target: FlatPoint) -> Self {
         let linear = *nalgebra::Rotation2::new(angle).matrix();

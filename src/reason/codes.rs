@@ -1115,9 +1115,9 @@ const CODES: &[Code] = &[
     reason([
         "pattern-not-dxf",
         "The file is not a DXF file.",
-        "The reason states what the content looks like, for example DWG, PDF or SVG. A drawing is recognised by \
-         its content, not by its name.",
-        "Export the drawing as DXF (R12 to R2018, text or binary), or save a picture as PNG or BMP.",
+        "The reason states what the content looks like, for example DWG or PDF. A drawing is recognised by its \
+         content, not by its name.",
+        "Export the drawing as DXF (R12 to R2018, text or binary) or plain SVG, or save a picture as PNG or BMP.",
     ]),
     reason([
         "pattern-nothing-to-mark",
@@ -1162,7 +1162,7 @@ const CODES: &[Code] = &[
     reason([
         "pattern-truncated",
         "The drawing file is cut off before its end.",
-        "A DXF file ends with EOF and a picture with its end mark. The export or copy was interrupted, or has not \
+        "A DXF file ends with EOF, an SVG file with </svg> and a picture with its end mark. The export or copy was interrupted, or has not \
          ended yet. In the hot folder the file waits for `watch.incomplete_s`, or for 3 s after its writer closed \
          it, and is then rejected.",
         "Wait until the export has ended, then copy the file again.",
@@ -1220,8 +1220,8 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "picture-stretched",
-        "The picture is stretched to the given size.",
-        "`width_mm` and `height_mm` have another ratio than the picture.",
+        "The picture or page is stretched to the given size.",
+        "`width_mm` and `height_mm` have another ratio than the picture or the page.",
         "Give only one of them to keep the ratio.",
     ]),
     reason([
@@ -1611,6 +1611,51 @@ const CODES: &[Code] = &[
         "Scan with less noise and more points, or export the part from CAD as glTF with its normals. `isomark inspect` shows \
          what was found.",
     ]),
+    notice([
+        "svg-clipped",
+        "Shapes or lines are cut by clip paths.",
+        "A clip path in an SVG drawing hides everything outside it. isomark marks only the visible part. Where a curve is \
+         cut, it becomes short straight lines, which are at most 0.0005 mm from it.",
+        "Nothing. To keep the exact curves, cut them in the drawing program.",
+    ]),
+    reason([
+        "svg-damaged",
+        "The SVG file cannot be read.",
+        "The file is not valid XML, has entities that multiply, or is not an SVG drawing. The reason gives the line.",
+        "Export the drawing again as plain SVG.",
+    ]),
+    notice([
+        "svg-pixels",
+        "The size of an SVG page depends on the pixels per inch of the program that wrote it.",
+        "A pixel of SVG is 1/96 inch. Adobe Illustrator uses 72 pixels per inch, and Inkscape before 0.92 used 90, so the \
+         drawing has another size there. The notice gives both sizes.",
+        "Check the size. If it is wrong, set `width_mm` under [pattern] (`--width`), or export with the size in mm.",
+    ]),
+    notice([
+        "svg-shades",
+        "Shapes have a gradient or pattern as colour.",
+        "isomark marks the whole area or the whole line. It does not convert shades to dots (halftone).",
+        "Check that the whole area may be marked, or draw the parts that must be marked.",
+    ]),
+    notice([
+        "svg-strokes",
+        "Strokes are marked along their centre lines.",
+        "An SVG drawing shows a stroke as a band. A laser usually marks its centre line, so a wide stroke becomes a thin \
+         line. The notice names the widest stroke.",
+        "Set `strokes = \"band\"` under [pattern] (`--strokes band`) to mark strokes in their width.",
+    ]),
+    notice([
+        "svg-transparent",
+        "Shapes are partly transparent.",
+        "A laser marks a shape or does not; shapes that are not fully transparent are marked.",
+        "Delete the shapes that must not be marked.",
+    ]),
+    notice([
+        "svg-white",
+        "White shapes are marked like all others.",
+        "On paper, white hides what is below it. A laser cannot do this, so isomark marks white shapes, too.",
+        "Delete the white shapes, or cut what they cover in the drawing program (Path > Difference).",
+    ]),
     reason([
         "takes-long",
         "The job takes longer than a quick attempt may.",
@@ -1673,7 +1718,7 @@ const CODES: &[Code] = &[
         "The file is neither a part nor a drawing.",
         "The hot folder accepts parts, scans, DXF drawings and pictures, and the files that belong to them. The \
          extension decides.",
-        "Export the part as GLB, glTF, OBJ, STL, PLY or a list of points, and the drawing as DXF, PNG or BMP.",
+        "Export the part as GLB, glTF, OBJ, STL, PLY or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
     ]),
     reason([
         "usage",

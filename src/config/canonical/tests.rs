@@ -24,6 +24,7 @@ pattern.picture_threshold 3fd0000000000000
 pattern.picture_inverted true
 pattern.joining_mm 3fa999999999999a
 pattern.strict true
+pattern.strokes band
 placement.place_mm 4029000000000000 c008000000000000
 placement.anchor_mm 3ff0000000000000 4000000000000000
 placement.rotate_rad bfe0000000000000
@@ -88,6 +89,7 @@ pub(crate) fn everything() -> JobSettings {
             overlap: 3.0,
             strict: true,
             losses: Losses::Warn,
+            strokes: StrokesChoice::Band,
         },
         placement: Placement {
             place: Some(ViewPoint::new(12.5, -3.0)),

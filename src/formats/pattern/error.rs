@@ -28,6 +28,20 @@ pub enum PatternReadError {
         /// Where the bytes end.
         spot: Spot,
     },
+    /// An SVG file does not end with its closing tag.
+    #[error("the SVG file is cut off: it has no closing </svg> at its end")]
+    SvgTruncated {
+        /// Where the bytes end.
+        spot: Spot,
+    },
+    /// An SVG file is not valid XML, or has another root.
+    #[error("the SVG file cannot be read: {what}")]
+    SvgDamaged {
+        /// Where it is.
+        spot: Spot,
+        /// What is wrong.
+        what: String,
+    },
     /// A picture states no resolution, and the settings give no size.
     #[error("the picture of {} x {} pixels has no size in mm", pixels[0], pixels[1])]
     PictureWithoutSize {
@@ -167,7 +181,7 @@ impl PatternReadError {
     /// Whether the file ends too early, so that it may still be being written.
     #[must_use]
     pub fn is_cut_short(&self) -> bool {
-        matches!(self, Self::Truncated { .. } | Self::PictureTruncated { .. })
+        matches!(self, Self::Truncated { .. } | Self::SvgTruncated { .. } | Self::PictureTruncated { .. })
     }
 
     /// The error as a reason: code, sentence, place, number and remedy. The caller adds the file's name.
@@ -176,13 +190,16 @@ impl PatternReadError {
         match self {
             Self::NotDxf { .. } => reason(
                 "pattern-not-dxf",
-                "Export the drawing as DXF (R12 to R2018, text or binary), or save the picture as PNG.",
+                "Export the drawing as DXF (R12 to R2018, text or binary) or plain SVG, or save the picture as PNG.",
             ),
             Self::FileTooLarge { bytes, limit } => {
                 reason("pattern-too-large", "Export only the entities to be marked, with fewer points.")
                     .with_number("file size", *bytes as f64, "bytes", Some(*limit as f64))
             }
-            Self::Truncated { spot } => reason(
+            Self::SvgDamaged { spot, .. } => {
+                reason("svg-damaged", "Export the drawing again as plain SVG.").at(spot.place())
+            }
+            Self::Truncated { spot } | Self::SvgTruncated { spot } => reason(
                 "pattern-truncated",
                 "Copy or export the file again; the copy or export was probably interrupted.",
             )

@@ -76,7 +76,7 @@ pub struct LayerFacts {
     pub color: String,
     /// Number of paths on it in the pattern.
     pub paths: usize,
-    /// The reason if nothing on it is marked: `off`, `frozen` or `not plotted`.
+    /// The reason if nothing on it is marked: `off`, `frozen`, `not plotted` or, in SVG, `hidden`.
     pub hidden: Option<String>,
 }
 

@@ -10,6 +10,16 @@ use crate::reason::Notice;
 /// Usual sizes of drawings, mm: few marking fields are larger, and few marks are smaller.
 const USUAL_SIZE: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
 
+/// What is marked of the strokes in an SVG drawing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Strokes {
+    /// Their centre lines.
+    #[default]
+    Center,
+    /// The bands that they cover, in their width.
+    Band,
+}
+
 /// Options for reading a drawing.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -23,7 +33,9 @@ pub struct PatternOptions {
     pub joining_tolerance: f64,
     /// Leaves the drawing unchanged: nothing is joined, closed or removed; warnings name what would be. Default no.
     pub strict: bool,
-    /// Options for reading a picture.
+    /// What is marked of the strokes in an SVG drawing. Default the centre lines.
+    pub strokes: Strokes,
+    /// Options for reading a picture; the size applies to the page of an SVG drawing, too.
     pub picture: RasterOptions,
     /// The time limit for reading. Default none.
     pub pace: Pace,
@@ -36,6 +48,7 @@ impl Default for PatternOptions {
             unit: None,
             joining_tolerance: 0.002,
             strict: false,
+            strokes: Strokes::Center,
             picture: RasterOptions::default(),
             pace: Pace::Any,
         }
@@ -53,6 +66,12 @@ impl PatternOptions {
     #[must_use]
     pub fn with_picture(self, picture: RasterOptions) -> Self {
         Self { picture, ..self }
+    }
+
+    /// The same with this way of marking strokes.
+    #[must_use]
+    pub fn with_strokes(self, strokes: Strokes) -> Self {
+        Self { strokes, ..self }
     }
 
     /// The same with this distance below which ends are joined, mm.

@@ -22,7 +22,7 @@ use fs_err as fs;
 
 use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
-use crate::formats::pattern::is_drawing;
+use crate::formats::pattern::{is_drawing, names_with_stem};
 use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
 use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
 use crate::hotfolder::seen::{Filed, Found, Parking, Stamp, is_sidecar};
@@ -420,7 +420,8 @@ fn all_names(name: &OsStr, original: &Original) -> Vec<OsString> {
     if is_drawing(&text) {
         let sibling = |ending| Path::new(name).with_extension(ending).into_os_string();
         if names.contains(&sibling(SIDECAR)) {
-            names.extend(["dxf", "DXF", "png", "PNG", "bmp", "BMP"].map(sibling));
+            let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+            names.extend(names_with_stem(&stem).map(OsString::from));
         } else {
             names.push(sibling(SIDECAR));
         }

@@ -3,11 +3,11 @@
 //! | in the hot folder | is |
 //! |---|---|
 //! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and has no meaning |
-//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.png`, `.bmp` | a pattern, delivered under this name, as `.dxf` |
+//! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.svg`, `.png`, `.bmp` | a pattern, delivered under this name, as `.dxf` |
 //! | `<sku>/<anything>.glb` and so on | a part or a scan |
-//! | `<sku>/<anything>.dxf`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one with the same name |
+//! | `<sku>/<anything>.dxf`, `.svg`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one with the same name |
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they are filed with that part |
-//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.png` or `.bmp` in the same folder, filed with it |
+//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.svg`, `.png` or `.bmp` in the same folder, filed with it |
 //!
 //! Extensions may be written in any case. Files with temporary and system names are never touched ([`is_ignored`]).
 
@@ -15,7 +15,7 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::config::Sku;
 use crate::formats::mesh::{MeshFormat, is_unread_part};
-use crate::formats::pattern::{is_drawing, is_picture};
+use crate::formats::pattern::is_drawing;
 use crate::reason::Reason;
 
 /// Extensions of files that belong to a part, in lower case.
@@ -82,7 +82,9 @@ pub enum Meaning {
 /// The name of a pattern's result in the import folder.
 pub fn delivered_as(pattern: &str) -> String {
     match pattern.rsplit_once('.') {
-        Some((stem, _)) if is_picture(pattern) => format!("{stem}.dxf"),
+        Some((stem, ending)) if is_drawing(pattern) && !ending.eq_ignore_ascii_case("dxf") => {
+            format!("{stem}.dxf")
+        }
         _ => pattern.to_owned(),
     }
 }
@@ -175,6 +177,11 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
             format!("A .{extension} file is in a format that isomark does not read."),
             format!("{export}, in a program that opens the file, such as FreeCAD."),
         )
+    } else if extension == "svgz" {
+        (
+            "A .svgz file is a compressed drawing, which isomark does not read.".to_owned(),
+            "Save it as plain SVG (.svg) in the drawing program.".to_owned(),
+        )
     } else {
         let kind = match extension {
             "" => "file without an extension".to_owned(),
@@ -182,7 +189,7 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
         };
         (
             format!("A {kind} is neither a part nor a drawing."),
-            format!("{export}, and the drawing as .dxf, .png or .bmp."),
+            format!("{export}, and the drawing as .dxf, .svg, .png or .bmp."),
         )
     };
     Reason::new("unknown-kind", what, remedy)
@@ -247,6 +254,8 @@ mod tests {
             ("can.v2.dxf", pattern("can.v2", "can.v2.dxf")),
             ("can.png", pattern("can", "can.png")),
             ("can@logo.BMP", pattern("can", "can@logo.BMP")),
+            ("can@logo.svg", pattern("can", "can@logo.svg")),
+            ("can/logo.SVG", pattern("can", "can@logo.SVG")),
             ("can/logo.png", pattern("can", "can@logo.png")),
             ("can.bin", Meaning::Companion),
             ("can.jpg", Meaning::Companion),
@@ -263,6 +272,7 @@ mod tests {
             ("can@a.DXF", "can@a.DXF"),
             ("can@a.b.Png", "can@a.b.dxf"),
             ("can.bmp", "can.dxf"),
+            ("can@logo.svg", "can@logo.dxf"),
         ] {
             assert_eq!(delivered_as(pattern), delivered);
         }
@@ -274,6 +284,7 @@ mod tests {
         for (relative, code) in [
             ("can.step", "unknown-kind"),
             ("can@logo.jpg", "unknown-kind"),
+            ("can@logo.svgz", "unknown-kind"),
             ("can", "unknown-kind"),
             ("@date.dxf", "sku-name"),
             ("con.dxf", "sku-name"),

@@ -286,6 +286,7 @@ fn appearance(bytes: &[u8]) -> String {
         _ if bytes.starts_with(b"AutoCAD DXB") => "a DXB file",
         _ if text.starts_with(b"%PDF") => "a PDF file",
         _ if text.starts_with(b"%!PS") => "a PostScript file",
+        _ if bytes.starts_with(b"\x1f\x8b") => "a compressed file, such as .svgz; save it as plain SVG",
         _ if bytes.starts_with(b"PK\x03\x04") => "a zip archive",
         // Files with the full PNG mark do not get here.
         _ if bytes.starts_with(b"\x89PNG") => "a PNG picture damaged by a transfer in text mode",
@@ -295,7 +296,6 @@ fn appearance(bytes: &[u8]) -> String {
         _ if bytes.starts_with(b"RIFF") && contains(bytes, b"WEBP") => "a WebP picture",
         _ if bytes.starts_with(b"glTF") => "a GLB part",
         _ if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") => "UTF-16 text",
-        _ if text.starts_with(b"<") && contains(bytes, b"<svg") => "an SVG drawing",
         _ if text.starts_with(b"<") => "an XML or HTML file",
         _ if text.starts_with(b"IN;") => "an HPGL plot file",
         _ if text.starts_with(b"ISO-10303-21") => "a STEP file",

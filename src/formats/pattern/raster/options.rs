@@ -4,10 +4,10 @@
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct RasterOptions {
-    /// Width of the whole picture, mm. Without it, the width follows from the height or else from the file's
+    /// Width of the whole picture or page, mm. Without it, the width follows from the height or else from the file's
     /// resolution.
     pub width: Option<f64>,
-    /// Height of the whole picture, mm. Without it, the height follows from the width or else from the file's
+    /// Height of the whole picture or page, mm. Without it, the height follows from the width or else from the file's
     /// resolution.
     pub height: Option<f64>,
     /// Pixels darker than this are marked: 0 is black, 1 is white.

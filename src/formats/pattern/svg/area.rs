@@ -1,0 +1,244 @@
+//! Areas as polygons: the nonzero rule, bands of strokes, and clipping.
+
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::float::clip::FloatClip;
+use i_overlay::float::simplify::SimplifyShape;
+use i_overlay::float::single::SingleFloatOverlay;
+use i_overlay::string::clip::ClipRule;
+use kurbo::{BezPath, PathEl};
+
+use super::super::budget::{Budget, Exceeded};
+use crate::geometry::pattern::{Affine, Segment, Shape};
+use crate::geometry::space::{Extents, FlatPoint};
+
+/// Largest distance between a curve and the polygon that replaces it, mm: far below the accuracy of a laser.
+pub(super) const TOLERANCE: f64 = 5e-4;
+/// Two areas with the same outline differ at most by a band of this width, mm, which is rounding.
+const ROUNDING: f64 = 1e-5;
+/// Largest number of pairs of edges that may cross; each crossing makes more edges.
+const MAX_CROSSINGS: usize = 1_000_000;
+/// Number of steps of the budget for each corner of a polygon.
+const STEPS_OF_CORNER: usize = 16;
+
+/// Contours of polygons, mm. Those that [`united`] makes do not cross; holes have the opposite orientation.
+pub(super) type Polygons = Vec<Vec<[f64; 2]>>;
+
+/// The polygons of closed shapes.
+pub(super) fn flattened(shapes: &[Shape], budget: &mut Budget) -> Result<Polygons, Exceeded> {
+    let mut polygons = Vec::with_capacity(shapes.len());
+    for shape in shapes {
+        let count: usize = shape.segments().iter().map(|segment| segment.steps(TOLERANCE)).sum();
+        budget.work(count.saturating_mul(STEPS_OF_CORNER))?;
+        polygons.push(shape.flattened(TOLERANCE).iter().map(|point| [point.x, point.y]).collect());
+    }
+    Ok(polygons)
+}
+
+/// The area that the polygons cover by the rule.
+pub(super) fn united(polygons: &Polygons, rule: FillRule, budget: &mut Budget) -> Result<Polygons, Exceeded> {
+    check_crossings(polygons, budget)?;
+    Ok(polygons.simplify_shape(rule).into_iter().flatten().collect())
+}
+
+/// The part of one area inside another; both must be united.
+pub(super) fn intersection(
+    area: &Polygons,
+    clip: &Polygons,
+    budget: &mut Budget,
+) -> Result<Polygons, Exceeded> {
+    let both: Polygons = area.iter().chain(clip).cloned().collect();
+    check_crossings(&both, budget)?;
+    Ok(area.overlay(clip, OverlayRule::Intersect, FillRule::NonZero).into_iter().flatten().collect())
+}
+
+/// The parts of lines inside an area.
+pub(super) fn clipped(lines: &Polygons, clip: &Polygons, budget: &mut Budget) -> Result<Polygons, Exceeded> {
+    let both: Polygons = lines.iter().chain(clip).cloned().collect();
+    check_crossings(&both, budget)?;
+    let rule = ClipRule { invert: false, boundary_included: true };
+    Ok(lines.clip_by(clip, FillRule::NonZero, rule))
+}
+
+/// The enclosed area of united polygons, mm².
+pub(super) fn area(polygons: &Polygons) -> f64 {
+    let of = |contour: &Vec<[f64; 2]>| {
+        let ends = contour.iter().zip(contour.iter().cycle().skip(1));
+        ends.map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0
+    };
+    polygons.iter().map(of).sum::<f64>().abs()
+}
+
+/// The length of polygons, or of lines if they are open, mm.
+pub(super) fn length(polygons: &Polygons, closed: bool) -> f64 {
+    let of = |contour: &Vec<[f64; 2]>| {
+        let following = contour.iter().skip(1).chain(contour.first().filter(|_| closed));
+        contour.iter().zip(following).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).sum::<f64>()
+    };
+    polygons.iter().map(of).sum()
+}
+
+/// Whether two areas differ by no more than rounding along their outlines.
+pub(super) fn same_area(one: &Polygons, other: &Polygons) -> bool {
+    (area(one) - area(other)).abs() <= ROUNDING * length(one, true).max(length(other, true))
+}
+
+pub(super) fn extents(polygons: &Polygons) -> Extents {
+    Extents::of(polygons.iter().flatten().map(|[x, y]| FlatPoint::new(*x, *y).coords()))
+}
+
+/// Polygons as shapes; those with fewer corners than an outline or line needs are left out.
+pub(super) fn shapes(polygons: Polygons, closed: bool) -> Vec<Shape> {
+    let point = |[x, y]: [f64; 2]| FlatPoint::new(x, y);
+    let with_corners = polygons.into_iter().filter(|contour| contour.len() > if closed { 2 } else { 1 });
+    let shape = |contour: Vec<[f64; 2]>| {
+        let following = contour.iter().skip(1).chain(contour.first().filter(|_| closed));
+        let line = |(from, to): (&[f64; 2], &[f64; 2])| Segment::Line { from: point(*from), to: point(*to) };
+        let segments = contour.iter().zip(following).map(line).collect();
+        if closed { Shape::Closed(segments) } else { Shape::Open(segments) }
+    };
+    with_corners.map(shape).collect()
+}
+
+/// Refuses polygons whose edges may cross too often: every crossing needs memory.
+fn check_crossings(polygons: &Polygons, budget: &mut Budget) -> Result<(), Exceeded> {
+    let mut edges: Vec<[f64; 4]> = Vec::new();
+    for contour in polygons {
+        for (a, b) in contour.iter().zip(contour.iter().cycle().skip(1)) {
+            edges.push([a[0].min(b[0]), a[0].max(b[0]), a[1].min(b[1]), a[1].max(b[1])]);
+        }
+    }
+    budget.work(edges.len().saturating_mul(STEPS_OF_CORNER))?;
+    edges.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut crossings = 0;
+    for (index, edge) in edges.iter().enumerate() {
+        let later = edges[index + 1..].iter().take_while(|later| later[0] <= edge[1]);
+        let (mut looked, mut crossed) = (0, 0);
+        for other in later {
+            looked += 1;
+            crossed += usize::from(other[2] <= edge[3] && edge[2] <= other[3]);
+        }
+        budget.work(looked)?;
+        crossings += crossed;
+        if crossings > MAX_CROSSINGS {
+            return Err(Exceeded);
+        }
+    }
+    Ok(())
+}
+
+/// The shapes as a path of lines and curves; arcs become curves within `tolerance`.
+pub(super) fn curves(shapes: &[Shape], tolerance: f64) -> BezPath {
+    let at = |point: FlatPoint| kurbo::Point::new(point.x, point.y);
+    let mut path = BezPath::new();
+    for shape in shapes {
+        let Some(first) = shape.segments().first() else {
+            if let Shape::Dot(point) = shape {
+                path.move_to(at(*point));
+                path.line_to(at(*point));
+            }
+            continue;
+        };
+        path.move_to(at(first.start()));
+        for segment in shape.segments() {
+            match segment {
+                Segment::Line { to, .. } => path.line_to(at(*to)),
+                Segment::Bezier { points: [_, b, c, d], .. } => path.curve_to(at(*b), at(*c), at(*d)),
+                Segment::Arc { center, u, v, start, sweep } => {
+                    // The axes of an arc are perpendicular before an element is transformed.
+                    let mirrored = if u.perp(v) < 0.0 { -1.0 } else { 1.0 };
+                    let arc = kurbo::Arc {
+                        center: at(*center),
+                        radii: kurbo::Vec2::new(u.norm(), mirrored * v.norm()),
+                        start_angle: *start,
+                        sweep_angle: *sweep,
+                        x_rotation: u.y.atan2(u.x),
+                    };
+                    path.extend(arc.append_iter(tolerance));
+                }
+            }
+        }
+        if shape.is_closed() {
+            path.close_path();
+        }
+    }
+    path
+}
+
+/// The pieces of dashed lines.
+pub(super) fn dashes(shapes: &[Shape], pattern: &[f64], offset: f64, tolerance: f64) -> Vec<Shape> {
+    let point = |point: kurbo::Point| FlatPoint::new(point.x, point.y);
+    let mut pieces: Vec<Vec<Segment>> = Vec::new();
+    let mut at = FlatPoint::new(0.0, 0.0);
+    for element in kurbo::dash(curves(shapes, tolerance).elements().iter().copied(), offset, pattern) {
+        let segment = match element {
+            PathEl::MoveTo(to) => {
+                at = point(to);
+                pieces.push(Vec::new());
+                continue;
+            }
+            PathEl::LineTo(to) => Segment::Line { from: at, to: point(to) },
+            PathEl::QuadTo(control, to) => {
+                let (control, to) = (point(control), point(to));
+                let third = |end: FlatPoint| ((end.coords() + control.coords() * 2.0) / 3.0).into();
+                Segment::Bezier { points: [at, third(at), third(to), to], weights: [1.0; 4] }
+            }
+            PathEl::CurveTo(b, c, to) => {
+                Segment::Bezier { points: [at, point(b), point(c), point(to)], weights: [1.0; 4] }
+            }
+            PathEl::ClosePath => continue,
+        };
+        at = segment.end();
+        if let Some(piece) = pieces.last_mut() {
+            piece.push(segment);
+        }
+    }
+    pieces.into_iter().filter(|piece| !piece.is_empty()).map(Shape::Open).collect()
+}
+
+/// The length of the shapes, in their units.
+pub(super) fn path_length(shapes: &[Shape], tolerance: f64) -> f64 {
+    curves(shapes, tolerance)
+        .segments()
+        .map(|segment| kurbo::ParamCurveArclen::arclen(&segment, tolerance))
+        .sum()
+}
+
+/// The area of strokes along the shapes, mm. The shapes and the width are in the units of an element, which `to_mm`
+/// maps to mm; `tolerance` is in the same units.
+pub(super) fn band(
+    shapes: &[Shape],
+    stroke: &kurbo::Stroke,
+    to_mm: &Affine,
+    tolerance: f64,
+    budget: &mut Budget,
+) -> Result<Polygons, Exceeded> {
+    let path = curves(shapes, tolerance / 4.0);
+    budget.work(path.elements().len().saturating_mul(64))?;
+    let outline = kurbo::stroke(
+        path.elements().iter().copied(),
+        stroke,
+        &kurbo::StrokeOpts::default(),
+        tolerance / 4.0,
+    );
+    let mut polygons: Polygons = Vec::new();
+    let place = |at: kurbo::Point| {
+        let at = to_mm.point(FlatPoint::new(at.x, at.y));
+        [at.x, at.y]
+    };
+    let mut count = 0;
+    kurbo::flatten(outline, tolerance / 2.0, |element| match element {
+        PathEl::MoveTo(to) => polygons.push(vec![place(to)]),
+        PathEl::LineTo(to) => {
+            count += 1;
+            if let Some(polygon) = polygons.last_mut() {
+                polygon.push(place(to));
+            }
+        }
+        _ => {}
+    });
+    budget.work(count * STEPS_OF_CORNER)?;
+    let is_finite = |polygon: &Vec<[f64; 2]>| polygon.iter().flatten().all(|value| value.is_finite());
+    polygons.retain(|polygon| polygon.len() > 2 && is_finite(polygon));
+    united(&polygons, FillRule::NonZero, budget)
+}

@@ -1,0 +1,97 @@
+//! SVG: the static drawings of SVG 1.1, and what drawing programs write of SVG 2.
+//!
+//! ```text
+//! bytes ─document─▶ XML ─style─▶ elements ─walk─▶ shapes ─area─▶ paths in mm ─repair─▶ pattern + facts
+//! ```
+//!
+//! Every element that draws something becomes paths or is listed as skipped. Arcs, circles and ellipses stay exact.
+
+mod document;
+mod outline;
+mod style;
+mod area;
+mod page;
+mod text;
+mod walk;
+mod findings;
+
+pub(super) use document::{is_complete, is_svg};
+
+use super::budget::Budget;
+use super::error::PatternReadError;
+use super::facts::PatternFacts;
+use super::findings as shared;
+use super::reading::{PatternOptions, PatternReading, size_notice};
+use crate::geometry::contour;
+use crate::geometry::pattern::{Color, Layer, Pattern};
+use document::Lines;
+use style::Sheets;
+use walk::Walk;
+
+/// Colour of all layers; every path has a colour of its own.
+const LAYER_COLOR: Color = Color::Aci(7);
+
+pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
+    let mut budget = Budget::new(options.pace);
+    let reading = read_within(&mut budget, bytes, options);
+    if budget.takes_long() { Err(PatternReadError::TakesLong) } else { reading }
+}
+
+fn read_within(
+    budget: &mut Budget,
+    bytes: &[u8],
+    options: &PatternOptions,
+) -> Result<PatternReading, PatternReadError> {
+    let text = document::decoded(bytes);
+    let document = document::parsed(bytes, &text)?;
+    let root = document.root_element();
+    let producer = page::producer(&document);
+    let page = page::page(root, producer.as_deref(), options);
+
+    let sheets = Sheets::of(&document);
+    let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel);
+    walk.root(root, page.to_mm, page.viewport)?;
+    let mut drawn = walk.drawn;
+    if drawn.paths.is_empty() {
+        return Err(findings::nothing_to_mark(&drawn.skipped));
+    }
+    let layers: Vec<Layer> =
+        drawn.layers.iter().map(|name| Layer { name: name.clone(), color: LAYER_COLOR }).collect();
+    let paths = std::mem::take(&mut drawn.paths);
+    let count = paths.len();
+    let repaired = match options.strict {
+        true => contour::examine(paths),
+        false => contour::repair(paths, options.joining_tolerance),
+    };
+    if repaired.paths.is_empty() {
+        return Err(shared::only_without_length(count));
+    }
+
+    let extents = shared::extents(&repaired.paths);
+    let version = root.attribute("version").map_or("SVG".into(), |version| format!("SVG {version}"));
+    let mut facts = PatternFacts {
+        producer,
+        version: version.chars().take(20).collect(),
+        unit: page.unit,
+        unit_why: page.why,
+        size: extents.size().into(),
+        extents: [extents.min.x, extents.min.y, extents.max.x, extents.max.y],
+        layers: findings::layers(&drawn, &repaired.paths),
+        entities: drawn.entities,
+        skipped: drawn.skipped,
+        repairs: match options.strict {
+            true => Vec::new(),
+            false => shared::repairs(&repaired, &layers, options.joining_tolerance),
+        },
+        notices: page.notices,
+        picture: None,
+    };
+    facts.notices.extend(size_notice(&facts));
+    shared::text_notices(drawn.remarks.texts.iter(), &mut facts);
+    findings::look_notices(&drawn.remarks, options.strokes, &mut facts);
+    shared::drawing_notices(&repaired, &mut facts);
+    if options.strict {
+        shared::unrepaired_notices(&repaired, &mut facts);
+    }
+    Ok(PatternReading { pattern: Pattern { layers, paths: repaired.paths }, facts })
+}

@@ -1,0 +1,236 @@
+//! The page: its size in mm, and the map from user units to mm.
+
+use std::str::FromStr;
+
+use nalgebra::{Matrix2, Vector2};
+use roxmltree::{Document, Node, NodeType};
+use svgtypes::{Align, AspectRatio, Length, LengthUnit, ViewBox};
+
+use super::super::PatternOptions;
+use super::super::units::DrawingUnit;
+use super::style::user_units;
+use crate::geometry::pattern::Affine;
+use crate::reason::Notice;
+
+/// Size of a page without `width`, `height` and `viewBox`, pixels: the default of CSS for replaced elements.
+const DEFAULT_SIZE: [f64; 2] = [300.0, 150.0];
+/// A larger relative difference between the scales along x and y leads to a notice.
+const STRETCH: f64 = 0.001;
+
+pub(super) struct Page {
+    /// From user units to mm, with y up and the origin at the page's lower left corner.
+    pub(super) to_mm: Affine,
+    /// Width and height of the page in user units, for percentages.
+    pub(super) viewport: Vector2<f64>,
+    /// Size of a CSS pixel on the page, mm.
+    pub(super) pixel: f64,
+    pub(super) unit: DrawingUnit,
+    pub(super) why: String,
+    pub(super) notices: Vec<Notice>,
+}
+
+/// How many mm a length is, and whether it depends on the size of a pixel.
+fn in_mm(length: Length, pixel: f64) -> Option<(f64, bool)> {
+    let absolute = user_units(length, 16.0, 0.0) * DrawingUnit::Pixel96.in_mm();
+    let found = match length.unit {
+        LengthUnit::Percent => return None,
+        LengthUnit::None => (length.number * pixel, true),
+        LengthUnit::Px | LengthUnit::Em | LengthUnit::Ex => (absolute, true),
+        _ => (absolute, false),
+    };
+    (found.0.is_finite() && found.0 > 0.0).then_some(found)
+}
+
+/// The `viewBox` of an element, if it has a valid one.
+pub(super) fn view_box(node: Node<'_, '_>) -> Option<ViewBox> {
+    let view = ViewBox::from_str(node.attribute("viewBox")?).ok()?;
+    let is_valid = [view.x, view.y, view.w, view.h].iter().all(|value| value.is_finite());
+    (is_valid && view.w > 0.0 && view.h > 0.0).then_some(view)
+}
+
+/// The map from a `viewBox` to a rectangle of this size at the origin, with the element's `preserveAspectRatio`.
+pub(super) fn fitted(node: Node<'_, '_>, view: ViewBox, size: Vector2<f64>) -> Affine {
+    let aspect = node
+        .attribute("preserveAspectRatio")
+        .and_then(|value| AspectRatio::from_str(value).ok())
+        .unwrap_or(AspectRatio { defer: false, align: Align::XMidYMid, slice: false });
+    let mut scale = Vector2::new(size.x / view.w, size.y / view.h);
+    if aspect.align != Align::None {
+        let both = if aspect.slice { scale.x.max(scale.y) } else { scale.x.min(scale.y) };
+        scale = Vector2::new(both, both);
+    }
+    let [x, y] = match aspect.align {
+        Align::None | Align::XMinYMin => [0.0, 0.0],
+        Align::XMidYMin => [0.5, 0.0],
+        Align::XMaxYMin => [1.0, 0.0],
+        Align::XMinYMid => [0.0, 0.5],
+        Align::XMidYMid => [0.5, 0.5],
+        Align::XMaxYMid => [1.0, 0.5],
+        Align::XMinYMax => [0.0, 1.0],
+        Align::XMidYMax => [0.5, 1.0],
+        Align::XMaxYMax => [1.0, 1.0],
+    };
+    let left = Vector2::new(size.x - view.w * scale.x, size.y - view.h * scale.y);
+    let offset = Vector2::new(left.x * x - view.x * scale.x, left.y * y - view.y * scale.y);
+    Affine { linear: Matrix2::from_diagonal(&scale), offset }
+}
+
+/// The page of a drawing by a producer.
+pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &PatternOptions) -> Page {
+    let view = view_box(root);
+    let attribute = |name| root.attribute(name).and_then(|value: &str| Length::from_str(value.trim()).ok());
+    let (width, height) = (attribute("width"), attribute("height"));
+    let mut notices = Vec::new();
+
+    let unitless = options.unit.or(options.unit_if_unitless);
+    let pixel = unitless.map_or(DrawingUnit::Pixel96.in_mm(), DrawingUnit::in_mm);
+    let (mut given_width, mut given_height) =
+        (width.and_then(|length| in_mm(length, pixel)), height.and_then(|length| in_mm(length, pixel)));
+    if options.unit.is_some() && view.is_some() {
+        (given_width, given_height) = (None, None);
+    }
+    let in_pixels =
+        [given_width, given_height].iter().flatten().next().is_none_or(|(_, of_pixels)| *of_pixels);
+    let own = match (given_width, given_height, view) {
+        (Some((width, _)), Some((height, _)), _) => Vector2::new(width, height),
+        (Some((width, _)), None, Some(view)) => Vector2::new(width, width * view.h / view.w),
+        (None, Some((height, _)), Some(view)) => Vector2::new(height * view.w / view.h, height),
+        (None, None, Some(view)) => Vector2::new(view.w, view.h) * pixel,
+        (width, height, None) => Vector2::new(
+            width.map_or(DEFAULT_SIZE[0] * pixel, |(width, _)| width),
+            height.map_or(DEFAULT_SIZE[1] * pixel, |(height, _)| height),
+        ),
+    };
+    // Units along x and y of the page before the settings stretch it.
+    let user = view.map_or_else(
+        || Affine {
+            linear: Matrix2::identity() * pixel_of(&[width, height], pixel),
+            offset: Vector2::zeros(),
+        },
+        |view| fitted(root, view, own),
+    );
+    let settings = &options.picture;
+    let size = match (settings.width, settings.height) {
+        (Some(width), Some(height)) => Vector2::new(width, height),
+        (Some(width), None) => own * (width / own.x),
+        (None, Some(height)) => own * (height / own.y),
+        (None, None) => own,
+    };
+    let scale = size.component_div(&own);
+    let is_scaled = settings.width.is_some() || settings.height.is_some();
+    if (scale.x / scale.y - 1.0).abs() > STRETCH {
+        let message = format!(
+            "the given size stretches the page of {:.3} x {:.3} mm: heights by {:.3} relative to widths; give only the \
+             width or only the height to keep its shape",
+            own.x,
+            own.y,
+            scale.y / scale.x
+        );
+        notices.push(Notice::warning("picture-stretched", message));
+    }
+
+    let sign = |length: Option<Length>| match length.map(|length| length.unit) {
+        Some(LengthUnit::Mm) => DrawingUnit::Millimetre,
+        Some(LengthUnit::Cm) => DrawingUnit::Centimetre,
+        Some(LengthUnit::In) => DrawingUnit::Inch,
+        Some(LengthUnit::Pt | LengthUnit::Pc) => DrawingUnit::Point72,
+        Some(LengthUnit::None) | None => unitless.unwrap_or(DrawingUnit::Pixel96),
+        _ => DrawingUnit::Pixel96,
+    };
+    let named = if given_width.is_some() { width } else { height.filter(|_| given_height.is_some()) };
+    let unit = if is_scaled { DrawingUnit::Millimetre } else { sign(named) };
+    let page = format!("the page is {:.3} x {:.3} mm", size.x, size.y);
+    let why = match (is_scaled, in_pixels, unitless, named) {
+        (true, ..) => format!("{page} because the settings give its size"),
+        (false, false, ..) => format!("{page} by its width and height"),
+        (false, true, Some(unit), None | Some(Length { unit: LengthUnit::None, .. })) => {
+            format!("{page}: the file states no unit, and the settings set {unit}")
+        }
+        (false, true, _, Some(_)) => format!("{page}: its width and height are in pixels of 1/96 inch"),
+        (false, true, _, None) => {
+            format!("{page}: the file states no size, so its units are pixels of 1/96 inch")
+        }
+    };
+    let other = producer.filter(|_| in_pixels && !is_scaled && unitless.is_none()).and_then(other_resolution);
+    if let (Some(dpi), Some(producer)) = (other, producer) {
+        let [width, height] = [size.x, size.y].map(|side| side * 96.0 / dpi);
+        let message = format!(
+            "the size of the page is in pixels. {producer} has {dpi:.0} pixels per inch, other programs 96: the page is \
+             {:.3} x {:.3} mm here, and {width:.3} x {height:.3} mm in {producer}; if that is the size, give `--width \
+             {width:.3}` (`width_mm` under [pattern]), or export with the width and height in mm",
+            size.x, size.y
+        );
+        notices.push(Notice::warning("svg-pixels", message));
+    }
+
+    let linear = Matrix2::from_diagonal(&Vector2::new(scale.x, -scale.y));
+    let to_page = Affine { linear, offset: Vector2::new(0.0, size.y) };
+    let viewport =
+        view.map_or_else(|| own / pixel_of(&[width, height], pixel), |view| Vector2::new(view.w, view.h));
+    Page {
+        to_mm: to_page.after(&user),
+        viewport,
+        pixel: DrawingUnit::Pixel96.in_mm() * (scale.x * scale.y).sqrt(),
+        unit,
+        why,
+        notices,
+    }
+}
+
+/// The size of a user unit of a page without `viewBox`, mm: a pixel, or the unit that the settings give to numbers without
+/// one.
+fn pixel_of(sides: &[Option<Length>; 2], pixel: f64) -> f64 {
+    let has_unit =
+        sides.iter().flatten().any(|side| side.unit != LengthUnit::None && side.unit != LengthUnit::Percent);
+    if has_unit { DrawingUnit::Pixel96.in_mm() } else { pixel }
+}
+
+/// The pixels per inch of programs that do not use 96.
+fn other_resolution(producer: &str) -> Option<f64> {
+    let lower = producer.to_lowercase();
+    if lower.contains("illustrator") {
+        return Some(72.0);
+    }
+    let version = lower.strip_prefix("inkscape ")?;
+    let mut numbers = version.split(['.', ' ', '+', '-']).map(|number| {
+        let digits = number.trim_end_matches(|letter: char| !letter.is_ascii_digit());
+        digits.parse::<u32>().ok()
+    });
+    let (major, minor) = (numbers.next()??, numbers.next()??);
+    (major == 0 && minor < 92).then_some(90.0)
+}
+
+/// The program that wrote the file, by its attributes or its first comment.
+pub(super) fn producer(document: &Document<'_>) -> Option<String> {
+    let root = document.root_element();
+    let of = |name: &str| {
+        root.attributes().find(|attribute| {
+            attribute.name() == name && attribute.namespace().is_some_and(|space| space.contains("inkscape"))
+        })
+    };
+    if let Some(version) = of("version") {
+        let number = version.value().split(" (").next().unwrap_or_default();
+        return Some(format!("Inkscape {number}"));
+    }
+    let mut comments = document
+        .root()
+        .children()
+        .chain(root.children().take(4))
+        .filter(|node| node.node_type() == NodeType::Comment)
+        .filter_map(|comment| comment.text());
+    if let Some(comment) = comments.find(|text| {
+        let lower = text.to_lowercase();
+        ["generator", "creator", "created with", "generated by"].iter().any(|word| lower.contains(word))
+    }) {
+        let text = comment.trim();
+        let named = ["Generator:", "Creator:", "Created with", "Generated by"]
+            .iter()
+            .find_map(|word| text.strip_prefix(word))
+            .unwrap_or(text);
+        return Some(
+            named.trim().split(", SVG Export").next().unwrap_or_default().chars().take(100).collect(),
+        );
+    }
+    let is_serif = document.root_element().namespaces().any(|space| space.uri().contains("serif.com"));
+    is_serif.then(|| "Affinity (recognised by its namespace)".into())
+}

@@ -1,0 +1,250 @@
+//! Texts as the outlines of their letters (SVG 1.1, chapter 10).
+
+use std::borrow::Cow;
+use std::rc::Rc;
+
+use nalgebra::{Matrix2, Vector2};
+use roxmltree::Node;
+use svgtypes::LengthListParser;
+
+use super::super::error::PatternReadError;
+use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
+use super::style::{Anchor, Baseline, Style, is_svg, user_units};
+use super::walk::{Context, Missing, Walk};
+use crate::geometry::pattern::{Affine, Segment, Shape};
+
+/// Largest number of letters of a text.
+const LONGEST: usize = 50_000;
+/// Deepest nesting of spans.
+const MAX_DEPTH: usize = 32;
+const FACE: Typeface = Typeface::Outline;
+
+/// A letter with its properties, before it is placed.
+struct Letter<'a, 'd> {
+    node: Node<'a, 'd>,
+    style: Rc<Style>,
+    char: char,
+    /// A new position: the text is aligned separately from here on.
+    at: [Option<f64>; 2],
+    shift: [f64; 2],
+}
+
+/// Lists of positions of an element, one for each of its letters.
+struct Positions {
+    at: [Vec<f64>; 2],
+    shift: [Vec<f64>; 2],
+    next: usize,
+}
+
+struct Reader<'w, 'a, 'd> {
+    walk: &'w mut Walk<'a, 'd>,
+    letters: Vec<Letter<'a, 'd>>,
+    positions: Vec<Positions>,
+    /// Why the text cannot be drawn.
+    unread: Option<Cow<'static, str>>,
+    /// Whether a blank would follow another one.
+    after_blank: bool,
+}
+
+/// Draws a text.
+pub(super) fn draw<'a, 'd>(
+    walk: &mut Walk<'a, 'd>,
+    node: Node<'a, 'd>,
+    context: &Context,
+) -> Result<(), PatternReadError> {
+    walk.count(node, context);
+    let mut reader =
+        Reader { walk, letters: Vec::new(), positions: Vec::new(), unread: None, after_blank: true };
+    reader.element(node, &Rc::new(context.style.clone()), context, 0)?;
+    let Reader { mut letters, unread, .. } = reader;
+    // A blank at the end is not shown, but would move a text that is aligned at its end.
+    while letters.last().is_some_and(|letter| letter.char == ' ' && !letter.style.keeps_blanks) {
+        letters.pop();
+    }
+    let missing = || missing_letters(FACE, letters.iter().map(|letter| letter.char)).map(Cow::Owned);
+    if let Some(why) = unread.or_else(missing) {
+        let missing = if context.style.visible { Missing::Ink } else { Missing::Hidden };
+        walk.skip(node, &context.layer(), why, missing);
+        return Ok(());
+    }
+    if letters.iter().all(|letter| draws_nothing(letter.char)) {
+        walk.skip(node, &context.layer(), "it is blank".into(), Missing::Nothing);
+        return Ok(());
+    }
+    let mut uses = FontUses::new();
+    let mut pen = [0.0; 2];
+    let mut rest = letters.as_slice();
+    while let Some(first) = rest.first() {
+        let end = rest.iter().skip(1).position(|letter| letter.at.iter().any(Option::is_some));
+        let (chunk, later) = rest.split_at(end.map_or(rest.len(), |end| end + 1));
+        rest = later;
+        let is_last = |index: usize| index + 1 == chunk.len();
+        let widths: f64 = chunk
+            .iter()
+            .enumerate()
+            .map(|(index, letter)| advance(letter, is_last(index)) + letter.shift[0])
+            .sum();
+        for axis in 0..2 {
+            pen[axis] = first.at[axis].unwrap_or(pen[axis]);
+        }
+        pen[0] -= match first.style.anchor {
+            Anchor::Start => 0.0,
+            Anchor::Middle => widths / 2.0,
+            Anchor::End => widths,
+        };
+        for letter in chunk {
+            let glyph = FACE.glyph(letter.char);
+            for axis in 0..2 {
+                pen[axis] += letter.shift[axis];
+            }
+            if let Some(glyph) = glyph.filter(|glyph| !glyph.shapes.is_empty()) {
+                let scale = letter.style.font_size / FACE.em();
+                let place = Affine {
+                    linear: Matrix2::new(scale, 0.0, 0.0, -scale),
+                    offset: Vector2::new(pen[0], pen[1] + lift(&letter.style) * scale),
+                };
+                let shapes = glyph.shapes.iter().map(|shape| {
+                    let segments: Vec<Segment> =
+                        shape.segments().iter().map(|segment| segment.transformed(&place)).collect();
+                    Shape::Closed(segments)
+                });
+                note_font(&letter.style, &mut uses);
+                walk.draw(letter.node, shapes.collect(), &letter.style, context, true)?;
+            }
+            pen[0] += advance(letter, false);
+        }
+    }
+    walk.drawn.remarks.texts.push(uses);
+    Ok(())
+}
+
+/// How far the baseline is below the text's position, for capitals 1 high.
+fn lift(style: &Style) -> f64 {
+    match style.baseline {
+        Baseline::Alphabetic => 0.0,
+        // Half the height of an `x` of DejaVu Sans, and the middle between its ascender and its descender.
+        Baseline::Middle => 1120.0 / 1493.0 / 2.0,
+        Baseline::Central => 0.5,
+        Baseline::Hanging => 1.0,
+    }
+}
+
+fn advance(letter: &Letter<'_, '_>, is_last: bool) -> f64 {
+    let glyph = FACE.glyph(letter.char).or_else(|| FACE.glyph(' ').filter(|_| letter.char.is_whitespace()));
+    let own = glyph.map_or(0.0, |glyph| glyph.advance * letter.style.font_size / FACE.em());
+    own + if is_last { 0.0 } else { letter.style.letter_spacing }
+}
+
+fn note_font(style: &Style, uses: &mut FontUses) {
+    let first = style.font_family.split(',').next().unwrap_or_default();
+    let family = first.trim().trim_matches(['"', '\'']).trim();
+    let mut asked: String = family.chars().take(100).collect();
+    for (is_set, word) in [(style.is_bold, " bold"), (style.is_italic, " italic")] {
+        if is_set {
+            asked += word;
+        }
+    }
+    let (face, is_exact) = substitute(&asked, true);
+    debug_assert_eq!(face, FACE);
+    if !is_exact {
+        uses.insert((asked.into(), FACE));
+    }
+}
+
+impl<'a, 'd> Reader<'_, 'a, 'd> {
+    fn element(
+        &mut self,
+        node: Node<'a, 'd>,
+        style: &Rc<Style>,
+        context: &Context,
+        depth: usize,
+    ) -> Result<(), PatternReadError> {
+        if depth > MAX_DEPTH {
+            self.unread = Some("its spans are nested too deeply: convert it to paths".into());
+            return Ok(());
+        }
+        if style.is_vertical {
+            self.unread =
+                Some("it is written vertically: convert it to paths (Path > Object to Path)".into());
+        }
+        if let Some(turned) = node.attribute("rotate")
+            && turned.split([',', ' ']).any(|angle| angle.parse::<f64>().is_ok_and(|angle| angle != 0.0))
+        {
+            self.unread = Some("its letters are rotated one by one: convert it to paths".into());
+        }
+        if node.attribute("textLength").is_some() {
+            self.unread = Some("it is stretched to a length (textLength): convert it to paths".into());
+        }
+        let viewport = context.viewport();
+        let list = |name: &str, whole: f64| -> Vec<f64> {
+            let text = node.attribute(name).unwrap_or_default();
+            let lengths = LengthListParser::from(text).map_while(Result::ok);
+            lengths.take(LONGEST).map(|length| user_units(length, style.font_size, whole)).collect()
+        };
+        self.positions.push(Positions {
+            at: [list("x", viewport.x), list("y", viewport.y)],
+            shift: [list("dx", viewport.x), list("dy", viewport.y)],
+            next: 0,
+        });
+        for child in node.children() {
+            if child.is_text() {
+                self.text(child.text().unwrap_or_default(), node, style);
+            } else if is_svg(child) {
+                let own = self.walk.child_style(child, &context.with_style(style))?;
+                match child.tag_name().name() {
+                    "tspan" | "a" if own.displayed => {
+                        self.element(child, &Rc::new(own), context, depth + 1)?
+                    }
+                    "textPath" | "tref" | "altGlyph" if own.displayed => {
+                        self.unread =
+                            Some("it follows a path or refers to another text: convert it to paths".into());
+                    }
+                    _ => {}
+                }
+            }
+        }
+        self.positions.pop();
+        Ok(())
+    }
+
+    fn text(&mut self, text: &str, node: Node<'a, 'd>, style: &Rc<Style>) {
+        for char in text.chars() {
+            let char = match char {
+                '\n' | '\r' if !style.keeps_blanks => {
+                    // Line breaks are blanks between words; at the beginning they are dropped below.
+                    ' '
+                }
+                '\n' | '\r' | '\t' => ' ',
+                other => other,
+            };
+            if char == ' ' && self.after_blank && !style.keeps_blanks {
+                continue;
+            }
+            self.after_blank = char == ' ';
+            if self.letters.len() == LONGEST {
+                self.unread = Some("it has more than 50000 letters: split it, or convert it to paths".into());
+                return;
+            }
+            let mut letter = Letter { node, style: style.clone(), char, at: [None; 2], shift: [0.0; 2] };
+            for axis in 0..2 {
+                let of = |lists: fn(&Positions) -> &[Vec<f64>; 2]| {
+                    let innermost = self.positions.iter().rev();
+                    innermost
+                        .filter_map(|positions| lists(positions)[axis].get(positions.next))
+                        .next()
+                        .copied()
+                };
+                letter.at[axis] = of(|positions| &positions.at);
+                letter.shift[axis] = of(|positions| &positions.shift).unwrap_or(0.0);
+            }
+            self.positions.iter_mut().for_each(|positions| positions.next += 1);
+            if letter.at.iter().any(Option::is_some)
+                && self.letters.last().is_some_and(|last| last.char == ' ')
+            {
+                // A blank before a new line would only move a line that is aligned at its end.
+                self.letters.pop();
+            }
+            self.letters.push(letter);
+        }
+    }
+}

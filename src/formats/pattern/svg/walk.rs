@@ -1,0 +1,1116 @@
+//! The elements of a drawing as paths in mm: groups, copies, shapes, strokes and clip paths.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+use std::str::FromStr;
+
+use i_overlay::core::fill_rule::FillRule;
+use nalgebra::{Matrix2, Vector2};
+use roxmltree::{Node, NodeId};
+use svgtypes::Length;
+
+use super::super::budget::{Budget, Cost, Exceeded};
+use super::super::colour::nearest_index;
+use super::super::error::{EntityName, PatternReadError};
+use super::super::facts::Skipped;
+use super::super::font::FontUses;
+use super::super::reading::Strokes;
+use super::area::{self, Polygons, TOLERANCE};
+use super::document::Lines;
+use super::outline;
+use super::page::{fitted, view_box};
+use super::style::{Paint, Sheets, Style, is_svg, user_units};
+use crate::geometry::pattern::{Affine, Color, Path, Segment, Shape, Source};
+use crate::geometry::space::{Extents, FlatPoint};
+
+/// Layer of everything outside Inkscape's layers.
+const NO_LAYER: &str = "0";
+/// Deepest nesting of elements, copies included.
+const MAX_DEPTH: usize = 96;
+/// Largest coordinate, mm: ten kilometres.
+const MAX_COORDINATE: f64 = 1e7;
+/// Largest number of dashes of one element.
+const MAX_DASHES: f64 = 100_000.0;
+/// Channels of a colour from this value on are white.
+const WHITE: u8 = 0xf8;
+/// A clip path that cuts off less than this, mm, has no effect.
+const CLIP_TOLERANCE: f64 = 1e-3;
+
+/// Elements that draw nothing themselves.
+const DEFINITIONS: &[&str] = &[
+    "defs",
+    "symbol",
+    "clipPath",
+    "mask",
+    "marker",
+    "linearGradient",
+    "radialGradient",
+    "pattern",
+    "filter",
+    "style",
+    "script",
+    "title",
+    "desc",
+    "metadata",
+    "solidColor",
+    "animate",
+    "animateColor",
+    "animateMotion",
+    "animateTransform",
+    "set",
+    "view",
+    "cursor",
+    "font",
+    "font-face",
+    "color-profile",
+    "hatch",
+    "meshgradient",
+    "meshGradient",
+    "stop",
+];
+
+/// What an element passes on to its children.
+#[derive(Clone)]
+pub(super) struct Context {
+    /// From the units of the element to mm.
+    pub(super) map: Affine,
+    pub(super) style: Style,
+    /// Width and height that percentages refer to, in the units of the element.
+    viewport: Vector2<f64>,
+    layer: Rc<str>,
+    opacity: f64,
+    /// The areas that everything is cut to.
+    clips: Rc<[Rc<Polygons>]>,
+}
+
+impl Context {
+    pub(super) fn layer(&self) -> Rc<str> {
+        self.layer.clone()
+    }
+
+    pub(super) fn viewport(&self) -> Vector2<f64> {
+        self.viewport
+    }
+
+    /// The same with another style.
+    pub(super) fn with_style(&self, style: &Style) -> Self {
+        Self { style: style.clone(), ..self.clone() }
+    }
+}
+
+/// What was noticed, for notices. A count comes with the first element.
+#[derive(Default)]
+pub(super) struct Remarks {
+    pub(super) strokes: usize,
+    /// The widest stroke, mm.
+    pub(super) widest: Option<(f64, EntityName)>,
+    pub(super) undashed: Option<(usize, EntityName)>,
+    pub(super) white: Option<(usize, EntityName)>,
+    pub(super) servers: Option<(usize, EntityName)>,
+    pub(super) transparent: Option<(usize, EntityName)>,
+    pub(super) cut: Option<(usize, EntityName)>,
+    pub(super) texts: Vec<FontUses>,
+}
+
+fn count(place: &mut Option<(usize, EntityName)>, name: impl FnOnce() -> EntityName) {
+    match place {
+        Some((count, _)) => *count += 1,
+        None => *place = Some((1, name())),
+    }
+}
+
+/// What is lost if an element is skipped.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Missing {
+    Nothing,
+    Hidden,
+    Ink,
+}
+
+/// The drawing so far.
+#[derive(Default)]
+pub(super) struct Drawn {
+    pub(super) layers: Vec<String>,
+    pub(super) hidden_layers: BTreeSet<String>,
+    pub(super) paths: Vec<Path>,
+    pub(super) skipped: Vec<Skipped>,
+    pub(super) entities: BTreeMap<String, BTreeMap<String, usize>>,
+    pub(super) remarks: Remarks,
+    regions: u32,
+}
+
+pub(super) struct Walk<'a, 'd> {
+    pub(super) sheets: Sheets<'a>,
+    pub(super) lines: Lines,
+    pub(super) ids: BTreeMap<&'a str, Node<'a, 'd>>,
+    pub(super) budget: &'a mut Budget,
+    pub(super) strokes: Strokes,
+    /// Size of a pixel on the page, mm.
+    pub(super) pixel: f64,
+    pub(super) drawn: Drawn,
+    open: Vec<NodeId>,
+    depth: usize,
+    listed: BTreeSet<(u32, String)>,
+    layer_numbers: BTreeMap<Rc<str>, usize>,
+    /// Whether elements that are not drawn contain something that could be.
+    with_ink: BTreeMap<u32, bool>,
+}
+
+impl<'a, 'd> Walk<'a, 'd> {
+    pub(super) fn new(
+        root: Node<'a, 'd>,
+        sheets: Sheets<'a>,
+        lines: Lines,
+        budget: &'a mut Budget,
+        strokes: Strokes,
+        pixel: f64,
+    ) -> Self {
+        let mut ids = BTreeMap::new();
+        for node in root.descendants().filter(|node| node.is_element()) {
+            if let Some(id) = node.attribute("id") {
+                ids.entry(id).or_insert(node);
+            }
+        }
+        Self {
+            sheets,
+            lines,
+            ids,
+            budget,
+            strokes,
+            pixel,
+            drawn: Drawn::default(),
+            open: Vec::new(),
+            depth: 0,
+            listed: BTreeSet::new(),
+            layer_numbers: BTreeMap::new(),
+            with_ink: BTreeMap::new(),
+        }
+    }
+
+    /// Draws the whole document; `map` is that from the units of the root's content to mm.
+    pub(super) fn root(
+        &mut self,
+        root: Node<'a, 'd>,
+        map: Affine,
+        viewport: Vector2<f64>,
+    ) -> Result<(), PatternReadError> {
+        let outer = Context {
+            map,
+            style: Style::default(),
+            viewport,
+            layer: NO_LAYER.into(),
+            opacity: 1.0,
+            clips: Rc::new([]),
+        };
+        let style = self.style(root, &outer)?;
+        if !style.displayed {
+            self.skip(root, NO_LAYER, "it is hidden (display: none)".into(), Missing::Hidden);
+            return Ok(());
+        }
+        let context = Context { opacity: style.opacity, style, ..outer };
+        self.children(root, &context)
+    }
+
+    fn style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
+        self.sheets.style(node, &outer.style, outer.viewport).map_err(|_| PatternReadError::TooMany {
+            what: "comparisons with the selectors of its style sheets",
+            limit: 20_000_000,
+            entity: Some(self.lines.name(node, &outer.layer)),
+        })
+    }
+
+    pub(super) fn child_style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
+        self.style(node, outer)
+    }
+
+    fn children(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
+        for child in node.children().filter(|child| is_svg(*child)) {
+            self.element(child, context)?;
+        }
+        Ok(())
+    }
+
+    fn element(&mut self, node: Node<'a, 'd>, outer: &Context) -> Result<(), PatternReadError> {
+        if DEFINITIONS.contains(&node.tag_name().name()) {
+            return Ok(());
+        }
+        self.spend(Cost::Unfolded, 1, node, outer)?;
+        self.budget.begin_entity();
+        if self.depth == MAX_DEPTH {
+            return Err(PatternReadError::TooMany {
+                what: "levels of nested elements",
+                limit: MAX_DEPTH,
+                entity: Some(self.lines.name(node, &outer.layer)),
+            });
+        }
+        self.depth += 1;
+        let done = self.inside(node, outer);
+        self.depth -= 1;
+        done
+    }
+
+    fn inside(&mut self, node: Node<'a, 'd>, outer: &Context) -> Result<(), PatternReadError> {
+        let style = self.style(node, outer)?;
+        let layer = match inkscape(node, "groupmode") {
+            Some("layer") => {
+                let name = inkscape(node, "label").or(node.attribute("id")).unwrap_or("layer").trim();
+                Rc::from(if name.is_empty() { "layer" } else { name })
+            }
+            _ => outer.layer.clone(),
+        };
+        if !style.displayed {
+            if layer != outer.layer {
+                self.drawn.hidden_layers.insert(layer.to_string());
+            }
+            if self.has_ink(node) {
+                self.skip(node, &layer, "it is hidden (display: none)".into(), Missing::Hidden);
+            }
+            return Ok(());
+        }
+        let opacity = outer.opacity * style.opacity;
+        if opacity == 0.0 {
+            self.skip(node, &layer, "it is fully transparent".into(), Missing::Nothing);
+            return Ok(());
+        }
+        let transform = match style.transform.as_deref().map(|text| transform(text)) {
+            None => None,
+            Some(Some(transform)) => Some(transform),
+            Some(None) => {
+                let why = "its transform cannot be read: export the drawing again";
+                self.skip(node, &layer, why.into(), Missing::Ink);
+                return Ok(());
+            }
+        };
+        let map = transform.map_or(outer.map, |own| outer.map.after(&own));
+        if map.linear.determinant() == 0.0 {
+            self.skip(node, &layer, "it is scaled to nothing".into(), Missing::Nothing);
+            return Ok(());
+        }
+        let mut context =
+            Context { map, opacity, layer, viewport: outer.viewport, clips: outer.clips.clone(), style };
+        if let Some(why) = self.hides(&context.style) {
+            if self.has_ink(node) {
+                self.skip(node, &context.layer, why.into(), Missing::Ink);
+            }
+            return Ok(());
+        }
+        if let Some(id) = context.style.clip.clone()
+            && let Some(clip) =
+                self.ids.get(&*id).copied().filter(|node| node.tag_name().name() == "clipPath")
+        {
+            match self.clip(clip, &context)? {
+                Ok(clip) if clip.is_empty() => {
+                    self.skip(node, &context.layer, "its clip path is empty".into(), Missing::Nothing);
+                    return Ok(());
+                }
+                Ok(clip) => context.clips = context.clips.iter().cloned().chain([Rc::new(clip)]).collect(),
+                Err(why) => {
+                    self.skip(node, &context.layer, why, Missing::Ink);
+                    return Ok(());
+                }
+            }
+        }
+        let tag = node.tag_name().name();
+        match tag {
+            "g" | "a" => self.children(node, &context),
+            "svg" => {
+                let [x, y, width, height] = self.box_of(node, &context, None);
+                let inner = placed(node, &context, [x, y], Vector2::new(width, height));
+                self.children(node, &inner)
+            }
+            "switch" => match node.children().find(|child| is_svg(*child) && is_eligible(*child)) {
+                Some(child) => self.element(child, &context),
+                None => Ok(()),
+            },
+            "use" => self.copy(node, &context),
+            "text" => super::text::draw(self, node, &context),
+            "image" => {
+                self.lost(node, &context, "it is a picture: trace it, or mark it in a job of its own as PNG")
+            }
+            "foreignObject" | "iframe" | "video" | "audio" | "canvas" => self.lost(
+                node,
+                &context,
+                "it is not drawn with SVG: convert it to paths in the drawing program",
+            ),
+            "flowRoot" | "textPath" | "tref" | "altGlyph" => self.lost(
+                node,
+                &context,
+                "text of this kind is not read: convert it to paths (Path > Object to Path)",
+            ),
+            "path" | "rect" | "circle" | "ellipse" | "line" | "polyline" | "polygon" => {
+                self.count(node, &context);
+                let (shapes, read) = self.shapes(node, &context);
+                if let Err(why) = read {
+                    self.skip(node, &context.layer, why.into(), Missing::Ink);
+                    return Ok(());
+                }
+                if context.style.has_markers && matches!(tag, "path" | "line" | "polyline" | "polygon") {
+                    let why = "its markers (arrowheads) are not read: convert them (Path > Stroke to Path)";
+                    self.skip(node, &context.layer, why.into(), Missing::Ink);
+                }
+                self.draw(
+                    node,
+                    shapes,
+                    &context.style,
+                    &context,
+                    matches!(tag, "rect" | "circle" | "ellipse"),
+                )
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether an element contains something that can be drawn.
+    fn has_ink(&mut self, node: Node<'a, 'd>) -> bool {
+        *self.with_ink.entry(node.id().get()).or_insert_with(|| has_ink(node))
+    }
+
+    /// The reason why an element with this style cannot be read.
+    fn hides(&self, style: &Style) -> Option<&'static str> {
+        let has_mask = style.mask.as_ref().is_some_and(|id| self.ids.contains_key(&**id));
+        match (has_mask, style.filter) {
+            (true, _) => Some("it has a mask: cut it to its visible part in the drawing program"),
+            (_, true) => Some("it has a filter effect: remove the filter, or convert the result to paths"),
+            _ => None,
+        }
+    }
+
+    fn lost(
+        &mut self,
+        node: Node<'a, 'd>,
+        context: &Context,
+        why: &'static str,
+    ) -> Result<(), PatternReadError> {
+        self.count(node, context);
+        let missing = if context.style.visible { Missing::Ink } else { Missing::Hidden };
+        self.skip(node, &context.layer, why.into(), missing);
+        Ok(())
+    }
+
+    /// A copy of another element.
+    fn copy(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
+        let link = node
+            .attributes()
+            .find(|attribute| attribute.name() == "href")
+            .map_or("", |link| link.value().trim());
+        let Some(id) = link.strip_prefix('#') else {
+            return self.lost(
+                node,
+                context,
+                "it refers to another file: import that file in the drawing program",
+            );
+        };
+        let Some(target) = self.ids.get(id).copied() else {
+            return self.lost(node, context, "the element that it copies is not in the file");
+        };
+        if self.open.contains(&target.id()) || node.ancestors().any(|outer| outer == target) {
+            self.skip(
+                node,
+                &context.layer,
+                "it is a copy of an element that contains it".into(),
+                Missing::Hidden,
+            );
+            return Ok(());
+        }
+        let [x, y] = [("x", context.viewport.x), ("y", context.viewport.y)]
+            .map(|(name, whole)| self.length(node, name, whole, context).unwrap_or(0.0));
+        let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
+        let context = Context { map: context.map.after(&shift), ..context.clone() };
+        self.open.push(target.id());
+        let done = match target.tag_name().name() {
+            "symbol" | "svg" => self.instance(node, target, &context),
+            _ => self.element(target, &context),
+        };
+        self.open.pop();
+        done
+    }
+
+    /// A copy of a symbol or of a nested drawing.
+    fn instance(
+        &mut self,
+        node: Node<'a, 'd>,
+        target: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<(), PatternReadError> {
+        if self.depth >= MAX_DEPTH {
+            return self.element(target, context);
+        }
+        let style = self.style(target, context)?;
+        if !style.displayed {
+            return Ok(());
+        }
+        let opacity = context.opacity * style.opacity;
+        let inner = Context { style, opacity, ..context.clone() };
+        let [x, y, width, height] = self.box_of(target, &inner, Some(node));
+        let at = if target.tag_name().name() == "svg" { [x, y] } else { [0.0, 0.0] };
+        let inner = placed(target, &inner, at, Vector2::new(width, height));
+        self.children(target, &inner)
+    }
+
+    /// Position and size of a nested drawing, in units of the element; the size may come from the `use`.
+    fn box_of(&self, node: Node<'a, 'd>, context: &Context, by: Option<Node<'a, 'd>>) -> [f64; 4] {
+        let whole = context.viewport;
+        let side = |name, whole| {
+            by.and_then(|by| self.length(by, name, whole, context))
+                .or_else(|| self.length(node, name, whole, context))
+                .unwrap_or(whole)
+        };
+        let at = |name, whole| self.length(node, name, whole, context).unwrap_or(0.0);
+        [at("x", whole.x), at("y", whole.y), side("width", whole.x), side("height", whole.y)]
+    }
+
+    pub(super) fn length(
+        &self,
+        node: Node<'a, 'd>,
+        name: &str,
+        whole: f64,
+        context: &Context,
+    ) -> Option<f64> {
+        let length = Length::from_str(node.attribute(name)?.trim()).ok()?;
+        Some(user_units(length, context.style.font_size, whole))
+    }
+
+    /// The curves of a shape, and whether its data could be read.
+    fn shapes(&self, node: Node<'a, 'd>, context: &Context) -> (Vec<Shape>, Result<(), String>) {
+        let (w, h) = (context.viewport.x, context.viewport.y);
+        let diagonal = context.viewport.norm() / 2.0_f64.sqrt();
+        let of = |name, whole| self.length(node, name, whole, context).unwrap_or(0.0);
+        let shape = match node.tag_name().name() {
+            "path" => {
+                let (shapes, read) = outline::path(node.attribute("d").unwrap_or_default());
+                let read = read.map_err(|error| {
+                    format!("its path data cannot be read ({error}): export the drawing again, or delete it")
+                });
+                return (shapes, read);
+            }
+            "rect" => {
+                let radius =
+                    |name, whole| self.length(node, name, whole, context).filter(|radius| *radius >= 0.0);
+                let (rx, ry) = (radius("rx", w), radius("ry", h));
+                let radii = [rx.or(ry).unwrap_or(0.0), ry.or(rx).unwrap_or(0.0)];
+                let size = Vector2::new(of("width", w), of("height", h));
+                outline::rectangle(FlatPoint::new(of("x", w), of("y", h)), size, radii)
+            }
+            "circle" => {
+                let radius = of("r", diagonal);
+                outline::ellipse(FlatPoint::new(of("cx", w), of("cy", h)), radius, radius)
+            }
+            "ellipse" => {
+                let radius = |name, whole| self.length(node, name, whole, context);
+                let (rx, ry) = (radius("rx", w), radius("ry", h));
+                let [rx, ry] = [rx.or(ry).unwrap_or(0.0), ry.or(rx).unwrap_or(0.0)];
+                outline::ellipse(FlatPoint::new(of("cx", w), of("cy", h)), rx, ry)
+            }
+            "line" => Some(outline::line(
+                FlatPoint::new(of("x1", w), of("y1", h)),
+                FlatPoint::new(of("x2", w), of("y2", h)),
+            )),
+            tag => outline::polyline(node.attribute("points").unwrap_or_default(), tag == "polygon"),
+        };
+        (shape.into_iter().collect(), Ok(()))
+    }
+
+    /// The area of a clip path in mm, or the reason why it cannot be read.
+    fn clip(
+        &mut self,
+        clip: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<Result<Polygons, Cow<'static, str>>, PatternReadError> {
+        if clip.attribute("clipPathUnits") == Some("objectBoundingBox") {
+            return Ok(Err(
+                "its clip path is relative to its size, which is not read: cut it in the drawing program"
+                    .into(),
+            ));
+        }
+        let style = self.style(clip, context)?;
+        let own = style.transform.as_deref().map(|text| transform(text));
+        let Some(own) = own.unwrap_or(Some(Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }))
+        else {
+            return Ok(Err("the transform of its clip path cannot be read".into()));
+        };
+        let unread =
+            || Ok(Err("its clip path contains more than shapes: cut it in the drawing program".into()));
+        if style.clip.is_some() {
+            return unread();
+        }
+        let inner = Context { map: context.map.after(&own), style, ..context.clone() };
+        let mut polygons = Polygons::new();
+        for child in clip.children().filter(|child| is_svg(*child)) {
+            self.spend(Cost::Unfolded, 1, child, &inner)?;
+            let (mut map, mut child, mut outer) = (inner.map, child, inner.clone());
+            if DEFINITIONS.contains(&child.tag_name().name()) {
+                continue;
+            }
+            if child.tag_name().name() == "use" {
+                // Inkscape clips with copies of shapes.
+                let style = self.style(child, &outer)?;
+                let [x, y] = ["x", "y"].map(|name| self.length(child, name, 0.0, &outer).unwrap_or(0.0));
+                let own = style.transform.as_deref().map_or(Some(None), |text| transform(text).map(Some));
+                let link = child.attributes().find(|attribute| attribute.name() == "href");
+                let target =
+                    link.and_then(|link| self.ids.get(link.value().trim().strip_prefix('#')?).copied());
+                let (Some(own), Some(target)) = (own, target) else { return unread() };
+                let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
+                map = own.map_or(map, |own| map.after(&own)).after(&shift);
+                outer = Context { style, ..outer };
+                child = target;
+            }
+            let style = self.style(child, &outer)?;
+            let own = style.transform.as_deref().map_or(Some(None), |text| transform(text).map(Some));
+            let (Some(own), None) = (own, &style.clip) else { return unread() };
+            if !matches!(
+                child.tag_name().name(),
+                "path" | "rect" | "circle" | "ellipse" | "polyline" | "polygon" | "line"
+            ) {
+                return unread();
+            }
+            if !style.displayed || !style.visible {
+                continue;
+            }
+            map = own.map_or(map, |own| map.after(&own));
+            let rule = style.clip_rule;
+            let of_child = Context { map, style, ..outer };
+            let (shapes, read) = self.shapes(child, &of_child);
+            if read.is_err() {
+                return unread();
+            }
+            let closed: Vec<Shape> = contours(&shapes).iter().map(|shape| transformed(shape, &map)).collect();
+            self.check_reach(&closed, child, context)?;
+            let one =
+                area::flattened(&closed, self.budget).and_then(|flat| area::united(&flat, rule, self.budget));
+            polygons.extend(self.within(one, child, context)?);
+        }
+        let all = area::united(&polygons, FillRule::NonZero, self.budget);
+        Ok(Ok(self.within(all, clip, context)?))
+    }
+
+    /// Draws shapes in the units of the context with a style. `plain` shapes do not cross themselves.
+    pub(super) fn draw(
+        &mut self,
+        node: Node<'a, 'd>,
+        shapes: Vec<Shape>,
+        style: &Style,
+        context: &Context,
+        plain: bool,
+    ) -> Result<(), PatternReadError> {
+        if shapes.is_empty() {
+            self.skip(node, &context.layer, "it has no size".into(), Missing::Nothing);
+            return Ok(());
+        }
+        if !style.visible {
+            self.skip(node, &context.layer, "it is hidden (visibility)".into(), Missing::Hidden);
+            return Ok(());
+        }
+        let map = context.map;
+        let ink = |paint: Paint, alpha: f64| match paint {
+            Paint::Color { alpha: own, .. } if own * alpha == 0.0 => Paint::None,
+            paint => paint,
+        };
+        let fill = ink(style.fill, style.fill_alpha);
+        let mut stroke = ink(style.stroke, style.stroke_alpha);
+        if !(style.stroke_width > 0.0) && stroke != Paint::None {
+            stroke = Paint::None;
+            if fill == Paint::None {
+                self.skip(node, &context.layer, "its stroke has no width".into(), Missing::Hidden);
+                return Ok(());
+            }
+        }
+        if fill == Paint::None && stroke == Paint::None {
+            self.skip(node, &context.layer, "it has neither fill nor stroke".into(), Missing::Nothing);
+            return Ok(());
+        }
+        let pieces: usize = shapes.iter().map(|shape| shape.segments().len().max(1)).sum();
+        self.spend(Cost::Drawn, pieces, node, context)?;
+        let in_mm: Vec<Shape> = shapes.iter().map(|shape| transformed(shape, &map)).collect();
+        self.check_reach(&in_mm, node, context)?;
+        self.note_paints(node, style, context, fill, stroke);
+
+        // The filled area.
+        let mut filled: Vec<Shape> = Vec::new();
+        if fill != Paint::None {
+            filled = contours(&in_mm);
+            filled.retain(has_area);
+            if style.fill_rule == FillRule::NonZero && !plain && !filled.is_empty() {
+                filled = self.nonzero(filled, node, context)?;
+            }
+        }
+        let fill_color = color(fill);
+        if stroke == Paint::None {
+            if filled.is_empty() {
+                self.skip(node, &context.layer, "it has no area and no stroke".into(), Missing::Nothing);
+                return Ok(());
+            }
+            return self.region(node, filled, fill_color, context);
+        }
+
+        let scale = map.linear.determinant().abs().sqrt();
+        let width =
+            if style.fixed_width { style.stroke_width * self.pixel } else { style.stroke_width * scale };
+        self.note_width(node, context, width);
+        let dashes = self.dashes(node, &shapes, style, scale, context);
+        let color = color(stroke);
+        if self.strokes == Strokes::Band {
+            let (local, to_mm, own_width) = match style.fixed_width {
+                true => (&in_mm, Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }, width),
+                false => (&shapes, map, style.stroke_width),
+            };
+            let own_scale = width / own_width;
+            let pen = kurbo::Stroke::new(own_width)
+                .with_caps(style.cap)
+                .with_join(style.join)
+                .with_miter_limit(style.miter_limit);
+            let pen = match &dashes {
+                Some((pattern, offset)) => {
+                    let to_local = if style.fixed_width { scale } else { 1.0 };
+                    pen.with_dashes(offset * to_local, pattern.iter().map(|dash| dash * to_local))
+                }
+                None => pen,
+            };
+            let tolerance = TOLERANCE / own_scale;
+            let band = area::band(local, &pen, &to_mm, tolerance, self.budget);
+            let mut band = self.within(band, node, context)?;
+            if !filled.is_empty() && color == fill_color {
+                let both = area::flattened(&filled, self.budget)
+                    .and_then(|flat| area::united(&flat, FillRule::EvenOdd, self.budget))
+                    .and_then(|fill| {
+                        band.extend(fill);
+                        area::united(&band, FillRule::NonZero, self.budget)
+                    });
+                band = self.within(both, node, context)?;
+                filled.clear();
+            }
+            if !filled.is_empty() {
+                self.region(node, filled, fill_color, context)?;
+            }
+            let band = area::shapes(band, true);
+            if band.is_empty() {
+                return Ok(());
+            }
+            let pieces: usize = band.iter().map(|shape| shape.segments().len()).sum();
+            self.spend(Cost::Drawn, pieces, node, context)?;
+            return self.region(node, band, color, context);
+        }
+
+        let is_outlined = !filled.is_empty() && color == fill_color && dashes.is_none();
+        if !filled.is_empty() {
+            self.region(node, filled, fill_color, context)?;
+        }
+        let (lines, is_stroke) = match dashes {
+            Some((pattern, offset)) => {
+                let pieces = area::dashes(&shapes, &pattern, offset, TOLERANCE / scale / 10.0);
+                (pieces.iter().map(|shape| transformed(shape, &map)).collect(), true)
+            }
+            // The outline of an area in its own colour is marked with the area.
+            None if is_outlined => {
+                (in_mm.into_iter().filter(|shape| !has_area(&closed(shape))).collect(), false)
+            }
+            None => (in_mm, false),
+        };
+        self.spend(
+            Cost::Drawn,
+            lines.iter().map(|shape: &Shape| shape.segments().len()).sum(),
+            node,
+            context,
+        )?;
+        for shape in lines {
+            // A stroke without length shows only with ends that reach beyond it.
+            if matches!(shape, Shape::Dot(_)) && style.cap == kurbo::Cap::Butt {
+                continue;
+            }
+            self.line(node, shape, color, is_stroke, context)?;
+        }
+        Ok(())
+    }
+
+    fn note_paints(
+        &mut self,
+        node: Node<'a, 'd>,
+        style: &Style,
+        context: &Context,
+        fill: Paint,
+        stroke: Paint,
+    ) {
+        let name = || self.lines.name(node, &context.layer);
+        let remarks = &mut self.drawn.remarks;
+        let paints = [(fill, style.fill_alpha), (stroke, style.stroke_alpha)];
+        let is_white = |rgb: [u8; 3]| rgb.iter().all(|channel| *channel >= WHITE);
+        if paints.iter().any(|(paint, _)| matches!(paint, Paint::Color { rgb, .. } if is_white(*rgb))) {
+            count(&mut remarks.white, name);
+        }
+        if fill == Paint::Server || stroke == Paint::Server {
+            count(&mut remarks.servers, name);
+        }
+        let alpha = |paint| if let Paint::Color { alpha, .. } = paint { alpha } else { 1.0 };
+        let is_thin = |(paint, own): &(Paint, f64)| {
+            *paint != Paint::None && alpha(*paint) * own * context.opacity < 1.0
+        };
+        if paints.iter().any(is_thin) {
+            count(&mut remarks.transparent, name);
+        }
+    }
+
+    fn note_width(&mut self, node: Node<'a, 'd>, context: &Context, width: f64) {
+        let name = self.lines.name(node, &context.layer);
+        let remarks = &mut self.drawn.remarks;
+        remarks.strokes += 1;
+        if remarks.widest.as_ref().is_none_or(|(widest, _)| width > *widest) {
+            remarks.widest = Some((width, name));
+        }
+    }
+
+    /// The dashes of a stroke and where they begin; `None` for a whole line.
+    fn dashes(
+        &mut self,
+        node: Node<'a, 'd>,
+        shapes: &[Shape],
+        style: &Style,
+        scale: f64,
+        context: &Context,
+    ) -> Option<(Vec<f64>, f64)> {
+        if style.dashes.is_empty() {
+            return None;
+        }
+        let factor = if style.fixed_width { self.pixel / scale } else { 1.0 };
+        let mut pattern: Vec<f64> = style.dashes.iter().map(|dash| dash * factor).collect();
+        if pattern.len() % 2 == 1 {
+            pattern.extend_from_within(..);
+        }
+        let period: f64 = pattern.iter().sum();
+        let length = area::path_length(shapes, TOLERANCE / scale);
+        let number = length / period * pattern.len() as f64;
+        if !(number < MAX_DASHES) || pattern.len() > 1000 || self.budget.work(number as usize * 64).is_err() {
+            let name = self.lines.name(node, &context.layer);
+            count(&mut self.drawn.remarks.undashed, || name);
+            return None;
+        }
+        Some((pattern, (style.dash_offset * factor).rem_euclid(period)))
+    }
+
+    /// The contours whose even-odd area is the nonzero area of the given ones: the same if nothing overlaps.
+    fn nonzero(
+        &mut self,
+        exact: Vec<Shape>,
+        node: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<Vec<Shape>, PatternReadError> {
+        let both = area::flattened(&exact, self.budget).and_then(|flat| {
+            let even_odd = area::united(&flat, FillRule::EvenOdd, self.budget)?;
+            Ok((even_odd, area::united(&flat, FillRule::NonZero, self.budget)?))
+        });
+        let (even_odd, nonzero) = self.within(both, node, context)?;
+        Ok(if area::same_area(&even_odd, &nonzero) { exact } else { area::shapes(nonzero, true) })
+    }
+
+    /// Adds a filled region, cut by the clip paths.
+    fn region(
+        &mut self,
+        node: Node<'a, 'd>,
+        mut contours: Vec<Shape>,
+        color: Color,
+        context: &Context,
+    ) -> Result<(), PatternReadError> {
+        for clip in context.clips.iter() {
+            if is_inside(&contours, clip) {
+                continue;
+            }
+            let cut = area::flattened(&contours, self.budget)
+                .and_then(|flat| area::united(&flat, FillRule::EvenOdd, self.budget))
+                .and_then(|whole| {
+                    let cut = area::intersection(&whole, clip, self.budget)?;
+                    let slack = CLIP_TOLERANCE * area::length(&whole, true);
+                    Ok((area::area(&whole) - area::area(&cut) > slack).then_some(cut))
+                });
+            if let Some(cut) = self.within(cut, node, context)? {
+                self.note_cut(node, context);
+                contours = area::shapes(cut, true);
+            }
+        }
+        if contours.is_empty() {
+            self.skip(node, &context.layer, "it is outside its clip path".into(), Missing::Nothing);
+            return Ok(());
+        }
+        self.drawn.regions += 1;
+        let region = self.drawn.regions;
+        for shape in contours {
+            self.push(node, shape, Some(region), color, false, context);
+        }
+        Ok(())
+    }
+
+    /// Adds a line, cut by the clip paths.
+    fn line(
+        &mut self,
+        node: Node<'a, 'd>,
+        shape: Shape,
+        color: Color,
+        is_stroke: bool,
+        context: &Context,
+    ) -> Result<(), PatternReadError> {
+        let mut lines = vec![shape];
+        for clip in context.clips.iter() {
+            if is_inside(&lines, clip) {
+                continue;
+            }
+            let mut kept = Vec::new();
+            for shape in lines {
+                if let Shape::Dot(_) = shape {
+                    // A dot outside the bounds of the clip path is not drawn.
+                    if bounds(&area::extents(clip), &shape) {
+                        kept.push(shape);
+                    }
+                    continue;
+                }
+                let cut = area::flattened(std::slice::from_ref(&shape), self.budget).and_then(|mut flat| {
+                    if let (true, Some(line)) = (shape.is_closed(), flat.first_mut()) {
+                        line.extend(line.first().copied());
+                    }
+                    let cut = area::clipped(&flat, clip, self.budget)?;
+                    let lost = area::length(&flat, false) - area::length(&cut, false);
+                    Ok((lost > CLIP_TOLERANCE).then_some(cut))
+                });
+                match self.within(cut, node, context)? {
+                    Some(cut) => {
+                        self.note_cut(node, context);
+                        kept.extend(area::shapes(cut, false));
+                    }
+                    None => kept.push(shape),
+                }
+            }
+            lines = kept;
+        }
+        for shape in lines {
+            self.push(node, shape, None, color, is_stroke, context);
+        }
+        Ok(())
+    }
+
+    fn note_cut(&mut self, node: Node<'a, 'd>, context: &Context) {
+        let name = self.lines.name(node, &context.layer);
+        count(&mut self.drawn.remarks.cut, || name);
+    }
+
+    fn push(
+        &mut self,
+        node: Node<'a, 'd>,
+        shape: Shape,
+        region: Option<u32>,
+        color: Color,
+        is_stroke: bool,
+        context: &Context,
+    ) {
+        let layers = &mut self.drawn.layers;
+        let layer = *self.layer_numbers.entry(context.layer.clone()).or_insert_with(|| {
+            layers.push(context.layer.to_string());
+            layers.len() - 1
+        });
+        let source = Source {
+            entity: node.tag_name().name().into(),
+            handle: Some(self.lines.handle(node)),
+            is_stroke,
+        };
+        self.drawn.paths.push(Path { layer, color, shape, region, source });
+    }
+
+    pub(super) fn count(&mut self, node: Node<'a, 'd>, context: &Context) {
+        let of_kind = self.drawn.entities.entry(node.tag_name().name().into()).or_default();
+        *of_kind.entry(context.layer.to_string()).or_default() += 1;
+    }
+
+    pub(super) fn skip(&mut self, node: Node<'a, 'd>, layer: &str, why: Cow<'static, str>, missing: Missing) {
+        // Copies of an element are listed once.
+        if self.listed.insert((node.id().get(), why.to_string())) {
+            self.drawn.skipped.push(Skipped {
+                entity: node.tag_name().name().into(),
+                handle: Some(self.lines.handle(node)),
+                layer: layer.to_owned(),
+                why,
+                is_loss: missing != Missing::Nothing,
+                is_ink: missing == Missing::Ink,
+            });
+        }
+    }
+
+    fn spend(
+        &mut self,
+        cost: Cost,
+        count: usize,
+        node: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<(), PatternReadError> {
+        let spent = self.budget.spend(cost, count);
+        spent.map_err(|_| cost.too_many(self.lines.name(node, &context.layer)))
+    }
+
+    /// The result of work on areas, or the error if it exceeds the budget.
+    pub(super) fn within<T>(
+        &self,
+        done: Result<T, Exceeded>,
+        node: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<T, PatternReadError> {
+        done.map_err(|_| PatternReadError::TooMany {
+            what: "corners and crossings in an outline",
+            limit: 1_000_000,
+            entity: Some(self.lines.name(node, &context.layer)),
+        })
+    }
+
+    fn check_reach(
+        &self,
+        shapes: &[Shape],
+        node: Node<'a, 'd>,
+        context: &Context,
+    ) -> Result<(), PatternReadError> {
+        let reach = shapes.iter().map(reach).fold(0.0, f64::max);
+        if reach <= MAX_COORDINATE {
+            return Ok(());
+        }
+        let entity = self.lines.name(node, &context.layer);
+        Err(PatternReadError::OutOfRange { entity, reach, limit: MAX_COORDINATE })
+    }
+}
+
+/// An attribute of Inkscape.
+fn inkscape<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
+    node.attributes()
+        .find(|attribute| {
+            attribute.name() == name && attribute.namespace().is_some_and(|space| space.contains("inkscape"))
+        })
+        .map(|attribute| attribute.value())
+}
+
+/// Whether an element contains something that can be drawn.
+fn has_ink(node: Node<'_, '_>) -> bool {
+    const DRAWN: &[&str] = &[
+        "path",
+        "rect",
+        "circle",
+        "ellipse",
+        "line",
+        "polyline",
+        "polygon",
+        "text",
+        "use",
+        "image",
+        "flowRoot",
+        "foreignObject",
+    ];
+    node.descendants().any(|inside| is_svg(inside) && DRAWN.contains(&inside.tag_name().name()))
+}
+
+/// Whether a child of a `switch` may be drawn: it needs no extension, and its language is English or none.
+fn is_eligible(node: Node<'_, '_>) -> bool {
+    let language = |languages: &str| {
+        languages.split(',').any(|language| language.trim().to_ascii_lowercase().starts_with("en"))
+    };
+    node.attribute("requiredExtensions").is_none()
+        && node.attribute("systemLanguage").is_none_or(language)
+        && !DEFINITIONS.contains(&node.tag_name().name())
+}
+
+fn transform(text: &str) -> Option<Affine> {
+    // CSS writes units, which attributes do not have.
+    let plain = text.replace("px", "").replace("deg", "");
+    let svgtypes::Transform { a, b, c, d, e, f } = match plain.trim() {
+        "" | "none" => svgtypes::Transform::default(),
+        plain => plain.parse().ok()?,
+    };
+    Some(Affine { linear: Matrix2::new(a, c, b, d), offset: Vector2::new(e, f) })
+}
+
+/// The context inside a nested drawing at a place, with its `viewBox`.
+fn placed(node: Node<'_, '_>, context: &Context, at: [f64; 2], size: Vector2<f64>) -> Context {
+    let shift = Affine { linear: Matrix2::identity(), offset: Vector2::from(at) };
+    let map = context.map.after(&shift);
+    match view_box(node) {
+        Some(view) => Context {
+            map: map.after(&fitted(node, view, size)),
+            viewport: Vector2::new(view.w, view.h),
+            ..context.clone()
+        },
+        None => Context { map, viewport: size, ..context.clone() },
+    }
+}
+
+fn color(paint: Paint) -> Color {
+    let rgb = if let Paint::Color { rgb, .. } = paint { rgb } else { [0; 3] };
+    // Index 7 is the colour of the pen: black on paper.
+    let aci = if rgb == [0; 3] { 7 } else { nearest_index(rgb) };
+    Color::Rgb { aci, rgb }
+}
+
+fn transformed(shape: &Shape, map: &Affine) -> Shape {
+    let all = |segments: &[Segment]| segments.iter().map(|segment| segment.transformed(map)).collect();
+    match shape {
+        Shape::Dot(point) => Shape::Dot(map.point(*point)),
+        Shape::Open(segments) => Shape::Open(all(segments)),
+        Shape::Closed(segments) => Shape::Closed(all(segments)),
+    }
+}
+
+/// The shape, closed with a straight line as fills are.
+fn closed(shape: &Shape) -> Shape {
+    let mut segments = shape.segments().to_vec();
+    if let (Some(first), Some(last)) = (segments.first(), segments.last()) {
+        let (from, to) = (last.end(), first.start());
+        if !shape.is_closed() && from != to {
+            segments.push(Segment::Line { from, to });
+        }
+    }
+    Shape::Closed(segments)
+}
+
+fn contours(shapes: &[Shape]) -> Vec<Shape> {
+    shapes.iter().filter(|shape| !shape.segments().is_empty()).map(closed).collect()
+}
+
+/// Whether a contour encloses anything: its points are not all on one straight line.
+fn has_area(contour: &Shape) -> bool {
+    let points = contour.flattened(TOLERANCE);
+    let Some(first) = points.first().copied() else { return false };
+    let farthest = points.iter().copied().max_by(|a, b| first.distance(*a).total_cmp(&first.distance(*b)));
+    let Some(along) = farthest.and_then(|point| (point - first).try_normalize(0.0)) else { return false };
+    points.iter().any(|point| along.perp(&(*point - first)).abs() > crate::geometry::pattern::SAME_POINT)
+}
+
+/// The largest coordinate of the points that define a shape, mm; not finite if one of them is not.
+fn reach(shape: &Shape) -> f64 {
+    let of = |point: FlatPoint| match point.is_finite() {
+        true => point.x.abs().max(point.y.abs()),
+        false => f64::INFINITY,
+    };
+    let points = |segment: &Segment| match segment {
+        Segment::Bezier { points, .. } => points.iter().map(|point| of(*point)).fold(0.0, f64::max),
+        Segment::Arc { u, v, .. } => {
+            let size = if u.iter().chain(v).all(|side| side.is_finite()) { 0.0 } else { f64::INFINITY };
+            [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| of(segment.point(t))).into_iter().fold(size, f64::max)
+        }
+        Segment::Line { .. } => of(segment.start()).max(of(segment.end())),
+    };
+    match shape {
+        Shape::Dot(point) => of(*point),
+        _ => shape.segments().iter().map(points).fold(0.0, f64::max),
+    }
+}
+
+fn bounds(outer: &Extents, shape: &Shape) -> bool {
+    let inside = |point: Vector2<f64>| {
+        (0..2).all(|axis| {
+            point[axis] >= outer.min[axis] - CLIP_TOLERANCE && point[axis] <= outer.max[axis] + CLIP_TOLERANCE
+        })
+    };
+    match shape {
+        Shape::Dot(point) => inside(point.coords()),
+        _ => shape.segments().iter().map(Segment::extents).all(|one| inside(one.min) && inside(one.max)),
+    }
+}
+
+/// Whether shapes are inside a clip path that is a rectangle along the axes.
+fn is_inside(shapes: &[Shape], clip: &Polygons) -> bool {
+    let outer = area::extents(clip);
+    let size = outer.size();
+    let is_rectangle =
+        clip.len() == 1 && (area::area(clip) - size.x * size.y).abs() <= 1e-9 * size.x * size.y;
+    is_rectangle && shapes.iter().all(|shape| bounds(&outer, shape))
+}
