@@ -11,7 +11,7 @@ from .frame import Frame, dot, scaled, subtract
 from .wording import Trouble, translate
 
 #: Endings of drawings that isomark reads.
-DRAWINGS = (".dxf", ".png", ".bmp")
+DRAWINGS = (".dxf", ".svg", ".png", ".bmp")
 PICTURES = (".png", ".bmp")
 
 

@@ -1,0 +1,512 @@
+//! SVG drawings: compared with closed forms, with the pixels of resvg at 1219 per inch and with Inkscape's own DXF export.
+//! `tests/data/patterns/svg/make.py` measured the pixels.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use fs_err as fs;
+use isomark::formats::pattern::{
+    PatternFacts, PatternOptions, PatternReadError, PatternReading, RasterOptions, Strokes, is_complete, read,
+};
+use isomark::geometry::pattern::{Color, Path, Segment, Shape};
+use isomark::geometry::space::FlatPoint;
+use serde_json::Value;
+
+mod schemas;
+
+const HEAD: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" \
+                    xmlns:inkscape=\"http://www.inkscape.org/namespaces/inkscape\" ";
+const MOUSE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/parts/mouse.glb");
+
+fn data(name: &str) -> Vec<u8> {
+    fs::read(format!("{}/tests/data/patterns/svg/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+/// A drawing on a page of 60 x 40 mm with units of 1 mm.
+fn page(content: &str) -> String {
+    format!("{HEAD}width=\"60mm\" height=\"40mm\" viewBox=\"0 0 60 40\">{content}</svg>")
+}
+
+fn try_read(text: &str) -> Result<PatternReading, PatternReadError> {
+    read(text.as_bytes(), &PatternOptions::default())
+}
+
+#[track_caller]
+fn drawn(content: &str) -> PatternReading {
+    try_read(&page(content)).unwrap()
+}
+
+fn codes(facts: &PatternFacts) -> Vec<&str> {
+    facts.notices.iter().map(|notice| notice.code.as_str()).collect()
+}
+
+fn extents(reading: &PatternReading) -> [f64; 4] {
+    reading.facts.extents
+}
+
+#[track_caller]
+fn near(found: [f64; 4], expected: [f64; 4]) {
+    assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}, not {expected:?}");
+}
+
+/// Area and centroid of everything that regions cover, by rows of 1/4800 inch.
+fn covered(paths: &[Path]) -> [f64; 3] {
+    const PIXEL: f64 = 25.4 / 4800.0;
+    let mut regions: BTreeMap<u32, Vec<Vec<FlatPoint>>> = BTreeMap::new();
+    for path in paths.iter().filter(|path| path.region.is_some()) {
+        regions.entry(path.region.unwrap()).or_default().push(path.shape.flattened(1e-3));
+    }
+    let mut moments = [0.0; 3];
+    for row in 0..8400 {
+        let y = (f64::from(row) + 0.5) * PIXEL - 1.0;
+        let mut spans: Vec<[f64; 2]> = Vec::new();
+        for region in regions.values() {
+            let mut crossings: Vec<f64> = region
+                .iter()
+                .flat_map(|contour| contour.iter().zip(contour.iter().cycle().skip(1)))
+                .filter(|(a, b)| (a.y > y) != (b.y > y))
+                .map(|(a, b)| a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x))
+                .collect();
+            crossings.sort_by(f64::total_cmp);
+            spans.extend(crossings.chunks_exact(2).map(|pair| [pair[0], pair[1]]));
+        }
+        spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut reached = f64::NEG_INFINITY;
+        for [from, to] in spans {
+            let from = from.max(reached);
+            if to > from {
+                let area = (to - from) * PIXEL;
+                moments[0] += area;
+                moments[1] += area * (from + to) / 2.0;
+                moments[2] += area * y;
+                reached = to;
+            }
+        }
+    }
+    [moments[0], moments[1] / moments[0], moments[2] / moments[0]]
+}
+
+#[test]
+fn areas_are_those_of_the_pixels_that_resvg_draws() {
+    let table = String::from_utf8(data("pixels.tsv")).unwrap();
+    let mut judged = 0;
+    for line in table.lines().filter(|line| !line.starts_with('#')) {
+        let fields: Vec<&str> = line.split('\t').collect();
+        let expected: Vec<f64> = fields[1..].iter().map(|field| field.parse().unwrap()).collect();
+        let options = PatternOptions::default().with_strokes(Strokes::Band);
+        let reading = read(&data(&format!("{}.svg", fields[0])), &options).unwrap();
+        assert!(reading.facts.skipped.iter().all(|skipped| !skipped.is_ink), "{line}");
+        let found = covered(&reading.pattern.paths);
+        println!("{}: {found:.4?}, pixels {expected:.4?}", fields[0]);
+        let off = (found[0] / expected[0] - 1.0).abs();
+        assert!(off < 5e-4, "{}: {found:?}, pixels {expected:?}", fields[0]);
+        // A fifth of a pixel.
+        let moved = (found[1] - expected[1]).hypot(found[2] - expected[2]);
+        assert!(moved < 0.005, "{}: {found:?}, pixels {expected:?}", fields[0]);
+        judged += 1;
+    }
+    assert_eq!(judged, 33);
+}
+
+#[test]
+fn paths_are_where_inkscape_exports_them() {
+    let points = |bytes: &[u8]| {
+        let reading = read(bytes, &PatternOptions::default()).unwrap();
+        reading.pattern.paths.iter().flat_map(|path| path.shape.flattened(1e-3)).collect::<Vec<_>>()
+    };
+    let (own, exported) = (points(&data("inkscape.svg")), points(&data("inkscape.dxf")));
+    let segments = |points: &[FlatPoint], at: FlatPoint| {
+        points.iter().map(|point| point.distance(at)).fold(f64::INFINITY, f64::min)
+    };
+    // The corners of the export are corners here; between them both flatten differently.
+    for at in &exported {
+        assert!(segments(&own, *at) < 0.1, "{at:?}");
+    }
+    let layers = |bytes: &[u8]| -> Vec<String> {
+        let reading = read(bytes, &PatternOptions::default()).unwrap();
+        reading.pattern.layers.into_iter().map(|layer| layer.name).collect()
+    };
+    assert_eq!(layers(&data("inkscape.svg")), ["MARK", "FRAME"]);
+    let size = |bytes: &[u8]| read(bytes, &PatternOptions::default()).unwrap().facts.extents;
+    let (own, exported) = (size(&data("inkscape.svg")), size(&data("inkscape.dxf")));
+    assert!(own.iter().zip(exported).all(|(a, b)| (a - b).abs() < 1e-3), "{own:?} {exported:?}");
+}
+
+#[test]
+fn circles_and_arcs_stay_exact() {
+    let circle = drawn("<circle cx='30' cy='10' r='7' fill='none' stroke='black'/>");
+    let [Path { shape: Shape::Closed(segments), region: None, .. }] = circle.pattern.paths.as_slice() else {
+        panic!("{:?}", circle.pattern.paths);
+    };
+    assert!(matches!(segments.as_slice(), [Segment::Arc { .. }]));
+    let center = FlatPoint::new(30.0, 30.0);
+    assert!(
+        (0..=100)
+            .all(|step| (segments[0].point(f64::from(step) / 100.0).distance(center) - 7.0).abs() < 1e-12)
+    );
+    // A quarter of a circle of radius 10 about (20, 20) in the file.
+    let arc = drawn("<path fill='none' stroke='red' d='M10 20A10 10 0 0 1 20 10'/>");
+    let segments = arc.pattern.paths[0].shape.segments();
+    let center = FlatPoint::new(20.0, 20.0);
+    assert!(
+        (0..=10)
+            .all(|step| (segments[0].point(f64::from(step) / 10.0).distance(center) - 10.0).abs() < 1e-12)
+    );
+    near(extents(&arc), [10.0, 20.0, 20.0, 30.0]);
+    assert_eq!(arc.pattern.paths[0].color, Color::Rgb { aci: 1, rgb: [255, 0, 0] });
+    // Radii that are too small are enlarged: half a circle of radius 5.
+    let half = drawn("<path fill='none' stroke='red' d='M10 20A1 1 0 0 1 20 20'/>");
+    near(extents(&half), [10.0, 20.0, 20.0, 25.0]);
+}
+
+#[test]
+fn round_corners_are_quarters_of_ellipses() {
+    let reading = drawn("<rect x='5' y='6' width='40' height='20' rx='8' ry='4'/>");
+    near(extents(&reading), [5.0, 14.0, 45.0, 34.0]);
+    let [area, ..] = covered(&reading.pattern.paths);
+    assert!((area - (800.0 - (4.0 - PI) * 32.0)).abs() < 0.05, "{area}");
+    assert_eq!(reading.pattern.paths[0].shape.segments().len(), 8);
+}
+
+#[test]
+fn transforms_copies_and_nested_drawings_are_placed() {
+    for (content, expected) in [
+        ("<g transform='translate(10 5) scale(2)'><path d='M1 1h3v4h-3z'/></g>", [12.0, 25.0, 18.0, 33.0]),
+        ("<path transform='rotate(90 10 10)' d='M10 10h5v2h-5z'/>", [8.0, 25.0, 10.0, 30.0]),
+        ("<defs><path id='a' d='M0 0h3v4h-3z'/></defs><use href='#a' x='5' y='6'/>", [5.0, 30.0, 8.0, 34.0]),
+        (
+            "<symbol id='s' viewBox='0 0 2 4'><path d='M0 0h2v4h-2z'/></symbol>\
+          <use xlink:href='#s' x='10' y='10' width='8' height='8'/>",
+            [12.0, 22.0, 16.0, 30.0],
+        ),
+        (
+            "<svg x='10' y='10' width='20' height='10' viewBox='0 0 4 2'><path d='M1 0h2v1h-2z'/></svg>",
+            [15.0, 25.0, 25.0, 30.0],
+        ),
+        ("<rect x='10%' y='10%' width='50%' height='50%'/>", [6.0, 16.0, 36.0, 36.0]),
+        (
+            "<rect x='0.5cm' y='5' width='1in' height='10'/>",
+            [5.0 * 96.0 / 25.4, 25.0, 5.0 * 96.0 / 25.4 + 96.0, 35.0],
+        ),
+    ] {
+        near(extents(&drawn(content)), expected);
+    }
+}
+
+#[test]
+fn the_size_of_the_page_gives_the_scale() {
+    let rect = "<rect x='10' y='20' width='30' height='40'/></svg>";
+    let pixel = 25.4 / 96.0;
+    for (page, expected, unit) in [
+        ("width='100mm' height='100mm' viewBox='0 0 100 100'", [10.0, 40.0, 40.0, 80.0], "mm"),
+        ("width='10cm' height='10cm' viewBox='0 0 1000 1000'", [1.0, 94.0, 4.0, 98.0], "cm"),
+        ("width='1in' height='1in' viewBox='0 0 100 100'", [2.54, 10.16, 10.16, 20.32], "in"),
+        ("width='72pt' height='72pt' viewBox='0 0 100 100'", [2.54, 10.16, 10.16, 20.32], "pt"),
+        ("width='100' height='100'", [10.0 * pixel, 40.0 * pixel, 40.0 * pixel, 80.0 * pixel], "px"),
+        ("viewBox='0 0 100 100'", [10.0 * pixel, 40.0 * pixel, 40.0 * pixel, 80.0 * pixel], "px"),
+        (
+            "width='100%' height='100%' viewBox='0 0 100 100'",
+            [10.0 * pixel, 40.0 * pixel, 40.0 * pixel, 80.0 * pixel],
+            "px",
+        ),
+        // Half the page stays empty on the left, because the drawing keeps its shape.
+        (
+            "width='200mm' height='100mm' viewBox='0 0 100 100' preserveAspectRatio='xMaxYMid'",
+            [110.0, 40.0, 140.0, 80.0],
+            "mm",
+        ),
+        (
+            "width='200mm' height='100mm' viewBox='0 0 100 100' preserveAspectRatio='none'",
+            [20.0, 40.0, 80.0, 80.0],
+            "mm",
+        ),
+        ("width='100mm' height='100mm' viewBox='-10 -20 100 100'", [20.0, 20.0, 50.0, 60.0], "mm"),
+    ] {
+        let reading = try_read(&format!("{HEAD}{page}>{rect}")).unwrap();
+        near(extents(&reading), expected);
+        assert_eq!(reading.facts.unit.to_string(), unit, "{page}");
+    }
+    let sized = PatternOptions::default().with_picture(RasterOptions::default().with_width(50.0));
+    let reading = read(format!("{HEAD}width='100' height='100'>{rect}").as_bytes(), &sized).unwrap();
+    near(extents(&reading), [5.0, 20.0, 20.0, 40.0]);
+    assert!(reading.facts.unit_why.contains("the settings give its size"), "{}", reading.facts.unit_why);
+}
+
+#[test]
+fn programs_with_other_pixels_get_a_warning_with_the_other_size() {
+    let rect = "<rect width='36' height='36'/></svg>";
+    let comment =
+        "<!-- Generator: Adobe Illustrator 24.0.1, SVG Export Plug-In . SVG Version: 6.00 Build 0)  -->";
+    let of_illustrator = try_read(&format!("{comment}{HEAD}viewBox='0 0 72 72'>{rect}")).unwrap();
+    let of_inkscape =
+        try_read(&format!("{HEAD}inkscape:version='0.48.4 r9939' width='90' height='90'>{rect}")).unwrap();
+    for reading in [of_illustrator, of_inkscape] {
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "svg-pixels").unwrap();
+        assert!(notice.message.contains("25.400 x 25.400 mm"), "{}", notice.message);
+    }
+    for page in [
+        "inkscape:version='1.2.2 (x)' width='90' height='90'",
+        "inkscape:version='0.48 r1' width='9mm' height='9mm'",
+    ] {
+        assert!(
+            !codes(&try_read(&format!("{HEAD}{page}>{rect}")).unwrap().facts).contains(&"svg-pixels"),
+            "{page}"
+        );
+    }
+}
+
+#[test]
+fn strokes_are_centre_lines_or_bands() {
+    let content = "<path id='thick' d='M10 10H30' stroke='black' stroke-width='2'/>\
+                   <path d='M10 20H30' stroke='black' stroke-width='0.1'/>";
+    let center = drawn(content);
+    assert!(center.pattern.paths.iter().all(|path| path.region.is_none()));
+    near(extents(&center), [10.0, 20.0, 30.0, 30.0]);
+    let notice = center.facts.notices.iter().find(|notice| notice.code == "svg-strokes").unwrap();
+    assert!(notice.message.contains("2.000 mm (path thick)"), "{}", notice.message);
+    let options = PatternOptions::default().with_strokes(Strokes::Band);
+    let band = read(page(content).as_bytes(), &options).unwrap();
+    let [area, ..] = covered(&band.pattern.paths);
+    assert!((area - (40.0 + 2.0)).abs() < 0.05, "{area}");
+    assert!(!codes(&band.facts).contains(&"svg-strokes"));
+}
+
+#[test]
+fn dashes_are_cut_from_the_line() {
+    let reading = drawn("<path fill='none' stroke='black' stroke-dasharray='4 2' d='M5 10H55'/>");
+    let lengths: Vec<f64> = reading
+        .pattern
+        .paths
+        .iter()
+        .map(|path| path.shape.segments()[0].start().distance(path.shape.segments()[0].end()))
+        .collect();
+    assert_eq!(lengths.len(), 9);
+    assert!(lengths[..8].iter().all(|length| (length - 4.0).abs() < 1e-5) && (lengths[8] - 2.0).abs() < 1e-5);
+}
+
+#[test]
+fn layers_colours_and_hidden_parts_are_kept() {
+    let layer = |name: &str, style: &str, content: &str| {
+        format!("<g inkscape:groupmode='layer' inkscape:label='{name}' style='{style}'>{content}</g>")
+    };
+    let content = [
+        layer("MARK", "", "<path d='M1 1h5v5z' fill='#123456'/>"),
+        layer("Aids", "display:none", "<path d='M1 1h5v5z'/>"),
+        "<path d='M20 1h5v5z' style='fill:blue;visibility:hidden'/><path d='M30 1h5v5z'/>".into(),
+    ]
+    .concat();
+    let reading = drawn(&content);
+    let names: Vec<&str> = reading.pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
+    assert_eq!(names, ["MARK", "0"]);
+    assert!(matches!(reading.pattern.paths[0].color, Color::Rgb { rgb: [0x12, 0x34, 0x56], .. }));
+    assert_eq!(reading.pattern.paths[1].color, Color::Rgb { aci: 7, rgb: [0; 3] });
+    assert_eq!(reading.facts.layers["Aids"].hidden.as_deref(), Some("hidden"));
+    assert_eq!(reading.facts.skipped.len(), 2);
+    assert!(reading.facts.skipped.iter().all(|skipped| skipped.is_loss && !skipped.is_ink));
+}
+
+#[test]
+fn ink_that_cannot_be_marked_is_listed() {
+    let mark = "<path d='M1 1h5v5z'/>";
+    for (lost, kind) in [
+        ("<image id='x' href='a.png' width='5' height='5'/>", "image"),
+        ("<foreignObject id='x' width='5' height='5'/>", "foreignObject"),
+        ("<mask id='m'/><g id='x' mask='url(#m)'><path d='M1 1h5v5z'/></g>", "g"),
+        ("<path id='x' filter='url(#f)' d='M1 1h5v5z'/>", "path"),
+        ("<text id='x'>\u{682a}</text>", "text"),
+        ("<text id='x'><textPath href='#p'>abc</textPath></text>", "text"),
+        ("<use id='x' href='other.svg#a'/>", "use"),
+        ("<path id='x' d='M1 1 L 5 oops'/>", "path"),
+        ("<path id='x' transform='turn(3)' d='M1 1h5v5z'/>", "path"),
+        (
+            "<clipPath id='c' clipPathUnits='objectBoundingBox'><rect width='1' height='1'/></clipPath>\
+          <path id='x' clip-path='url(#c)' d='M1 1h5v5z'/>",
+            "path",
+        ),
+        ("<marker id='m'/><path id='x' fill='none' stroke='red' marker-end='url(#m)' d='M1 1h5'/>", "path"),
+    ] {
+        let reading = drawn(&format!("{mark}{lost}"));
+        let listed: Vec<_> = reading.facts.skipped.iter().filter(|skipped| skipped.is_ink).collect();
+        assert_eq!(listed.len(), 1, "{lost}: {:?}", reading.facts.skipped);
+        assert_eq!((listed[0].entity.as_str(), listed[0].handle.as_deref()), (kind, Some("x")), "{lost}");
+    }
+}
+
+#[test]
+fn white_gradients_and_clips_are_reported() {
+    for (content, code) in [
+        ("<path d='M1 1h5v5z' fill='white'/>", "svg-white"),
+        ("<linearGradient id='g'/><path d='M1 1h5v5z' fill='url(#g)'/>", "svg-shades"),
+        ("<path d='M1 1h5v5z' fill-opacity='0.5'/>", "svg-transparent"),
+        (
+            "<clipPath id='c'><circle cx='5' cy='5' r='2'/></clipPath><path clip-path='url(#c)' d='M1 1h9v9h-9z'/>",
+            "svg-clipped",
+        ),
+    ] {
+        assert!(codes(&drawn(content).facts).contains(&code), "{content}");
+    }
+    let whole = drawn(
+        "<clipPath id='c'><rect width='60' height='40'/></clipPath><circle clip-path='url(#c)' cx='9' cy='9' r='4'/>",
+    );
+    assert!(!codes(&whole.facts).contains(&"svg-clipped"));
+    assert!(matches!(whole.pattern.paths[0].shape.segments(), [Segment::Arc { .. }]));
+}
+
+#[test]
+fn texts_are_aligned_and_named() {
+    // Capitals of DejaVu Sans are 1493/2048 em high.
+    let reading =
+        drawn("<text x='30' y='20' font-size='10' text-anchor='middle' font-family='Arial'>H</text>");
+    let [left, bottom, right, top] = extents(&reading);
+    assert!((bottom - 20.0).abs() < 1e-9 && (top - bottom - 10.0 * 1493.0 / 2048.0).abs() < 1e-6);
+    assert!(((left + right) / 2.0 - 30.0).abs() < 0.01, "{left} {right}");
+    assert!(codes(&reading.facts).contains(&"font-replaced"));
+}
+
+#[test]
+fn bad_files_are_refused_with_a_place_and_a_remedy() {
+    let deep = |levels: usize| {
+        page(&format!("{}<path d='M1 1h5v5z'/>{}", "<g>".repeat(levels), "</g>".repeat(levels)))
+    };
+    let copies: String = (1..40)
+        .map(|level| format!("<g id='a{level}'><use href='#a{0}'/><use href='#a{0}'/></g>", level - 1))
+        .collect();
+    let bomb = format!(
+        "<!DOCTYPE svg [<!ENTITY a \"xx\"><!ENTITY b \"&a;&a;&a;&a;\">]>{}",
+        page("<text>&b;</text>")
+    );
+    let uses = "&a;".repeat(100_000);
+    let long = format!(
+        "<!DOCTYPE svg [<!ENTITY a \"{}\">]>{}",
+        "x".repeat(100_000),
+        page(&format!("<text>{uses}</text>"))
+    );
+    for (text, code) in [
+        (page("<path d='M1 1h5v5z'/></g>"), "svg-damaged"),
+        (bomb, "svg-damaged"),
+        (long, "pattern-too-many"),
+        (deep(200), "pattern-too-many"),
+        (deep(100_000), "pattern-too-many"),
+        (
+            page(&format!("<defs><path id='a0' d='M1 1h5v5z'/>{copies}</defs><use href='#a39'/>")),
+            "pattern-too-many",
+        ),
+        (page("<path d='M1 1L1e308 1e308L-1e308 5z'/>"), "pattern-out-of-range"),
+        (
+            page("<g transform='scale(1e300)'><g transform='scale(1e300)'><path d='M1 1h5v5z'/></g></g>"),
+            "pattern-out-of-range",
+        ),
+        (page("<circle cx='1' cy='1' r='1e308'/>"), "pattern-out-of-range"),
+        (page(""), "pattern-nothing-to-mark"),
+        (page("<g id='a'><use href='#a'/></g>"), "pattern-nothing-to-mark"),
+    ] {
+        let reason = try_read(&text).unwrap_err().reason();
+        assert_eq!(reason.code, code, "{} {:.200}", reason, text);
+        assert!(!reason.remedy.is_empty());
+    }
+    // Deep, but allowed.
+    assert_eq!(try_read(&deep(90)).unwrap().pattern.paths.len(), 1);
+    let damaged = try_read(&page("\n\n<path d='M1 1h5v5z'></g>")).unwrap_err().reason();
+    assert!(damaged.to_string().contains("line 3"), "{damaged}");
+    let zipped = read(b"\x1f\x8b\x08\0abc", &PatternOptions::default()).unwrap_err().to_string();
+    assert!(zipped.contains(".svgz"), "{zipped}");
+}
+
+#[test]
+fn every_cut_of_a_file_is_recognised() {
+    let whole = data("inkscape.svg");
+    assert!(is_complete(&whole));
+    for end in (0..whole.len() - 7).step_by(37) {
+        let part = &whole[..end];
+        assert!(!is_complete(part), "cut at {end}");
+        if end > 10 {
+            let error = read(part, &PatternOptions::default()).unwrap_err();
+            assert!(error.is_cut_short(), "cut at {end}: {error}");
+        }
+    }
+}
+
+#[test]
+fn encodings_with_a_mark_or_a_name_are_read() {
+    let text = page("<g inkscape:groupmode='layer' inkscape:label='Schr\u{e4}g'><path d='M1 1h5v5z'/></g>");
+    let utf16: Vec<u8> =
+        std::iter::once(0xfeff).chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let latin: Vec<u8> =
+        format!("<?xml version='1.0' encoding='ISO-8859-1'?>{text}").chars().map(|c| c as u8).collect();
+    for bytes in [text.clone().into_bytes(), utf16, latin] {
+        let reading = read(&bytes, &PatternOptions::default()).unwrap();
+        assert_eq!(reading.pattern.layers[0].name, "Schr\u{e4}g");
+        assert!(is_complete(&bytes));
+    }
+}
+
+fn isomark(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_isomark"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .env("LOCALAPPDATA", folder.join("cache"))
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn a_job_marks_an_svg_drawing_and_refuses_options_without_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let logo =
+        format!("{HEAD}width='12mm' height='8mm' viewBox='0 0 12 8'><circle cx='6' cy='4' r='3'/></svg>");
+    fs::write(folder.path().join("logo.svg"), logo).unwrap();
+    let (code, out, err) = isomark(folder.path(), &["correct", MOUSE, "logo.svg", "-o", "out.dxf", "--json"]);
+    assert_eq!(code, 0, "{err}");
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert!((report["pattern"]["facts"]["size_mm"][0].as_f64().unwrap() - 6.0).abs() < 1e-9, "{out}");
+    let size = read(&fs::read(folder.path().join("out.dxf")).unwrap(), &PatternOptions::default())
+        .unwrap()
+        .facts
+        .size;
+    assert!(size[0] > 5.5 && size[0] < 6.01, "{size:?}");
+    let (code, _, err) = isomark(folder.path(), &["inspect", "logo.svg", "--threshold", "40"]);
+    assert!(code == 2 && err.contains("is an SVG, which has no pixels"), "{err}");
+    let (code, out, err) =
+        isomark(folder.path(), &["inspect", "logo.svg", "--width", "24", "--strokes", "band", "--json"]);
+    assert!(code == 0, "{err}");
+    let facts: Value = serde_json::from_str(&out).unwrap();
+    assert!((facts["size_mm"][0].as_f64().unwrap() - 12.0).abs() < 1e-9, "{out}");
+}
+
+#[test]
+fn svg_drawings_in_the_hot_folder_become_dxf_drawings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for name in ["hot/mouse", "import"] {
+        fs::create_dir_all(path(name)).unwrap();
+    }
+    let station = "[station]\nname = \"test\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\n\
+                   width_mm = 100\nheight_mm = 100\n[watch]\nsettle_ms = 0\nopen_ended_s = 0\n";
+    fs::write(path("station.toml"), station).unwrap();
+    fs::copy(MOUSE, path("hot/mouse.glb")).unwrap();
+    let logo =
+        format!("{HEAD}width='12mm' height='8mm' viewBox='0 0 12 8'><circle cx='6' cy='4' r='3'/></svg>");
+    fs::write(path("hot/mouse@logo.svg"), &logo).unwrap();
+    fs::write(path("hot/mouse/ring.SVG"), &logo).unwrap();
+    fs::write(path("hot/mouse@half.svg"), &logo[..logo.len() / 2]).unwrap();
+    fs::write(path("hot/mouse@packed.svgz"), b"\x1f\x8b\x08\0").unwrap();
+    let (code, _, err) = isomark(folder.path(), &["watch", "station.toml", "--once"]);
+    assert!(code == 0 || code == 1, "{err}");
+    for name in ["mouse@logo", "mouse@ring"] {
+        let dxf =
+            fs::read(path(&format!("import/{name}.dxf"))).unwrap_or_else(|error| panic!("{error}\n{err}"));
+        assert!(read(&dxf, &PatternOptions::default()).is_ok());
+    }
+    assert_eq!(fs::read_dir(path("import")).unwrap().count(), 2);
+    assert!(path("archive/mouse/mouse@logo.svg").exists());
+    assert!(path("hot/mouse@half.svg").exists(), "it may still be written");
+    let reason = fs::read_to_string(path("rejected/mouse@packed.svgz.reason.txt")).unwrap();
+    assert!(reason.contains("plain SVG"), "{reason}");
+    schemas::check_below(folder.path());
+}
