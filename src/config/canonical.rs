@@ -17,7 +17,9 @@
 
 use std::fmt::Write;
 
-use super::choices::{Align, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting};
+use super::choices::{
+    Align, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
+};
 use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,

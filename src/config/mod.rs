@@ -30,8 +30,8 @@ mod suggest;
 
 pub use choices::{
     Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps, Losses, Method,
-    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs, UnknownChoice, Vertices, Weighting,
-    parse_axis, parse_facing,
+    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs, UnknownChoice,
+    Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};

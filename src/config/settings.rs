@@ -1,8 +1,8 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, StrokesChoice, TilesAs, Vertices,
-    Weighting,
+    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, StrokesChoice,
+    TilesAs, Vertices, Weighting,
 };
 use super::fill::{FillSettings, FocusSettings};
 use super::layers::is_same_layer;
