@@ -38,6 +38,7 @@ const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
     ("--normals", "part.normals", "smooth", &[]),
     ("--smoothing", "part.smoothing", "much", &[]),
     ("--losses", "pattern.losses", "ignore", &[]),
+    ("--strokes", "pattern.strokes", "outline", &[]),
     ("--facing", "part.facing", "up", &[]),
     ("--frame", "part.frame", "0,0,0", &[]),
     ("--axis", "part.axis", "z", &[]),
