@@ -6,8 +6,7 @@ use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts, Skipped};
 use super::super::findings::{content, counted, reasons};
 use super::super::reading::Strokes;
-use super::LAYER_COLOR;
-use super::walk::{Drawn, Remarks};
+use super::walk::{Drawn, LAYER_COLOR, Remarks};
 use crate::geometry::pattern::Path;
 use crate::reason::Notice;
 

@@ -23,13 +23,10 @@ use super::facts::PatternFacts;
 use super::findings as shared;
 use super::reading::{PatternOptions, PatternReading, size_notice};
 use crate::geometry::contour;
-use crate::geometry::pattern::{Color, Layer, Pattern};
+use crate::geometry::pattern::{Layer, Pattern};
 use document::Lines;
 use style::Sheets;
-use walk::Walk;
-
-/// Colour of all layers; every path has a colour of its own.
-const LAYER_COLOR: Color = Color::Aci(7);
+use walk::{LAYER_COLOR, Walk};
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     let mut budget = Budget::new(options.pace);
@@ -49,7 +46,7 @@ fn read_within(
     let page = page::page(root, producer.as_deref(), options);
 
     let sheets = Sheets::of(&document);
-    let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel);
+    let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel, text::draw);
     walk.root(root, page.to_mm, page.viewport)?;
     let mut drawn = walk.drawn;
     if drawn.paths.is_empty() {

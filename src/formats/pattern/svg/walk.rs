@@ -24,6 +24,8 @@ use super::style::{Paint, Sheets, Style, is_svg, user_units};
 use crate::geometry::pattern::{Affine, Color, Path, Segment, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
 
+/// Colour of all layers; every path has a colour of its own.
+pub(super) const LAYER_COLOR: Color = Color::Aci(7);
 /// Layer of everything outside Inkscape's layers.
 const NO_LAYER: &str = "0";
 /// Deepest nesting of elements, copies included.
@@ -140,6 +142,9 @@ pub(super) struct Drawn {
     regions: u32,
 }
 
+/// Draws a text.
+type DrawText<'a, 'd> = fn(&mut Walk<'a, 'd>, Node<'a, 'd>, &Context) -> Result<(), PatternReadError>;
+
 pub(super) struct Walk<'a, 'd> {
     pub(super) sheets: Sheets<'a>,
     pub(super) lines: Lines,
@@ -149,6 +154,7 @@ pub(super) struct Walk<'a, 'd> {
     /// Size of a pixel on the page, mm.
     pub(super) pixel: f64,
     pub(super) drawn: Drawn,
+    draw_text: DrawText<'a, 'd>,
     open: Vec<NodeId>,
     depth: usize,
     listed: BTreeSet<(u32, String)>,
@@ -165,6 +171,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         budget: &'a mut Budget,
         strokes: Strokes,
         pixel: f64,
+        draw_text: DrawText<'a, 'd>,
     ) -> Self {
         let mut ids = BTreeMap::new();
         for node in root.descendants().filter(|node| node.is_element()) {
@@ -180,6 +187,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             strokes,
             pixel,
             drawn: Drawn::default(),
+            draw_text,
             open: Vec::new(),
             depth: 0,
             listed: BTreeSet::new(),
@@ -324,7 +332,7 @@ impl<'a, 'd> Walk<'a, 'd> {
                 None => Ok(()),
             },
             "use" => self.copy(node, &context),
-            "text" => super::text::draw(self, node, &context),
+            "text" => (self.draw_text)(self, node, &context),
             "image" => {
                 self.lost(node, &context, "it is a picture: trace it, or mark it in a job of its own as PNG")
             }
