@@ -10,14 +10,15 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
     for run in 1..=2 {
         let output = desk.isomark(&["demo"]);
         assert_eq!(output.code, 0, "run {run}: {}", output.err);
-        assert!(output.out.contains("6 drawings delivered, 0 rejected."), "{}", output.out);
+        assert!(output.out.contains("7 drawings delivered, 0 rejected."), "{}", output.out);
         let rows: Vec<&str> = output.out.lines().filter(|line| line.contains(" -> ")).collect();
-        assert_eq!(rows.len(), 6, "{}", output.out);
+        assert_eq!(rows.len(), 7, "{}", output.out);
         for (sku, drawing, method) in [
             ("mouse", "letters.dxf", "isometric"),
             ("mouse", "guilloche.dxf", "isometric"),
             ("can", "letters.dxf", "cylinder"),
             ("can", "logo.dxf", "cylinder"),
+            ("can", "band.dxf", "cylinder"),
             ("can", "code.dxf", "cylinder"),
             ("mandarin", "letters.dxf", "isometric"),
         ] {
@@ -33,13 +34,16 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
         let demo = desk.path("isomark-demo");
         assert!(files(&demo.join("hot")).is_empty() && files(&demo.join("rejected")).is_empty());
         let import = files(&demo.join("import"));
-        assert_eq!(import.len(), 6);
+        assert_eq!(import.len(), 7);
         // The logo is filled, its frame is not.
         let logo = desk.text("isomark-demo/import/can@logo.dxf");
         assert!(logo.contains("Logo-fill") && !logo.contains("Frame-fill"));
+        // The band goes round the can in tiles.
+        let band = desk.text("isomark-demo/import/can@band.dxf");
+        assert!(band.contains("R+000.000 DIAMONDS") && band.contains("R-105.000 BORDER"));
         let reports = files(&demo.join("reports"));
-        assert_eq!(reports.iter().filter(|name| name.ends_with(".preview.svg")).count(), 6);
-        assert_eq!(reports.iter().filter(|name| name.ends_with(".on-part.glb")).count(), 6);
+        assert_eq!(reports.iter().filter(|name| name.ends_with(".preview.svg")).count(), 7);
+        assert_eq!(reports.iter().filter(|name| name.ends_with(".on-part.glb")).count(), 7);
         let page = output.out.lines().find(|line| line.ends_with(".report.html")).unwrap();
         assert!(desk.text(page.trim()).contains("id=\"mark-on-part\""), "{page}");
         // The folders in the table exist.
