@@ -265,6 +265,9 @@ impl Pipeline {
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
         let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
         let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
+        if let Some(tiles) = &tiles {
+            fill::in_tiles((&tiles.drawn, given), (&placed, settings)).map_err(rejected)?;
+        }
         clock.lap("map");
 
         let projection =

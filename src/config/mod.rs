@@ -36,6 +36,7 @@ pub use choices::{
 pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
 pub use fill::{FillSettings, FocusSettings};
+pub(crate) use layers::is_same_layer;
 pub use lens_table::LENS_TABLE_COLUMNS;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;

@@ -56,6 +56,9 @@ pub(super) fn add(
     notices: &mut Vec<Notice>,
 ) -> Result<Option<Filled>, Reason> {
     let Some(spacing) = settings.fill.spacing else { return Ok(None) };
+    if let Some(spot) = settings.optics.spot.filter(|spot| spacing < *spot) {
+        return Err(finer_than_spot(spacing, spot));
+    }
     let is_filled = |layer: &str| settings.pattern.counts_as_ink(layer) && settings.fill.includes(layer);
     let angles: Vec<f64> = [settings.fill.angle].into_iter().chain(settings.fill.second_angle).collect();
     let options = FillOptions {
@@ -100,6 +103,55 @@ pub(super) fn add(
         drawn.push(line.drawn);
     }
     Ok(Some(Filled { report, drawn, shown, every }))
+}
+
+fn finer_than_spot(spacing: f64, spot: f64) -> Reason {
+    Reason::new(
+        "fill-finer-than-spot",
+        format!("The lines of the fill would be {spacing} mm apart, and the spot is {spot} mm wide: they would overlap."),
+        "Give `spacing_mm` under [fill] (`--fill`) at least the width of the spot. If the lines are to overlap, for a deep \
+         engraving, remove `spot_mm` under [optics].",
+    )
+    .with_number("distance of the lines", spacing, "mm", Some(spot))
+}
+
+/// Refuses a fill of contours that are cut between the tiles of a mark round the part: a part of a contour is not closed.
+/// `whole` is the drawing with its settings before it was divided, `divided` after that.
+///
+/// # Errors
+/// When a contour of the fill is cut.
+pub(super) fn in_tiles(
+    whole: (&Pattern, &JobSettings),
+    divided: (&Pattern, &JobSettings),
+) -> Result<(), Reason> {
+    if whole.1.fill.spacing.is_none() {
+        return Ok(());
+    }
+    let closed = |(pattern, settings): (&Pattern, &JobSettings)| {
+        let is_filled = |path: &&Path| {
+            pattern.layers.get(path.layer).is_some_and(|layer| {
+                settings.pattern.counts_as_ink(&layer.name) && settings.fill.includes(&layer.name)
+            })
+        };
+        pattern
+            .paths
+            .iter()
+            .filter(|path| path.is_contour() && path.region.is_none())
+            .filter(is_filled)
+            .count()
+    };
+    let cut = closed(whole).saturating_sub(closed(divided));
+    if cut == 0 {
+        return Ok(());
+    }
+    let contours = if cut == 1 { "1 contour" } else { &format!("{cut} contours") };
+    Err(Reason::new(
+        "fill-cut",
+        format!("{contours} of the fill would be cut between tiles, and a part of a contour cannot be filled."),
+        "Leave gaps between the contours and let tiles be wider (`max_tile_deg` under [rotary], `incidence_warn_deg` under [optics]), \
+         or fill only other layers (`layers` under [fill]).",
+    )
+    .with_number("contours cut", cut as f64, "", Some(0.0)))
 }
 
 /// The layers of the lines, by the layer of their contours: position and content.

@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 use super::placing::PlacedPattern;
 use super::{LearnedPart, PatternInput, Pipeline, PipelineError, checks, comments, profile, program};
 use crate::cache::CachedSurface;
-use crate::config::{JobSettings, Sku, Tiles, TilesAs};
+use crate::config::{JobSettings, Sku, Tiles, TilesAs, is_same_layer};
 use crate::formats::pattern;
 use crate::geometry::correction::Projection;
 use crate::geometry::ink::Ink;
@@ -130,16 +130,14 @@ fn tiled(
     let (placed, tiles, layers) = overlaid(&pattern.placed, &stage, (&tiling, overlap), tiles, is_reversed);
     let [axis, axis_point] = axis(&map, &stage.unrolled, settings);
     let mut settings = settings.clone();
-    if let Some(names) = &mut settings.pattern.ink_layers {
-        let is_ink = |layer: &str| names.iter().any(|name| name.to_lowercase() == layer.to_lowercase());
+    for names in [&mut settings.pattern.ink_layers, &mut settings.fill.layers].into_iter().flatten() {
+        let is_named = |layer: &str| names.iter().any(|name| is_same_layer(name, layer));
         let of_tiles: Vec<String> = layers
             .iter()
-            .filter(|(from, _)| pattern.placed.layers.get(*from).is_some_and(|layer| is_ink(&layer.name)))
+            .filter(|(from, _)| pattern.placed.layers.get(*from).is_some_and(|layer| is_named(&layer.name)))
             .map(|(_, name)| name.clone())
             .collect();
-        names.retain(|name| {
-            !pattern.placed.layers.iter().any(|layer| layer.name.to_lowercase() == name.to_lowercase())
-        });
+        names.retain(|name| !pattern.placed.layers.iter().any(|layer| is_same_layer(&layer.name, name)));
         names.extend(of_tiles);
     }
     let ink = ink_of(&placed, &tiles, &settings);

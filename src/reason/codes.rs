@@ -334,6 +334,18 @@ const CODES: &[Code] = &[
         "Look at the fill in the preview. If a part is missing, unite the pieces of the outline in \
          the drawing program.",
     ]),
+    reason([
+        "fill-cut",
+        "Filled contours would be cut between tiles.",
+        "A mark round the part is divided into tiles. Where a contour is wider than a tile, it is cut into open lines, which bound no area that could be filled.",
+        "Leave gaps between the contours, let tiles be wider (`max_tile_deg` under [rotary], `incidence_warn_deg` under [optics]), or fill only other layers (`layers` under [fill]).",
+    ]),
+    reason([
+        "fill-finer-than-spot",
+        "The lines of a fill are closer together than the spot is wide.",
+        "Each line of the fill is as wide as `spot_mm` under [optics]. Lines that are closer together overlap: the area is marked several times, deeper and darker.",
+        "Give `spacing_mm` under [fill] at least the width of the spot. If the lines are to overlap, remove `spot_mm`.",
+    ]),
     notice([
         "fill-layer-missing",
         "The drawing has no layer with the name of a layer to fill.",

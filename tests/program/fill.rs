@@ -387,3 +387,73 @@ fn a_drawing_in_space_is_a_clean_dxf_on_the_part() {
     ])
     .refused(2, &["--xyz"]);
 }
+
+#[test]
+fn lines_closer_than_the_spot_are_refused() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("square.dxf", polylines(&[("A", true, SQUARE)]));
+    let fill = |spot: &str| {
+        let arguments = [
+            "correct",
+            "plate.obj",
+            "square.dxf",
+            "-o",
+            "out.dxf",
+            "--fill",
+            "0.04",
+            "--json",
+            "--set",
+            spot,
+        ];
+        desk.isomark(&arguments.into_iter().chain(AS_DRAWN.split_whitespace()).collect::<Vec<_>>())
+    };
+    fill("optics.spot_mm=0.05").refused(1, &["0.04 mm apart", "spot is 0.05 mm", "spacing_mm"]);
+    assert_eq!(fill("optics.spot_mm=0.04").code, 0);
+}
+
+/// A square with sides of 8 mm round a place of the drawing.
+fn square_at(x: f64) -> Vec<[f64; 2]> {
+    [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]].map(|[dx, y]| [x + dx, y]).to_vec()
+}
+
+#[test]
+fn contours_are_filled_in_every_tile_of_a_mark_round_the_part() {
+    let desk = Desk::new();
+    // Twelve squares round a cylinder with a circumference of 60 π mm.
+    let places: Vec<Vec<[f64; 2]>> =
+        (0..12).map(|i| square_at(f64::from(2 * i - 11) * std::f64::consts::PI * 2.5)).collect();
+    let squares: Vec<(&str, bool, &[[f64; 2]])> =
+        places.iter().map(|corners| ("LOGO", true, corners.as_slice())).collect();
+    desk.write("round.dxf", polylines(&squares));
+    let options = "--cylinder 60,50 --rotary --fill 0.5 --set fill.layers=logo";
+    let report = desk.correct_to("out.dxf", &["round.dxf"], options);
+    let length: f64 = lines(&desk.read("out.dxf"))
+        .iter()
+        .filter(|(layer, _)| layer.ends_with("LOGO-fill"))
+        .flat_map(|(_, line)| {
+            line.windows(2).map(|ends| unrolled(ends[0]).distance(unrolled(ends[1]))).collect::<Vec<_>>()
+        })
+        .sum();
+    // 16 or 17 lines of 8 mm in each square.
+    assert!((12.0 * 16.0 * 8.0 - 1.0..=12.0 * 17.0 * 8.0 + 1.0).contains(&length), "{length} mm");
+    assert!(report["rotary"]["tiles"].as_array().unwrap().len() >= 4);
+}
+
+/// A point of the field on the unrolled cylinder with a radius of 30 mm.
+fn unrolled(at: FlatPoint) -> FlatPoint {
+    FlatPoint::new(30.0 * (at.x / 30.0).asin(), at.y)
+}
+
+#[test]
+fn a_filled_contour_that_no_tile_holds_is_refused() {
+    let desk = Desk::new();
+    let wide = [[-60.0, -4.0], [60.0, -4.0], [60.0, 4.0], [-60.0, 4.0]];
+    desk.write("wide.dxf", polylines(&[("LOGO", true, &wide)]));
+    let correct = |options: &str| {
+        let arguments = "correct --cylinder 60,50 wide.dxf -o out.dxf --json --rotary".split(' ');
+        desk.isomark(&arguments.chain(options.split_whitespace()).collect::<Vec<_>>())
+    };
+    correct("--fill 0.5").refused(1, &["1 contour of the fill would be cut between tiles", "layers"]);
+    assert_eq!(correct("").code, 0);
+}

@@ -330,7 +330,7 @@ mod tests {
         for (bytes, name) in [
             (&b"%PDF-1.7\n"[..], "PDF"),
             (b"AC1032\0\0", "DWG file (AC1032)"),
-            (b"<?xml version=\"1.0\"?>\n<svg>", "SVG"),
+            (b"<?xml version=\"1.0\"?>\n<html>", "XML or HTML"),
             (b"PK\x03\x04abc", "zip"),
             (b"", "empty"),
             (b" \n\n", "empty"),
