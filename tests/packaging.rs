@@ -133,9 +133,9 @@ fn assert_it_works(start: &dyn Fn() -> Command, samples: &Path) {
 fn assert_the_demo_works(start: &dyn Fn() -> Command) {
     let empty = tempfile::tempdir().unwrap();
     let shown = printed(start().args(["demo", "station"]).current_dir(empty.path()));
-    assert!(shown.contains("6 drawings delivered, 0 rejected"), "{shown}");
+    assert!(shown.contains("7 drawings delivered, 0 rejected"), "{shown}");
     let delivered = files(&empty.path().join("station/import"));
-    assert_eq!(delivered.len(), 6, "{delivered:?}");
+    assert_eq!(delivered.len(), 7, "{delivered:?}");
 }
 
 /// Every link of the documents to a file leads to a file.
