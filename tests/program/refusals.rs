@@ -432,9 +432,11 @@ fn files_of_other_kinds() {
             "FreeCAD",
         ],
     );
-    desk.write("logo.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>");
-    correct(&desk, &part(MOUSE), "logo.svg", "")
-        .refused(1, &["logo.svg", "not a DXF", "remedy: Export the drawing as DXF"]);
+    desk.write("logo.pdf", "%PDF-1.7\n");
+    correct(&desk, &part(MOUSE), "logo.pdf", "")
+        .refused(1, &["logo.pdf", "not a DXF", "remedy: Export the drawing as DXF"]);
+    desk.write("empty.svg", "<svg xmlns=\"http://www.w3.org/2000/svg\"/>");
+    correct(&desk, &part(MOUSE), "empty.svg", "").refused(1, &["empty.svg", "nothing to mark"]);
     let unknown = desk.isomark(&["correct", &drawing("abc"), "--sku", "never-seen", "-o", "out.dxf"]);
     unknown.refused(1, &["never-seen", "remedy: Name the part"]);
 }
