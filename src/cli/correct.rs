@@ -52,7 +52,7 @@ pub(super) struct CorrectArguments {
     #[arg(long, value_name = "MM", help_heading = CORRECTION, allow_hyphen_values = true)]
     tolerance: Option<String>,
     /// Fills closed contours and solid hatches with lines this far apart on the part, mm, 0.005 to 10; with one or two directions in
-    /// degrees, as in 0.05,45,135. Default: as set under [fill], which fills nothing.
+    /// degrees, as in 0.05,45,135. Default: as set under `[fill]`, which fills nothing.
     #[arg(long, value_name = "MM[,DEG[,DEG]]", help_heading = CORRECTION, allow_hyphen_values = true)]
     fill: Option<String>,
     /// Writes the report: what was read, what was assumed, and how true every length is.

@@ -342,7 +342,7 @@ impl Style {
                     word.starts_with(|first: char| first.is_ascii_digit() || first == '.')
                         && Length::from_str(word).is_ok_and(|length| length.unit != LengthUnit::None)
                 };
-                if let Some(at) = words.iter().position(|word| size(&word)) {
+                if let Some(at) = words.iter().position(size) {
                     self.apply(outer, "font-size", words[at].split('/').next().unwrap_or_default(), viewport);
                     self.font_family = words[at + 1..].join(" ").into();
                 }

@@ -281,7 +281,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(node, &layer, "it is fully transparent".into(), Missing::Nothing);
             return Ok(());
         }
-        let transform = match style.transform.as_deref().map(|text| transform(text)) {
+        let transform = match style.transform.as_deref().map(transform) {
             None => None,
             Some(Some(transform)) => Some(transform),
             Some(None) => {
@@ -532,7 +532,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             ));
         }
         let style = self.style(clip, context)?;
-        let own = style.transform.as_deref().map(|text| transform(text));
+        let own = style.transform.as_deref().map(transform);
         let Some(own) = own.unwrap_or(Some(Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }))
         else {
             return Ok(Err("the transform of its clip path cannot be read".into()));
