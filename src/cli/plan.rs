@@ -147,6 +147,14 @@ pub(super) fn run(arguments: &PlanArguments) -> Outcome {
         corner_delay: arguments.corner_delay / 1e3,
     };
     let rejected = |reason: Reason| Failure::rejected(reason.in_file(name.clone()));
+    if let Some(layer) = reading.pattern.layers.iter().find(|layer| is_of_tile(&layer.name)) {
+        let what = format!(
+            "The drawing is divided into tiles, such as layer {}: the part turns between them.",
+            layer.name
+        );
+        let remedy = "Plan one tile at a time (`--tiles-as files`), and add the time that the rotary axis needs to turn.";
+        return Err(rejected(Reason::new("plan-tiles", what, remedy)));
+    }
     let plan = belt.plan(&reading.pattern).ok_or_else(|| {
         rejected(Reason::new("plan-empty", "The drawing has no lines.", "Name a corrected drawing."))
     })?;
@@ -193,15 +201,24 @@ impl PlanArguments {
     }
 }
 
+/// Whether a layer is of a tile of a mark round a part, such as `R+045.000 MARK`.
+fn is_of_tile(layer: &str) -> bool {
+    let Some((angle, _)) = layer.strip_prefix('R').and_then(|rest| rest.split_once(' ')) else {
+        return false;
+    };
+    angle.starts_with(['+', '-']) && angle.len() == "+045.000".len() && angle.parse::<f64>().is_ok()
+}
+
 fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArguments) -> Document {
     let total: f64 = plan.times.iter().sum();
     let pitch = arguments.pitch;
-    let smallest_pitch = plan.span * belt.speed;
+    // Marks of neighbouring products do not overlap, however fast the laser is.
+    let smallest_pitch = (plan.span * belt.speed).max(plan.size[0]);
     let passes =
         plan.sections.len() == 1 && plan.fastest.is_some_and(|fastest| fastest >= belt.speed * (1.0 - 1e-9));
     let follows = pitch.is_none_or(|pitch| pitch >= smallest_pitch * (1.0 - 1e-9));
     let brought = pitch.map(|pitch| belt.speed / pitch);
-    let possible = 1.0 / plan.span;
+    let possible = (1.0 / plan.span).min(belt.speed / smallest_pitch);
     let remedy = match (passes, plan.fastest) {
         (false, None) => Some(format!(
             "Split lines longer than the field: one spans {:.2} mm along the belt, and the field is {:.2} mm long.",
@@ -212,8 +229,8 @@ fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArgum
             plan.sections.len()
         )),
         (true, _) if !follows => Some(format!(
-            "Put products at least {smallest_pitch:.2} mm apart, mark faster, or use more lasers: each product takes {:.3} s.",
-            plan.span
+            "Put products at least {smallest_pitch:.2} mm apart, mark faster, or use more lasers: each product takes {:.3} s and is {:.2} mm long.",
+            plan.span, plan.size[0]
         )),
         (true, _) => None,
     };
@@ -265,7 +282,9 @@ fn text(plan: &Document, arguments: &PlanArguments) -> String {
         plan.delay_s,
     );
     if let Some(fastest) = plan.fastest_belt_mm_per_s {
-        text += &format!("  fastest belt  {fastest:.2} mm/s for one laser\n");
+        text += &format!(
+            "  fastest belt  {fastest:.2} mm/s for one laser, with the paths in the order along the belt (`--json` lists it)\n"
+        );
     }
     text += &format!(
         "  products      {:.3} per second; at least {:.2} mm from one to the next\n",

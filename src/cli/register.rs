@@ -378,7 +378,8 @@ fn reason(error: &RegistrationError, contacts: &Contacts) -> Reason {
         RegistrationError::Mirrored => Reason::new(
             "measurements-swapped",
             format!("{error}."),
-            "Give x before y, x to the right and y upwards, in the part's file and in the field; check `facing` of the part.",
+            "Give x before y, x to the right and y upwards, in the part's file and in the field; check that no two points are \
+             interchanged, and check `facing` of the part.",
         ),
         RegistrationError::AboveLens { height, lens } => {
             pose("Check `--z` or `z_mm` under [fixture], the lens distances under [optics], and the unit of the points.")
@@ -396,6 +397,9 @@ fn reason(error: &RegistrationError, contacts: &Contacts) -> Reason {
         RegistrationError::NotFound => pose("Check the points, and give more of them."),
     }
 }
+
+/// Observations that scatter this many times as much as stated are worth a warning.
+const NOTABLE: f64 = 3.0;
 
 fn changes(found: &Registration) -> Vec<Change> {
     let exact = |value: f64| NewValue::Number((value * 1000.0).round() / 1000.0 + 0.0);
@@ -427,6 +431,20 @@ fn document(
             hit.y,
             hit.x - off_x,
             hit.y - off_y
+        );
+        notices.push(Notice::warning("measurement-contradicts", message));
+    }
+    if found.spare > 0 && found.reading > NOTABLE * contacts.reading {
+        let sizes = found.residuals.iter().map(|residual| residual.norm()).enumerate();
+        let used = sizes.filter(|(index, size)| size.is_finite() && found.left_out != Some(*index));
+        let worst = used.max_by(|one, other| one.1.total_cmp(&other.1));
+        let worst =
+            worst.map_or(String::new(), |(index, size)| format!("; pair {} is {size:.2} mm off", index + 1));
+        let message = format!(
+            "the observations scatter by {:.2} mm, {:.0} times as much as `--reading` states{worst}: one of them is probably \
+             mistyped",
+            found.reading,
+            found.reading / contacts.reading
         );
         notices.push(Notice::warning("measurement-contradicts", message));
     }

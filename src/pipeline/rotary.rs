@@ -623,12 +623,23 @@ impl TiledMark {
         }
         let of = self.tiles.len();
         let file = |(number, tile): (usize, &Tile)| {
-            let layers: Vec<Layer> =
-                tile.layers.iter().filter_map(|(_, from)| self.drawn.layers.get(*from).cloned()).collect();
+            // Fills and steps of focus are on layers that are named after those of the tile.
+            let prefix = format!("{} ", tile.name);
+            let of_tile: Vec<(usize, Layer)> = drawing
+                .layers
+                .iter()
+                .enumerate()
+                .filter_map(|(index, layer)| {
+                    let name = layer.name.strip_prefix(&prefix)?.to_owned();
+                    Some((index, Layer { name, color: layer.color }))
+                })
+                .collect();
             let paths = drawing.paths.iter().filter_map(|path| {
-                let layer = tile.layers.iter().position(|(index, _)| *index == path.layer)?;
+                let layer = of_tile.iter().position(|(index, _)| *index == path.layer)?;
                 Some(MarkingPath { layer, ..path.clone() })
             });
+            let paths: Vec<MarkingPath> = paths.collect();
+            let layers = of_tile.into_iter().map(|(_, layer)| layer).collect();
             let mut comments = comments(sku, learned, input, settings);
             if !comments.is_empty() {
                 comments.push(format!(
@@ -637,7 +648,7 @@ impl TiledMark {
                     tile.angle_deg
                 ));
             }
-            let drawing = MarkingDrawing { layers, paths: paths.collect(), comments };
+            let drawing = MarkingDrawing { layers, paths, comments };
             TileFile { name: tile.name.clone(), dxf: pattern::write(&drawing, profile(settings)), drawing }
         };
         self.tiles.iter().enumerate().map(file).collect()

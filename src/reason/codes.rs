@@ -1270,6 +1270,13 @@ const CODES: &[Code] = &[
         "Make the drawing narrower, turn the part, or divide the drawing between lasers side by side.",
     ]),
     reason([
+        "plan-tiles",
+        "A drawing in tiles passes a laser more than once.",
+        "The layers of the drawing are tiles of a mark round a part (`--rotary`). The part turns between them, so its lines cannot be \
+         marked in one pass on a belt.",
+        "Plan one tile at a time (`--tiles-as files`), and add the time that the rotary axis needs to turn.",
+    ]),
+    reason([
         "pose-not-determined",
         "The points do not determine where the part stands.",
         "`isomark register` needs three points of the part that form a triangle, or points on two edges that meet at an angle, each \

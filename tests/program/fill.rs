@@ -457,3 +457,45 @@ fn a_filled_contour_that_no_tile_holds_is_refused() {
     correct("--fill 0.5").refused(1, &["1 contour of the fill would be cut between tiles", "layers"]);
     assert_eq!(correct("").code, 0);
 }
+
+#[test]
+fn files_of_tiles_contain_their_fill_and_their_steps_of_focus() {
+    let desk = Desk::new();
+    let places: Vec<Vec<[f64; 2]>> = [-40.0, -20.0, 0.0, 20.0, 40.0].map(square_at).to_vec();
+    let squares: Vec<(&str, bool, &[[f64; 2]])> =
+        places.iter().map(|corners| ("LOGO", true, corners.as_slice())).collect();
+    desk.write("round.dxf", polylines(&squares));
+    let length = |file: &str, layer: &str| -> f64 {
+        let of_layer = lines(&desk.read(file)).into_iter().filter(|(name, _)| name.starts_with(layer));
+        of_layer
+            .flat_map(|(_, line)| line.windows(2).map(|ends| ends[0].distance(ends[1])).collect::<Vec<_>>())
+            .sum()
+    };
+    let options = "--cylinder 60,50 --rotary --fill 0.5 --set focus.steps=layers --set focus.step_mm=1";
+    let correct = |more: &str| {
+        let words = format!("correct round.dxf -o out.dxf {options} {more}");
+        let output = desk.isomark(&words.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(output.code, 0, "{}", output.err);
+    };
+    correct("");
+    let together = length("out.dxf", "R");
+    correct("--tiles-as files");
+    let tiles =
+        files(desk.root()).into_iter().filter(|name| name.starts_with("out.r") && name.ends_with(".dxf"));
+    let tiles: Vec<String> = tiles.filter(|name| !name.contains("rotary")).collect();
+    assert!(tiles.len() >= 2, "{tiles:?}");
+    let apart: f64 = tiles.iter().map(|tile| length(tile, "LOGO")).sum();
+    assert!((apart - together).abs() < 1e-3 && apart > 5.0 * 8.0 * 16.0, "{apart} of {together} mm");
+}
+
+#[test]
+fn letters_of_single_strokes_are_not_filled() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let text = "0\nSECTION\n2\nENTITIES\n0\nTEXT\n8\nT\n10\n-20\n20\n0\n40\n8\n1\nA0480\n0\nENDSEC\n0\nEOF\n";
+    desk.write("text.dxf", text);
+    let report = desk.correct("plate.obj", "text.dxf", &format!("{AS_DRAWN} --fill 0.3"));
+    let is_stroke = number(&report, "/quality/after/area_mm2") < 1.0;
+    let filled = report.get("fill").is_some_and(|fill| !fill.is_null());
+    assert!(filled != is_stroke || notices(&report).contains(&"fill-nothing"), "{report}");
+}

@@ -92,3 +92,22 @@ fn senseless_numbers_are_refused() {
     desk.isomark(&["plan", "drawing.dxf", "--speed", "100", "--field", "100,15"])
         .refused(1, &["20", "15", "across"]);
 }
+
+#[test]
+fn marks_of_neighbouring_products_do_not_overlap() {
+    let desk = Desk::new();
+    desk.write("drawing.dxf", drawing(&[0.0, 10.0, 20.0]));
+    // The drawing is 20 mm long.
+    let found = plan(&desk, &format!("{LASER} --speed 10 --pitch 15"));
+    assert!(number(&found, "/smallest_pitch_mm") >= 20.0, "{found}");
+    assert_eq!(found["fits"], false);
+}
+
+#[test]
+fn a_drawing_in_tiles_is_not_planned_as_one_pass() {
+    let desk = Desk::new();
+    desk.write("drawing.dxf", drawing(&[0.0, 10.0]).replace("MARK", "R+045.000 MARK"));
+    let line = format!("plan drawing.dxf {LASER} --speed 10");
+    desk.isomark(&line.split_whitespace().collect::<Vec<_>>())
+        .refused(1, &["R+045.000 MARK", "--tiles-as files"]);
+}

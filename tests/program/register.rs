@@ -90,6 +90,11 @@ fn four_noisy_pairs_give_the_pose_and_write_it_with_comments_kept() {
     assert_pose(&free, 0.1);
     let (z, deviation) = (number(&free, "/z_mm/value"), number(&free, "/z_mm/deviation"));
     assert!((z - POSE[2]).abs() < 3.0 * deviation && deviation < 1.0, "{free:#}");
+    // One value that is 1.2 mm wrong leaves too large a scatter to pass without a word.
+    let mut wrong = pairs.clone();
+    wrong[1] = pair(CORNERS[1], [NOISE[1][0] + 1.2, NOISE[1][1]]);
+    let found = result(&desk, &["--z", "4"], &wrong);
+    assert!(notices(&found).contains(&"measurement-contradicts"), "{found:#}");
     // A part with the pose that was found is marked where it was drawn.
     let text = desk.isomark(&arguments(&["--z", "4"], &pairs)).out;
     assert!(text.contains("rotation          23.") && text.contains("pair 4"), "{text}");

@@ -144,11 +144,12 @@ pub fn open_lines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<Op
 /// The places where contours on filled layers cross themselves, mm, one for each contour.
 pub fn self_crossings(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<FlatPoint> {
     let groups = bounding_paths(pattern, is_filled);
-    groups.values().flatten().filter_map(|path| crossing(&path.shape.flattened(CONTOUR * 10.0))).collect()
+    let outlines = groups.values().flatten().filter(|path| !path.source.is_stroke);
+    outlines.filter_map(|path| crossing(&path.shape.flattened(CONTOUR * 10.0))).collect()
 }
 
 /// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
-/// cover is filled once. `None` if they enclose nothing.
+/// cover is filled once. Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
 ///
 /// # Errors
 /// See [`FillError`].
@@ -161,7 +162,11 @@ pub fn fill(
     let groups = bounding_paths(pattern, is_filled);
     let mut layers: Vec<(usize, Vec<Outline>)> = Vec::new();
     let mut contours = std::collections::BTreeMap::new();
-    for ((layer, region), paths) in groups {
+    for ((layer, region), mut paths) in groups {
+        paths.retain(|path| !path.source.is_stroke);
+        if paths.is_empty() {
+            continue;
+        }
         if layers.last().is_none_or(|(last, _)| *last != layer) {
             layers.push((layer, Vec::new()));
         }
