@@ -1,0 +1,644 @@
+//! The triangular factors of a matrix with a symmetric pattern: Cholesky, or LU without pivoting.
+//!
+//! Every front of the elimination is a dense matrix: its own columns are factored, and the remainder is added to the
+//! front that follows (Duff & Reid 1983; Liu, The multifrontal method for sparse matrix solution: theory and practice,
+//! SIAM Review 34, 1992; Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.11 and chapter 6).
+//!
+//! A matrix that is not symmetric has two sides: its lower triangle, and that of its transpose. Each is updated by
+//! products with the other, and both are divided by the root of the pivot, so that A = L₀ L₁ᵀ; with one side, L₁ = L₀.
+//! Without pivoting this is stable for matrices that are positive definite or diagonally dominant (Golub & Van Loan,
+//! Matrix Computations, 2013, sections 4.1.1 and 4.2).
+//!
+//! Matrices are stored in tiles of 4 × 4 numbers, one row of tiles after the other, each tile column by column. Sums
+//! always have the same order and no operation depends on the processor, so results are the same on every machine.
+
+use std::collections::TryReserveError;
+use std::ops::Range;
+
+use super::elimination::{Elimination, filled};
+
+/// Rows and columns of a tile.
+const SIDE: usize = 4;
+/// Numbers of a tile.
+const AREA: usize = SIDE * SIDE;
+/// Tiles side by side that are factored before the rest is updated by their products: they stay in the cache.
+const PANEL: usize = 24;
+/// Rows of tiles that stay in the cache while others are multiplied by them.
+const BLOCK: usize = 24;
+
+/// Why there is no factor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FactorError {
+    /// A pivot is not a positive number.
+    Pivot,
+    /// There is not enough memory.
+    Memory,
+}
+
+impl From<TryReserveError> for FactorError {
+    fn from(_: TryReserveError) -> Self {
+        Self::Memory
+    }
+}
+
+/// The values of a matrix over the points of a grid.
+pub(crate) trait Couplings<const COMPONENTS: usize, const SIDES: usize> {
+    /// Calls `add` with every point to which `point` is coupled, itself included, and with the values: first those of
+    /// the matrix in the other point's rows and this point's columns, then (with two sides) the same for the
+    /// transpose. Points that are not unknowns may be included; values of the same pair are summed. No point is beyond
+    /// the reach of the elimination.
+    fn each(&self, point: usize, add: impl FnMut(usize, &[[[f64; COMPONENTS]; COMPONENTS]; SIDES]));
+}
+
+/// The triangular factors of a matrix.
+#[derive(Debug, Clone)]
+pub(crate) struct Factor<'a, const COMPONENTS: usize, const SIDES: usize> {
+    elimination: &'a Elimination,
+    /// Front by front; on the diagonal, the reciprocals.
+    sides: [Vec<f64>; SIDES],
+}
+
+/// The sizes of a front, in tiles.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
+    /// Rows and columns of the pivots.
+    own: usize,
+    /// Rows below them.
+    rest: usize,
+}
+
+/// Number of tiles of a triangle, diagonal included.
+const fn triangle(side: usize) -> usize {
+    side * (side + 1) / 2
+}
+
+impl Shape {
+    /// The first tile of a row in the factor.
+    fn row(self, row: usize) -> usize {
+        if row < self.own { triangle(row) } else { triangle(self.own) + (row - self.own) * self.own }
+    }
+
+    /// Numbers in the factor.
+    fn factor_len(self) -> usize {
+        self.row(self.own + self.rest) * AREA
+    }
+
+    /// Numbers in the remainder.
+    fn remainder_len(self) -> usize {
+        triangle(self.rest) * AREA
+    }
+
+    /// The place of a row of numbers and its length, in the factor; columns are four numbers apart.
+    fn factor_row(self, row: usize) -> usize {
+        self.row(row / SIDE) * AREA + row % SIDE
+    }
+
+    /// The same in the remainder, for rows below the pivots.
+    fn remainder_row(self, row: usize) -> usize {
+        let row = row - self.own * SIDE;
+        triangle(row / SIDE) * AREA + row % SIDE
+    }
+}
+
+impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SIDES> {
+    /// Factors a matrix.
+    ///
+    /// # Errors
+    /// See [`FactorError`].
+    pub(crate) fn new(
+        elimination: &'a Elimination,
+        matrix: &impl Couplings<COMPONENTS, SIDES>,
+    ) -> Result<Self, FactorError> {
+        let (in_factor, in_remainders) = Self::numbers(elimination)?;
+        let mut sides = [const { Vec::new() }; SIDES];
+        let mut remainders = [const { Vec::new() }; SIDES];
+        for side in 0..SIDES {
+            sides[side].try_reserve_exact(in_factor)?;
+            remainders[side].try_reserve_exact(in_remainders)?;
+        }
+        let mut this = Self { elimination, sides };
+        let mut slots = filled(elimination.len(), 0).ok_or(FactorError::Memory)?;
+        // The fronts whose remainders are not added yet, with the start of each.
+        let mut waiting: Vec<(usize, usize)> = Vec::new();
+        for front in 0..elimination.fronts() {
+            let shape = Self::shape(elimination, front);
+            let (start, end) = (this.sides[0].len(), remainders[0].len());
+            for side in 0..SIDES {
+                this.sides[side].resize(start + shape.factor_len(), 0.0);
+                remainders[side].resize(end + shape.remainder_len(), 0.0);
+            }
+            let own = elimination.own(front);
+            own.clone().enumerate().for_each(|(index, at)| slots[at] = index * COMPONENTS);
+            let rows = elimination.rows(front).iter().enumerate();
+            rows.for_each(|(index, at)| slots[*at as usize] = shape.own * SIDE + index * COMPONENTS);
+            let mut factors = this.sides.each_mut().map(|side| &mut side[start..]);
+            Self::assemble(elimination, matrix, front, shape, &slots, &mut factors);
+            let children = waiting.len() - elimination.children(front);
+            let freed = waiting.get(children).map_or(end, |child| child.1);
+            for (child, at) in waiting.drain(children..) {
+                let places = places::<COMPONENTS>(elimination, child, &slots);
+                for side in 0..SIDES {
+                    let (before, remainder) = remainders[side].split_at_mut(end);
+                    add_remainder(&before[at..], &places, shape, factors[side], remainder);
+                }
+            }
+            eliminate(shape, &mut factors, &mut remainders.each_mut().map(|side| &mut side[end..]))?;
+            for side in &mut remainders {
+                side.copy_within(end.., freed);
+                side.truncate(freed + shape.remainder_len());
+            }
+            waiting.push((front, freed));
+        }
+        Ok(this)
+    }
+
+    /// The values of the matrix in the columns of a front.
+    fn assemble(
+        elimination: &Elimination,
+        matrix: &impl Couplings<COMPONENTS, SIDES>,
+        front: usize,
+        shape: Shape,
+        slots: &[usize],
+        factors: &mut [&mut [f64]; SIDES],
+    ) {
+        let own = elimination.own(front);
+        for position in own.clone() {
+            let point = elimination.order()[position] as usize;
+            let column = slots[position];
+            matrix.each(point, |other, values| {
+                let Some(at) = elimination.position(other).filter(|at| *at >= position) else { return };
+                for down in 0..COMPONENTS {
+                    let row = shape.factor_row(slots[at] + down);
+                    for across in 0..if at == position { down + 1 } else { COMPONENTS } {
+                        for side in 0..SIDES {
+                            factors[side][row + (column + across) * SIDE] += values[side][down][across];
+                        }
+                    }
+                }
+            });
+        }
+        // Unused columns of the last tile.
+        for slot in own.len() * COMPONENTS..shape.own * SIDE {
+            factors.iter_mut().for_each(|factor| factor[shape.factor_row(slot) + slot * SIDE] = 1.0);
+        }
+    }
+
+    /// Numbers of each side of the factor, and of the remainders that exist at the same time.
+    fn numbers(elimination: &Elimination) -> Result<(usize, usize), FactorError> {
+        let (mut in_factor, mut used, mut most) = (0usize, 0usize, 0usize);
+        let mut waiting: Vec<usize> = Vec::new();
+        for front in 0..elimination.fronts() {
+            let shape = Self::shape(elimination, front);
+            in_factor = in_factor.checked_add(shape.factor_len()).ok_or(FactorError::Memory)?;
+            used = used.checked_add(shape.remainder_len()).ok_or(FactorError::Memory)?;
+            most = most.max(used);
+            let children = waiting.drain(waiting.len() - elimination.children(front)..);
+            used -= children.sum::<usize>();
+            waiting.push(shape.remainder_len());
+        }
+        Ok((in_factor, most))
+    }
+
+    fn shape(elimination: &Elimination, front: usize) -> Shape {
+        let tiles = |points: usize| (points * COMPONENTS).div_ceil(SIDE);
+        Shape { own: tiles(elimination.own(front).len()), rest: tiles(elimination.rows(front).len()) }
+    }
+
+    /// Replaces a right-hand side, in the order of the elimination, by the solution.
+    pub(crate) fn solve(&self, right: &mut [[f64; COMPONENTS]]) {
+        let [lower, upper] = [&self.sides[0], &self.sides[SIDES - 1]];
+        let right = right.as_flattened_mut();
+        let mut start = 0;
+        let mut values = Vec::new();
+        for front in 0..self.elimination.fronts() {
+            let shape = Self::shape(self.elimination, front);
+            let factor = &lower[start..start + shape.factor_len()];
+            self.forward(front, shape, factor, right, &mut values);
+            start += shape.factor_len();
+        }
+        for front in (0..self.elimination.fronts()).rev() {
+            let shape = Self::shape(self.elimination, front);
+            start -= shape.factor_len();
+            let factor = &upper[start..start + shape.factor_len()];
+            self.backward(front, shape, factor, right, &mut values);
+        }
+    }
+
+    fn forward(&self, front: usize, shape: Shape, factor: &[f64], right: &mut [f64], values: &mut Vec<f64>) {
+        let own = self.elimination.own(front);
+        let own = own.start * COMPONENTS..own.end * COMPONENTS;
+        values.clear();
+        values.extend_from_slice(&right[own.clone()]);
+        values.resize(shape.own * SIDE, 0.0);
+        for row in 0..shape.own {
+            let (before, from) = values.split_at_mut(row * SIDE);
+            let at = shape.row(row) * AREA;
+            let sum = product(&factor[at..at + row * AREA], before);
+            let tile = &factor[at + row * AREA..][..AREA];
+            for column in 0..SIDE {
+                let done: f64 = (0..column).map(|other| tile[other * SIDE + column] * from[other]).sum();
+                from[column] = (from[column] - sum[column] - done) * tile[column * SIDE + column];
+            }
+        }
+        let len = own.len();
+        right[own].copy_from_slice(&values[..len]);
+        let mut below = self.elimination.rows(front).iter().flat_map(|at| {
+            let first = *at as usize * COMPONENTS;
+            first..first + COMPONENTS
+        });
+        for row in shape.own..shape.own + shape.rest {
+            let at = shape.row(row) * AREA;
+            let sum = product(&factor[at..at + shape.own * AREA], values);
+            sum.iter().zip(&mut below).for_each(|(sum, at)| right[at] -= sum);
+        }
+    }
+
+    fn backward(&self, front: usize, shape: Shape, factor: &[f64], right: &mut [f64], values: &mut Vec<f64>) {
+        let own = self.elimination.own(front);
+        let own = own.start * COMPONENTS..own.end * COMPONENTS;
+        values.clear();
+        values.extend_from_slice(&right[own.clone()]);
+        values.resize(shape.own * SIDE, 0.0);
+        let mut below = self.elimination.rows(front).iter().flat_map(|at| {
+            let first = *at as usize * COMPONENTS;
+            first..first + COMPONENTS
+        });
+        for row in shape.own..shape.own + shape.rest {
+            let mut known = [0.0; SIDE];
+            known.iter_mut().zip(&mut below).for_each(|(known, at)| *known = right[at]);
+            let at = shape.row(row) * AREA;
+            subtract_transposed(&factor[at..at + shape.own * AREA], &known, values);
+        }
+        for row in (0..shape.own).rev() {
+            let at = shape.row(row) * AREA;
+            let tile = &factor[at + row * AREA..][..AREA];
+            let (before, from) = values.split_at_mut(row * SIDE);
+            for column in (0..SIDE).rev() {
+                let done: f64 =
+                    (column + 1..SIDE).map(|other| tile[column * SIDE + other] * from[other]).sum();
+                from[column] = (from[column] - done) * tile[column * SIDE + column];
+            }
+            let known = std::array::from_fn(|column| from[column]);
+            subtract_transposed(&factor[at..at + row * AREA], &known, before);
+        }
+        let len = own.len();
+        right[own].copy_from_slice(&values[..len]);
+    }
+}
+
+/// A row of tiles times a vector.
+fn product(tiles: &[f64], vector: &[f64]) -> [f64; SIDE] {
+    let mut sum = [0.0; SIDE];
+    for (column, value) in tiles.as_chunks::<SIDE>().0.iter().zip(vector) {
+        for row in 0..SIDE {
+            sum[row] += column[row] * value;
+        }
+    }
+    sum
+}
+
+/// Subtracts a transposed row of tiles times a vector.
+fn subtract_transposed(tiles: &[f64], vector: &[f64; SIDE], from: &mut [f64]) {
+    for (column, from) in tiles.as_chunks::<SIDE>().0.iter().zip(from) {
+        *from -=
+            (column[0] * vector[0] + column[1] * vector[1]) + (column[2] * vector[2] + column[3] * vector[3]);
+    }
+}
+
+/// Where the rows of a child's remainder are in the front that they are added to.
+fn places<const COMPONENTS: usize>(elimination: &Elimination, child: usize, slots: &[usize]) -> Vec<usize> {
+    let rows = elimination.rows(child).iter();
+    rows.flat_map(|at| slots[*at as usize]..slots[*at as usize] + COMPONENTS).collect()
+}
+
+/// Adds a child's remainder to a front.
+fn add_remainder(child: &[f64], places: &[usize], shape: Shape, factor: &mut [f64], remainder: &mut [f64]) {
+    let pivots = shape.own * SIDE;
+    let in_factor = places.partition_point(|place| *place < pivots);
+    for (index, rows) in places.chunks(SIDE).enumerate() {
+        let tiles = &child[triangle(index) * AREA..][..(index + 1) * AREA];
+        for (row, place) in rows.iter().enumerate() {
+            let count = index * SIDE + row + 1;
+            let values = tiles.iter().skip(row).step_by(SIDE).zip(&places[..count]);
+            let to = &mut factor[shape.factor_row(*place)..];
+            values.clone().take(in_factor).for_each(|(value, column)| to[column * SIDE] += value);
+            if count > in_factor {
+                let to = &mut remainder[shape.remainder_row(*place)..];
+                values.skip(in_factor).for_each(|(value, column)| to[(column - pivots) * SIDE] += value);
+            }
+        }
+    }
+}
+
+/// Factors the pivots' columns of a front and subtracts their products from its remainder.
+fn eliminate<const SIDES: usize>(
+    shape: Shape,
+    factors: &mut [&mut [f64]; SIDES],
+    remainders: &mut [&mut [f64]; SIDES],
+) -> Result<(), FactorError> {
+    let rows = shape.own + shape.rest;
+    let mut divisors = [[[0.0; AREA]; PANEL]; SIDES];
+    for first in (0..shape.own).step_by(PANEL) {
+        let end = (first + PANEL).min(shape.own);
+        for row in first..rows {
+            for column in first..end.min(row) {
+                for side in 0..SIDES {
+                    let (tile, left, right) = operands(factors, side, shape, [row, column], first..column);
+                    subtract_product(tile, left, right);
+                    divide_tile(tile, &divisors[SIDES - 1 - side][column - first]);
+                }
+            }
+            if row < end {
+                for side in 0..SIDES {
+                    let (tile, left, right) = operands(factors, side, shape, [row, row], first..row);
+                    subtract_product(tile, left, right);
+                    divisors[side][row - first] = *tile;
+                }
+                let mut tiles: [[f64; AREA]; SIDES] = std::array::from_fn(|side| divisors[side][row - first]);
+                factor_tile(&mut tiles)?;
+                for side in 0..SIDES {
+                    divisors[side][row - first] = tiles[side];
+                    *operands(factors, side, shape, [row, row], first..row).0 = tiles[side];
+                }
+            }
+        }
+        for block in (end..rows).step_by(BLOCK) {
+            for row in block..rows {
+                let columns = block..(block + BLOCK).min(row + 1);
+                let in_factor = columns.end.min(shape.own);
+                for side in 0..SIDES {
+                    for column in columns.start..in_factor {
+                        let (tile, left, right) = operands(factors, side, shape, [row, column], first..end);
+                        subtract_product(tile, left, right);
+                    }
+                    if row < shape.own {
+                        continue;
+                    }
+                    let part = |side: usize, row: usize| {
+                        let start = shape.row(row) * AREA;
+                        &factors[side][start + first * AREA..start + end * AREA]
+                    };
+                    let left = part(side, row);
+                    let start = triangle(row - shape.own) * AREA;
+                    let (tiles, _) = remainders[side][start..].as_chunks_mut::<AREA>();
+                    for column in columns.start.max(in_factor)..columns.end {
+                        subtract_product(
+                            &mut tiles[column - shape.own],
+                            left,
+                            part(SIDES - 1 - side, column),
+                        );
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A tile of the factor with the rows of tiles whose product is subtracted from it, over some columns: its own row, and
+/// the row of the other side that is as far down as the tile is to the right.
+#[inline(always)]
+fn operands<'a, const SIDES: usize>(
+    factors: &'a mut [&mut [f64]; SIDES],
+    side: usize,
+    shape: Shape,
+    [row, column]: [usize; 2],
+    over: Range<usize>,
+) -> (&'a mut [f64; AREA], &'a [f64], &'a [f64]) {
+    let [start, across] = [row, column].map(|row| shape.row(row) * AREA);
+    let across = across + over.start * AREA..across + over.end * AREA;
+    let (this, other) = if SIDES == 1 {
+        let (before, this) = factors[0].split_at_mut(start);
+        (this, &*before)
+    } else {
+        let (first, second) = factors.split_at_mut(1);
+        let (this, other) = if side == 0 { (&mut first[0], &second[0]) } else { (&mut second[0], &first[0]) };
+        (&mut this[start..], &**other)
+    };
+    let (left, tile) = this.split_at_mut(column * AREA);
+    let left = &left[over.start * AREA..over.end * AREA];
+    // On the diagonal, the two rows of a single side are the same.
+    let right = if SIDES == 1 && row == column { left } else { &other[across] };
+    (&mut tile.as_chunks_mut().0[0], left, right)
+}
+
+/// Subtracts a row of tiles times another, transposed row of tiles from a tile.
+#[inline(always)]
+fn subtract_product(tile: &mut [f64; AREA], left: &[f64], right: &[f64]) {
+    let mut sums = [[0.0; SIDE]; SIDE];
+    for (left, right) in left.as_chunks::<SIDE>().0.iter().zip(right.as_chunks::<SIDE>().0) {
+        for column in 0..SIDE {
+            for row in 0..SIDE {
+                sums[column][row] += left[row] * right[column];
+            }
+        }
+    }
+    tile.iter_mut().zip(sums.as_flattened()).for_each(|(value, sum)| *value -= sum);
+}
+
+/// Factors a tile on the diagonal.
+fn factor_tile<const SIDES: usize>(tiles: &mut [[f64; AREA]; SIDES]) -> Result<(), FactorError> {
+    for pivot in 0..SIDE {
+        let root = tiles[0][pivot * SIDE + pivot].sqrt();
+        // Also for NaN and for infinite pivots.
+        if !(root > 0.0 && root < f64::INFINITY) {
+            return Err(FactorError::Pivot);
+        }
+        for tile in tiles.iter_mut() {
+            tile[pivot * SIDE + pivot] = 1.0 / root;
+            (pivot + 1..SIDE).for_each(|row| tile[pivot * SIDE + row] *= 1.0 / root);
+        }
+        for column in pivot + 1..SIDE {
+            for row in column..SIDE {
+                let changes: [f64; SIDES] = std::array::from_fn(|side| {
+                    tiles[side][pivot * SIDE + row] * tiles[SIDES - 1 - side][pivot * SIDE + column]
+                });
+                (0..SIDES).for_each(|side| tiles[side][column * SIDE + row] -= changes[side]);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Divides a tile by the transpose of a factored tile of the diagonal.
+#[inline(always)]
+fn divide_tile(tile: &mut [f64; AREA], divisor: &[f64; AREA]) {
+    for column in 0..SIDE {
+        for before in 0..column {
+            for row in 0..SIDE {
+                tile[column * SIDE + row] -= tile[before * SIDE + row] * divisor[before * SIDE + column];
+            }
+        }
+        for row in 0..SIDE {
+            tile[column * SIDE + row] *= divisor[column * SIDE + column];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    /// A dense matrix over the points of a grid.
+    struct Dense(DMatrix<f64>);
+
+    impl<const COMPONENTS: usize, const SIDES: usize> Couplings<COMPONENTS, SIDES> for Dense {
+        fn each(&self, point: usize, mut add: impl FnMut(usize, &[[[f64; COMPONENTS]; COMPONENTS]; SIDES])) {
+            for other in 0..self.0.nrows() / COMPONENTS {
+                let value = |down: usize, across: usize, side: usize| {
+                    let at = [other * COMPONENTS + down, point * COMPONENTS + across];
+                    self.0[(at[side], at[1 - side])]
+                };
+                let block: [[[f64; COMPONENTS]; COMPONENTS]; SIDES] = std::array::from_fn(|side| {
+                    std::array::from_fn(|down| std::array::from_fn(|across| value(down, across, side)))
+                });
+                if block.as_flattened().as_flattened().iter().any(|value| *value != 0.0) {
+                    add(other, &block);
+                }
+            }
+        }
+    }
+
+    struct Grid {
+        columns: usize,
+        rows: usize,
+        reach: usize,
+    }
+
+    impl Grid {
+        fn is_near(&self, a: usize, b: usize) -> bool {
+            (a % self.columns).abs_diff(b % self.columns) <= self.reach
+                && (a / self.columns).abs_diff(b / self.columns) <= self.reach
+        }
+
+        /// Random values within the reach, with a diagonal that dominates them.
+        fn random<const COMPONENTS: usize>(&self, is_symmetric: bool) -> DMatrix<f64> {
+            let unknowns = self.columns * self.rows * COMPONENTS;
+            let mut state = 1u64;
+            let mut matrix = DMatrix::from_fn(unknowns, unknowns, |row, column| {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                let is_near = self.is_near(row / COMPONENTS, column / COMPONENTS);
+                if is_near { (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5 } else { 0.0 }
+            });
+            if is_symmetric {
+                matrix = &matrix + matrix.transpose();
+            }
+            for row in 0..unknowns {
+                matrix[(row, row)] = 0.1 + matrix.row(row).abs().sum().max(matrix.column(row).abs().sum());
+            }
+            matrix
+        }
+
+        /// Compares with a dense factor, with the unknowns that remain if some points are fixed.
+        fn compare<const COMPONENTS: usize, const SIDES: usize>(&self, is_unknown: &dyn Fn(usize) -> bool) {
+            let matrix = self.random::<COMPONENTS>(SIDES == 1);
+            let size = (self.columns, self.rows);
+            let elimination = Elimination::new(size, self.reach, COMPONENTS, is_unknown).unwrap();
+            let factor = Factor::<COMPONENTS, SIDES>::new(&elimination, &Dense(matrix.clone())).unwrap();
+            let unknowns: Vec<usize> = (0..matrix.nrows()).filter(|at| is_unknown(at / COMPONENTS)).collect();
+            if unknowns.is_empty() {
+                return;
+            }
+            let dense = DMatrix::from_fn(unknowns.len(), unknowns.len(), |row, column| {
+                matrix[(unknowns[row], unknowns[column])]
+            });
+            let right = DVector::from_fn(unknowns.len(), |row, _| (unknowns[row] as f64).sin());
+            let truth = if SIDES == 1 {
+                dense.clone().cholesky().unwrap().solve(&right)
+            } else {
+                dense.lu().solve(&right).unwrap()
+            };
+            let scalars = |point: u32| std::array::from_fn(|at| point as usize * COMPONENTS + at);
+            let mut found: Vec<[f64; COMPONENTS]> =
+                elimination.order().iter().map(|point| scalars(*point).map(|at| (at as f64).sin())).collect();
+            factor.solve(&mut found);
+            for (row, value) in unknowns.iter().zip(&truth) {
+                let at = elimination.position(row / COMPONENTS).unwrap();
+                let found = found[at][row % COMPONENTS];
+                assert!((found - value).abs() < 1e-12, "{found} for {value}, {COMPONENTS} {SIDES}");
+            }
+        }
+    }
+
+    #[test]
+    fn solutions_are_those_of_dense_factors() {
+        let all = |_: usize| true;
+        let some = |point: usize| point * 7919 % 5 > 1;
+        let half = |point: usize| point % 12 < 6;
+        let two_parts = |point: usize| !(3..8).contains(&(point % 12));
+        for (columns, rows) in [(12, 13), (1, 1), (1, 40), (40, 1), (3, 30), (25, 5), (2, 2)] {
+            for is_unknown in [&all as &dyn Fn(usize) -> bool, &some, &half, &two_parts] {
+                let grid = |reach: usize| Grid { columns, rows, reach };
+                grid(3).compare::<1, 1>(is_unknown);
+                grid(3).compare::<2, 1>(is_unknown);
+                grid(3).compare::<3, 1>(is_unknown);
+                grid(1).compare::<1, 2>(is_unknown);
+                grid(2).compare::<2, 2>(is_unknown);
+            }
+        }
+    }
+
+    /// Coupled to the next points in the row and in the column.
+    struct Laplace {
+        columns: usize,
+        rows: usize,
+        middle: f64,
+    }
+
+    impl Couplings<1, 1> for Laplace {
+        fn each(&self, point: usize, mut add: impl FnMut(usize, &[[[f64; 1]; 1]; 1])) {
+            let (column, row) = (point % self.columns, point / self.columns);
+            add(point, &[[[self.middle]]]);
+            for (is_inside, other) in [
+                (column > 0, point.wrapping_sub(1)),
+                (column + 1 < self.columns, point + 1),
+                (row > 0, point.wrapping_sub(self.columns)),
+                (row + 1 < self.rows, point + self.columns),
+            ] {
+                if is_inside {
+                    add(other, &[[[-1.0]]]);
+                }
+            }
+        }
+    }
+
+    /// The difference equation of Laplace has the eigenvectors sin(jπx) sin(kπy), also on a grid that needs several
+    /// panels and blocks.
+    #[test]
+    fn eigenvectors_of_the_laplacian_are_multiplied_by_their_eigenvalue() {
+        use std::f64::consts::PI;
+        for (columns, rows) in [(130, 120), (1000, 3), (1, 7)] {
+            let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
+            let factor = Factor::new(&elimination, &Laplace { columns, rows, middle: 4.0 }).unwrap();
+            let (u, v) = (2.0 * PI / (columns + 1) as f64, 3.0 * PI / (rows + 1) as f64);
+            let wave = |point: u32| {
+                let (column, row) = (point as usize % columns + 1, point as usize / columns + 1);
+                (u * column as f64).sin() * (v * row as f64).sin()
+            };
+            let mut found: Vec<[f64; 1]> = elimination.order().iter().map(|point| [wave(*point)]).collect();
+            factor.solve(&mut found);
+            let eigenvalue = 4.0 - 2.0 * u.cos() - 2.0 * v.cos();
+            for (point, [value]) in elimination.order().iter().zip(found) {
+                assert!((value * eigenvalue - wave(*point)).abs() < 1e-11);
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_is_refused() {
+        for middle in [0.0, 1.0, 3.9, -4.0, f64::NAN, f64::INFINITY] {
+            let (columns, rows) = (31, 30);
+            let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
+            let found = Factor::new(&elimination, &Laplace { columns, rows, middle });
+            assert_eq!(found.err(), Some(FactorError::Pivot), "{middle}");
+        }
+    }
+
+    #[test]
+    fn no_unknowns_have_an_empty_solution() {
+        let elimination = Elimination::new((5, 5), 3, 1, |_| false).unwrap();
+        let factor = Factor::new(&elimination, &Laplace { columns: 5, rows: 5, middle: 4.0 }).unwrap();
+        factor.solve(&mut []);
+    }
+}

@@ -1,0 +1,26 @@
+//! The round surfaces that a part's file names.
+
+use nalgebra::{Point3, Unit, Vector3};
+
+/// A cylinder or a cone of which a part's file states that it has a face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RoundForm {
+    /// A cylinder.
+    Cylinder {
+        /// A point of the axis, mm.
+        center: Point3<f64>,
+        /// Direction of the axis.
+        axis: Unit<Vector3<f64>>,
+        /// Radius, mm.
+        radius: f64,
+    },
+    /// A cone.
+    Cone {
+        /// The apex, mm.
+        apex: Point3<f64>,
+        /// Direction of the axis from the apex into the cone.
+        axis: Unit<Vector3<f64>>,
+        /// Angle between axis and generators, rad.
+        half_angle: f64,
+    },
+}
