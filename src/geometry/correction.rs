@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector2};
 
 use super::ink::Ink;
 use super::mapping::LengthTrueMap;
+use super::mapping::quality::Shortening;
 use super::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use super::optics::{Fixture, ScanHead};
 use super::pattern::{Pattern, Segment, Shape};
@@ -50,9 +51,8 @@ pub struct Projection<'a> {
 pub struct Bent {
     /// The drawing.
     pub drawing: MarkingDrawing,
-    /// For each path, by how much the marked polyline is shorter on the part than the drawn curve, mm, because chords are
-    /// shorter than arcs.
-    pub shortening: Vec<f64>,
+    /// For each path, by how much the marked polyline is shorter on the part than the drawn curve.
+    pub shortening: Vec<Shortening>,
     /// For each path, the points of the placed drawing that its points mark.
     pub drawn: Vec<Vec<FlatPoint>>,
 }
@@ -62,6 +62,8 @@ pub struct Bent {
 struct Aimed {
     flat: FlatPoint,
     field: FieldPoint,
+    /// The number of its segment and the parameter there.
+    on: (usize, f64),
 }
 
 /// The part reaches up to the lens, where no beam can reach it.
@@ -90,8 +92,8 @@ impl Projection<'_> {
         self.head.aim(landing).ok_or(AboveLens { at: view })
     }
 
-    fn aimed(&self, flat: FlatPoint) -> Result<Aimed, AboveLens> {
-        Ok(Aimed { flat, field: self.aim(flat)? })
+    fn aimed(&self, flat: FlatPoint, on: (usize, f64)) -> Result<Aimed, AboveLens> {
+        Ok(Aimed { flat, field: self.aim(flat)?, on })
     }
 
     /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
@@ -115,15 +117,15 @@ impl Projection<'_> {
                     Subdivision::Adaptive => self.bend_with_few_points(segments, tolerance, &junctions)?,
                     Subdivision::Keep => self.bend_point_by_point(segments, tolerance)?,
                 };
-                let chords = points.windows(2).map(|ends| ends[0].flat.distance(ends[1].flat)).sum::<f64>();
-                let length = drawn_length(segments);
-                let lost = if length - chords > ROUNDING * length { length - chords } else { 0.0 };
+                let lost = shortening_of(segments, &points);
                 let (field, flat): (Vec<_>, Vec<_>) =
                     points.iter().map(|point| (point.field, point.flat)).unzip();
                 Ok((field, flat, lost))
             };
             let (shape, flat, lost) = match &path.shape {
-                Shape::Dot(point) => (MarkingShape::Dot(self.aim(*point)?), vec![*point], 0.0),
+                Shape::Dot(point) => {
+                    (MarkingShape::Dot(self.aim(*point)?), vec![*point], Shortening::default())
+                }
                 Shape::Open(segments) => {
                     let (points, flat, lost) = bend(segments)?;
                     (MarkingShape::Open(points), flat, lost)
@@ -150,13 +152,14 @@ impl Projection<'_> {
     /// The images of the ends of all segments, after curves are flattened.
     fn bend_point_by_point(&self, segments: &[Segment], tolerance: f64) -> Result<Vec<Aimed>, AboveLens> {
         let mut points = Vec::with_capacity(segments.len() + 1);
-        for segment in segments {
+        for (number, segment) in segments.iter().enumerate() {
             if points.is_empty() {
-                points.push(self.aimed(segment.point(0.0))?);
+                points.push(self.aimed(segment.point(0.0), (number, 0.0))?);
             }
             let steps = segment.steps(tolerance);
             for step in 1..=steps {
-                points.push(self.aimed(segment.point(step as f64 / steps as f64))?);
+                let share = step as f64 / steps as f64;
+                points.push(self.aimed(segment.point(share), (number, share))?);
             }
         }
         Ok(points)
@@ -173,13 +176,13 @@ impl Projection<'_> {
         let mut kept = Vec::new();
         // Points along the image since the last junction.
         let mut points: Vec<Aimed> = Vec::with_capacity(segments.len() + 1);
-        for segment in segments {
+        for (number, segment) in segments.iter().enumerate() {
             let (from, to) = (segment.point(0.0), segment.point(1.0));
             let start = match points.last() {
                 Some(last) if last.flat == from => *last,
-                _ => self.aimed(from)?,
+                _ => self.aimed(from, (number, 0.0))?,
             };
-            let end = self.aimed(to)?;
+            let end = self.aimed(to, (number, 1.0))?;
             if points.is_empty() {
                 points.push(start);
             } else if junctions.contain(from) {
@@ -228,7 +231,7 @@ impl Projection<'_> {
             points.push(to.1);
             return Ok(());
         }
-        let halfway = (middle, self.aimed(segment.point(middle))?);
+        let halfway = (middle, self.aimed(segment.point(middle), (to.1.on.0, middle))?);
         self.subdivide(segment, from, halfway, tolerance, points)?;
         self.subdivide(segment, halfway, to, tolerance, points)
     }
@@ -250,61 +253,6 @@ impl Projection<'_> {
             }
         }
         None
-    }
-
-    /// Checks every sample of the ink: whether there is surface, its angle and height, and its position in the field.
-    pub fn expose(&self, ink: &Ink) -> Exposure {
-        let mut exposure = Exposure {
-            samples: 0,
-            off_surface: 0,
-            first_off_surface: None,
-            steepest: 0.0,
-            steepest_at: ViewPoint::new(0.0, 0.0),
-            lowest: f64::INFINITY,
-            highest: f64::NEG_INFINITY,
-            highest_at: ViewPoint::new(0.0, 0.0),
-            field: Extents::EMPTY,
-            max_difference: 0.0,
-            max_difference_at: ViewPoint::new(0.0, 0.0),
-            max_doubt: 0.0,
-            max_doubt_at: ViewPoint::new(0.0, 0.0),
-        };
-        let mut last = None;
-        let ends = ink.pieces.iter().flat_map(|piece| {
-            // Most pieces start where the last one ended; that point is checked once.
-            let start = Some(piece.from).filter(|from| last.replace(piece.to) != Some(*from));
-            start.into_iter().chain([piece.to])
-        });
-        for flat in ends.chain(ink.squares.iter().copied()).chain(ink.dots.iter().copied()) {
-            let (view, landing) = self.landing(flat);
-            exposure.samples += 1;
-            if !self.surface.field.is_surface(view) {
-                exposure.off_surface += 1;
-                exposure.first_off_surface.get_or_insert((flat, view));
-                continue;
-            }
-            let normal = self.fixture.direction(self.map.normal(self.surface, flat));
-            let incidence = normal.dot(&self.head.towards(landing)).clamp(-1.0, 1.0).acos();
-            if incidence > exposure.steepest {
-                (exposure.steepest, exposure.steepest_at) = (incidence, view);
-            }
-            exposure.lowest = exposure.lowest.min(landing.z);
-            if landing.z > exposure.highest {
-                (exposure.highest, exposure.highest_at) = (landing.z, view);
-            }
-            let difference = self.surface.difference(view).abs();
-            if difference > exposure.max_difference {
-                (exposure.max_difference, exposure.max_difference_at) = (difference, view);
-            }
-            let doubt = self.surface.doubt(view);
-            if doubt > exposure.max_doubt {
-                (exposure.max_doubt, exposure.max_doubt_at) = (doubt, view);
-            }
-            if let Some(aim) = self.head.aim(landing) {
-                exposure.field.include(aim.coords());
-            }
-        }
-        exposure
     }
 }
 
@@ -367,14 +315,29 @@ pub struct Exposure {
     pub max_doubt_at: ViewPoint,
 }
 
-/// The length of a curve as drawn, mm.
-pub fn drawn_length(segments: &[Segment]) -> f64 {
-    let chords = |segment: &Segment| {
-        let steps = segment.steps(DRAWN);
-        let point = |step: usize| segment.point(step as f64 / steps as f64);
-        (1..=steps).map(|step| point(step - 1).distance(point(step))).sum::<f64>()
-    };
-    segments.iter().map(chords).sum()
+/// By how much the chords between points of a path are shorter than the path.
+fn shortening_of(segments: &[Segment], points: &[Aimed]) -> Shortening {
+    let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
+    let mut shortening = Shortening::default();
+    for ends in points.windows(2) {
+        let [from, to] = [ends[0].on, ends[1].on];
+        let drawn = (from.0..=to.0)
+            .zip(segments.iter().zip(&steps).skip(from.0))
+            .map(|(number, (segment, steps))| {
+                let start = if number == from.0 { from.1 } else { 0.0 };
+                let end = if number == to.0 { to.1 } else { 1.0 };
+                let steps = (*steps as f64 * (end - start)).ceil().max(1.0) as usize;
+                let point = |step: usize| segment.point(start + (end - start) * step as f64 / steps as f64);
+                (1..=steps).map(|step| point(step - 1).distance(point(step))).sum::<f64>()
+            })
+            .sum::<f64>();
+        let lost = drawn - ends[0].flat.distance(ends[1].flat);
+        if lost > ROUNDING * drawn {
+            shortening.lost += lost;
+            shortening.largest_share = shortening.largest_share.max(lost / drawn);
+        }
+    }
+    shortening
 }
 
 /// A polyline through a small selection of the points, including both ends, such that all others are within `tolerance`
@@ -451,6 +414,7 @@ fn distance_to_line(point: FieldPoint, from: FieldPoint, to: FieldPoint) -> f64 
 mod tests {
     use super::*;
     use crate::geometry::height_field::FacingPart;
+    use crate::geometry::ink::Ink;
     use crate::geometry::mapping::Method;
     use crate::geometry::mapping::isometric::IsometricOptions;
     use crate::geometry::pattern::{Color, Layer, Path, Source};
@@ -585,7 +549,7 @@ mod tests {
     /// The points that [`simplified`] keeps.
     fn selected(points: &[FieldPoint], tolerance: f64) -> Vec<FieldPoint> {
         let flat = FlatPoint::new(0.0, 0.0);
-        let points: Vec<Aimed> = points.iter().map(|&field| Aimed { flat, field }).collect();
+        let points: Vec<Aimed> = points.iter().map(|&field| Aimed { flat, field, on: (0, 0.0) }).collect();
         simplified(&points, tolerance).iter().map(|point| point.field).collect()
     }
 
@@ -619,10 +583,61 @@ mod tests {
             let lost = 3.0 * turn - perimeter;
             // A third of the tolerance for each radian of turning, at most.
             assert!(
-                (bent.shortening[0] - lost).abs() < 2e-4 && lost <= turn * tolerance / 3.0 + 1e-3,
+                (bent.shortening[0].lost - lost).abs() < 2e-4 && lost <= turn * tolerance / 3.0 + 1e-3,
                 "{lost} mm"
             );
-            assert!(lost > turn * tolerance / 30.0 && bent.shortening[1] < 1e-9, "{lost} mm");
+            assert!(lost > turn * tolerance / 30.0 && bent.shortening[1].lost < 1e-9, "{lost} mm");
+        }
+    }
+
+    /// A rectangle whose corners are rounded: 60 mm of straight lines lose nothing, the arcs of a millimetre do.
+    #[test]
+    fn the_largest_shortening_is_that_of_one_chord() {
+        let surface = surface(|_, _| 0.0);
+        let (radius, half) = (1.0, 8.0);
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let mut segments = Vec::new();
+        for (number, [x, y]) in
+            [[half, half], [-half, half], [-half, -half], [half, -half]].into_iter().enumerate()
+        {
+            segments.push(Segment::Arc {
+                center: FlatPoint::new(x, y),
+                u: nalgebra::Vector2::new(radius, 0.0),
+                v: nalgebra::Vector2::new(0.0, radius),
+                start: quarter * number as f64,
+                sweep: quarter,
+            });
+        }
+        let corners = segments.clone();
+        let lines = corners.iter().zip(corners.iter().cycle().skip(1));
+        let lines = lines.map(|(one, next)| Segment::Line { from: one.end(), to: next.start() });
+        let segments: Vec<Segment> =
+            corners.iter().cloned().zip(lines).flat_map(|(arc, line)| [arc, line]).collect();
+        let pattern = drawing(Shape::Closed(segments));
+        let map = LengthTrueMap::Plain;
+        let projection = Projection {
+            map: &map,
+            surface: &surface,
+            fixture: Fixture::default(),
+            head: ScanHead::TELECENTRIC,
+        };
+        for subdivision in [Subdivision::Adaptive, Subdivision::Keep] {
+            let bent = projection.bend(&pattern, 0.02, subdivision).unwrap();
+            let points = bent.drawing.paths[0].shape.points();
+            let around = points.iter().zip(points.iter().cycle().skip(1));
+            let shares = around
+                .map(|(from, to)| from.distance(*to))
+                .filter(|chord| *chord < 2.0 * radius)
+                .map(|chord| {
+                    let arc = 2.0 * radius * (chord / 2.0 / radius).asin();
+                    1.0 - chord / arc
+                });
+            let most = shares.fold(0.0, f64::max);
+            let reported = bent.shortening[0].largest_share;
+            assert!(
+                most > 0.004 && reported > 0.999 * most - 1e-4 && reported < 1.001 * most + 1e-4,
+                "{reported} for {most}"
+            );
         }
     }
 

@@ -5,6 +5,9 @@ use nalgebra::{Vector2, Vector3};
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
+use super::solid::Solid;
+use super::solid::frame::Placement;
+use super::solid::rays::{FaceHit, SeenSolid, first_of};
 use super::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -63,6 +66,8 @@ type SecondSkins = Vec<(usize, f64)>;
 #[derive(Debug, Clone)]
 pub struct FacingPart {
     mesh: SmoothMesh,
+    /// The exact faces, if they are known; the mesh is empty then.
+    faces: Option<SeenSolid>,
     extents: Extents,
 }
 
@@ -82,6 +87,8 @@ pub struct PartSamples {
     /// For each node, how far the part may be from its samples because neighbouring curved facets lead to different
     /// slopes; empty if none do.
     pub uncertainties: Vec<Uncertainty>,
+    /// For each node, the slope of the part along x and y, no unit; 0 beside the part.
+    pub slopes: Vec<Vector2<f64>>,
 }
 
 /// How far the part may be from its samples: between the vertices of a mesh, where they and their normals do not define it,
@@ -97,6 +104,10 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// The part is known.
     pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
+
+    /// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums need the mean,
+    /// largest values the latter.
+    pub const PEAK: f64 = 3.0;
 
     /// The larger slope and the larger height of two.
     pub fn largest(self, other: Self) -> Self {
@@ -172,7 +183,21 @@ impl FacingPart {
         let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view) };
         let corners = mesh.triangles.iter().flatten();
         let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
-        Self { mesh, extents }
+        Self { mesh, faces: None, extents }
+    }
+
+    /// The exact faces of a solid as the `view` shows them; `mesh` is a tessellation of it, which gives its extents.
+    pub fn of_solid(solid: &Solid, mesh: &TriMesh, view: &View) -> Self {
+        let corners = mesh.triangles().iter().flatten();
+        let extents =
+            Extents::of(corners.map(|&index| view.point(mesh.positions()[index as usize]).coords.xy()));
+        let faces = SeenSolid::new(&solid.placed(&Placement::turned(view.rotation())));
+        Self { mesh: SmoothMesh::default(), faces: Some(faces), extents }
+    }
+
+    /// The exact faces, if they are known.
+    pub fn faces(&self) -> Option<&SeenSolid> {
+        self.faces.as_ref()
     }
 
     /// The bounding rectangle of the part in the view, mm.
@@ -181,8 +206,11 @@ impl FacingPart {
     }
 
     /// The mean distance between neighbouring vertices of the side that faces the laser, mm in the view, as if equilateral
-    /// triangles covered it.
+    /// triangles covered it; 0 for exact faces.
     pub fn spacing(&self) -> f64 {
+        if self.faces.is_some() {
+            return 0.0;
+        }
         let (mut area, mut count) = (0.0, 0usize);
         for triangle in 0..self.mesh.triangles.len() {
             let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
@@ -196,7 +224,10 @@ impl FacingPart {
 
     /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
-        let (hits, doubled) = self.hits(grid);
+        let (hits, doubled) = match &self.faces {
+            Some(faces) => exact_hits(faces, grid),
+            None => self.hits(grid),
+        };
         let met = hits.iter().flatten().count();
         let skins = doubled.first().map(|&(node, gap)| Skins {
             at: grid.position(node % grid.columns, node / grid.columns),
@@ -211,6 +242,7 @@ impl FacingPart {
             is_at_edge,
             doubts: self.doubts(&hits),
             uncertainties: self.uncertainties(&hits),
+            slopes: hits.iter().map(|hit| hit.map_or_else(Vector2::zeros, |(_, hit)| hit.gradient)).collect(),
             skins,
         }
     }
@@ -321,7 +353,8 @@ impl FacingPart {
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
             let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
-            let (one, other) = (self.mesh.regions[one as usize], self.mesh.regions[other as usize]);
+            let region = |index: u32| self.mesh.regions.get(index as usize).copied().unwrap_or(index);
+            let (one, other) = (region(one), region(other));
             if one == other || !is_surface(first) || !is_surface(second) {
                 return;
             }
@@ -440,12 +473,52 @@ impl HeightField {
         self.grid.cell_nodes(column, row)
     }
 
+    /// Whether a node within `distance` mm of a place of the view is on the smooth surface.
+    pub fn has_surface_near(&self, place: ViewPoint, distance: f64) -> bool {
+        self.surface_nodes().any(|(column, row, _)| self.position(column, row).distance(place) <= distance)
+    }
+
     /// Whether the point is on the smooth surface: all four nodes round it are.
     pub fn is_surface(&self, at: ViewPoint) -> bool {
         self.cell(at).is_some_and(|(column, row, _)| {
             self.cell_nodes(column, row).iter().all(|&index| matches!(self.nodes[index], Node::Surface(_)))
         })
     }
+}
+
+/// For every node, the face that is hit there, and where it is hit; and the nodes with a second skin.
+fn exact_hits(solid: &SeenSolid, grid: &Grid) -> (NodeHits, SecondSkins) {
+    let mut all: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.count()];
+    for (index, face) in solid.faces().iter().enumerate() {
+        let [low, high] = face.bounds();
+        let in_columns = grid.range(low.x, high.x, grid.origin.x, grid.columns);
+        for row in grid.range(low.y, high.y, grid.origin.y, grid.rows) {
+            for column in in_columns.clone() {
+                let at = grid.position(column, row).coords();
+                face.hits(index as u32, at, &mut all[row * grid.columns + column]);
+            }
+        }
+    }
+    let mut doubled = Vec::new();
+    let hits = all.iter().enumerate().map(|(node, hits)| {
+        let first = first_of(hits)?;
+        let is_skin = |hit: &&FaceHit| {
+            hit.is_inside
+                && first.is_inside
+                && hit.face != first.face
+                && hit.normal.z > 0.0
+                && first.normal.z > 0.0
+        };
+        let gaps = hits.iter().filter(is_skin).map(|hit| first.height - hit.height);
+        if let Some(gap) = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min) {
+            doubled.push((node, gap));
+        }
+        // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
+        let gradient = -first.normal.xy() / first.normal.z;
+        Some((first.face, Hit { height: first.height, gradient, on_patch: true }))
+    });
+    let hits = hits.collect();
+    (hits, doubled)
 }
 
 /// Visits every pair of nodes that are neighbours along x or y, with the step from the first to the second, mm.
@@ -486,6 +559,18 @@ mod tests {
             |half: f64, z: f64| [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
         let positions: Vec<_> = square(5.0, 0.0).into_iter().chain(square(2.0, 3.0)).collect();
         mesh(&positions, &[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    }
+
+    #[test]
+    fn surface_is_near_from_its_border_on() {
+        let field = FacingPart::new(&two_floors(), &View::top()).sampled(0.5);
+        for (place, near, far) in [([9.0, 0.0], 4.6, 3.4), ([0.0, -35.0], 30.6, 29.4), ([8.0, 9.0], 5.7, 4.3)]
+        {
+            let place = ViewPoint::from(Vector2::from(place));
+            assert!(field.has_surface_near(place, near) && !field.has_surface_near(place, far), "{place:?}");
+        }
+        assert!(field.has_surface_near(ViewPoint::new(1.0, 1.0), 0.5));
+        assert!(!field.has_surface_near(ViewPoint::new(f64::NAN, 0.0), 1e9));
     }
 
     #[test]

@@ -20,6 +20,9 @@ const MAX_PIECES: f64 = 2e6;
 /// Maximum number of squares in the bounding rectangle; beyond it, squares are made larger.
 const MAX_SQUARES_IN_BOX: f64 = 4e6;
 
+/// A block has at most two to this power squares along a side.
+const LARGEST_BLOCK: usize = 6;
+
 /// With more pieces than this, consecutive pieces are joined, up to the requested length.
 const MAX_SHORT_PIECES: usize = 200_000;
 
@@ -33,6 +36,8 @@ pub struct Ink {
     pub dots: Vec<FlatPoint>,
     /// Centres of those squares of an axis-parallel grid that are inside the inked area.
     pub squares: Vec<FlatPoint>,
+    /// The same squares, put together into the largest blocks that are inked all over.
+    pub blocks: Vec<Block>,
     /// Side of the squares, mm.
     pub side: f64,
     /// The bounding rectangle of everything, including dots.
@@ -46,6 +51,75 @@ pub struct Piece {
     pub from: FlatPoint,
     /// End, mm.
     pub to: FlatPoint,
+}
+
+/// Squares of the inked area that are together a square.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Block {
+    /// Centre of the lower left square, mm.
+    pub first: FlatPoint,
+    /// Number of squares along a side: a power of two.
+    pub count: u32,
+}
+
+impl Block {
+    /// Number of squares.
+    pub fn squares(&self) -> usize {
+        (self.count as usize).pow(2)
+    }
+
+    /// The centre, mm, for squares with sides of `side` mm.
+    pub fn center(&self, side: f64) -> FlatPoint {
+        let half = f64::from(self.count - 1) / 2.0 * side;
+        FlatPoint::new(self.first.x + half, self.first.y + half)
+    }
+
+    /// The four corners, mm.
+    pub fn corners(&self, side: f64) -> [FlatPoint; 4] {
+        let (center, half) = (self.center(side), f64::from(self.count) / 2.0 * side);
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| FlatPoint::new(center.x + x * half, center.y + y * half))
+    }
+
+    /// The centres of its squares, row by row, mm.
+    pub fn each(self, side: f64) -> impl Iterator<Item = FlatPoint> {
+        let at = move |row: u32, column: u32| {
+            FlatPoint::new(self.first.x + f64::from(column) * side, self.first.y + f64::from(row) * side)
+        };
+        (0..self.count).flat_map(move |row| (0..self.count).map(move |column| at(row, column)))
+    }
+
+    /// The centres of six squares that represent a block of at least four along a side, mm: two at its middle, and one in each
+    /// quarter. Over them, a mean with [`weight`](Self::weight) for the quarters is exact for quadratics.
+    pub fn places(&self, side: f64) -> [FlatPoint; 6] {
+        let (quarter, half) = (self.count / 4, self.count / 2);
+        let [low, high] = [quarter.max(1) - 1, 3 * quarter];
+        [[half.max(1) - 1; 2], [half; 2], [low, low], [high, low], [high, high], [low, high]].map(|[x, y]| {
+            FlatPoint::new(self.first.x + f64::from(x) * side, self.first.y + f64::from(y) * side)
+        })
+    }
+
+    /// The weight of the mean over the quarters; the rest is that of the middle.
+    pub fn weight(&self) -> f64 {
+        let count = f64::from(self.count);
+        // Mean squares of the distances from the middle: of all squares but for those at the middle, and of the quarters.
+        let [all, quarters, middle] = [(count * count - 1.0) / 12.0, (count / 4.0 + 0.5).powi(2), 0.25];
+        (all - middle) / (quarters - middle)
+    }
+
+    /// Its quarters; of a single square, itself.
+    fn quarters(self, side: f64) -> impl Iterator<Item = Self> {
+        let (half, count) = (self.count / 2, (self.count / 2).max(1));
+        let step = f64::from(half) * side;
+        let at = move |x: f64, y: f64| FlatPoint::new(self.first.x + x * step, self.first.y + y * step);
+        let quarters = [at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)];
+        quarters.into_iter().take(if half > 0 { 4 } else { 1 }).map(move |first| Self { first, count })
+    }
+}
+
+/// Whether `one` is before `other` in the order of the squares: by rows.
+pub(super) fn is_before(one: FlatPoint, other: FlatPoint) -> bool {
+    (one.y, one.x) < (other.y, other.x)
 }
 
 impl Piece {
@@ -83,9 +157,42 @@ impl Ink {
         }
         let size = extents.size();
         let side = side.max((size.x * size.y / MAX_SQUARES_IN_BOX).max(0.0).sqrt());
-        let squares =
-            if contours.is_empty() { Vec::new() } else { squares_inside(&contours, &extents, side) };
-        Self { pieces, dots, squares, side, extents }
+        let (mut squares, mut blocks) = (Vec::new(), Vec::new());
+        if !contours.is_empty() {
+            let inked = grid_inside(&contours, &extents, side);
+            squares = inked.centers();
+            blocks = inked.into_blocks();
+        }
+        Self { pieces, dots, squares, blocks, side, extents }
+    }
+
+    /// Examines the inked area block by block. `choose` gets what `examine` returned for all blocks and decides which of
+    /// them to divide into quarters; this ends when it chooses none. Both share `state`.
+    pub(super) fn survey<S, T>(
+        &self,
+        state: &mut S,
+        mut examine: impl FnMut(&mut S, Block) -> T,
+        mut choose: impl FnMut(&S, &[(Block, T)]) -> Vec<bool>,
+    ) -> Vec<(Block, T)> {
+        let mut patches = Vec::with_capacity(self.blocks.len());
+        for block in &self.blocks {
+            patches.push((*block, examine(state, *block)));
+        }
+        loop {
+            let chosen = choose(state, &patches);
+            if !chosen.iter().zip(&patches).any(|(chosen, (block, _))| *chosen && block.count > 1) {
+                return patches;
+            }
+            let mut next = Vec::with_capacity(patches.len());
+            for ((block, found), chosen) in patches.into_iter().zip(chosen) {
+                if chosen && block.count > 1 {
+                    next.extend(block.quarters(self.side).map(|quarter| (quarter, examine(state, quarter))));
+                } else {
+                    next.push((block, found));
+                }
+            }
+            patches = next;
+        }
     }
 
     /// Sum of the lengths of all pieces, mm.
@@ -186,17 +293,14 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
     });
 }
 
-/// The centres of those squares of an axis-parallel grid that are inside the contours, by the even-odd rule in each group.
-pub(super) fn squares_inside<Key: Ord>(
+/// The squares of an axis-parallel grid, and those that are inside the contours by the even-odd rule in each group.
+fn grid_inside<Key: Ord>(
     contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
     extents: &Extents,
     side: f64,
-) -> Vec<FlatPoint> {
+) -> Inked {
     let size = extents.size();
     let (columns, rows) = ((size.x / side).ceil() as usize, (size.y / side).ceil() as usize);
-    if columns == 0 || rows == 0 {
-        return Vec::new();
-    }
     // Centred, so that a symmetric drawing is sampled symmetrically.
     let origin = extents.center() - Vector2::new(columns as f64, rows as f64) * (side / 2.0);
     let mut inked = vec![false; columns * rows];
@@ -222,11 +326,83 @@ pub(super) fn squares_inside<Key: Ord>(
             }
         }
     }
-    let center = |index: usize| {
-        let place = Vector2::new((index % columns) as f64 + 0.5, (index / columns) as f64 + 0.5);
-        FlatPoint::from(origin + place * side)
-    };
-    inked.iter().enumerate().filter(|(_, inked)| **inked).map(|(index, _)| center(index)).collect()
+    Inked { origin: origin.into(), side, columns, rows, squares: inked }
+}
+
+/// The centres of those squares of an axis-parallel grid that are inside the contours, by the even-odd rule in each group.
+pub(super) fn squares_inside<Key: Ord>(
+    contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
+    extents: &Extents,
+    side: f64,
+) -> Vec<FlatPoint> {
+    grid_inside(contours, extents, side).centers()
+}
+
+/// The squares of a grid, and whether each is inked.
+struct Inked {
+    /// The lower left corner, mm.
+    origin: FlatPoint,
+    /// Side of a square, mm.
+    side: f64,
+    columns: usize,
+    rows: usize,
+    squares: Vec<bool>,
+}
+
+impl Inked {
+    fn at(&self, column: usize, row: usize) -> bool {
+        column < self.columns && self.squares.get(row * self.columns + column).copied().unwrap_or(false)
+    }
+
+    /// Column and row of the inked squares, row by row.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> {
+        let inked = self.squares.iter().enumerate().filter(|(_, inked)| **inked);
+        inked.map(|(index, _)| (index % self.columns, index / self.columns))
+    }
+
+    fn center(&self, column: usize, row: usize) -> FlatPoint {
+        self.origin + Vector2::new(column as f64 + 0.5, row as f64 + 0.5) * self.side
+    }
+
+    fn centers(&self) -> Vec<FlatPoint> {
+        self.places().map(|(column, row)| self.center(column, row)).collect()
+    }
+
+    /// The grid with squares of twice the side; one is inked if all four in it are.
+    fn halved(&self) -> Self {
+        let (columns, rows) = (self.columns / 2, self.rows / 2);
+        let all = |index: usize| {
+            let (column, row) = (index % columns * 2, index / columns * 2);
+            let two = |row: usize| self.at(column, row) && self.at(column + 1, row);
+            two(row) && two(row + 1)
+        };
+        let squares = (0..columns * rows).map(all).collect();
+        Self { origin: self.origin, side: 2.0 * self.side, columns, rows, squares }
+    }
+
+    /// The inked squares, put together into the largest blocks that are inked all over.
+    fn into_blocks(self) -> Vec<Block> {
+        let mut levels = vec![self];
+        while let Some(last) = levels.last().filter(|last| last.squares.contains(&true)) {
+            if levels.len() > LARGEST_BLOCK {
+                break;
+            }
+            levels.push(last.halved());
+        }
+        let mut blocks = Vec::new();
+        for (level, here) in levels.iter().enumerate().rev() {
+            let is_in_larger = |column: usize, row: usize| {
+                levels.get(level + 1).is_some_and(|above| above.at(column / 2, row / 2))
+            };
+            for (column, row) in here.places().filter(|(column, row)| !is_in_larger(*column, *row)) {
+                blocks.push(Block {
+                    first: levels[0].center(column << level, row << level),
+                    count: 1 << level,
+                });
+            }
+        }
+        blocks
+    }
 }
 
 #[cfg(test)]
@@ -245,6 +421,37 @@ mod tests {
     fn ink(paths: Vec<Path>) -> Ink {
         let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
         Ink::sample(&Pattern { layers, paths }, |_| true, 0.25, 0.1)
+    }
+
+    impl Pattern {
+        /// The outline of a square of twice `half`, mm, about the origin.
+        pub(crate) fn outline(half: f64) -> Self {
+            let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
+            Self { layers, paths: vec![square(half, None)] }
+        }
+    }
+
+    #[test]
+    fn blocks_are_the_squares_put_together() {
+        for half in [0.05, 0.1, 0.37, 3.2, 9.99] {
+            for ink in
+                [ink(vec![square(half, None)]), ink(vec![square(half, None), square(half / 3.0, None)])]
+            {
+                let key = |at: FlatPoint| [(at.x * 1e6).round() as i64, (at.y * 1e6).round() as i64];
+                let mut found: Vec<_> =
+                    ink.blocks.iter().flat_map(|block| block.each(ink.side)).map(key).collect();
+                let mut squares: Vec<_> = ink.squares.iter().copied().map(key).collect();
+                found.sort_unstable();
+                squares.sort_unstable();
+                assert_eq!(found, squares);
+                let single =
+                    |(): &(), all: &[(Block, u32)]| all.iter().map(|(_, count)| *count > 1).collect();
+                let quarters = ink.survey(&mut (), |(), block| block.count, single);
+                assert_eq!(quarters.len(), squares.len());
+            }
+        }
+        let whole = ink(vec![square(3.2, None)]);
+        assert_eq!(whole.blocks.len(), 1, "64 x 64 squares of 0.1 mm");
     }
 
     #[test]

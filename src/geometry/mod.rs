@@ -1,6 +1,11 @@
 //! Pure mathematics: values in, values out. No file, clock, thread, log or file format is used here.
 //!
+//! It is a crate for itself, which the crate `isomark` shows as its module `geometry`.
+//!
 //! Lengths are in mm and angles in rad. Each frame has its own point type ([`space`]).
+
+// Paths start at the root of all rooms, here as elsewhere.
+use crate as geometry;
 
 pub mod space;
 pub mod mesh;
@@ -14,12 +19,14 @@ mod osculating_jet;
 mod flats;
 pub mod shading;
 pub mod curved_triangle;
+pub mod solid;
 pub mod height_field;
 pub mod normal_equations;
 pub mod surface;
 pub mod pattern;
 pub mod contour;
 pub mod ink;
+pub mod relief;
 pub mod close_lines;
 mod divided;
 pub mod ink_mesh;
@@ -28,6 +35,7 @@ pub mod primitive;
 pub mod marking;
 pub mod optics;
 pub mod correction;
+mod exposure;
 pub mod sensitivity;
 pub mod shadow;
 pub mod frame_outline;

@@ -4,10 +4,14 @@
 //! symmetric positive definite matrix in which a control point is coupled only to its neighbours within three rows and
 //! columns.
 
-use faer::Side;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+pub(crate) mod elimination;
+pub(crate) mod factor;
+
+use self::elimination::Elimination;
+use self::factor::{Couplings, Factor, FactorError};
+
+/// A control point is coupled to its neighbours within this number of rows and columns.
+const REACH: usize = 3;
 
 /// The control point itself, then its neighbours that follow it row by row: (columns, rows) to the right and up.
 const STENCIL: [(isize, isize); 25] = {
@@ -37,7 +41,7 @@ const fn stencil_index(column: isize, row: isize) -> usize {
 pub struct NormalEquations<const COMPONENTS: usize> {
     columns: usize,
     rows: usize,
-    matrix: Vec<[[f64; COMPONENTS]; COMPONENTS]>,
+    matrix: Vec<[[[f64; COMPONENTS]; COMPONENTS]; STENCIL.len()]>,
     right: Vec<[f64; COMPONENTS]>,
 }
 
@@ -62,24 +66,17 @@ pub enum SolveError {
     /// There is not enough memory.
     #[error("not enough memory to solve for {unknowns} unknowns")]
     OutOfMemory {
-        /// Number of unknowns.
+        /// Number of unknowns, or of all components of the grid when their elimination order does not fit.
         unknowns: usize,
     },
 }
-
-/// Marks a control point that is not an unknown.
-const FIXED: u32 = u32::MAX;
 
 /// The elimination order of a grid, computed once and used for every matrix on it.
 #[derive(Debug, Clone)]
 pub struct GridSolver<const COMPONENTS: usize> {
     columns: usize,
     rows: usize,
-    /// The number of each control point among the unknowns, row by row, or [`FIXED`].
-    numbers: Vec<u32>,
-    column_starts: Vec<usize>,
-    row_indices: Vec<usize>,
-    symbolic: SymbolicLlt<usize>,
+    elimination: Elimination,
 }
 
 /// One observation that depends on the 4 × 4 control points of a cell: its derivative by each of their components.
@@ -190,7 +187,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         Self {
             columns,
             rows,
-            matrix: vec![[[0.0; COMPONENTS]; COMPONENTS]; points * STENCIL.len()],
+            matrix: vec![[[[0.0; COMPONENTS]; COMPONENTS]; STENCIL.len()]; points],
             right: vec![[0.0; COMPONENTS]; points],
         }
     }
@@ -206,7 +203,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
             for second in first..16 {
                 let (k, l) = (second % 4, second / 4);
                 let neighbour = stencil_index(k as isize - i as isize, l as isize - j as isize);
-                let block = &mut self.matrix[point * STENCIL.len() + neighbour];
+                let block = &mut self.matrix[point][neighbour];
                 for component in 0..COMPONENTS {
                     for other in 0..COMPONENTS {
                         block[component][other] += sum.matrix[first][second][component][other];
@@ -238,7 +235,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
                             let apart = (second - first) as isize;
                             let neighbour =
                                 stencil_index(apart * step_column as isize, apart * step_row as isize);
-                            let block = &mut self.matrix[point * STENCIL.len() + neighbour];
+                            let block = &mut self.matrix[point][neighbour];
                             for component in 0..COMPONENTS {
                                 block[component][component] +=
                                     weight * DIFFERENCE[first] * DIFFERENCE[second];
@@ -271,7 +268,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
                         for second in &points[index..] {
                             let (right, up) =
                                 (second.0 as isize - first.0 as isize, (second.1 - first.1) as isize);
-                            let block = &mut self.matrix[point * STENCIL.len() + stencil_index(right, up)];
+                            let block = &mut self.matrix[point][stencil_index(right, up)];
                             for component in 0..COMPONENTS {
                                 block[component][component] += weight * first.2 * second.2;
                             }
@@ -310,43 +307,72 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         rights: &mut [Vec<[f64; COMPONENTS]>],
     ) -> Result<(), SolveError> {
         assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "solver made for another grid");
-        let unknowns = solver.column_starts.len() - 1;
-        let mut values = Vec::with_capacity(solver.row_indices.len());
-        for_each_column::<COMPONENTS>(self.columns, &solver.numbers, |point, component, neighbour, other| {
-            values.push(self.matrix[point * STENCIL.len() + neighbour][component][other]);
-        });
-        let pattern = SymbolicSparseColMatRef::new_checked(
-            unknowns,
-            unknowns,
-            &solver.column_starts,
-            None,
-            &solver.row_indices,
-        );
-        let matrix = SparseColMatRef::new(pattern, &values);
-        let factor = Llt::try_new_with_symbolic(solver.symbolic.clone(), matrix, Side::Lower)
-            .map_err(|_| SolveError::NotPositiveDefinite { unknowns })?;
+        let elimination = &solver.elimination;
+        let unknowns = elimination.len() * COMPONENTS;
+        let factor = Factor::new(elimination, self).map_err(|error| match error {
+            FactorError::Pivot => SolveError::NotPositiveDefinite { unknowns },
+            FactorError::Memory => SolveError::OutOfMemory { unknowns },
+        })?;
         for right in rights {
             assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
-            let unknown = right.iter().zip(&solver.numbers).filter(|(_, number)| **number != FIXED);
-            let rest: Vec<f64> = unknown.flat_map(|(point, _)| point).copied().collect();
-            let mut solution = rest.clone();
-            factor.solve_in_place(faer::ColMut::from_slice_mut(&mut solution).as_mat_mut());
-            let residual = relative_residual(rest, solver, &values, &solution);
+            let given = elimination.order().iter().map(|point| right[*point as usize]);
+            let mut solution: Vec<[f64; COMPONENTS]> = given.collect();
+            factor.solve(&mut solution);
+            let mut found = vec![[0.0; COMPONENTS]; right.len()];
+            elimination
+                .order()
+                .iter()
+                .zip(solution)
+                .for_each(|(point, value)| found[*point as usize] = value);
+            let residual = self.relative_residual(elimination, right, &found);
             // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
             // 1e-6 mm.
             if !(residual <= 1e-7) {
                 return Err(SolveError::Inaccurate { unknowns, residual });
             }
-            for (point, number) in right.iter_mut().zip(&solver.numbers) {
-                *point = match *number {
-                    FIXED => [0.0; COMPONENTS],
-                    number => {
-                        std::array::from_fn(|component| solution[number as usize * COMPONENTS + component])
-                    }
-                };
-            }
+            *right = found;
         }
         Ok(())
+    }
+
+    /// ‖Ax − b‖ / ‖b‖ over the unknowns; `rest` is b and becomes b − Ax.
+    fn relative_residual(
+        &self,
+        elimination: &Elimination,
+        rest: &mut [[f64; COMPONENTS]],
+        solution: &[[f64; COMPONENTS]],
+    ) -> f64 {
+        let norm = |of: &[[f64; COMPONENTS]]| {
+            let unknown = elimination.order().iter().flat_map(|point| of[*point as usize]);
+            unknown.map(|value| value * value).sum::<f64>().sqrt()
+        };
+        let scale = norm(rest);
+        for point in 0..solution.len() {
+            let within = self.within(point);
+            for (neighbour, block) in self.matrix[point].iter().enumerate() {
+                let Some(other) = within.neighbour(point, neighbour) else { continue };
+                for component in 0..COMPONENTS {
+                    for across in if neighbour == 0 { component } else { 0 }..COMPONENTS {
+                        let value = block[component][across];
+                        rest[point][component] -= value * solution[other][across];
+                        if other != point || across != component {
+                            rest[other][across] -= value * solution[point][component];
+                        }
+                    }
+                }
+            }
+        }
+        let norm = norm(rest);
+        if scale == 0.0 { norm } else { norm / scale }
+    }
+
+    /// Which neighbours of a point are inside the grid.
+    fn within(&self, point: usize) -> Within {
+        let (column, row) = (point % self.columns, point / self.columns);
+        let left = column.min(REACH) as isize;
+        let right = (self.columns - 1 - column).min(REACH) as isize;
+        let [down, up] = [row, self.rows - 1 - row].map(|apart| apart.min(REACH) as isize);
+        Within { columns: self.columns as isize, left, right, down, up }
     }
 
     /// How much a solution lowers the weighted sum of squares of the observations.
@@ -355,25 +381,47 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     }
 }
 
-/// ‖Ax − b‖ / ‖b‖ for the lower triangle `values` of A and the right-hand side b, `rest`.
-fn relative_residual<const COMPONENTS: usize>(
-    mut rest: Vec<f64>,
-    solver: &GridSolver<COMPONENTS>,
-    values: &[f64],
-    solution: &[f64],
-) -> f64 {
-    let scale = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
-    for column in 0..solution.len() {
-        for at in solver.column_starts[column]..solver.column_starts[column + 1] {
-            let row = solver.row_indices[at];
-            rest[row] -= values[at] * solution[column];
-            if row != column {
-                rest[column] -= values[at] * solution[row];
+/// How many columns and rows of the grid are beside a point, up to [`REACH`].
+struct Within {
+    columns: isize,
+    left: isize,
+    right: isize,
+    down: isize,
+    up: isize,
+}
+
+impl Within {
+    /// A point's neighbour in the stencil.
+    fn neighbour(&self, point: usize, neighbour: usize) -> Option<usize> {
+        let (right, up) = STENCIL[neighbour];
+        let is_inside = -self.left <= right && right <= self.right && up <= self.up;
+        is_inside.then(|| point.wrapping_add_signed(up * self.columns + right))
+    }
+
+    /// The point whose neighbour in the stencil is this one.
+    fn opposite(&self, point: usize, neighbour: usize) -> Option<usize> {
+        let (right, up) = STENCIL[neighbour];
+        let is_inside = -self.left <= -right && -right <= self.right && up <= self.down;
+        is_inside.then(|| point.wrapping_add_signed(-(up * self.columns + right)))
+    }
+}
+
+impl<const COMPONENTS: usize> Couplings<COMPONENTS, 1> for NormalEquations<COMPONENTS> {
+    fn each(&self, point: usize, mut add: impl FnMut(usize, &[[[f64; COMPONENTS]; COMPONENTS]; 1])) {
+        let within = self.within(point);
+        let turned = |block: &[[f64; COMPONENTS]; COMPONENTS]| {
+            [std::array::from_fn(|down| std::array::from_fn(|across| block[across][down]))]
+        };
+        add(point, &turned(&self.matrix[point][0]));
+        for neighbour in 1..STENCIL.len() {
+            if let Some(other) = within.neighbour(point, neighbour) {
+                add(other, &turned(&self.matrix[point][neighbour]));
+            }
+            if let Some(other) = within.opposite(point, neighbour) {
+                add(other, &[self.matrix[other][neighbour]]);
             }
         }
     }
-    let norm = rest.iter().map(|value| value * value).sum::<f64>().sqrt();
-    if scale == 0.0 { norm } else { norm / scale }
 }
 
 impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
@@ -394,57 +442,12 @@ impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
         rows: usize,
         is_unknown: impl Fn(usize) -> bool,
     ) -> Result<Self, SolveError> {
-        let mut count = 0u32;
-        let number = |point: usize| {
-            let number = if is_unknown(point) { count } else { FIXED };
-            count += u32::from(number != FIXED);
-            number
-        };
-        let numbers: Vec<u32> = (0..columns * rows).map(number).collect();
-        let unknowns = count as usize * COMPONENTS;
-        let mut column_starts = vec![0; unknowns + 1];
-        let mut row_indices = Vec::with_capacity(unknowns * STENCIL.len() * COMPONENTS);
-        for_each_column::<COMPONENTS>(columns, &numbers, |point, component, neighbour, other| {
-            row_indices
-                .push(numbers[neighbour_index(columns, point, neighbour)] as usize * COMPONENTS + other);
-            column_starts[numbers[point] as usize * COMPONENTS + component + 1] = row_indices.len();
-        });
-        let pattern =
-            SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &column_starts, None, &row_indices);
-        let symbolic =
-            SymbolicLlt::try_new(pattern, Side::Lower).map_err(|_| SolveError::OutOfMemory { unknowns })?;
-        Ok(Self { columns, rows, numbers, column_starts, row_indices, symbolic })
-    }
-}
-
-/// The control point that is a neighbour of another.
-fn neighbour_index(columns: usize, point: usize, neighbour: usize) -> usize {
-    let (right, up) = STENCIL[neighbour];
-    (point as isize + up * columns as isize + right) as usize
-}
-
-/// Visits the lower triangle of the matrix column by column, rows ascending, skipping control points that are not
-/// unknowns: (point, component, neighbour in the stencil, its component).
-fn for_each_column<const COMPONENTS: usize>(
-    columns: usize,
-    numbers: &[u32],
-    mut visit: impl FnMut(usize, usize, usize, usize),
-) {
-    let rows = numbers.len() / columns.max(1);
-    for point in (0..numbers.len()).filter(|&point| numbers[point] != FIXED) {
-        let (column, row) = ((point % columns) as isize, (point / columns) as isize);
-        for component in 0..COMPONENTS {
-            for (neighbour, (right, up)) in STENCIL.iter().enumerate() {
-                if column + right < 0 || column + right >= columns as isize || row + up >= rows as isize {
-                    continue;
-                }
-                if numbers[neighbour_index(columns, point, neighbour)] == FIXED {
-                    continue;
-                }
-                let first = if neighbour == 0 { component } else { 0 };
-                (first..COMPONENTS).for_each(|other| visit(point, component, neighbour, other));
-            }
-        }
+        let elimination = Elimination::new((columns, rows), REACH, COMPONENTS, is_unknown);
+        let elimination = elimination.ok_or_else(|| {
+            let points = columns.saturating_mul(rows);
+            SolveError::OutOfMemory { unknowns: points.saturating_mul(COMPONENTS) }
+        })?;
+        Ok(Self { columns, rows, elimination })
     }
 }
 
@@ -507,5 +510,64 @@ mod tests {
         equations.add_third_difference_penalty(1e-3);
         let solution = equations.solve(&solver).unwrap();
         assert!((solution[7][0] - 50.0).abs() < 1e-6, "{}", solution[7][0]);
+    }
+
+    #[test]
+    fn a_grid_beyond_the_memory_is_an_error() {
+        let found = GridSolver::<2>::new(1 << 20, 1 << 20).err();
+        assert_eq!(found, Some(SolveError::OutOfMemory { unknowns: 1 << 41 }));
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_is_an_error() {
+        let mut equations = NormalEquations::<1>::new(40, 30);
+        equations.add_third_difference_penalty(1.0);
+        let mut sum = CellSum::default();
+        sum.add(&[[1.0]; 16], 1.0, -1e3);
+        equations.add_cell(20, 10, &sum);
+        let found = equations.solve(&GridSolver::new(40, 30).unwrap());
+        assert_eq!(found, Err(SolveError::NotPositiveDefinite { unknowns: 1200 }));
+    }
+
+    #[test]
+    fn several_right_hand_sides_have_the_solutions_of_each() {
+        let (columns, rows) = (19, 23);
+        let mut equations = NormalEquations::<2>::new(columns, rows);
+        equations.add_roughness_penalty(|x, y| 1.0 + x + y * y);
+        for cell in 0..(columns - 3) * (rows - 3) {
+            let mut sum = CellSum::default();
+            for local in 0..16 {
+                let mut row = [[0.0; 2]; 16];
+                row[local] = [1.0, (cell as f64).sin()];
+                sum.add(&row, (cell + local) as f64, 0.3);
+                row[15 - local] = [0.3, 1.0];
+                sum.add(&row, local as f64, 0.8);
+            }
+            equations.add_cell(cell % (columns - 3), cell / (columns - 3), &sum);
+        }
+        let solver = GridSolver::for_some(columns, rows, |point| point % 9 != 4).unwrap();
+        let truths: [Vec<[f64; 2]>; 2] = [1.3, 2.7].map(|turn| {
+            let value = |point: usize| {
+                let of = |angle: f64| if point % 9 == 4 { 0.0 } else { angle.sin() };
+                [of(turn * point as f64), of(turn * point as f64 + 1.0)]
+            };
+            (0..columns * rows).map(value).collect()
+        });
+        // A times a known solution, point by point, from both triangles.
+        let mut rights = truths.clone().map(|truth| {
+            let mut right = vec![[0.0; 2]; truth.len()];
+            for point in 0..truth.len() {
+                equations.each(point, |other, [block]| {
+                    for (component, row) in block.iter().enumerate() {
+                        right[other][component] += row[0] * truth[point][0] + row[1] * truth[point][1];
+                    }
+                });
+            }
+            right
+        });
+        equations.solve_each(&solver, &mut rights).unwrap();
+        for (found, truth) in rights.concat().as_flattened().iter().zip(truths.concat().as_flattened()) {
+            assert!((found - truth).abs() < 1e-8);
+        }
     }
 }

@@ -22,7 +22,7 @@ pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
 /// Triangles over shared vertices, in the frame of a view, mm.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct SmoothMesh {
     /// Positions; a place on an edge of the part has one vertex for each smooth side.
     pub positions: Vec<Point3<f64>>,

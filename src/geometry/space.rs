@@ -304,6 +304,11 @@ impl View {
         Self { rotation: Matrix3::identity() }
     }
 
+    /// The rotation from the part frame to the view.
+    pub fn rotation(&self) -> Matrix3<f64> {
+        self.rotation
+    }
+
     /// A point of the part, mm, in the view: x to the right, y up, z towards the laser.
     pub fn point(&self, part: Point3<f64>) -> Point3<f64> {
         Point3::from(self.rotation * part.coords)

@@ -54,6 +54,15 @@ pub struct FillOptions {
     pub tolerance: f64,
 }
 
+impl FillOptions {
+    /// Lines `spacing` mm apart, one family for each of `angles` (rad), `border` mm from the contours, as chords within
+    /// `tolerance` mm.
+    #[must_use]
+    pub fn new(spacing: f64, angles: Vec<f64>, border: f64, tolerance: f64) -> Self {
+        Self { spacing, angles, border, tolerance }
+    }
+}
+
 /// A line of a fill.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FillLine {

@@ -2,8 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector2, Vector3};
 
+use super::cylinder::ON_FACE;
 use super::patch::{SampledPatch, TooFewPoints, cross_directions};
 use super::tangent::tangent_frame;
+use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
 /// A circular cone in the frame of the view.
@@ -63,6 +65,16 @@ const MIN_TURN: f64 = 0.01;
 const MIN_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
 
 impl ConeFit {
+    /// The cone of the part's file on which all points of the patch are; `None` if there is none.
+    pub(super) fn known(known: &[RoundForm], patch: &SampledPatch) -> Option<Self> {
+        known.iter().find_map(|form| {
+            let RoundForm::Cone { apex, axis, half_angle } = *form else { return None };
+            let cone = Cone { apex, axis, half_angle };
+            let residual = patch.largest_distance(|point| cone.distance(point));
+            (residual <= ON_FACE).then_some(Self { cone, residual })
+        })
+    }
+
     /// The cone that best fits the part under the drawing.
     ///
     /// The start follows from two facts: the normals of a cone lie on a circle about its axis, and its tangent planes

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::patch::{SampledPatch, TooFewPoints, cross_directions};
 use super::tangent::tangent_frame;
+use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
 /// A circular cylinder in the frame of the view.
@@ -53,7 +54,22 @@ pub enum CylinderError {
 /// undetermined.
 const MIN_TURN: f64 = 0.01;
 
+/// Points of the part that are this close to a cylinder or cone of its file, mm, are on it.
+pub(super) const ON_FACE: f64 = 1e-6;
+
 impl CylinderFit {
+    /// The cylinder of the part's file on which all points of the patch are; `None` if there is none.
+    pub(super) fn known(known: &[RoundForm], patch: &SampledPatch) -> Option<Self> {
+        let middle = patch.center();
+        known.iter().find_map(|form| {
+            let RoundForm::Cylinder { center, axis, radius } = *form else { return None };
+            let center = center + *axis * (middle - center).dot(&axis);
+            let cylinder = Cylinder { center, axis, radius };
+            let residual = patch.largest_distance(|point| cylinder.distance(point));
+            (residual <= ON_FACE).then_some(Self { cylinder, residual })
+        })
+    }
+
     /// The cylinder that best fits the part under the drawing.
     ///
     /// At the start, the axis is perpendicular to all normals; then the squared distances of the sampled points are

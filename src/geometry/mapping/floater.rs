@@ -9,11 +9,11 @@
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-use faer::linalg::solvers::Solve;
-use faer::sparse::{SparseColMat, Triplet};
 use nalgebra::{Point3, Vector2, Vector3};
 
 use crate::geometry::ink::{Ink, Piece};
+use crate::geometry::normal_equations::elimination::Elimination;
+use crate::geometry::normal_equations::factor::{Couplings, Factor};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
@@ -196,8 +196,7 @@ impl SquareMesh {
                 });
             }
         }
-        let border = border(columns, rows);
-        let places = parametrise(&vertices, &triangles, &border, weights)?;
+        let places = parametrise(&vertices, &triangles, [columns, rows], weights)?;
         Ok(Self::new(vertices, places, triangles))
     }
 
@@ -349,47 +348,61 @@ fn border(columns: usize, rows: usize) -> [Vec<usize>; 4] {
     ]
 }
 
-/// Places in the unit square: border vertices are on its sides by chord length, every inner vertex is at the weighted
-/// mean of its neighbours (Floater, 1997, section 3).
+/// The weights of the neighbours of every vertex of a grid, by columns and rows from −1 to 1, with their sum in the
+/// middle: Σ weight · (own place − place of the neighbour) = 0.
+struct Means {
+    width: usize,
+    weights: Vec<[f64; 9]>,
+}
+
+impl Means {
+    /// Adds the weight of a neighbour.
+    fn couple(&mut self, vertex: usize, neighbour: usize, weight: f64) {
+        let right = 1 + neighbour % self.width - vertex % self.width;
+        let up = 1 + neighbour / self.width - vertex / self.width;
+        self.weights[vertex][4] += weight;
+        self.weights[vertex][up * 3 + right] += weight;
+    }
+
+    /// The neighbours of an inner vertex with their index among its weights.
+    fn neighbours(&self, vertex: usize) -> impl Iterator<Item = (usize, usize)> {
+        let first = vertex - self.width - 1;
+        let all = (0..9).map(move |index| (first + index / 3 * self.width + index % 3, index));
+        all.filter(|(_, index)| *index != 4)
+    }
+}
+
+impl Couplings<1, 2> for Means {
+    fn each(&self, vertex: usize, mut add: impl FnMut(usize, &[[[f64; 1]; 1]; 2])) {
+        add(vertex, &[[[self.weights[vertex][4]]]; 2]);
+        for (neighbour, index) in self.neighbours(vertex) {
+            add(neighbour, &[[[-self.weights[neighbour][8 - index]]], [[-self.weights[vertex][index]]]]);
+        }
+    }
+}
+
+/// Places in the unit square of a grid of `columns` × `rows` squares: border vertices are on its sides by chord length,
+/// every inner vertex is at the weighted mean of its neighbours (Floater, 1997, section 3). In every row of the equations
+/// the entry on the diagonal is the sum of the others, so that they are solved without pivoting.
 fn parametrise(
     vertices: &[Point3<f64>],
     triangles: &[[usize; 3]],
-    border: &[Vec<usize>; 4],
+    [columns, rows]: [usize; 2],
     weights: FloaterWeights,
 ) -> Result<Vec<Vector2<f64>>, FloaterError> {
     let mut places = vec![Vector2::zeros(); vertices.len()];
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]].map(Vector2::from);
-    let mut unknown = vec![0; vertices.len()];
-    for (side, line) in border.iter().enumerate() {
+    for (side, line) in border(columns, rows).iter().enumerate() {
         let chords = line.windows(2).map(|pair| (vertices[pair[1]] - vertices[pair[0]]).norm());
         let whole: f64 = chords.clone().sum();
         let mut length = 0.0;
         for (vertex, chord) in line.iter().zip(std::iter::once(0.0).chain(chords)) {
             length += chord;
             places[*vertex] = corners[side].lerp(&corners[side + 1], (length / whole).min(1.0));
-            unknown[*vertex] = usize::MAX;
         }
     }
-    let inner: Vec<usize> = (0..vertices.len()).filter(|vertex| unknown[*vertex] == 0).collect();
-    inner.iter().enumerate().for_each(|(index, vertex)| unknown[*vertex] = index);
-    let unknowns = inner.len();
-    let unsolved = FloaterError::Unsolved { unknowns };
-    // Row by row: Σ weight · (place of the neighbour − own place) = 0; border vertices go to the right-hand side.
-    let mut entries = Vec::with_capacity(triangles.len() * 12);
-    let mut right = vec![0.0; 2 * unknowns];
-    let mut couple = |vertex: usize, neighbour: usize, weight: f64| {
-        let row = unknown[vertex];
-        if row == usize::MAX {
-            return;
-        }
-        entries.push(Triplet::new(row, row, weight));
-        match unknown[neighbour] {
-            usize::MAX => {
-                (0..2).for_each(|axis| right[axis * unknowns + row] += weight * places[neighbour][axis])
-            }
-            column => entries.push(Triplet::new(row, column, -weight)),
-        }
-    };
+    let width = columns + 1;
+    let mut means = Means { width, weights: vec![[0.0; 9]; vertices.len()] };
     for corners in triangles {
         for turn in 0..3 {
             let [here, next, last] = [0, 1, 2].map(|step| corners[(turn + step) % 3]);
@@ -403,19 +416,32 @@ fn parametrise(
                     [half / near, half / far]
                 }
             };
-            couple(here, next, weight_next);
-            couple(here, last, weight_last);
+            means.couple(here, next, weight_next);
+            means.couple(here, last, weight_last);
         }
     }
-    let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(unknowns, unknowns, &entries);
-    let factor = matrix.ok().and_then(|matrix| matrix.sp_lu().ok()).ok_or(unsolved)?;
-    factor.solve_in_place(faer::MatMut::from_column_major_slice_mut(&mut right, unknowns, 2));
-    // Convex combinations stay inside the square; anything else is not a solution.
-    if !right.iter().all(|place| (-1e-9..=1.0 + 1e-9).contains(place)) {
-        return Err(unsolved);
-    }
-    for (index, vertex) in inner.iter().enumerate() {
-        places[*vertex] = Vector2::new(right[index], right[unknowns + index]);
+    let is_inner =
+        |vertex: usize| (1..columns).contains(&(vertex % width)) && (1..rows).contains(&(vertex / width));
+    let unsolved = FloaterError::Unsolved { unknowns: columns.saturating_sub(1) * rows.saturating_sub(1) };
+    let elimination = Elimination::new((width, rows + 1), 1, 1, is_inner).ok_or(unsolved)?;
+    let factor = Factor::new(&elimination, &means).map_err(|_| unsolved)?;
+    for axis in 0..2 {
+        let right = |vertex: &u32| {
+            let vertex = *vertex as usize;
+            let on_border = means.neighbours(vertex).filter(|(neighbour, _)| !is_inner(*neighbour));
+            [on_border.map(|(neighbour, index)| means.weights[vertex][index] * places[neighbour][axis]).sum()]
+        };
+        let mut found: Vec<[f64; 1]> = elimination.order().iter().map(right).collect();
+        factor.solve(&mut found);
+        // Convex combinations stay inside the square; anything else is not a solution.
+        if !found.as_flattened().iter().all(|place| (-1e-9..=1.0 + 1e-9).contains(place)) {
+            return Err(unsolved);
+        }
+        elimination
+            .order()
+            .iter()
+            .zip(found)
+            .for_each(|(vertex, [place])| places[*vertex as usize][axis] = place);
     }
     Ok(places)
 }
@@ -446,7 +472,7 @@ mod tests {
     #[test]
     fn mean_value_weights_reproduce_a_flat_grid() {
         let (vertices, triangles) = grid(|_, _| 0.0);
-        let places = parametrise(&vertices, &triangles, &border(12, 10), FloaterWeights::MeanValue).unwrap();
+        let places = parametrise(&vertices, &triangles, [12, 10], FloaterWeights::MeanValue).unwrap();
         for (vertex, place) in vertices.iter().zip(&places) {
             assert!((place.x * 12.0 - vertex.x).abs() < 1e-9 && (place.y * 10.0 - vertex.y).abs() < 1e-9);
         }
@@ -456,7 +482,7 @@ mod tests {
     fn no_triangle_is_flipped() {
         let (vertices, triangles) = grid(|x, y| 4.0 * (0.7 * x).sin() * (0.9 * y).cos());
         for weights in [FloaterWeights::Uniform, FloaterWeights::MeanValue] {
-            let places = parametrise(&vertices, &triangles, &border(12, 10), weights).unwrap();
+            let places = parametrise(&vertices, &triangles, [12, 10], weights).unwrap();
             let mesh = SquareMesh::new(vertices.clone(), places, triangles.clone());
             let mut whole = 0.0;
             for corners in &mesh.triangles {

@@ -10,17 +10,17 @@ mod geodesics;
 mod options;
 mod strain;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::IsometricOptions;
-use self::strain::{Sample, Strain, samples};
+use self::strain::{Sample, Strain, places_of_ink, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
 };
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
-use crate::geometry::surface::nurbs::NurbsSurface;
+use crate::geometry::surface::nurbs::{NurbsSurface, SurfaceJet};
 
 /// A bicubic B-spline map from the drawing to the view.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,6 +87,9 @@ const MAX_LAST_STEP: f64 = 0.05;
 /// Weight of the pin relative to the mean strain's weight of 1: the anchor moves far less than a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
 
+/// Lines with more pieces are gathered at about this number of places.
+const MOST_PLACES: usize = 3000;
+
 /// The problem that a map solves.
 struct Task<'a> {
     surface: &'a NurbsSurface,
@@ -122,20 +125,20 @@ impl IsometricMap {
         let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
         let mut map = Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false };
         let solver = GridSolver::new(knots_s.control_points(), knots_t.control_points())?;
-        let even = samples((&knots_s, &knots_t), ink, &IsometricOptions::UNIFORM);
+        let even = samples((&knots_s, &knots_t), ink, &IsometricOptions::UNIFORM, MOST_PLACES);
         let even_steps = if options.is_even() { COARSE_STEPS } else { 1 };
         map.descend(&Task { surface, samples: &even, anchor, cap: f64::INFINITY }, &solver, even_steps)?;
         let mut cap = f64::INFINITY;
         if !options.is_even() {
-            let inked = samples((&knots_s, &knots_t), ink, options);
-            let angles =
-                inked.iter().filter(|sample| sample.ink > 0.0).map(|sample| map.strain(surface, sample));
+            let places = places_of_ink((&knots_s, &knots_t), ink, options, MOST_PLACES);
+            let angles = places.iter().map(|sample| map.strain(surface, sample));
             cap = options.angle_cap * angles.map(|strain| strain.angle_error()).fold(0.0, f64::max);
+            let inked = samples((&knots_s, &knots_t), ink, options, MOST_PLACES);
             map.descend(&Task { surface, samples: &inked, anchor, cap }, &solver, COARSE_STEPS)?;
         }
         map.refine();
         let solver = GridSolver::new(map.knots_s.control_points(), map.knots_t.control_points())?;
-        let fine = samples((&map.knots_s, &map.knots_t), ink, options);
+        let fine = samples((&map.knots_s, &map.knots_t), ink, options, MOST_PLACES);
         map.settled = map.descend(&Task { surface, samples: &fine, anchor, cap }, &solver, MAX_STEPS)?;
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
@@ -219,13 +222,38 @@ impl IsometricMap {
         Strain { jet: surface.jet(at.into()), by_s, by_t, basis }
     }
 
+    /// The strain at a sample without its derivatives: the surface's second derivatives are 0.
+    fn strain_only(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
+        let Sample { s, t, .. } = sample;
+        let columns = self.knots_s.control_points();
+        let [mut at, mut by_s, mut by_t] = [Vector2::zeros(); 3];
+        for row in 0..4 {
+            let start = (t.first + row) * columns + s.first;
+            let line = &self.control[start..start + 4];
+            let [mut value, mut slope] = [Vector2::zeros(); 2];
+            for column in 0..4 {
+                value += line[column] * s.value[column];
+                slope += line[column] * s.slope[column];
+            }
+            at += value * t.value[row];
+            by_s += slope * t.value[row];
+            by_t += value * t.slope[row];
+        }
+        let gradient = surface.gradient(at.into());
+        let jet = SurfaceJet { height: 0.0, gradient, hessian: Matrix2::zeros() };
+        Strain { jet, by_s, by_t, basis: [[0.0; 16]; 3] }
+    }
+
     fn energy(&self, task: &Task) -> f64 {
         let mut energy = 0.0;
         self.pin(task.anchor, |residual, _| energy += PIN_WEIGHT * residual * residual);
-        for sample in task.samples {
-            self.strain(task.surface, sample).observe(sample, task.cap, |weight, residual, _| {
-                energy += weight * residual * residual;
-            });
+        for place in task.samples.chunk_by(Sample::is_at) {
+            let strain = self.strain_only(task.surface, &place[0]);
+            for sample in place {
+                strain.observe(sample, task.cap, |weight, residual, _| {
+                    energy += weight * residual * residual;
+                });
+            }
         }
         energy
     }
@@ -235,12 +263,14 @@ impl IsometricMap {
             NormalEquations::new(self.knots_s.control_points(), self.knots_t.control_points());
         for cell in task.samples.chunk_by(|a, b| a.cell() == b.cell()) {
             let mut sum = CellSum::default();
-            for sample in cell {
-                let strain = self.strain(task.surface, sample);
+            for place in cell.chunk_by(Sample::is_at) {
+                let strain = self.strain(task.surface, &place[0]);
                 let mut observed = ComposedSum::default();
-                strain.observe(sample, task.cap, |weight, residual, derivative| {
-                    observed.add(derivative, -residual, weight);
-                });
+                for sample in place {
+                    strain.observe(sample, task.cap, |weight, residual, derivative| {
+                        observed.add(derivative, -residual, weight);
+                    });
+                }
                 sum.add_composed(&observed, &strain.basis);
             }
             equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);

@@ -17,7 +17,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Point3, Vector3};
 
 use self::cone::{ConeError, ConeFit, ConeMap};
-use self::cylinder::{CylinderError, CylinderFit, CylinderMap};
+use self::cylinder::{CylinderError, CylinderFit, CylinderMap, ON_FACE};
 use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
@@ -64,7 +64,6 @@ impl Method {
 
 /// A map from the placed drawing to the view, chosen for one drawing on one surface.
 #[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
 pub enum LengthTrueMap {
     /// Found by [`IsometricMap::solve`].
     Isometric(IsometricMap),
@@ -150,12 +149,15 @@ impl LengthTrueMap {
             }
             Method::Auto { exact_tolerance, otherwise } => {
                 let ink = coarse_ink(pattern, is_marked);
-                // The cylinder first: every cylinder is nearly a cone with a far apex.
-                for exact in [Self::unroll_cylinder, Self::unroll_cone] {
-                    if let Ok(map) = exact(surface, &ink, anchor)
-                        && map.fit_residual().is_some_and(|residual| residual <= *exact_tolerance)
-                    {
-                        return Ok(map);
+                // What the part's file names comes first. Then the cylinder: every cylinder is nearly a cone with a far apex.
+                let from_file = (!surface.known().is_empty()).then_some(ON_FACE);
+                for tolerance in from_file.into_iter().chain([*exact_tolerance]) {
+                    for exact in [Self::unroll_cylinder, Self::unroll_cone] {
+                        if let Ok(map) = exact(surface, &ink, anchor)
+                            && map.fit_residual().is_some_and(|residual| residual <= tolerance)
+                        {
+                            return Ok(map);
+                        }
                     }
                 }
                 Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, otherwise)?))
@@ -166,7 +168,9 @@ impl LengthTrueMap {
     fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
         let height = surface.nurbs.height(anchor.coords().into());
         unroll(surface, ink, |patch| {
-            let fit = CylinderFit::to(&patch.map_err(CylinderError::from)?)?;
+            let patch = patch.map_err(CylinderError::from)?;
+            let fit =
+                CylinderFit::known(surface.known(), &patch).map_or_else(|| CylinderFit::to(&patch), Ok)?;
             Ok(Self::Cylinder(CylinderMap::new(fit.cylinder, anchor, height)?, fit))
         })
     }
@@ -175,7 +179,8 @@ impl LengthTrueMap {
         let height = surface.nurbs.height(anchor.coords().into());
         let reach = reach(ink, anchor);
         unroll(surface, ink, |patch| {
-            let fit = ConeFit::to(&patch.map_err(ConeError::from)?)?;
+            let patch = patch.map_err(ConeError::from)?;
+            let fit = ConeFit::known(surface.known(), &patch).map_or_else(|| ConeFit::to(&patch), Ok)?;
             Ok(Self::Cone(ConeMap::new(fit.cone, anchor, height, reach)?, fit))
         })
     }

@@ -59,6 +59,12 @@ impl SampledPatch {
         Ok(Self { points, normals })
     }
 
+    /// The largest distance of a point, mm, of which `distance` gives the signed one; infinite if one is not finite.
+    pub(super) fn largest_distance(&self, distance: impl Fn(&Point3<f64>) -> f64) -> f64 {
+        let distances = self.points.iter().map(|point| distance(point).abs());
+        distances.fold(0.0, |largest, one| if one.is_finite() { one.max(largest) } else { f64::INFINITY })
+    }
+
     /// Centre of the points, mm.
     pub fn center(&self) -> Point3<f64> {
         Point3::from(

@@ -3,17 +3,18 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::geometry::height_field::Uncertainty;
-use crate::geometry::ink::{Ink, Piece};
+use crate::geometry::ink::{Block, Ink, Piece, is_before};
+use crate::geometry::relief::{Cover, Relief, ReliefMap};
 use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
 
 /// Maximum length of the pieces of lines for the quality results, mm.
 pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm.
 pub const SQUARE: f64 = 0.2;
 
-/// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums need the mean,
-/// largest values the latter.
-const PEAK: f64 = 3.0;
+/// How many times the mean of a doubt its largest value is.
+const PEAK: f64 = Uncertainty::PEAK;
 
 /// The differences between the drawing and its image on the part.
 ///
@@ -43,6 +44,15 @@ pub struct Distortion {
     pub max_area_stretch: f64,
     /// The share of the results that follows from what is not known about the slope of the part.
     pub uncertain: Uncertain,
+}
+
+/// By how much the marked polyline of a path is shorter on the part than the drawn curve, because chords are shorter than arcs.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Shortening {
+    /// Of the whole path, mm.
+    pub lost: f64,
+    /// The largest share that one chord is shorter than its arc.
+    pub largest_share: f64,
 }
 
 /// The share of a [`Distortion`] that follows from what is not known about the slope of the part.
@@ -76,6 +86,23 @@ pub fn measure(
     measure_at_most(ink, map, height, |_| Uncertainty::NONE)
 }
 
+/// The same as [`measure_at_most`] on the sampled part of a surface, with few samples in large inked areas where they are
+/// smooth. With `is_doubted`, the surface states what is not known of the part. What the samples leave open is added: at most 0.2 % to sums, and 0.2 % or rounding to largest values.
+///
+/// # Errors
+/// The first point of the view where there is no surface.
+pub fn measure_on(
+    surface: &FittedSurface,
+    ink: &Ink,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    is_doubted: bool,
+) -> Result<Distortion, ViewPoint> {
+    let relief = ReliefMap::under(ink, surface);
+    let relief = relief.map(|relief| if is_doubted { relief } else { relief.without_doubt() });
+    let doubt = |at| if is_doubted { surface.uncertainty(at) } else { Uncertainty::NONE };
+    measure_with(relief.as_ref(), ink, map, |at| surface.sampled_height(at), doubt)
+}
+
 /// The same where `doubt` states what is not known of the part between the vertices of its mesh: every result is an estimate from
 /// above, and [`Distortion::uncertain`] is the share that the doubt adds.
 ///
@@ -85,6 +112,17 @@ pub fn measure(
 /// # Errors
 /// The first point of the view for which `height` returns `None`.
 pub fn measure_at_most(
+    ink: &Ink,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    height: impl Fn(ViewPoint) -> Option<f64>,
+    doubt: impl Fn(ViewPoint) -> Uncertainty,
+) -> Result<Distortion, ViewPoint> {
+    measure_with(None, ink, map, height, doubt)
+}
+
+/// Inked areas are measured square by square without a relief.
+fn measure_with(
+    relief: Option<&ReliefMap<'_>>,
     ink: &Ink,
     map: impl Fn(FlatPoint) -> ViewPoint,
     height: impl Fn(ViewPoint) -> Option<f64>,
@@ -137,26 +175,283 @@ pub fn measure_at_most(
     if distortion.length > 0.0 {
         distortion.rms_stretch = (distortion.rms_stretch / distortion.length).sqrt();
     }
-    let half = ink.side / 2.0;
-    for square in &ink.squares {
-        let corner = |x: f64, y: f64| lift(FlatPoint::new(square.x + x * half, square.y + y * half));
+    match relief {
+        None => {
+            for square in &ink.squares {
+                distortion.include(&Square::measure(*square, ink.side, lift, &doubt)?, 1.0);
+            }
+        }
+        Some(relief) => measure_blocks(ink, relief, &map, lift, doubt, &mut distortion)?,
+    }
+    Ok(distortion)
+}
+
+/// An inked square on the part.
+#[derive(Debug, Clone, Copy)]
+struct Square {
+    /// |area on the part − area drawn|, mm².
+    error: f64,
+    /// The share of the area, mm², that is uncertain.
+    uncertain: f64,
+    /// Largest |area on the part / area drawn − 1|.
+    stretch: f64,
+    across: Vector3<f64>,
+    up: Vector3<f64>,
+    doubt: Uncertainty,
+}
+
+impl Square {
+    fn measure(
+        center: FlatPoint,
+        side: f64,
+        lift: impl Fn(FlatPoint) -> Result<Point3<f64>, ViewPoint>,
+        doubt: impl Fn(ViewPoint) -> Uncertainty,
+    ) -> Result<Self, ViewPoint> {
+        let half = side / 2.0;
+        let corner = |x: f64, y: f64| lift(FlatPoint::new(center.x + x * half, center.y + y * half));
         let [a, b, c, d] = [corner(-1.0, -1.0)?, corner(1.0, -1.0)?, corner(1.0, 1.0)?, corner(-1.0, 1.0)?];
         let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
-        let drawn = ink.side * ink.side;
+        let drawn = side * side;
         let across = (b - a) + (c - d);
         let up = (d - a) + (c - b);
         let doubt = doubt(ViewPoint::from(nalgebra::center(&a, &c).coords.xy()));
         let uncertain = area * share(tilt(&across, &up), doubt);
         let error = (area - drawn).abs();
-        distortion.area_error += error + uncertain;
-        distortion.uncertain.area_error += uncertain;
-        distortion.max_area_stretch = distortion.max_area_stretch.max((error + PEAK * uncertain) / drawn);
-        distortion.include_angle([&across, &up], doubt);
+        Ok(Self { error, uncertain, stretch: (error + PEAK * uncertain) / drawn, across, up, doubt })
     }
-    Ok(distortion)
+}
+
+/// Blocks are divided until no more than this share of a sum over an inked area is open …
+const OPEN: f64 = 2e-3;
+/// … or this share of the area.
+const SAME_AREA: f64 = 1e-8;
+/// Rounding may change the sums of samples by this share of the area.
+const ROUNDING: f64 = 1e-10;
+/// Blocks are divided until no more than this share of a largest value is open …
+const SLACK: f64 = 1.002;
+/// … or this stretch, or angle in rad.
+const SAME: f64 = 2e-6;
+
+/// How far a sum over many blocks may be wrong. A trend over the area adds up from block to block; roughness does not.
+#[derive(Debug, Clone, Copy, Default)]
+struct Open {
+    sum: f64,
+    squares: f64,
+}
+
+impl Open {
+    /// The standard deviations of what does not add up.
+    const DEVIATIONS: f64 = 3.0;
+
+    fn add(&mut self, off_by: f64) {
+        self.sum += off_by;
+        self.squares += off_by * off_by;
+    }
+
+    fn remove(&mut self, off_by: f64) {
+        self.sum -= off_by;
+        self.squares -= off_by * off_by;
+    }
+
+    fn total(&self) -> f64 {
+        self.sum.abs() + Self::DEVIATIONS * self.squares.max(0.0).sqrt()
+    }
+}
+
+/// What is known of a block of inked area.
+enum Measured {
+    /// Every square was measured, or nothing of it is on the part.
+    Exactly,
+    /// It may be partly beside the part.
+    Divided,
+    /// On the surface.
+    Within(Estimate),
+}
+
+/// What follows from the squares at six places of a block.
+struct Estimate {
+    /// Mean error and uncertain share of a square, mm².
+    mean: [f64; 2],
+    /// How much less their sums over the block may be than what a coarser formula gives, mm²: the error of the sums is smaller.
+    off_by: [f64; 2],
+    /// The largest stretch of an area and error of an angle that are possible in the block.
+    largest: [f64; 2],
+    /// The largest uncertainty in the block.
+    uncertainty: Uncertainty,
+}
+
+impl Estimate {
+    fn of(squares: &[Square; 6], block: Block, known: &Relief, slope: f64) -> Self {
+        let [one, other, quarters @ ..] = squares;
+        let mean = |value: fn(&Square) -> f64| {
+            let around = quarters.iter().map(value).sum::<f64>() / 4.0;
+            let middle = (value(one) + value(other)) / 2.0;
+            let mean = middle + (around - middle) * block.weight();
+            [if mean > 0.0 { mean } else { around }, around - middle]
+        };
+        let of_squares = [mean(|square| square.error), mean(|square| square.uncertain)];
+        let reach = |value: &dyn Fn(&Square) -> f64| {
+            let [least, most] =
+                squares.iter().map(value).fold([f64::INFINITY, 0.0], |[least, most], value| {
+                    [f64::min(least, value), f64::max(most, value)]
+                });
+            2.0 * most - least
+        };
+        let steepest = squares.iter().map(|square| tilt(&square.across, &square.up)).fold(0.0, f64::max);
+        let between = share(steepest, Uncertainty { slope: slope as f32, height: 0.0 });
+        let doubted = squares.iter().map(|square| square.doubt).fold(Uncertainty::NONE, Uncertainty::largest);
+        let beyond = PEAK * (share(steepest, known.uncertainty) - share(steepest, doubted)).max(0.0);
+        let angle = |square: &Square| {
+            let Square { across, up, doubt, .. } = square;
+            angle_error(across, up) + PEAK * share(tilt(across, up), *doubt)
+        };
+        Self {
+            mean: of_squares.map(|[mean, _]| mean),
+            off_by: of_squares.map(|[_, apart]| apart / 2.0 * block.squares() as f64),
+            largest: [reach(&|square| square.stretch), reach(&angle)].map(|reach| reach + between + beyond),
+            uncertainty: known.uncertainty,
+        }
+    }
+}
+
+/// Measures a large inked area: blocks of squares are divided where the sums are not known well enough from the squares at
+/// six places of each, where the part could reach beyond the largest values that are known, and where it may be missing.
+fn measure_blocks(
+    ink: &Ink,
+    relief: &ReliefMap<'_>,
+    map: impl Fn(FlatPoint) -> ViewPoint,
+    lift: impl Fn(FlatPoint) -> Result<Point3<f64>, ViewPoint>,
+    doubt: impl Fn(ViewPoint) -> Uncertainty,
+    distortion: &mut Distortion,
+) -> Result<(), ViewPoint> {
+    let mut missing: Option<(FlatPoint, ViewPoint)> = None;
+    let mut is_missing = |at: FlatPoint, seen: ViewPoint| {
+        if missing.is_none_or(|(first, _)| is_before(at, first)) {
+            missing = Some((at, seen));
+        }
+    };
+    let measure = |at: FlatPoint| Square::measure(at, ink.side, &lift, &doubt);
+    let examine = |distortion: &mut Distortion, block: Block| {
+        let area = relief.image(block.corners(ink.side).map(&map));
+        let known = match relief.over(&area) {
+            Cover::None => {
+                if let Err(seen) = measure(block.first) {
+                    is_missing(block.first, seen);
+                }
+                return Measured::Exactly;
+            }
+            Cover::Some if block.count > 2 => return Measured::Divided,
+            Cover::Some => None,
+            Cover::All(known) => Some(known).filter(|_| block.count > 2),
+        };
+        let Some(known) = known else {
+            for at in block.each(ink.side) {
+                match measure(at) {
+                    Ok(square) => distortion.include(&square, 1.0),
+                    Err(seen) => is_missing(at, seen),
+                }
+            }
+            return Measured::Exactly;
+        };
+        let [Ok(a), Ok(b), Ok(c), Ok(d), Ok(e), Ok(f)] = block.places(ink.side).map(measure) else {
+            return Measured::Divided;
+        };
+        let squares = [a, b, c, d, e, f];
+        squares.iter().for_each(|square| distortion.include(square, 0.0));
+        let slope = relief.slope_between(&known, f64::from(block.count) * ink.side);
+        Measured::Within(Estimate::of(&squares, block, &known, slope))
+    };
+    let blocks = ink.survey(distortion, examine, choose);
+    if let Some((_, seen)) = missing {
+        return Err(seen);
+    }
+    let mut open = [Open::default(); 2];
+    for (block, measured) in blocks {
+        if let Measured::Within(estimate) = measured {
+            distortion.include_open(&estimate, block.squares() as f64);
+            open.iter_mut().zip(estimate.off_by).for_each(|(open, off_by)| open.add(off_by));
+        }
+    }
+    let [error, uncertain] = open.map(|open| open.total());
+    distortion.area_error += error + uncertain + ROUNDING * distortion.area;
+    distortion.uncertain.area_error += uncertain;
+    Ok(())
+}
+
+/// The blocks to divide.
+fn choose(distortion: &Distortion, blocks: &[(Block, Measured)]) -> Vec<bool> {
+    let beyond = |possible: f64, known: f64| possible > SLACK * known + SAME;
+    let is_open = |(_, measured): &(Block, Measured)| match measured {
+        Measured::Exactly => false,
+        Measured::Divided => true,
+        Measured::Within(estimate) => {
+            let (largest, uncertain) = (estimate.uncertainty, &distortion.uncertain);
+            beyond(estimate.largest[0], distortion.max_area_stretch)
+                || beyond(estimate.largest[1], distortion.max_angle_error)
+                || f64::from(largest.slope) > SLACK * uncertain.max_slope
+                || f64::from(largest.height) > SLACK * uncertain.max_height
+        }
+    };
+    let mut chosen: Vec<bool> = blocks.iter().map(is_open).collect();
+    let (mut sum, mut open) = (distortion.area_error, [Open::default(); 2]);
+    let mut estimates = Vec::new();
+    for (index, (block, measured)) in blocks.iter().enumerate() {
+        if let Measured::Within(Estimate { mean, off_by, .. }) = measured {
+            sum += (mean[0] + mean[1]) * block.squares() as f64;
+            open.iter_mut().zip(off_by).for_each(|(open, off_by)| open.add(*off_by));
+            estimates.push((*off_by, index));
+        }
+    }
+    let limit = (OPEN * sum).max(SAME_AREA * distortion.area);
+    estimates.sort_by(|(one, _), (other, _)| other[0].abs().total_cmp(&one[0].abs()));
+    for (off_by, index) in estimates {
+        if !(open[0].total() + open[1].total() > limit) {
+            break;
+        }
+        open.iter_mut().zip(off_by).for_each(|(open, off_by)| open.remove(off_by));
+        chosen[index] = true;
+    }
+    chosen
 }
 
 impl Distortion {
+    /// Adds the shortening by chords, for each path.
+    ///
+    /// The map may shorten the same pieces, so that both add up in the estimate from above.
+    pub fn shorten(&mut self, paths: impl IntoIterator<Item = Shortening>) {
+        let (mut most, mut squares) = (0.0f64, 0.0);
+        for path in paths {
+            self.length_error += path.lost;
+            most = most.max(path.largest_share);
+            // No chord loses a larger share.
+            squares += path.lost * path.largest_share;
+        }
+        self.stretch_range[0] -= most;
+        self.max_stretch = self.max_stretch.max(-self.stretch_range[0]);
+        if self.length > 0.0 {
+            self.rms_stretch += (squares / self.length).sqrt();
+        }
+    }
+
+    /// Includes a square of the inked area: its largest values, and its sums `times` times.
+    fn include(&mut self, square: &Square, times: f64) {
+        self.area_error += times * (square.error + square.uncertain);
+        self.uncertain.area_error += times * square.uncertain;
+        self.max_area_stretch = self.max_area_stretch.max(square.stretch);
+        self.include_angle([&square.across, &square.up], square.doubt);
+    }
+
+    /// Includes a block of squares of which some were measured, with what they leave open.
+    fn include_open(&mut self, block: &Estimate, squares: f64) {
+        let [error, uncertain] = block.mean.map(|mean| mean * squares);
+        self.area_error += error + uncertain;
+        self.uncertain.area_error += uncertain;
+        self.max_area_stretch = self.max_area_stretch.max(block.largest[0]);
+        self.max_angle_error = self.max_angle_error.max(block.largest[1]);
+        self.uncertain.max_slope = self.uncertain.max_slope.max(f64::from(block.uncertainty.slope));
+        self.uncertain.max_height = self.uncertain.max_height.max(f64::from(block.uncertainty.height));
+    }
+
     /// Includes the angle error where unit steps of the drawing become two vectors on the part, with a doubt about
     /// the part.
     fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: Uncertainty) {
@@ -245,4 +540,127 @@ fn angle_error(across: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
     let twice_area = 2.0 * (e * g - f * f).max(0.0).sqrt();
     let ratio = ((e + g - twice_area).max(0.0) / (e + g + twice_area)).sqrt();
     2.0 * ratio.clamp(0.0, 1.0).asin()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::mapping::isometric::IsometricOptions;
+    use crate::geometry::mapping::{LengthTrueMap, Method};
+    use crate::geometry::pattern::Pattern;
+    use crate::geometry::shapes;
+    use crate::geometry::space::View;
+    use crate::geometry::surface::fit::FitOptions;
+    use nalgebra::Vector2;
+
+    /// A circle that the map makes smaller, marked as a regular polygon.
+    #[test]
+    fn what_the_map_and_the_chords_shorten_adds_up() {
+        let (radius, share, sides) = (8.0, 0.001, 48.0);
+        let at = |angle: f64| FlatPoint::new(radius * angle.cos(), radius * angle.sin());
+        let steps = 4800;
+        let angle = |step: i32| TAU * f64::from(step) / f64::from(steps);
+        let pieces = (0..steps).map(|step| Piece { from: at(angle(step)), to: at(angle(step + 1)) });
+        let mut ink = Ink::sample(&Pattern::default(), |_| true, PIECE, SQUARE);
+        ink.pieces = pieces.collect();
+        let smaller = |flat: FlatPoint| ViewPoint::from(flat.coords() * (1.0 - share));
+        let mut reported = measure(&ink, smaller, |_| Some(0.0)).unwrap();
+        let drawn = TAU * radius;
+        let polygon = 2.0 * sides * radius * (TAU / 2.0 / sides).sin();
+        reported.shorten([Shortening { lost: drawn - polygon, largest_share: 1.0 - polygon / drawn }]);
+        let truth = 1.0 - (1.0 - share) * polygon / drawn;
+        for stretch in [
+            reported.max_stretch,
+            -reported.stretch_range[0],
+            reported.rms_stretch,
+            reported.length_error / drawn,
+        ] {
+            assert!(stretch >= truth && stretch < 1.01 * truth, "{stretch} for {truth}");
+        }
+    }
+
+    /// A plane with a dent of 0.3 mm and a radius of about 2 mm.
+    fn dented(x: f64, y: f64) -> f64 {
+        let square = (x - 5.3).powi(2) + (y + 4.1).powi(2);
+        0.05 * x - 0.3 * (-square / 2.0).exp()
+    }
+
+    /// A roof with its ridge along y.
+    fn roof(x: f64, _: f64) -> f64 {
+        8.0 - 0.2 * (x - 1.23).abs()
+    }
+
+    fn compared(surface: &FittedSurface, pattern: &Pattern, map: &LengthTrueMap, name: &str) {
+        let ink = Ink::sample(pattern, |_| true, PIECE, SQUARE);
+        let (place, doubt) = (|at| map.point(at), |at| surface.uncertainty(at));
+        let each = measure_at_most(&ink, place, |at| surface.sampled_height(at), doubt);
+        let found = measure_on(surface, &ink, place, true);
+        let (Ok(each), Ok(found)) = (each, found) else {
+            let apart = each.unwrap_err().distance(found.unwrap_err());
+            return assert!(apart < 1e-9, "{name}: {apart} mm");
+        };
+        for (what, each, found, same) in [
+            ("area error", each.area_error, found.area_error, 1e-7 * each.area),
+            ("stretch of an area", each.max_area_stretch, found.max_area_stretch, SAME),
+            ("angle error", each.max_angle_error, found.max_angle_error, SAME),
+            (
+                "uncertain area",
+                each.uncertain.area_error,
+                found.uncertain.area_error,
+                0.002 * each.area_error,
+            ),
+            ("uncertain slope", each.uncertain.max_slope, found.uncertain.max_slope, 0.0),
+            ("uncertain height", each.uncertain.max_height, found.uncertain.max_height, 0.0),
+        ] {
+            let is_above = found >= each * (1.0 - 1e-9);
+            assert!(is_above && found <= 1.004 * each + same, "{name}: {what} {found} for {each}");
+        }
+        assert_eq!((each.length_error, each.area), (found.length_error, found.area));
+        assert_eq!((each.max_stretch, each.max_stretch_at), (found.max_stretch, found.max_stretch_at));
+    }
+
+    #[test]
+    fn a_large_area_is_measured_as_its_single_squares_are() {
+        for (name, height, edge) in [
+            ("mouse", &shapes::mouse as &dyn Fn(f64, f64) -> f64, 0.75),
+            ("cylinder", &shapes::cylinder, 0.75),
+            ("coarse mouse", &shapes::mouse, 4.0),
+            ("dent", &dented, 0.75),
+            ("roof", &roof, 0.75),
+            ("plane", &|x, _| 0.02 * x, 0.75),
+        ] {
+            let part = FacingPart::new(&shapes::graph(25.0, edge, height), &View::top());
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            let uncertainties = vec![Uncertainty { slope: 2e-3, height: 1e-3 }; surface.field.nodes().len()];
+            let surface = surface.doubted(Vec::new(), uncertainties);
+            let pattern = Pattern::outline(12.9);
+            let anchor = FlatPoint::new(0.0, 0.0);
+            let method = Method::Isometric(IsometricOptions::INK);
+            let found = LengthTrueMap::find(&surface, &pattern, |_| true, anchor, &method).unwrap();
+            for map in [&LengthTrueMap::Plain, &found] {
+                compared(&surface, &pattern, map, name);
+            }
+        }
+    }
+
+    /// A hole in the middle, or the border of the part.
+    #[test]
+    fn a_place_without_surface_is_the_first_of_the_single_squares() {
+        let mut mesh = shapes::graph(25.0, 0.75, shapes::cylinder);
+        let far = |at: Vector2<f64>| (at - Vector2::new(3.0, -2.0)).norm() > 1.5;
+        let all = mesh.triangles().to_vec();
+        let positions = mesh.positions().to_vec();
+        let kept = all
+            .into_iter()
+            .filter(|corners| corners.iter().all(|&corner| far(positions[corner as usize].coords.xy())));
+        mesh = crate::geometry::mesh::TriMesh::new(positions.clone(), Vec::new(), kept.collect()).unwrap();
+        let surface = FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default());
+        let surface = surface.unwrap();
+        for half in [10.0, 24.0, 60.0] {
+            compared(&surface, &Pattern::outline(half), &LengthTrueMap::Plain, "hole");
+        }
+    }
 }

@@ -33,10 +33,10 @@ impl NurbsSurface {
     /// one of them is returned.
     ///
     /// ```
-    /// use isomark::geometry::height_field::FacingPart;
-    /// use isomark::geometry::shapes;
-    /// use isomark::geometry::space::View;
-    /// use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+    /// use isomark_geometry::height_field::FacingPart;
+    /// use isomark_geometry::shapes;
+    /// use isomark_geometry::space::View;
+    /// use isomark_geometry::surface::fit::{FitOptions, FittedSurface};
     /// use nalgebra::Point3;
     ///
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,6 +1,6 @@
 //! The fit of a NURBS surface to a height field, refined until it meets the requested tolerance.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
@@ -8,6 +8,7 @@ use crate::geometry::height_field::{
     FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE, Skins, Uncertainty,
 };
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
+use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::ViewPoint;
 
 /// Nodes of the height field along one span of the surface: twice as many as unknowns along each direction, so that the
@@ -32,6 +33,13 @@ const RESOLVED: f64 = 1.0;
 /// labels, inlays or overlapping facets.
 const SKINS: f64 = 0.5;
 
+/// The slope between samples is known where it differs by less than this from that of the part, rad, on a side that is level. On
+/// steep sides the heights bend more from sample to sample.
+const NEGLIGIBLE_SLOPE: f64 = 1.5e-4;
+
+/// How many times the difference at a node the one beside it is: the jump may be anywhere between two nodes.
+const BETWEEN_NODES: f64 = 1.5;
+
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
 
@@ -46,6 +54,16 @@ pub struct FitOptions {
     pub first_spans: usize,
     /// Spans along the longer side from which on they are not doubled again; it limits time and memory.
     pub most_spans: usize,
+}
+
+impl FitOptions {
+    /// All options: tolerance, first spans, most spans. A new option changes this type, so that whoever keeps fits by
+    /// their options must decide about it.
+    #[must_use]
+    pub fn values(&self) -> (f64, usize, usize) {
+        let Self { tolerance, first_spans, most_spans } = *self;
+        (tolerance, first_spans, most_spans)
+    }
 }
 
 impl Default for FitOptions {
@@ -67,6 +85,8 @@ pub struct FittedSurface {
     differences: Vec<f64>,
     doubts: Vec<f64>,
     uncertainties: Vec<Uncertainty>,
+    /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
+    known: Vec<RoundForm>,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -164,7 +184,45 @@ impl FittedSurface {
                 break;
             }
         }
-        Ok(Self::compare(nurbs, samples.field).doubted(samples.doubts, samples.uncertainties))
+        Ok(Self::compare(nurbs, samples.field)
+            .doubted(samples.doubts, samples.uncertainties)
+            .doubted_between_samples(&samples.slopes, &samples.is_at_edge))
+    }
+
+    /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
+    /// fillet: there the slope between them differs from that of the part at the nodes.
+    fn doubted_between_samples(mut self, slopes: &[Vector2<f64>], is_at_edge: &[bool]) -> Self {
+        let (columns, rows) = self.field.size();
+        let step = self.field.step();
+        let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
+        let normal = |slope: Vector2<f64>| Vector3::new(-slope.x, -slope.y, 1.0).normalize();
+        let off = |(column, row, _): (usize, usize, f64)| {
+            let node = row * columns + column;
+            if column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
+                return None;
+            }
+            let beside = [node - 1, node + 1, node - columns, node + columns];
+            let known = slopes.get(node).filter(|_| beside.into_iter().all(is_surface))?;
+            let [left, right, below, above] = beside.map(|node| self.differences[node]);
+            let between = Vector2::new(right - left, above - below) / (2.0 * step);
+            let sampled = self.nurbs.jet(self.field.position(column, row)).gradient + between;
+            let off = normal(sampled).cross(&normal(*known)).norm();
+            let negligible = NEGLIGIBLE_SLOPE * (1.0 + known.norm_squared()).powi(3);
+            (off > negligible).then_some((node, off))
+        };
+        let found: Vec<(usize, f64)> = self.field.surface_nodes().filter_map(off).collect();
+        if found.is_empty() {
+            return self;
+        }
+        self.uncertainties.resize(columns * rows, Uncertainty::NONE);
+        for (node, off) in found {
+            // It is a largest value. At an edge of the part the slope jumps itself, so that no larger one is between the nodes.
+            let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
+            let slope = (times * off / Uncertainty::PEAK) as f32;
+            let known = &mut self.uncertainties[node];
+            *known = known.largest(Uncertainty { slope, height: (off * step / 4.0) as f32 });
+        }
+        self
     }
 
     /// Fits a height field by least squares, one span for every two nodes. Nodes at a cliff are excluded, because a
@@ -197,7 +255,8 @@ impl FittedSurface {
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
-        Self { nurbs, field, residual, differences, doubts: Vec::new(), uncertainties: Vec::new() }
+        let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
+        Self { nurbs, field, residual, differences, doubts, uncertainties, known }
     }
 
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
@@ -210,6 +269,16 @@ impl FittedSurface {
         let doubts = if doubts.len() == nodes { doubts } else { Vec::new() };
         let uncertainties = if uncertainties.len() == nodes { uncertainties } else { Vec::new() };
         Self { doubts, uncertainties, ..self }
+    }
+
+    /// The surface of a part whose file states that it has faces on these cylinders and cones, in the frame of the view.
+    pub fn with_known(self, known: Vec<RoundForm>) -> Self {
+        Self { known, ..self }
+    }
+
+    /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
+    pub fn known(&self) -> &[RoundForm] {
+        &self.known
     }
 
     /// The doubt of each node, mm; empty where there is none.

@@ -114,9 +114,9 @@ impl NurbsSurface {
     /// extrapolated (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
     ///
     /// ```
-    /// use isomark::geometry::space::ViewPoint;
-    /// use isomark::geometry::surface::knots::UniformKnots;
-    /// use isomark::geometry::surface::nurbs::NurbsSurface;
+    /// use isomark_geometry::space::ViewPoint;
+    /// use isomark_geometry::surface::knots::UniformKnots;
+    /// use isomark_geometry::surface::nurbs::NurbsSurface;
     ///
     /// // Control points on the plane z = 2 + x/2 make that plane.
     /// let knots = UniformKnots::new(0.0, 5.0, 4);
@@ -146,6 +146,12 @@ impl NurbsSurface {
         }
     }
 
+    /// The gradient of the height at a point of the view; outside the domain the border polynomials are extrapolated.
+    pub fn gradient(&self, at: ViewPoint) -> Vector2<f64> {
+        let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
+        Vector2::new(self.sum(&x, &y, &x.slope, &y.value), self.sum(&x, &y, &x.value, &y.slope))
+    }
+
     fn sum(&self, x: &Basis, y: &Basis, along_x: &[f64; 4], along_y: &[f64; 4]) -> f64 {
         let columns = self.knots_x.control_points();
         let mut total = 0.0;
@@ -164,7 +170,7 @@ impl SurfaceJet {
     /// graph).
     ///
     /// ```
-    /// use isomark::geometry::surface::nurbs::SurfaceJet;
+    /// use isomark_geometry::surface::nurbs::SurfaceJet;
     /// use nalgebra::{Matrix2, Vector2};
     ///
     /// // On a slope of 45 degrees along x, a step of 1 mm along x is √2 mm long.

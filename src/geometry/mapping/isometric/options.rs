@@ -13,8 +13,8 @@ pub struct IsometricOptions {
     /// Weight of the strain in all directions equally over the whole box, inked or not. With a small weight, the
     /// parts of the drawing move relative to each other.
     pub box_weight: f64,
-    /// Largest angle error of the ink, as a multiple of the error with equal weights over the box; infinite for no
-    /// limit.
+    /// The angle error from which on the ink resists shear, as a multiple of the largest one with equal weights over the box;
+    /// infinite for no resistance. Filled areas may exceed it by about a tenth.
     pub angle_cap: f64,
     /// Side of a cell of the map, mm.
     pub cell: f64,

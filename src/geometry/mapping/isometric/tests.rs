@@ -26,7 +26,14 @@ fn frame(width: f64, height: f64) -> Ink {
         })
     };
     let extents = Extents::of(corners.map(FlatPoint::coords));
-    Ink { pieces: (0..4).flat_map(side).collect(), dots: Vec::new(), squares: Vec::new(), side: 0.4, extents }
+    Ink {
+        pieces: (0..4).flat_map(side).collect(),
+        dots: Vec::new(),
+        squares: Vec::new(),
+        blocks: Vec::new(),
+        side: 0.4,
+        extents,
+    }
 }
 
 const MIDDLE: FlatPoint = FlatPoint::new(0.0, 0.0);
@@ -36,7 +43,7 @@ fn derivatives_match_differences_of_the_energy() {
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
     let ink = frame(30.0, 20.0);
     let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
-    let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK);
+    let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK, MOST_PLACES);
     let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 };
     // The slope of the energy along a random shift is −2 times the right-hand side times the shift.
     let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
@@ -115,5 +122,45 @@ fn a_drawing_beyond_the_horizon_terminates_with_a_finite_map_or_an_error() {
             let end = map.point(FlatPoint::new(width / 2.0, 0.0));
             assert!(end.is_finite() && end.x.abs() < width);
         }
+    }
+}
+
+/// Wavy circles about the origin, in many pieces.
+fn circles(pieces: usize) -> Ink {
+    let circle = |circle: usize| {
+        let point = move |step: usize| {
+            let angle = std::f64::consts::TAU * step as f64 / pieces as f64;
+            let radius = (2.0 + 0.9 * circle as f64) * (1.0 + 0.1 * (7.0 * angle).sin());
+            FlatPoint::new(radius * angle.cos(), 0.6 * radius * angle.sin())
+        };
+        (0..pieces).map(move |step| Piece { from: point(step), to: point(step + 1) })
+    };
+    let pieces: Vec<Piece> = (0..15).flat_map(circle).collect();
+    let extents = Extents::of(pieces.iter().map(|piece| piece.from.coords()));
+    Ink { pieces, dots: Vec::new(), squares: Vec::new(), blocks: Vec::new(), side: 0.4, extents }
+}
+
+#[test]
+fn gathered_lines_have_the_energy_of_their_pieces() {
+    let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
+    let ink = circles(600);
+    assert!(ink.pieces.len() > MOST_PLACES);
+    let map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
+    let energy = |most_places: usize| {
+        let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK, most_places);
+        map.energy(&Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 })
+    };
+    let (gathered, each) = (energy(MOST_PLACES), energy(usize::MAX));
+    assert!((gathered / each - 1.0).abs() < 0.01, "{gathered} for {each}");
+}
+
+#[test]
+fn a_line_has_the_same_weight_in_any_number_of_pieces() {
+    let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
+    let [few, many] = [180, 1200].map(|pieces| {
+        IsometricMap::solve(&surface, &circles(pieces), MIDDLE, &IsometricOptions::INK).unwrap()
+    });
+    for at in [[0.0, 8.0], [-12.0, 3.0], [9.0, -5.0]].map(|[x, y]| FlatPoint::new(x, y)) {
+        assert!(few.point(at).distance(many.point(at)) < 1e-3);
     }
 }
