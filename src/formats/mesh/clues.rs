@@ -166,6 +166,12 @@ impl Clues {
                 false => (Decision::new(Metre, "the glTF standard uses metres"), Footing::Certain),
             };
         }
+        if let Some(unit) = self.stated_unit.filter(|_| self.format == MeshFormat::ThreeMf) {
+            return (Decision::new(unit, "the 3MF file states it"), Footing::Certain);
+        }
+        if let Some(unit) = self.stated_unit.filter(|_| self.format == MeshFormat::Step) {
+            return (Decision::new(unit, "the STEP file states it"), Footing::Certain);
+        }
         if let Some(unit) = self.stated_unit {
             return (Decision::new(unit, "a comment in the file's header states it"), Footing::Certain);
         }
@@ -198,6 +204,10 @@ impl Clues {
         match self.format {
             MeshFormat::Gltf | MeshFormat::Glb => self.up_of_gltf(in_millimetres),
             MeshFormat::Obj => self.up_of_obj(corners, in_millimetres),
+            MeshFormat::ThreeMf => (Decision::new(UpAxis::Z, "the 3MF standard has Z up"), Footing::Certain),
+            MeshFormat::Step => {
+                (Decision::new(UpAxis::Z, "CAD programs write STEP with Z up"), Footing::Certain)
+            }
             MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
                 let why = format!("{} has no up axis, and {} write Z up", self.format, self.writers());
                 (Decision::new(UpAxis::Z, why), Footing::Guess)

@@ -6,12 +6,15 @@ use std::io;
 use crate::geometry::mesh::TriMesh;
 use crate::reason::{Place, Reason};
 
-use super::MeshFormat;
+use super::{Content, MeshFormat, StepError, StepProblem};
 
 /// Why a part file cannot be read.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshReadError {
+    /// A STEP file cannot be read.
+    #[error(transparent)]
+    Step(#[from] StepError),
     /// A binary file is shorter than its header states.
     #[error("the {format} file is cut off: it has {actual} of {declared} bytes")]
     Truncated {
@@ -60,6 +63,14 @@ pub enum MeshReadError {
         /// What was found instead.
         found: String,
     },
+    /// The bytes are in another known format.
+    #[error("this is not a file in {format} format: it is {found}")]
+    OtherFormat {
+        /// The format that the name states.
+        format: MeshFormat,
+        /// The format of the bytes.
+        found: Content,
+    },
     /// A glTF version other than 2.
     #[error("the file is glTF {version}; only glTF 2 can be read")]
     Version {
@@ -89,10 +100,28 @@ pub enum MeshReadError {
         count: usize,
     },
     /// The file requires an extension that is not supported.
-    #[error("the file requires the glTF extension {name}, which is not supported")]
+    #[error("the file requires the extension {name}, which is not supported")]
     UnsupportedExtension {
         /// The extension's name.
         name: String,
+    },
+    /// An entry of a 3MF package cannot be read.
+    #[error("{item} of the 3MF file cannot be read: {problem}")]
+    Package {
+        /// The entry, such as `3d/3dmodel.model`.
+        item: String,
+        /// Where in the decompressed entry, bytes.
+        byte: Option<u64>,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Compressed geometry of a glTF file cannot be decoded.
+    #[error("the compressed data of {item} cannot be decoded: {problem}")]
+    Compressed {
+        /// What the data are for.
+        item: String,
+        /// What is wrong with them.
+        problem: String,
     },
     /// The data of an accessor do not have the type that their use requires.
     #[error("{item} is stored as {found}, not as {expected}")]
@@ -223,7 +252,7 @@ pub enum MeshReadError {
     /// There is no measured point.
     #[error("the file contains no measured points{}", all_missing(*missing))]
     NoPoints {
-        /// Number of points that are marked as missing.
+        /// Number of points that are marked as missing, at infinity or too far away.
         missing: usize,
     },
     /// The file exceeds a size limit.
@@ -294,7 +323,11 @@ fn likely_cause(cause: &EmptyCause) -> String {
 }
 
 fn all_missing(missing: usize) -> String {
-    if missing == 0 { String::new() } else { format!(": all {missing} points are marked as missing") }
+    if missing == 0 {
+        String::new()
+    } else {
+        format!(": all {missing} points are missing, at infinity or too far away")
+    }
 }
 
 impl MeshReadError {
@@ -332,15 +365,19 @@ impl MeshReadError {
     /// Whether the file ends too early, so that it may still be being written.
     #[must_use]
     pub fn is_cut_short(&self) -> bool {
-        matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
+        let is_cut_step = matches!(self, Self::Step(StepError { problem: StepProblem::CutOff, .. }));
+        is_cut_step || matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
     }
 
     fn code(&self) -> &'static str {
         match self {
+            Self::Step(error) => step_code(&error.problem),
             Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. } => "mesh-truncated",
             Self::BadHeader { .. } => "mesh-header-invalid",
             Self::NoPoints { .. } => "scan-empty",
-            Self::NotThisFormat { .. } => "mesh-wrong-format",
+            Self::NotThisFormat { .. } | Self::OtherFormat { .. } => "mesh-wrong-format",
+            Self::Package { .. } => "mesh-package-invalid",
+            Self::Compressed { .. } => "mesh-compression-invalid",
             Self::Version { .. } => "mesh-version-unsupported",
             Self::BadJson { .. } => "mesh-json-invalid",
             Self::BrokenReference { .. } => "mesh-reference-broken",
@@ -371,6 +408,11 @@ impl MeshReadError {
         let item = |item: &str| Place { item: Some(item.into()), ..Place::default() };
         let line = |line: u64| Place { line: Some(line), ..Place::default() };
         match self {
+            Self::Step(StepError { line, record, problem }) => Place {
+                line: (!problem.is_of_the_whole_file()).then_some(*line),
+                item: record.map(|record| format!("#{record}")),
+                ..Place::default()
+            },
             Self::Truncated { actual, .. } => Place { byte: Some(*actual), ..Place::default() },
             Self::CutLine { line: at, .. }
             | Self::BadLine { line: at, .. }
@@ -382,6 +424,7 @@ impl MeshReadError {
             | Self::WrongData { item: at, .. }
             | Self::NoData { item: at }
             | Self::DataBeyondBuffer { item: at, .. }
+            | Self::Compressed { item: at, .. }
             | Self::BadTransform { node: at }
             | Self::NodeTwice { node: at } => item(at),
             Self::FrameWithoutAxes | Self::FrameMirrored => item("node \"isomark\""),
@@ -396,7 +439,9 @@ impl MeshReadError {
             Self::TooFar { coordinate } => {
                 Place { coordinate: Some(coordinate.to_vec()), ..Place::default() }
             }
+            Self::Package { item: at, byte, .. } => Place { byte: *byte, ..item(at) },
             Self::NotThisFormat { .. }
+            | Self::OtherFormat { .. }
             | Self::Version { .. }
             | Self::UnsupportedExtension { .. }
             | Self::Refused { .. }
@@ -410,15 +455,23 @@ impl MeshReadError {
 
     fn remedy(&self) -> String {
         let fixed = match self {
+            Self::Step(error) => error.problem.remedy(),
             Self::Truncated { .. }
             | Self::CutLine { .. }
             | Self::CutShort { .. }
             | Self::BufferShort { .. } => "wait until the export has finished, then copy the file again",
             Self::NotThisFormat { .. } => {
-                "export the part as GLB, glTF with its .bin, OBJ, STL or PLY, or a scan as PLY or a list of points, \
+                "export the part as STEP, GLB, glTF with its .bin, OBJ, STL, PLY or 3MF, or a scan as PLY or a list of points, \
                  and keep the file name ending that the program gave it"
             }
-            Self::Version { .. } => "export the part as glTF 2 (.glb) or OBJ",
+            Self::OtherFormat { found, .. } => return found.remedy(),
+            Self::Version { .. } => {
+                "export the part as glTF 2 (.glb) or OBJ, or convert it (`gltf-pipeline -i old.gltf -o new.glb`)"
+            }
+            Self::Package { .. } => "export the part as 3MF again, or as GLB",
+            Self::Compressed { .. } => {
+                "export the part again; if that does not help, export it without compression"
+            }
             Self::BadJson { .. } | Self::BrokenReference { .. } | Self::DataBeyondBuffer { .. } => {
                 "export the part again; if that does not help, the program writes damaged files: export OBJ instead"
             }
@@ -427,7 +480,9 @@ impl MeshReadError {
                     "export the part without {name} (compression or another extension), or remove it with a glTF tool"
                 );
             }
-            Self::WrongData { .. } => "export without mesh quantization or compression",
+            Self::WrongData { .. } => {
+                "export the part again with positions as 32-bit floats, without compression"
+            }
             Self::NoData { .. } => "export without mesh compression (Draco, meshopt)",
             Self::BufferName { .. } => {
                 "put the .bin into the part's folder and refer to it without a path, or export the part as GLB"
@@ -470,6 +525,28 @@ impl MeshReadError {
             Self::TakesLong => "read the part without a time limit",
         };
         fixed.into()
+    }
+}
+
+fn step_code(problem: &StepProblem) -> &'static str {
+    match problem {
+        StepProblem::NotStep { .. } => "mesh-wrong-format",
+        StepProblem::CutOff => "mesh-truncated",
+        StepProblem::NoFaces { .. } | StepProblem::Elsewhere { .. } => "mesh-empty",
+        StepProblem::TooLarge { .. } => "mesh-too-large",
+        StepProblem::Syntax { .. }
+        | StepProblem::Duplicate
+        | StepProblem::Missing { .. }
+        | StepProblem::WrongKind { .. }
+        | StepProblem::WrongValue { .. }
+        | StepProblem::WrongNumber { .. }
+        | StepProblem::NoAxes
+        | StepProblem::Cyclic
+        | StepProblem::Nested { .. }
+        | StepProblem::Unit { .. }
+        | StepProblem::Spline(_)
+        | StepProblem::Scaled => "step-invalid",
+        StepProblem::Unread { .. } => "step-face-unread",
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a part file contains, and how it was interpreted.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
@@ -8,6 +8,8 @@ use crate::geometry::mesh::TriMesh;
 use crate::geometry::noise::Noise;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::sides::{SIDES, Side};
+use crate::geometry::solid::Solid;
+use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{Extents, MarkingFrame};
 use crate::reason::{Notice, Severity};
 
@@ -31,6 +33,18 @@ pub enum Shape {
     Mesh(TriMesh),
     /// Measured points.
     Scan(PointCloud),
+    /// Exact faces.
+    Solid(Box<SolidPart>),
+}
+
+/// A part with exact faces, and triangles over them for everything that needs a mesh. What is marked is measured on the faces.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SolidPart {
+    /// The faces, mm, +Z up.
+    pub solid: Solid,
+    /// Triangles over them, with exact normals.
+    pub mesh: TriMesh,
 }
 
 impl Shape {
@@ -39,6 +53,7 @@ impl Shape {
     pub fn mesh(&self) -> Option<&TriMesh> {
         match self {
             Self::Mesh(mesh) => Some(mesh),
+            Self::Solid(part) => Some(&part.mesh),
             Self::Scan(_) => None,
         }
     }
@@ -88,6 +103,12 @@ pub struct PartFacts {
     /// The sides along the axes of a mesh; empty for a scan.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sides: Vec<SideFacts>,
+    /// The faces of a STEP file by the kind of their surface; empty for other formats.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faces: Vec<FaceKind>,
+    /// The cylinders and cones of a STEP file, in the frame of the view that its surface was learned for; known after learning.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub round_faces: Vec<RoundFacts>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
     pub bodies: Vec<String>,
     /// Names of the materials that faces use, in the order of first use.
@@ -100,6 +121,67 @@ pub struct PartFacts {
     pub scan: Option<ScanFacts>,
     /// What people should know about this file and how it was read.
     pub notices: Vec<Notice>,
+}
+
+/// How many faces of a STEP file have a kind of surface.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct FaceKind {
+    /// The kind, such as `cylinder`.
+    pub kind: String,
+    /// Number of faces.
+    pub count: usize,
+}
+
+/// A cylinder or cone of a STEP file, in the frame of the view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct RoundFacts {
+    /// A point of the axis of a cylinder, or the apex of a cone, mm.
+    pub point_mm: [f64; 3],
+    /// Unit direction of the axis; of a cone from the apex into it.
+    pub axis: [f64; 3],
+    /// Radius of a cylinder, mm; absent for a cone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_mm: Option<f64>,
+    /// Angle between axis and side of a cone, deg; absent for a cylinder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_angle_deg: Option<f64>,
+}
+
+impl From<RoundForm> for RoundFacts {
+    fn from(form: RoundForm) -> Self {
+        match form {
+            RoundForm::Cylinder { center, axis, radius } => Self {
+                point_mm: center.coords.into(),
+                axis: axis.into_inner().into(),
+                radius_mm: Some(radius),
+                half_angle_deg: None,
+            },
+            RoundForm::Cone { apex, axis, half_angle } => Self {
+                point_mm: apex.coords.into(),
+                axis: axis.into_inner().into(),
+                radius_mm: None,
+                half_angle_deg: Some(half_angle.to_degrees()),
+            },
+        }
+    }
+}
+
+impl RoundFacts {
+    fn form(&self) -> Option<RoundForm> {
+        let axis = Unit::try_new(Vector3::from(self.axis), 1e-9)?;
+        let point = Point3::from(self.point_mm);
+        match (self.radius_mm, self.half_angle_deg) {
+            (Some(radius), _) => Some(RoundForm::Cylinder { center: point, axis, radius }),
+            (None, Some(angle)) => {
+                Some(RoundForm::Cone { apex: point, axis, half_angle: angle.to_radians() })
+            }
+            (None, None) => None,
+        }
+    }
 }
 
 /// A side of a part, as the laser sees it with `facing` of this name.
@@ -242,6 +324,12 @@ impl PartFacts {
     pub fn marking_frame(&self) -> Option<MarkingFrame> {
         let FrameFacts { origin_mm, z, x } = self.frame?;
         MarkingFrame::new(origin_mm.into(), z.into(), x.into())
+    }
+
+    /// The cylinders and cones of a STEP file, in the frame of the view that its surface was learned for.
+    #[must_use]
+    pub fn known_forms(&self) -> Vec<RoundForm> {
+        self.round_faces.iter().filter_map(RoundFacts::form).collect()
     }
 
     /// Whether the unit of the file's numbers may be wrong: it comes from the settings, or it is a guess.

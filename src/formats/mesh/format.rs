@@ -22,20 +22,25 @@ pub enum MeshFormat {
     Ply,
     /// Points as text, one per line: a scan.
     Xyz,
+    /// 3D Manufacturing Format.
+    #[serde(rename = "3mf")]
+    ThreeMf,
+    /// STEP: exact faces.
+    Step,
 }
 
 /// File name endings of part formats that isomark does not read, in lower case.
-const UNREAD: [&str; 31] = [
-    "step", "stp", "p21", "iges", "igs", "3mf", "amf", "fcstd", "brep", "brp", "blend", "sldprt", "sldasm",
-    "ipt", "iam", "prt", "catpart", "x_t", "x_b", "sat", "jt", "3dm", "f3d", "fbx", "dae", "3ds", "skp",
-    "wrl", "usd", "usdz", "off",
+const UNREAD: [&str; 27] = [
+    "iges", "igs", "amf", "fcstd", "brep", "brp", "blend", "sldprt", "sldasm", "ipt", "iam", "prt",
+    "catpart", "x_t", "x_b", "sat", "jt", "3dm", "f3d", "fbx", "dae", "3ds", "skp", "wrl", "usd", "usdz",
+    "off",
 ];
 
 /// Whether the file name's ending, in upper or lower case, is that of a part format that isomark does not read.
 ///
 /// ```
 /// use isomark::formats::mesh::is_unread_part;
-/// assert!(is_unread_part("can.STEP") && !is_unread_part("can.glb") && !is_unread_part("can.dxf"));
+/// assert!(is_unread_part("can.IGES") && !is_unread_part("can.glb") && !is_unread_part("can.dxf"));
 /// ```
 #[must_use]
 pub fn is_unread_part(file_name: &str) -> bool {
@@ -44,7 +49,7 @@ pub fn is_unread_part(file_name: &str) -> bool {
 
 impl MeshFormat {
     /// File name endings of parts, for people.
-    pub const ENDINGS: &str = ".glb, .gltf, .obj, .stl, .ply, .xyz or .csv";
+    pub const ENDINGS: &str = ".step, .glb, .gltf, .obj, .stl, .ply, .3mf, .xyz or .csv";
 
     /// Whether an incomplete file can be recognised; a file of mere lines looks complete after any line.
     #[must_use]
@@ -68,6 +73,8 @@ impl MeshFormat {
             "obj" => Some(Self::Obj),
             "stl" => Some(Self::Stl),
             "ply" => Some(Self::Ply),
+            "3mf" => Some(Self::ThreeMf),
+            "step" | "stp" | "p21" => Some(Self::Step),
             "xyz" | "csv" | "txt" | "asc" | "pts" => Some(Self::Xyz),
             _ => None,
         }
@@ -95,6 +102,8 @@ impl fmt::Display for MeshFormat {
             Self::Stl => "STL",
             Self::Ply => "PLY",
             Self::Xyz => "XYZ",
+            Self::ThreeMf => "3MF",
+            Self::Step => "STEP",
         })
     }
 }

@@ -19,10 +19,10 @@ use super::text::first_bytes;
 use super::{Buffer, MeshFormat, MeshReadError, NamedFiles, RawPart};
 
 mod accessor;
+mod draco;
+mod meshopt;
+mod repair;
 mod scene;
-
-/// Extensions that a file may require although they are ignored: they change the look, not the shape.
-const HARMLESS_EXTENSIONS: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"];
 
 /// Length of the header of a GLB file, bytes.
 const GLB_HEADER: usize = 12;
@@ -37,9 +37,12 @@ pub(super) fn read(
     siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<RawPart, MeshReadError> {
     let container = Container::split(bytes, format)?;
-    let document = parse(&container.json)?;
-    let buffers = load_buffers(&document.as_json().buffers, container.binary, siblings)?;
+    let (mut root, notices) = parse(&container.json)?;
+    let mut buffers = load_buffers(&root.buffers, container.binary, siblings)?;
+    meshopt::decode_views(&mut root, &mut buffers)?;
+    let document = Document::from_json_without_validation(root);
     let mut part = scene::read(&document, &buffers, format, pace)?;
+    part.notices.extend(notices);
     if container.trailing > 0 {
         let message = format!("{} bytes after the end of the GLB data were skipped", container.trailing);
         part.notices.push(Notice::warning("glb-trailing-bytes", message));
@@ -50,13 +53,12 @@ pub(super) fn read(
 /// Whether a node is a marking frame.
 pub(super) fn has_frame(bytes: &[u8], format: MeshFormat) -> bool {
     let document = Container::split(bytes, format).and_then(|container| parse(&container.json));
-    document.is_ok_and(|document| document.as_json().nodes.iter().any(scene::is_frame))
+    document.is_ok_and(|(root, _)| root.nodes.iter().any(scene::is_frame))
 }
 
 /// The files beside the part that contain its buffers and its textures.
 pub(super) fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
-    let document = parse(&Container::split(bytes, format)?.json)?;
-    let root = document.as_json();
+    let (root, _) = parse(&Container::split(bytes, format)?.json)?;
     let mut buffers: Vec<Buffer> = Vec::new();
     for buffer in &root.buffers {
         let Some(uri) = buffer.uri.as_deref().filter(|uri| !uri.starts_with("data:")) else { continue };
@@ -126,28 +128,37 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-fn parse(json: &[u8]) -> Result<Document, MeshReadError> {
+/// The document, and what people should know of it.
+fn parse(json: &[u8]) -> Result<(Root, Vec<Notice>), MeshReadError> {
     // Names in a code page other than UTF-8 come out damaged, which is harmless.
     let text = String::from_utf8_lossy(json);
-    let mut root: Root = deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
+    let parsed = deserialize::from_str(&text).map_err(|error| MeshReadError::BadJson {
         line: error.line() as u64,
         column: error.column() as u64,
         message: error.to_string(),
-    })?;
+    });
+    let (mut root, mut notices): (Root, Vec<Notice>) = match parsed {
+        Ok(root) => (root, Vec::new()),
+        Err(error) => repair::reread(&text, error)?,
+    };
     if !root.asset.version.starts_with("2.") {
         return Err(MeshReadError::Version { version: root.asset.version });
     }
-    let needed = root.extensions_required.iter();
-    if let Some(name) =
-        needed.into_iter().find(|name| !HARMLESS_EXTENSIONS.iter().any(|known| name.starts_with(known)))
-    {
+    let is_read = |name: &str| {
+        name == accessor::QUANTIZATION
+            || name == draco::NAME
+            || meshopt::NAMES.contains(&name)
+            || repair::is_looks_only(name)
+    };
+    if let Some(name) = root.extensions_required.iter().find(|name| !is_read(name)) {
         return Err(MeshReadError::UnsupportedExtension { name: name.clone() });
     }
+    notices.extend(repair::looks_notice(&root.extensions_required));
     // Sparse data without elements have no effect, and the crate would subtract from their count.
     for accessor in &mut root.accessors {
         accessor.sparse = accessor.sparse.take().filter(|sparse| sparse.count.0 > 0);
     }
-    Ok(Document::from_json_without_validation(root))
+    Ok((root, notices))
 }
 
 fn load_buffers<'a>(
@@ -157,6 +168,9 @@ fn load_buffers<'a>(
 ) -> Result<Vec<Cow<'a, [u8]>>, MeshReadError> {
     let load = |(number, buffer): (usize, &buffer::Buffer)| {
         let (name, data) = match buffer.uri.as_deref() {
+            None if meshopt::is_fallback(buffer.extensions.as_ref().map(|extensions| &extensions.others)) => {
+                return Ok(Cow::Borrowed(&[][..]));
+            }
             None => {
                 let name = format!("{number} inside the GLB file");
                 let data = binary.clone().ok_or(MeshReadError::BufferShort {

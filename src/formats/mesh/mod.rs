@@ -1,12 +1,11 @@
-//! Readers for parts, in mm with +Z up: glTF 2, GLB, OBJ, STL and PLY meshes become a
-//! [`TriMesh`](crate::geometry::mesh::TriMesh), scans in PLY or lists of points a
+//! Readers for parts, in mm with +Z up: glTF 2, GLB, OBJ, STL, PLY and 3MF meshes become a
+//! [`TriMesh`](crate::geometry::mesh::TriMesh), STEP files a [`Solid`](crate::geometry::solid::Solid) with exact faces, scans in PLY or lists of points a
 //! [`PointCloud`](crate::geometry::point_cloud::PointCloud).
 //!
 //! No format gives the unit and the up axis reliably: glTF has a standard that programs break, the others have none. So
 //! what the file states is checked against the usual sizes of products and the known behaviour of its producer.
 //! [`PartFacts`] contains what was decided and why, and [`MeshOptions`] overrides it.
 //!
-//! STEP is not read here.
 
 use std::collections::BTreeMap;
 
@@ -22,6 +21,11 @@ mod gltf;
 mod obj;
 mod stl;
 mod ply;
+mod step;
+mod package;
+mod threemf;
+mod content;
+mod foreign;
 mod points;
 mod text;
 mod scan_facts;
@@ -29,14 +33,16 @@ mod polygon;
 mod normals;
 mod clues;
 
+pub use content::Content;
 pub use error::{EmptyCause, MeshReadError, VertexPlace};
 pub use facts::{
-    Buffer, FrameFacts, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
-    SideFacts,
+    Buffer, FaceKind, FrameFacts, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading,
+    RoundFacts, Shape, SideFacts, SolidPart,
 };
 pub use format::{MeshFormat, is_unread_part};
 pub use options::{MeshOptions, NormalsChoice};
 pub use scan_facts::{ScanFacts, ScanSurface};
+pub use step::{StepError, StepProblem};
 pub use units::{Decision, LengthUnit, UnknownWord, UpAxis};
 
 use raw::{MAX_POINTS, MAX_TRIANGLES, QUICK_TRIANGLES, RawPart, at_most, check_pace};
@@ -88,7 +94,8 @@ impl PartFile {
 pub fn has_frame(bytes: &[u8], format: MeshFormat) -> bool {
     match format.of_content(bytes) {
         MeshFormat::Gltf | MeshFormat::Glb => gltf::has_frame(bytes, format),
-        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => false,
+        MeshFormat::Step => step::has_frame(bytes),
+        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz | MeshFormat::ThreeMf => false,
     }
 }
 
@@ -105,12 +112,15 @@ pub fn read(
     siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<PartReading, MeshReadError> {
     let format = format.of_content(bytes);
+    foreign::check(bytes, format)?;
     let part = match format {
         MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, options.pace, siblings)?,
         MeshFormat::Obj => obj::read(bytes, options.pace)?,
         MeshFormat::Stl => stl::read(bytes)?,
         MeshFormat::Ply => ply::read(bytes, options.pace)?,
         MeshFormat::Xyz => points::read(bytes)?,
+        MeshFormat::ThreeMf => threemf::read(bytes, options.pace)?,
+        MeshFormat::Step => step::read(bytes, options)?,
     };
     // A scan is fitted several times to find its noise.
     if part.is_scan && options.pace == Pace::Quick {
@@ -127,20 +137,29 @@ pub fn read(
 pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     match format.of_content(bytes) {
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::named_files(bytes, format),
-        MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => Ok(NamedFiles::default()),
+        MeshFormat::Obj
+        | MeshFormat::Stl
+        | MeshFormat::Ply
+        | MeshFormat::Xyz
+        | MeshFormat::ThreeMf
+        | MeshFormat::Step => Ok(NamedFiles::default()),
     }
 }
 
-/// Checks whether an STL, a PLY or a list of points is complete, without reading all of it. For the other formats this
+/// Checks whether an STL, a PLY, a 3MF, a STEP file or a list of points is complete, without reading all of it. For the other formats this
 /// is known only after reading.
 ///
 /// # Errors
 /// When the file is incomplete; see [`MeshReadError`].
 pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
-    match format.of_content(bytes) {
+    let format = format.of_content(bytes);
+    foreign::check(bytes, format)?;
+    match format {
         MeshFormat::Stl => stl::is_whole(bytes),
+        MeshFormat::ThreeMf => threemf::is_whole(bytes),
         MeshFormat::Ply => ply::is_whole(bytes),
         MeshFormat::Xyz => points::is_whole(bytes),
+        MeshFormat::Step => step::is_whole(bytes),
         MeshFormat::Gltf | MeshFormat::Glb | MeshFormat::Obj => Ok(()),
     }
 }

@@ -31,13 +31,26 @@ pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
         return Err(not_obj(bytes));
     }
     let ends_open = checked.ends_open;
+    let absent = absent_notice(&checked);
     let mut part = part_of(checked, pace)?;
+    part.notices.extend(absent);
     if ends_open {
         let message =
             "the last line has no line break; if the file was cut off there, the last face is wrong";
         part.notices.push(Notice::warning("last-line-open", message));
     }
     Ok(part)
+}
+
+fn absent_notice(checked: &Checked) -> Option<Notice> {
+    (checked.absent_normals > 0).then(|| {
+        let message = format!(
+            "{} face corners name a normal that the file does not contain, the first in line {}; they are read without a \
+             normal, and the file has {} normals",
+            checked.absent_normals, checked.first_absent, checked.normals
+        );
+        Notice::warning("obj-normals-absent", message)
+    })
 }
 
 fn not_obj(bytes: &[u8]) -> MeshReadError {

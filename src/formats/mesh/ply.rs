@@ -2,12 +2,15 @@
 //!
 //! Properties may have any order and type, and elements may be unknown, so every value is read as the header declares
 //! it. A count is used only after checking that the file has enough bytes for it; crates do not make these checks. A
-//! file with faces is a mesh, one without is a scan.
+//! file with faces or strips of triangles is a mesh, one without is a scan.
+
+use std::cmp::Ordering;
 
 use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit};
 use super::error::{EmptyCause, VertexPlace};
+use super::raw::is_infinite;
 use super::text::{first_bytes, number, without_mark, words};
 use super::{MAX_POINTS, MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most};
 use super::{normals, polygon};
@@ -17,6 +20,8 @@ use crate::formats::Pace;
 const LONGEST_HEADER: usize = 1 << 16;
 /// Largest number of corners of a face, more than any product has; triangulation takes up to the square of it.
 const MAX_CORNERS: usize = 10_000;
+/// The element of triangles that share corners with the one before, as Stanford's tools write it.
+const STRIPS: &str = "tristrips";
 const FORMAT: MeshFormat = MeshFormat::Ply;
 
 /// Reads a part or a scan from a PLY file.
@@ -29,6 +34,7 @@ pub(super) fn read(bytes: &[u8], pace: Pace) -> Result<RawPart, MeshReadError> {
         match element.name.as_str() {
             "vertex" => found.vertices(element, &mut body)?,
             "face" => found.faces(element, &mut body)?,
+            STRIPS => found.strips(element, &mut body)?,
             _ => body.skip(element)?,
         }
     }
@@ -238,15 +244,20 @@ impl Header {
     }
 
     fn cut_short(&self, bytes: &[u8]) -> MeshReadError {
+        let declared = self.entries_with_values();
+        let actual = self.lines_of_entries(&bytes[self.length..]).min(declared);
+        MeshReadError::CutShort { format: FORMAT, what: "lines of elements".into(), declared, actual }
+    }
+
+    /// Number of entries of all elements that have properties.
+    fn entries_with_values(&self) -> u64 {
         let with_values = self.elements.iter().filter(|element| !element.properties.is_empty());
-        let declared = with_values.map(|element| element.count).fold(0u64, u64::saturating_add);
-        let lines = super::text::lines(&bytes[self.length..]).filter(|(_, line)| !line.is_empty());
-        MeshReadError::CutShort {
-            format: FORMAT,
-            what: "lines of elements".into(),
-            declared,
-            actual: (lines.count() as u64).min(declared),
-        }
+        with_values.map(|element| element.count).fold(0u64, u64::saturating_add)
+    }
+
+    /// Number of lines of a text's body that are not empty.
+    fn lines_of_entries(&self, body: &[u8]) -> u64 {
+        super::text::lines(body).filter(|(_, line)| !line.is_empty()).count() as u64
     }
 }
 
@@ -257,12 +268,66 @@ struct Body<'a> {
     file: &'a [u8],
     rest: &'a [u8],
     line: u64,
+    line_break: u8,
+    rows: Rows,
+}
+
+/// How the entries of a text are divided into lines.
+#[derive(Clone, Copy, PartialEq)]
+enum Rows {
+    /// Several entries share a line, or the file is binary.
+    Shared,
+    /// Every entry begins a line, and may continue in further lines.
+    Begun,
+    /// Every entry is one line.
+    Whole,
 }
 
 impl<'a> Body<'a> {
     fn new(header: &'a Header, file: &'a [u8]) -> Self {
         let rest = &file[header.length..];
-        Self { encoding: header.encoding, header, file, rest, line: header.lines + 1 }
+        let line_break = if rest.contains(&b'\n') { b'\n' } else { b'\r' };
+        let rows = match header.encoding {
+            Encoding::Text => match header.lines_of_entries(rest).cmp(&header.entries_with_values()) {
+                Ordering::Less => Rows::Shared,
+                Ordering::Equal => Rows::Whole,
+                Ordering::Greater => Rows::Begun,
+            },
+            Encoding::LittleEndian | Encoding::BigEndian => Rows::Shared,
+        };
+        Self { encoding: header.encoding, header, file, rest, line: header.lines + 1, line_break, rows }
+    }
+
+    /// Reads one entry of an element; in a text with one entry per line, the line must contain as many values as the
+    /// header declares. Otherwise its values would shift all following entries.
+    fn row<T>(
+        &mut self,
+        read: impl FnOnce(&mut Self) -> Result<T, MeshReadError>,
+    ) -> Result<T, MeshReadError> {
+        if self.rows == Rows::Shared {
+            return read(self);
+        }
+        self.skip_blanks();
+        let (line, start) = (self.line, self.rest);
+        let row = read(self)?;
+        let end = |rest: &[u8]| rest.iter().position(|&byte| byte == self.line_break).unwrap_or(rest.len());
+        let text = &start[..end(start)];
+        if self.rows == Rows::Whole && self.line > line {
+            return Err(super::text::bad_line(line, text, "it has fewer values than the header declares"));
+        }
+        let after = &self.rest[..end(self.rest)];
+        if !after.trim_ascii().is_empty() {
+            let text = if self.line > line { after } else { text };
+            let problem = "it has more values than the header declares";
+            return Err(super::text::bad_line(self.line, text.trim_ascii(), problem));
+        }
+        Ok(row)
+    }
+
+    fn skip_blanks(&mut self) {
+        let blanks = self.rest.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+        self.line += self.rest[..blanks].iter().filter(|byte| **byte == self.line_break).count() as u64;
+        self.rest = &self.rest[blanks..];
     }
 
     fn next(&mut self, kind: Kind) -> Result<f64, MeshReadError> {
@@ -283,12 +348,13 @@ impl<'a> Body<'a> {
     }
 
     fn next_word(&mut self) -> Result<f64, MeshReadError> {
-        let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace());
-        let Some(start) = start else { return Err(self.header.cut_short(self.file)) };
-        self.line += self.rest[..start].iter().filter(|byte| **byte == b'\n').count() as u64;
-        let end = self.rest[start..].iter().position(u8::is_ascii_whitespace).map(|length| start + length);
-        let word = &self.rest[start..end.unwrap_or(self.rest.len())];
-        self.rest = &self.rest[end.unwrap_or(self.rest.len())..];
+        self.skip_blanks();
+        if self.rest.is_empty() {
+            return Err(self.header.cut_short(self.file));
+        }
+        let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
+        let (word, rest) = self.rest.split_at(end);
+        self.rest = rest;
         number(word).ok_or_else(|| super::text::bad_line(self.line, word, "a number cannot be read"))
     }
 
@@ -314,9 +380,7 @@ impl<'a> Body<'a> {
             return Ok(());
         }
         for _ in 0..element.count {
-            for property in &element.properties {
-                self.skip_property(property)?;
-            }
+            self.row(|body| element.properties.iter().try_for_each(|property| body.skip_property(property)))?;
         }
         Ok(())
     }
@@ -337,6 +401,8 @@ struct Found {
     normals: Vec<Vector3<f64>>,
     /// Line or number, and coordinates, of the first point that is not finite.
     broken: Option<(VertexPlace, [f64; 3])>,
+    /// Place of the first point at infinity.
+    infinite: Option<VertexPlace>,
     /// Corners of all faces, one after the other.
     corners: Vec<u32>,
     /// Number of corners of each face.
@@ -367,19 +433,25 @@ impl Found {
         self.points.reserve_exact(element.count as usize);
         for index in 0..element.count as usize {
             let mut values = [0.0; 6];
-            for (property, place) in element.properties.iter().zip(&places) {
-                match place {
-                    Some(place) => values[*place] = body.next(property.kind)?,
-                    None => body.skip_property(property)?,
+            body.row(|body| {
+                for (property, place) in element.properties.iter().zip(&places) {
+                    match place {
+                        Some(place) => values[*place] = body.next(property.kind)?,
+                        None => body.skip_property(property)?,
+                    }
                 }
-            }
+                Ok(())
+            })?;
             let [x, y, z, ..] = values;
-            if self.broken.is_none() && ![x, y, z].iter().all(|value| value.is_finite()) {
-                let place = match body.encoding {
+            if ![x, y, z].iter().all(|value| value.is_finite()) {
+                let place = || match body.encoding {
                     Encoding::Text => VertexPlace::Obj { line: body.line },
                     _ => VertexPlace::Numbered { what: "vertex", number: index },
                 };
-                self.broken = Some((place, [x, y, z]));
+                self.broken.get_or_insert_with(|| (place(), [x, y, z]));
+                if is_infinite(&Point3::new(x, y, z)) {
+                    self.infinite.get_or_insert_with(place);
+                }
             }
             self.points.push(Point3::new(x, y, z));
             if with_normals {
@@ -391,19 +463,42 @@ impl Found {
 
     fn faces(&mut self, element: &Element, body: &mut Body<'_>) -> Result<(), MeshReadError> {
         at_most("faces", usize::try_from(element.count).unwrap_or(usize::MAX), MAX_TRIANGLES)?;
+        self.rows_of(element, body, "its faces have no list property vertex_indices", Self::face)
+    }
+
+    /// Strips of triangles: every corner after the second makes a triangle with the two before it, and -1 begins a new
+    /// strip.
+    fn strips(&mut self, element: &Element, body: &mut Body<'_>) -> Result<(), MeshReadError> {
+        self.rows_of(element, body, "its strips have no list property vertex_indices", Self::strip)
+    }
+
+    /// Reads each row of an element with `read`, which reads the list of its corners; the types are those of the list's
+    /// length and of its items.
+    fn rows_of(
+        &mut self,
+        element: &Element,
+        body: &mut Body<'_>,
+        missing: &str,
+        read: impl Fn(&mut Self, Kind, Kind, &mut Body<'_>) -> Result<(), MeshReadError>,
+    ) -> Result<(), MeshReadError> {
         let is_corners = |property: &Property| {
             property.list.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
         };
         if element.count > 0 && !element.properties.iter().any(is_corners) {
-            return Err(body.header.bad("its faces have no list property vertex_indices"));
+            return Err(body.header.bad(missing));
+        }
+        if element.properties.is_empty() {
+            return Ok(());
         }
         for _ in 0..element.count {
-            for property in &element.properties {
-                match property.list.filter(|_| is_corners(property)) {
-                    Some(count) => self.face(count, property.kind, body)?,
-                    None => body.skip_property(property)?,
-                }
-            }
+            body.row(|body| {
+                element.properties.iter().try_for_each(|property| {
+                    match property.list.filter(|_| is_corners(property)) {
+                        Some(count) => read(self, count, property.kind, body),
+                        None => body.skip_property(property),
+                    }
+                })
+            })?;
         }
         Ok(())
     }
@@ -413,37 +508,64 @@ impl Found {
         at_most("corners in one face", arity, MAX_CORNERS)?;
         at_most("face corners", self.corners.len() + arity, 3 * MAX_TRIANGLES)?;
         for _ in 0..arity {
-            let index = body.next(kind)?;
-            // Vertices may follow the faces, so whether they exist is checked at the end.
-            if !(index >= 0.0 && index < f64::from(u32::MAX) && index == index.trunc()) {
-                let face = VertexPlace::Numbered { what: "face", number: self.arities.len() };
-                let count = self.points.len();
-                return Err(MeshReadError::IndexOutOfRange {
-                    face,
-                    kind: "vertex",
-                    index: index as i64,
-                    count,
-                });
-            }
-            self.corners.push(index as u32);
+            let index = self.corner(body.next(kind)?)?;
+            self.corners.push(index);
         }
         self.arities.push(arity as u32);
         Ok(())
+    }
+
+    fn strip(&mut self, count: Kind, kind: Kind, body: &mut Body<'_>) -> Result<(), MeshReadError> {
+        let length = body.list_length(count, kind)?;
+        at_most("corners in one strip", length, 3 * MAX_TRIANGLES)?;
+        let (mut before, mut is_turned): ([Option<u32>; 2], bool) = ([None; 2], false);
+        for _ in 0..length {
+            let index = body.next(kind)?;
+            if index == -1.0 || index == f64::from(u32::MAX) {
+                (before, is_turned) = ([None; 2], false);
+                continue;
+            }
+            let third = self.corner(index)?;
+            if let [Some(first), Some(second)] = before {
+                // A corner that is repeated joins two strips by triangles without an area.
+                if first != second && second != third && third != first {
+                    at_most("face corners", self.corners.len() + 3, 3 * MAX_TRIANGLES)?;
+                    let [first, second] = if is_turned { [second, first] } else { [first, second] };
+                    self.corners.extend([first, second, third]);
+                    self.arities.push(3);
+                }
+                is_turned = !is_turned;
+            }
+            before = [before[1], Some(third)];
+        }
+        Ok(())
+    }
+
+    /// The index of a vertex. Vertices may follow the faces, so whether it exists is checked at the end.
+    fn corner(&self, index: f64) -> Result<u32, MeshReadError> {
+        if index >= 0.0 && index < f64::from(u32::MAX) && index == index.trunc() {
+            return Ok(index as u32);
+        }
+        let face = VertexPlace::Numbered { what: "face", number: self.arities.len() };
+        let count = self.points.len();
+        Err(MeshReadError::IndexOutOfRange { face, kind: "vertex", index: index as i64, count })
     }
 
     fn into_part(self, header: Header, pace: Pace) -> Result<RawPart, MeshReadError> {
         let mut clues = Clues::new(FORMAT, header.comments.first().cloned());
         clues.stated_unit = header.comments.iter().find_map(|comment| stated_unit(comment));
         let mut part = RawPart::new(clues);
-        let others =
-            header.elements.iter().filter(|element| !matches!(element.name.as_str(), "vertex" | "face"));
+        let others = header
+            .elements
+            .iter()
+            .filter(|element| !matches!(element.name.as_str(), "vertex" | "face" | STRIPS));
         part.skipped = others.map(|element| format!("{} x {}", element.count, element.name)).collect();
         if self.arities.is_empty() {
             if self.points.is_empty() && !part.skipped.is_empty() {
                 return Err(MeshReadError::NoTriangles { cause: EmptyCause::OnlyOthers(part.skipped) });
             }
             at_most("points", self.points.len(), MAX_POINTS)?;
-            part.set_scan(self.points, self.normals);
+            self.into_scan(&mut part);
             return Ok(part);
         }
         if let Some((vertex, coordinate)) = self.broken {
@@ -451,6 +573,23 @@ impl Found {
         }
         self.into_mesh(&mut part, pace)?;
         Ok(part)
+    }
+
+    /// The points that were measured, with their normals.
+    fn into_scan(mut self, part: &mut RawPart) {
+        if self.broken.is_some() {
+            let is_point = |point: &Point3<f64>| point.iter().all(|value| value.is_finite());
+            part.infinite = self
+                .infinite
+                .map(|first| (self.points.iter().filter(|point| is_infinite(point)).count(), first));
+            let all = self.points.len();
+            let mut kept = self.points.iter().map(is_point);
+            self.normals.retain(|_| kept.next().unwrap_or(true));
+            self.points.retain(is_point);
+            let infinite = part.infinite.as_ref().map_or(0, |(count, _)| *count);
+            part.missing = all - self.points.len() - infinite;
+        }
+        part.set_scan(self.points, self.normals);
     }
 
     fn into_mesh(self, part: &mut RawPart, pace: Pace) -> Result<(), MeshReadError> {

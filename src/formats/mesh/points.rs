@@ -7,6 +7,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::clues::{Clues, stated_unit, unit_word};
+use super::error::VertexPlace;
+use super::raw::is_infinite;
 use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark};
 use super::{LengthUnit, MAX_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
 use crate::reason::Notice;
@@ -52,7 +54,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     let text = checked(bytes)?;
     let (head, dialect, columns, first) = head(text)?;
     let (mut points, mut normals) = (Vec::new(), Vec::new());
-    let (mut missing, mut origins) = (0, 0);
+    let (mut missing, mut origins, mut infinite) = (0, 0, None::<(usize, VertexPlace)>);
     let last = columns.point.into_iter().chain(columns.normal.into_iter().flatten()).max().unwrap_or(2);
     let needed = columns.point.into_iter().max().unwrap_or(2);
     let mut fields = Vec::new();
@@ -68,6 +70,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
                 .ok_or_else(|| bad_line(line, text, "a number cannot be read"))?;
         }
         let is_origin = values == [0.0; 3];
+        if is_infinite(&Point3::from(values)) {
+            infinite.get_or_insert((0, VertexPlace::Obj { line })).0 += 1;
+            continue;
+        }
         if !values.iter().all(|value| value.is_finite()) || NO_DATA.contains(&values[2]) {
             missing += 1;
             continue;
@@ -97,14 +103,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
     let mut clues = Clues::new(FORMAT, head.producer);
     clues.stated_unit = head.unit;
     let mut part = RawPart::new(clues);
-    part.missing = missing;
     if points.is_empty() {
+        missing += infinite.map_or(0, |(count, _)| count);
         return Err(MeshReadError::NoPoints { missing });
     }
-    if missing > 0 {
-        let text = format!("{missing} points are marked as missing and were skipped");
-        part.notices.push(Notice::note("scan-points-missing", text));
-    }
+    (part.missing, part.infinite) = (missing, infinite);
     if !last_line(bytes).2 {
         let text = "the last line has no line break; if the file was cut off there, the last point is wrong";
         part.notices.push(Notice::note("last-line-open", text));

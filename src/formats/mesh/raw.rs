@@ -1,14 +1,14 @@
 //! A part in the unit and axes of its file, and the size limits of reading.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use super::clues::{Clues, Corners};
-use super::error::EmptyCause;
+use super::error::{EmptyCause, VertexPlace};
 use super::{
-    FrameFacts, MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed, PartFacts,
-    PartReading, Shape, UpAxis,
+    FaceKind, FrameFacts, MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed,
+    PartFacts, PartReading, Shape, SolidPart, UpAxis,
 };
 use crate::formats::Pace;
 use crate::geometry::holes::{self, Bridge};
@@ -16,6 +16,8 @@ use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::noise;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading;
+use crate::geometry::solid::Solid;
+use crate::geometry::solid::frame::Placement;
 use crate::geometry::space::MarkingFrame;
 use crate::geometry::winding::{self, Winding};
 use crate::reason::Notice;
@@ -37,8 +39,12 @@ pub(super) struct RawPart {
     pub(super) clues: Clues,
     /// Whether the positions are measured points; there are no triangles then.
     pub(super) is_scan: bool,
+    /// The exact faces, mm, in the axes of the file; the triangles are a tessellation of them.
+    pub(super) solid: Option<Solid>,
     /// Number of points that the scanner marked as missing.
     pub(super) missing: usize,
+    /// Number of points at infinity, and the place of the first.
+    pub(super) infinite: Option<(usize, VertexPlace)>,
     /// For each triangle, whether it is one of the faces named `mark`; empty if there are none.
     pub(super) is_mark: Vec<bool>,
     /// The nodes that are marking frames.
@@ -58,7 +64,9 @@ impl RawPart {
             normals_found: NormalsFound::None,
             clues,
             is_scan: false,
+            solid: None,
             missing: 0,
+            infinite: None,
             is_mark: Vec::new(),
             frames: Vec::new(),
             bodies: Vec::new(),
@@ -94,7 +102,14 @@ impl RawPart {
         let misnamed = self.misnamed();
         let mut understood = Understood::default();
         let shape = match self.is_scan {
-            true => Shape::Scan(PointCloud::new(self.positions, self.normals)),
+            true => {
+                let all = self.positions.len();
+                let cloud = PointCloud::new(self.positions, self.normals);
+                let far = all - cloud.points().len();
+                self.notices.extend(absent_notices(self.missing, self.infinite.as_ref(), far));
+                self.missing += far + self.infinite.map_or(0, |(count, _)| count);
+                Shape::Scan(cloud)
+            }
             false => {
                 let mesh =
                     TriMesh::new(self.positions, self.normals, self.triangles).map_err(
@@ -105,9 +120,19 @@ impl RawPart {
                             _ => MeshReadError::NoTriangles { cause: EmptyCause::Flat },
                         },
                     )?;
-                let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options)?;
-                understood = found;
-                Shape::Mesh(mesh)
+                match self.solid.take() {
+                    Some(solid) => {
+                        understood.used = Some(NormalsUsed::File);
+                        let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| up.to_z_up(axis));
+                        let turn = Placement::turned(Matrix3::from_columns(&columns));
+                        Shape::Solid(Box::new(SolidPart { solid: solid.placed(&turn), mesh }))
+                    }
+                    None => {
+                        let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options)?;
+                        understood = found;
+                        Shape::Mesh(mesh)
+                    }
+                }
             }
         };
         if understood.used == Some(NormalsUsed::Smoothed) && options.pace == Pace::Quick {
@@ -115,7 +140,14 @@ impl RawPart {
         }
         let (size, triangles, vertices) = match &shape {
             Shape::Mesh(mesh) => (mesh.size(), mesh.triangles().len(), mesh.positions().len()),
+            Shape::Solid(part) => {
+                (part.mesh.size(), part.mesh.triangles().len(), part.mesh.positions().len())
+            }
             Shape::Scan(cloud) => (cloud.size(), 0, cloud.points().len()),
+        };
+        let faces = match &shape {
+            Shape::Solid(part) => face_kinds(&part.solid),
+            Shape::Mesh(_) | Shape::Scan(_) => Vec::new(),
         };
         if vertices == 0 {
             return Err(MeshReadError::NoPoints { missing: self.missing });
@@ -141,6 +173,8 @@ impl RawPart {
             sides: Vec::new(),
             mark_area_mm2: (!mark_faces.is_empty()).then(|| mark_faces.iter().map(area).sum()),
             one_sided_at_mm: understood.winding.contradiction.map(|at| at.coords.into()),
+            faces,
+            round_faces: Vec::new(),
             bodies: self.bodies,
             materials: self.materials,
             skipped: self.skipped,
@@ -149,6 +183,45 @@ impl RawPart {
         };
         Ok(PartReading { shape, mark_faces, facts })
     }
+}
+
+/// Whether a point is at infinity. A coordinate that is not a number marks a point without a measurement instead.
+pub(super) fn is_infinite(point: &Point3<f64>) -> bool {
+    point.iter().any(|value| value.is_infinite()) && !point.iter().any(|value| value.is_nan())
+}
+
+/// The points of a scan that were skipped: those marked as missing, those at infinity with the place of the first, and
+/// those too far away.
+fn absent_notices(
+    missing: usize,
+    infinite: Option<&(usize, VertexPlace)>,
+    far: usize,
+) -> impl Iterator<Item = Notice> {
+    let missing = (missing > 0).then(|| {
+        let text = format!("{missing} points are marked as missing and were skipped");
+        Notice::note("scan-points-missing", text)
+    });
+    let infinite = infinite.map(|(count, first)| {
+        let text = format!(
+            "{count} points are at infinity and were skipped, the first: {first}; check the export if the scanner saw \
+             something there"
+        );
+        Notice::warning("scan-points-far", text)
+    });
+    let far = (far > 0).then(|| {
+        let text = format!(
+            "{far} points are more than {} mm from the origin and were skipped; check the part's unit (`--part-unit`)",
+            TriMesh::LARGEST_COORDINATE
+        );
+        Notice::warning("scan-points-far", text)
+    });
+    missing.into_iter().chain(infinite).chain(far)
+}
+
+fn face_kinds(solid: &Solid) -> Vec<FaceKind> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    solid.faces.iter().for_each(|face| *counts.entry(&face.kind).or_default() += 1);
+    counts.into_iter().map(|(kind, count)| FaceKind { kind: kind.to_owned(), count }).collect()
 }
 
 /// The area of a triangle, mm².

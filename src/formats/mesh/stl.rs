@@ -41,12 +41,15 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     if ends { Ok(()) } else { Err(MeshReadError::CutLine { line, text: beginning(last) }) }
 }
 
+/// Whether the file has exactly the length that a binary file states.
+pub(super) fn has_length_of_binary(bytes: &[u8]) -> bool {
+    count(bytes).is_some_and(|count| bytes.len() as u64 == PREAMBLE as u64 + u64::from(count) * FACET as u64)
+}
+
 fn is_text(bytes: &[u8]) -> bool {
     let text = without_mark(bytes).trim_ascii_start();
     let begins_with_solid = text.len() >= 5 && text[..5].eq_ignore_ascii_case(b"solid");
-    let is_exact = count(bytes)
-        .is_some_and(|count| bytes.len() as u64 == PREAMBLE as u64 + u64::from(count) * FACET as u64);
-    begins_with_solid && !is_exact && !text[..text.len().min(512)].contains(&0)
+    begins_with_solid && !has_length_of_binary(bytes) && !text[..text.len().min(512)].contains(&0)
 }
 
 /// The number of facets that a binary file states.

@@ -13,6 +13,9 @@ use ::gltf::json::{Index, buffer::View};
 
 use crate::formats::mesh::{MAX_TRIANGLES, MeshReadError, at_most};
 
+/// The extension that allows whole numbers as positions and normals.
+pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
+
 /// The JSON and its buffers.
 pub(super) struct Data<'a> {
     pub(super) document: &'a Document,
@@ -20,15 +23,38 @@ pub(super) struct Data<'a> {
 }
 
 impl Data<'_> {
-    /// Triples of floats, such as positions; `item` names their use for error messages.
+    /// The bytes of a buffer view.
+    pub(super) fn view(&self, view: Index<View>, item: &dyn Fn() -> String) -> Result<&[u8], MeshReadError> {
+        let length =
+            self.document.as_json().buffer_views.get(view.value()).map_or(0, |view| view.byte_length.0);
+        self.bytes(view, 0, length, 1, item).map(|(bytes, _)| bytes)
+    }
+
+    /// Triples of floats, such as positions; quantised whole numbers are converted; `item` names their use for error messages.
     pub(super) fn vectors(
         &self,
         index: Index<Accessor>,
         item: &dyn Fn() -> String,
     ) -> Result<Vec<[f32; 3]>, MeshReadError> {
-        match self.kind(index, item)? {
-            (Some(ComponentType::F32), Some(Type::Vec3)) => self.values(index, item),
-            kind => Err(wrong_data(item, "three 32-bit floats", kind)),
+        let kind = self.kind(index, item)?;
+        if let (Some(ComponentType::F32), Some(Type::Vec3)) = kind {
+            return self.values(index, item);
+        }
+        let root = self.document.as_json();
+        let is_quantized =
+            root.extensions_used.iter().chain(&root.extensions_required).any(|name| name == QUANTIZATION);
+        let (Some(component), Some(Type::Vec3), true) = (kind.0, kind.1, is_quantized) else {
+            return Err(wrong_data(item, "three 32-bit floats", kind));
+        };
+        let largest = if self.json(index, item)?.normalized { largest(component) } else { 1.0 };
+        // Signed numbers have one more negative value, which stands for -1 as well.
+        let scaled = |value: f32| if largest > 1.0 { (value / largest).max(-1.0) } else { value };
+        match component {
+            ComponentType::I8 => self.values::<[i8; 3]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U8 => self.values::<[u8; 3]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::I16 => self.values::<[i16; 3]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U16 => self.values::<[u16; 3]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U32 | ComponentType::F32 => Err(wrong_data(item, "three 32-bit floats", kind)),
         }
     }
 
@@ -197,6 +223,21 @@ impl Data<'_> {
 
 /// Component type and shape of an accessor's elements; `None` if the file's word for it is unknown.
 type Kind = (Option<ComponentType>, Option<Type>);
+
+/// The number that stands for 1 where values are normalised.
+fn largest(component: ComponentType) -> f32 {
+    match component {
+        ComponentType::I8 => 127.0,
+        ComponentType::U8 => 255.0,
+        ComponentType::I16 => 32_767.0,
+        ComponentType::U16 => 65_535.0,
+        ComponentType::U32 | ComponentType::F32 => 1.0,
+    }
+}
+
+fn floats<T: Into<f32> + Copy>(all: Vec<[T; 3]>, scaled: impl Fn(f32) -> f32) -> Vec<[f32; 3]> {
+    all.into_iter().map(|triple| triple.map(|value| scaled(value.into()))).collect()
+}
 
 fn widened<T: Into<u32>>(narrow: Vec<T>) -> Vec<u32> {
     narrow.into_iter().map(Into::into).collect()

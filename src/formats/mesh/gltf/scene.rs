@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use ::gltf::Document;
-use ::gltf::json::accessor::Accessor;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, Mesh, Node, Root};
@@ -21,6 +20,7 @@ use crate::formats::mesh::{
 };
 
 use super::accessor::Data;
+use super::draco::{self, Decoded};
 
 /// Largest number of triangles in a small file: any number of nodes can share a mesh, and any number of primitives can
 /// share an accessor.
@@ -87,15 +87,19 @@ impl Walk<'_> {
         let root = self.root;
         let scene = root.scene.map_or(0, |scene| scene.value());
         match root.scenes.get(scene) {
-            Some(scene) => Ok(scene.nodes.iter().map(|node| node.value()).collect()),
-            None if root.scene.is_some() => Err(MeshReadError::BrokenReference {
+            Some(scene)
+                if !scene.nodes.is_empty() || root.scenes.iter().any(|other| !other.nodes.is_empty()) =>
+            {
+                Ok(scene.nodes.iter().map(|node| node.value()).collect())
+            }
+            None if root.scene.is_some() && !root.scenes.is_empty() => Err(MeshReadError::BrokenReference {
                 item: "the file".into(),
                 kind: "scene",
                 index: scene,
                 count: root.scenes.len(),
             }),
-            // A file without scenes is a library of nodes; all nodes without a parent are roots.
-            None => {
+            // A file without scenes, or with empty ones, is a library of nodes; all nodes without a parent are roots.
+            _ => {
                 let mut is_child = vec![false; root.nodes.len()];
                 for child in root.nodes.iter().flat_map(children) {
                     if let Some(seen) = is_child.get_mut(child) {
@@ -223,7 +227,17 @@ impl Walk<'_> {
         };
         self.skip("set of morph targets", usize::from(primitive.targets.is_some()));
 
-        let positions = self.data.vectors(positions, &|| item("POSITION"))?;
+        let decoded = self.decoded(primitive, &|| item("Draco data"))?;
+        let (positions, normals, indices) = match decoded {
+            Some(Decoded { positions, normals, indices }) => (positions, normals, Some(indices)),
+            None => {
+                let normals = attribute(Semantic::Normals);
+                let positions = self.data.vectors(positions, &|| item("POSITION"))?;
+                let normals =
+                    normals.map(|normals| self.data.vectors(normals, &|| item("NORMAL"))).transpose()?;
+                (positions, normals, None)
+            }
+        };
         let first_vertex = self.part.positions.len();
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
         // Vertices of all instances are numbered consecutively, and every index must fit.
@@ -239,13 +253,16 @@ impl Walk<'_> {
             }
             self.part.positions.push(Point3::from(linear * own + shift));
         }
-        self.normals(attribute(Semantic::Normals), &linear, positions.len(), &|| item("NORMAL"))?;
+        self.normals(normals, &linear, positions.len());
 
         let first = first_vertex as u32;
         let is_mirrored = linear.determinant() < 0.0;
-        let sequence = match primitive.indices {
-            Some(indices) => self.data.indices(indices, &|| item("indices"))?,
-            None => (0..positions.len() as u32).collect(),
+        // Draco data are a list of triangles, whichever mode the primitive has.
+        let mode = if indices.is_some() { Checked::Valid(Mode::Triangles) } else { primitive.mode };
+        let sequence = match (indices, primitive.indices) {
+            (Some(indices), _) => indices,
+            (None, Some(indices)) => self.data.indices(indices, &|| item("indices"))?,
+            (None, None) => (0..positions.len() as u32).collect(),
         };
         let highest = sequence.iter().enumerate().max_by_key(|(_, index)| **index);
         if let Some((corner, &index)) = highest.filter(|(_, index)| **index as usize >= positions.len()) {
@@ -256,11 +273,11 @@ impl Walk<'_> {
                 count: positions.len(),
             });
         }
-        let is_list = matches!(primitive.mode, Checked::Valid(Mode::Triangles));
+        let is_list = matches!(mode, Checked::Valid(Mode::Triangles));
         let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
         at_most("triangles", wanted, self.max_triangles)?;
         check_pace(self.pace, wanted, QUICK_TRIANGLES)?;
-        expand(primitive, &sequence, |[a, b, c]| {
+        expand(mode, &sequence, |[a, b, c]| {
             let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
             self.part.triangles.push(corners.map(|index| first + index));
         });
@@ -271,17 +288,25 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// Adds a primitive's normals, or as many zero vectors if it has none.
-    fn normals(
-        &mut self,
-        accessor: Option<Index<Accessor>>,
-        linear: &Matrix3<f64>,
-        vertices: usize,
+    /// The geometry of a primitive whose data are compressed.
+    fn decoded(
+        &self,
+        primitive: &Primitive,
         item: &dyn Fn() -> String,
-    ) -> Result<(), MeshReadError> {
+    ) -> Result<Option<Decoded>, MeshReadError> {
+        let extensions = primitive.extensions.as_ref();
+        let Some(extension) = extensions.and_then(|extensions| extensions.others.get(draco::NAME)) else {
+            return Ok(None);
+        };
+        let view = extension["bufferView"].as_u64().and_then(|view| u32::try_from(view).ok());
+        let view = view.ok_or_else(|| MeshReadError::NoData { item: item() })?;
+        draco::decode(self.data.view(Index::new(view), item)?, extension, item).map(Some)
+    }
+
+    /// Adds a primitive's normals, or as many zero vectors if it has none.
+    fn normals(&mut self, normals: Option<Vec<[f32; 3]>>, linear: &Matrix3<f64>, vertices: usize) {
         let wanted = self.part.normals.len() + vertices;
-        if let Some(accessor) = accessor {
-            let normals = self.data.vectors(accessor, item)?;
+        if let Some(normals) = normals {
             if self.part.clues.is_open_cascade() {
                 normals.iter().for_each(|&normal| self.part.clues.zeros.count(normal));
             }
@@ -294,7 +319,6 @@ impl Walk<'_> {
             self.has_normals = true;
         }
         self.part.normals.resize(wanted, Vector3::zeros());
-        Ok(())
     }
 
     fn note_material(&mut self, primitive: &Primitive) {
@@ -367,8 +391,8 @@ fn no_surface(primitive: &Primitive) -> Option<&'static str> {
 }
 
 /// The triangles of a list, strip or fan, all with the same orientation.
-fn expand(primitive: &Primitive, sequence: &[u32], mut push: impl FnMut([u32; 3])) {
-    match primitive.mode {
+fn expand(mode: Checked<Mode>, sequence: &[u32], mut push: impl FnMut([u32; 3])) {
+    match mode {
         Checked::Valid(Mode::TriangleStrip) => {
             // Every other triangle of a strip has the opposite orientation.
             let turned = |(at, run): (usize, &[u32])| {

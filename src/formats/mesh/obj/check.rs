@@ -38,8 +38,14 @@ pub(super) struct Checked {
     pub(super) faces: usize,
     /// The first statement that is not known in OBJ.
     pub(super) unknown: Option<String>,
+    /// Number of corners that name a normal which the file does not contain.
+    pub(super) absent_normals: usize,
+    /// The line of the first of them.
+    pub(super) first_absent: u64,
     /// Index of the normal that bare corners are given, from 1.
     stand_in: Option<usize>,
+    /// Number of normals in the file, once it is known.
+    known_normals: Option<usize>,
     /// The highest vertex and normal index in faces, from 1, with the line.
     highest: [(i64, u64); 2],
     lines: usize,
@@ -76,23 +82,32 @@ impl Checked {
     /// Checks a file's lines.
     ///
     /// If only some corners have a normal, the others are given one of length zero, which is treated as none. Otherwise
-    /// the parser would skip the missing normals, and its lists of normals and positions would no longer correspond.
+    /// the parser would skip the missing normals, and its lists of normals and positions would no longer correspond. A
+    /// corner that names a normal which does not exist is treated as one without a normal.
     ///
     /// # Errors
-    /// The first line that is not valid, or that refers to a vertex or normal that does not exist.
+    /// The first line that is not valid, or that refers to a vertex that does not exist.
     pub(super) fn of(bytes: &[u8]) -> Result<Self, MeshReadError> {
-        let found = Self::with_stand_in(bytes, None)?;
+        let mut found = Self::with_stand_in(bytes, None, None)?;
+        // A face may precede its normals, so which of them exist is known only now.
+        if found.highest[1].0 > found.normals as i64 {
+            found = Self::with_stand_in(bytes, None, Some(found.normals))?;
+        }
         if found.bare_corners == 0 || found.bare_corners == found.corners {
             return Ok(found);
         }
-        let mut filled = Self::with_stand_in(bytes, Some(found.normals + 1))?;
+        let mut filled = Self::with_stand_in(bytes, Some(found.normals + 1), Some(found.normals))?;
         filled.text.extend_from_slice(b"vn 0 0 0\n");
         Ok(filled)
     }
 
-    fn with_stand_in(bytes: &[u8], stand_in: Option<usize>) -> Result<Self, MeshReadError> {
+    fn with_stand_in(
+        bytes: &[u8],
+        stand_in: Option<usize>,
+        known_normals: Option<usize>,
+    ) -> Result<Self, MeshReadError> {
         let text = Vec::with_capacity(bytes.len());
-        let mut found = Self { text, stand_in, ..Self::default() };
+        let mut found = Self { text, stand_in, known_normals, ..Self::default() };
         let mut lines = Lines::of(bytes);
         while let Some((line, text)) = lines.next_statement() {
             found.statement(line, &text).map_err(|error| match error {
@@ -103,11 +118,9 @@ impl Checked {
             })?;
         }
         found.ends_open = lines.is_cut();
-        for (kind, count) in [found.vertices, found.normals].into_iter().enumerate() {
-            let (named, line) = found.highest[kind];
-            if named > count as i64 {
-                return Err(out_of_range(kind, named, line, count));
-            }
+        let (named, line) = found.highest[0];
+        if named > found.vertices as i64 {
+            return Err(out_of_range(named, line, found.vertices));
         }
         Ok(found)
     }
@@ -188,18 +201,21 @@ impl Checked {
             let mut numbers = corner.split(|&byte| byte == b'/');
             self.text.push(b' ');
             let vertex = numbers.next().unwrap_or_default();
-            self.index(0, vertex, line)?.ok_or_else(|| bad("a vertex index is not a number"))?;
-            match numbers.nth(1) {
-                Some(normal) if !normal.is_empty() => {
-                    self.text.extend_from_slice(b"//");
-                    self.index(1, normal, line)?.ok_or_else(|| bad("a normal index is not a number"))?;
+            let vertex = whole_number(vertex).ok_or_else(|| bad("a vertex index is not a number"))?;
+            let vertex = self.vertex(vertex, line)?;
+            self.text.extend_from_slice(vertex.to_string().as_bytes());
+            let normal = match numbers.nth(1).filter(|normal| !normal.is_empty()) {
+                Some(normal) => {
+                    let normal = whole_number(normal).ok_or_else(|| bad("a normal index is not a number"))?;
+                    self.normal(normal, line)
                 }
-                _ => {
-                    self.bare_corners += 1;
-                    if let Some(normal) = self.stand_in {
-                        self.text.extend_from_slice(format!("//{normal}").as_bytes());
-                    }
-                }
+                None => None,
+            };
+            if normal.is_none() {
+                self.bare_corners += 1;
+            }
+            if let Some(normal) = normal.or(self.stand_in.map(|normal| normal as i64)) {
+                self.text.extend_from_slice(format!("//{normal}").as_bytes());
             }
             arity += 1;
         }
@@ -222,25 +238,34 @@ impl Checked {
         Ok(())
     }
 
-    /// Writes the absolute index of a vertex (`kind` 0) or normal (`kind` 1), which counts from 1, or backwards if
-    /// negative; `None` if the word is not a number.
-    fn index(&mut self, kind: usize, word: &[u8], line: u64) -> Result<Option<()>, MeshReadError> {
-        let Some(named) = whole_number(word) else { return Ok(None) };
-        let count = [self.vertices, self.normals][kind];
-        let absolute = if named < 0 { count as i64 + 1 + named } else { named };
+    /// The index of a vertex from 1; `named` counts backwards if it is negative.
+    fn vertex(&mut self, named: i64, line: u64) -> Result<i64, MeshReadError> {
+        let absolute = absolute(named, self.vertices);
         if absolute < 1 || absolute >= i64::from(u32::MAX) {
-            return Err(out_of_range(kind, named, line, count));
+            return Err(out_of_range(named, line, self.vertices));
         }
         // A face may precede its vertices, so whether they exist is checked at the end.
-        if absolute > self.highest[kind].0 {
-            self.highest[kind] = (absolute, line);
+        if absolute > self.highest[0].0 {
+            self.highest[0] = (absolute, line);
         }
-        if named < 0 {
-            self.text.extend_from_slice(absolute.to_string().as_bytes());
-        } else {
-            self.text.extend_from_slice(word);
+        Ok(absolute)
+    }
+
+    /// The index of a normal from 1, unless the file does not contain it; `named` counts backwards if it is negative.
+    fn normal(&mut self, named: i64, line: u64) -> Option<i64> {
+        let absolute = absolute(named, self.normals);
+        let limit = self.known_normals.map_or(i64::from(u32::MAX) - 1, |count| count as i64);
+        if !(1..=limit).contains(&absolute) {
+            if self.absent_normals == 0 {
+                self.first_absent = line;
+            }
+            self.absent_normals += 1;
+            return None;
         }
-        Ok(Some(()))
+        if absolute > self.highest[1].0 {
+            self.highest[1] = (absolute, line);
+        }
+        Some(absolute)
     }
 
     /// What the file contains besides faces, with counts.
@@ -257,9 +282,13 @@ impl Checked {
     }
 }
 
-fn out_of_range(kind: usize, index: i64, line: u64, count: usize) -> MeshReadError {
-    let kind = ["vertex", "normal"][kind];
-    MeshReadError::IndexOutOfRange { face: VertexPlace::Obj { line }, kind, index, count }
+/// An index that counts from 1, or backwards from the last of `count` if it is negative.
+fn absolute(named: i64, count: usize) -> i64 {
+    if named < 0 { count as i64 + 1 + named } else { named }
+}
+
+fn out_of_range(index: i64, line: u64, count: usize) -> MeshReadError {
+    MeshReadError::IndexOutOfRange { face: VertexPlace::Obj { line }, kind: "vertex", index, count }
 }
 
 fn words(values: &[u8]) -> impl Iterator<Item = &[u8]> {

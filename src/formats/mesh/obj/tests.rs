@@ -108,6 +108,37 @@ fn corners_without_a_normal_stay_without_one() {
 }
 
 #[test]
+fn corners_that_name_a_missing_normal_are_read_without_one_and_reported() {
+    let part = plate("vn 0 0.1 1\nf 1//1 2//2 3//-1\nf 1//1 3//1 4//0\n").unwrap();
+    let is_missing: Vec<bool> =
+        part.shape.mesh().unwrap().normals().iter().map(|normal| normal.norm() == 0.0).collect();
+    assert_eq!((area(&part), is_missing.iter().filter(|missing| **missing).count()), (100.0, 2));
+    let notice = |part: &PartReading| {
+        let found = part.facts.notices.iter().find(|notice| notice.code == "obj-normals-absent");
+        found.map(|notice| notice.message.clone())
+    };
+    let message = notice(&part).unwrap();
+    assert!(
+        message.starts_with("2 face corners") && message.contains("line 6") && message.contains("1 normals"),
+        "{message}"
+    );
+    // No normal at all, normals before the first, normals after the faces, and numbers that no file reaches.
+    for faces in
+        ["f 1//1 2//1 3//1 4//1\n", "f 1//-1 2//-1 3//-1 4//-1\n", "f 1//999999999999 2//7 3//7 4//7\n"]
+    {
+        let part = plate(faces).unwrap();
+        assert_eq!(
+            (area(&part), part.facts.normals, notice(&part).is_some()),
+            (100.0, NormalsFound::None, true),
+            "{faces}"
+        );
+    }
+    let later = plate("f 1//1 2//1 3//1 4//2\nvn 0 0 1\n").unwrap();
+    assert_eq!((area(&later), notice(&later).is_some()), (100.0, true));
+    assert!(notice(&plate("f 1//1 2//1 3//1 4//1\nvn 0 0 1\n").unwrap()).is_none());
+}
+
+#[test]
 fn bad_lines_are_refused_with_their_number() {
     let line_of = |rest: &str| plate(rest).unwrap_err().reason().place.line;
     assert_eq!(line_of("v 1,5 0 0\nf 1 2 3\n"), Some(5));
@@ -126,8 +157,6 @@ fn bad_lines_are_refused_with_their_number() {
         let refused = MeshReadError::IndexOutOfRange { face: face_line, kind: "vertex", index, count: 4 };
         assert_eq!(plate(face), Err(refused), "{face}");
     }
-    let refused = plate("vn 0 0 1\nf 1//1 2//2 3//1\n").unwrap_err();
-    assert!(matches!(refused, MeshReadError::IndexOutOfRange { kind: "normal", index: 2, count: 1, .. }));
     assert_eq!(line_of("f 1 2 99999999999999999999\n"), Some(5));
 }
 
@@ -153,7 +182,7 @@ fn files_without_faces_name_the_likely_cause() {
     assert_eq!(cause("v 0 0 0\nv 1 0 0\nl 1 2\n"), EmptyCause::OnlyOthers(vec!["1 x line (l)".into()]));
     assert_eq!(cause(PLATE), EmptyCause::Nothing);
     assert_eq!(cause("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), EmptyCause::Flat);
-    for foreign in [&b""[..], b"solid can\nfacet normal 0 0 1\n", b"ISO-10303-21;\n", b"v 0 0 0\0\0"] {
+    for foreign in [&b""[..], b"solid can\nfacet normal 0 0 1\n", b"ISO-10303-22;\n", b"v 0 0 0\0\0"] {
         let refused = read_obj(foreign);
         assert!(matches!(refused, Err(MeshReadError::NotThisFormat { .. })), "{refused:?}");
     }
