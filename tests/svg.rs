@@ -186,6 +186,22 @@ fn transforms_copies_and_nested_drawings_are_placed() {
             [15.0, 25.0, 25.0, 30.0],
         ),
         ("<rect x='10%' y='10%' width='50%' height='50%'/>", [6.0, 16.0, 36.0, 36.0]),
+        // A quarter turn around (30, 10); the middle of the page is (30, 20).
+        (
+            "<path transform='rotate(90)' transform-origin='30 10' d='M30 10h5v2h-5z'/>",
+            [28.0, 25.0, 30.0, 30.0],
+        ),
+        (
+            "<g style='transform: rotate(90deg); transform-origin: center'><path d='M30 20h5v2h-5z'/></g>",
+            [28.0, 15.0, 30.0, 20.0],
+        ),
+        (
+            "<path transform='scale(2)' transform-origin='bottom right' d='M50 30h5v5h-5z'/>",
+            [40.0, 10.0, 50.0, 20.0],
+        ),
+        ("<path transform='translate(3 4)' transform-origin='30 10' d='M1 1h5v5z'/>", [4.0, 30.0, 9.0, 35.0]),
+        ("<rect style='x: 5px; width: 10px' x='1' y='6' height='4'/>", [5.0, 30.0, 15.0, 34.0]),
+        ("<style>circle { r: 3px }</style><circle cx='20' cy='10' r='1'/>", [17.0, 27.0, 23.0, 33.0]),
         (
             "<rect x='0.5cm' y='5' width='1in' height='10'/>",
             [5.0 * 96.0 / 25.4, 25.0, 5.0 * 96.0 / 25.4 + 96.0, 35.0],
@@ -193,6 +209,54 @@ fn transforms_copies_and_nested_drawings_are_placed() {
     ] {
         near(extents(&drawn(content)), expected);
     }
+}
+
+#[test]
+fn nested_drawings_are_cut_at_their_edges() {
+    let inside = "<rect x='-5' y='-5' width='100' height='9'/>";
+    for (overflow, expected) in
+        [("", [10.0, 26.0, 30.0, 30.0]), ("overflow='visible'", [5.0, 26.0, 105.0, 35.0])]
+    {
+        for content in [
+            format!("<svg x='10' y='10' width='20' height='10' {overflow}>{inside}</svg>"),
+            format!(
+                "<symbol id='s' {overflow}>{inside}</symbol><use href='#s' x='10' y='10' width='20' height='10'/>"
+            ),
+        ] {
+            let reading = drawn(&content);
+            near(extents(&reading), expected);
+            assert_eq!(codes(&reading.facts).contains(&"svg-clipped"), overflow.is_empty(), "{content}");
+        }
+    }
+    // Turned by 45 degrees, the edges of a square reach over half a diagonal.
+    let turned = drawn(
+        "<g transform='translate(30 5) rotate(45)'><svg width='10' height='10'><rect width='30' height='30'/></svg></g>",
+    );
+    let half = 50.0_f64.sqrt();
+    let found = extents(&turned);
+    let expected = [30.0 - half, 35.0 - 2.0 * half, 30.0 + half, 35.0];
+    assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+}
+
+#[test]
+fn definitions_inherit_from_their_own_place() {
+    let star = "<path d='M100 15l50 160l-130 -100l160 0l-130 100z' transform='scale(0.2)'/>";
+    let area = |rule: &str, at_mark: &str| {
+        let content = format!(
+            "<g clip-rule='{rule}'><clipPath id='c'>{star}</clipPath></g>\
+             <g clip-rule='{at_mark}'><rect width='60' height='40' clip-path='url(#c)'/></g>"
+        );
+        covered(&drawn(&content).pattern.paths)[0]
+    };
+    assert_eq!(area("evenodd", "nonzero"), area("evenodd", "evenodd"));
+    assert_eq!(area("nonzero", "evenodd"), area("nonzero", "nonzero"));
+    assert!(area("evenodd", "nonzero") < 0.8 * area("nonzero", "evenodd"));
+    // The colour of a copy is that of its `use`; elsewhere there is none.
+    let mark = "<path d='M1 1h5v5h-5z' fill='context-fill'/>";
+    let copied =
+        drawn(&format!("<defs><g id='m'>{mark}</g></defs>{mark}<use href='#m' x='10' fill='#123456'/>"));
+    assert_eq!(copied.pattern.paths.len(), 1);
+    assert!(matches!(copied.pattern.paths[0].color, Color::Rgb { rgb: [0x12, 0x34, 0x56], .. }));
 }
 
 #[test]
@@ -289,6 +353,28 @@ fn dashes_are_cut_from_the_line() {
 }
 
 #[test]
+fn strokes_without_length_show_their_ends() {
+    let dots = |cap: &str, content: &str, strokes: Strokes| {
+        let content =
+            format!("<g fill='none' stroke='black' stroke-width='2' stroke-linecap='{cap}'>{content}</g>");
+        let text = page(&format!("<path d='M1 1h1v1z'/>{content}"));
+        read(text.as_bytes(), &PatternOptions::default().with_strokes(strokes)).unwrap()
+    };
+    let triangle = 0.5;
+    for (content, count) in
+        [("<path d='M10 10z'/>", 1.0), ("<path stroke-dasharray='0 8' d='M10 10h17'/>", 3.0)]
+    {
+        for (cap, area) in [("round", PI), ("square", 4.0), ("butt", 0.0)] {
+            let [found, ..] = covered(&dots(cap, content, Strokes::Band).pattern.paths);
+            assert!((found - triangle - count * area).abs() < 0.02, "{cap} {content}: {found}");
+            let reading = dots(cap, content, Strokes::Center);
+            let points = reading.pattern.paths.iter().filter(|path| matches!(path.shape, Shape::Dot(_)));
+            assert_eq!(points.count() as f64, if cap == "butt" { 0.0 } else { count }, "{cap} {content}");
+        }
+    }
+}
+
+#[test]
 fn layers_colours_and_hidden_parts_are_kept() {
     let layer = |name: &str, style: &str, content: &str| {
         format!("<g inkscape:groupmode='layer' inkscape:label='{name}' style='{style}'>{content}</g>")
@@ -328,6 +414,10 @@ fn ink_that_cannot_be_marked_is_listed() {
             "path",
         ),
         ("<marker id='m'/><path id='x' fill='none' stroke='red' marker-end='url(#m)' d='M1 1h5'/>", "path"),
+        ("<path id='x' style='rotate: 30deg' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' style='clip-path: circle(2px)' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' transform='rotate(9)' style='transform-box: fill-box' d='M1 1h5v5z'/>", "path"),
+        ("<text id='x' style='font-variant: small-caps'>abc</text>", "text"),
     ] {
         let reading = drawn(&format!("{mark}{lost}"));
         let listed: Vec<_> = reading.facts.skipped.iter().filter(|skipped| skipped.is_ink).collect();
@@ -365,6 +455,48 @@ fn texts_are_aligned_and_named() {
     assert!((bottom - 20.0).abs() < 1e-9 && (top - bottom - 10.0 * 1493.0 / 2048.0).abs() < 1e-6);
     assert!(((left + right) / 2.0 - 30.0).abs() < 0.01, "{left} {right}");
     assert!(codes(&reading.facts).contains(&"font-replaced"));
+}
+
+#[test]
+fn words_are_raised_spaced_and_underlined() {
+    // Sizes in mm; DejaVu Sans has 2048 units in an em, and an H of 1493 on the line.
+    let text = |inside: &str| drawn(&format!("<text x='5' y='20' font-size='10'>{inside}</text>"));
+    let heights = |inside: &str| {
+        let [_, bottom, _, top] = extents(&text(inside));
+        [bottom - 20.0, top - 20.0]
+    };
+    let capital = 10.0 * 1493.0 / 2048.0;
+    let at = |found: [f64; 2], expected: [f64; 2]| {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}, not {expected:?}");
+    };
+    at(heights("<tspan baseline-shift='2'>H</tspan>"), [2.0, capital + 2.0]);
+    at(heights("<tspan style='baseline-shift: -25%'>H</tspan>"), [-2.5, capital - 2.5]);
+    at(heights("<tspan baseline-shift='super'>H<tspan baseline-shift='2'>H</tspan></tspan>"), {
+        let first = 10.0 * 983.0 / 2048.0;
+        [first, first + 2.0 + capital]
+    });
+    let right = |inside: &str| extents(&text(inside))[2];
+    let blank = "<tspan word-spacing='3'>H H H</tspan>";
+    assert!((right(blank) - right("H H H") - 6.0).abs() < 1e-6);
+    assert_eq!(extents(&text("<tspan style='text-transform: uppercase'>h</tspan>")), extents(&text("H")));
+    // A line under both words and the blank between them, 90 units thick.
+    let plain = text("H H");
+    let lined = text("<tspan text-decoration='underline'>H H</tspan>");
+    assert_eq!(lined.pattern.paths.len(), plain.pattern.paths.len() + 1);
+    let line = &lined.pattern.paths.last().unwrap().shape;
+    let ends = line.flattened(1e-3);
+    let (low, high) = ends
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), end| (low.min(end.y), high.max(end.y)));
+    assert!((high - low - 10.0 * 90.0 / 2048.0).abs() < 1e-6 && high < 20.0, "{low} {high}");
+    // Letters inside a span have the baseline of the text.
+    let middle = |inside: &str| {
+        extents(&drawn(&format!(
+            "<text x='5' y='20' font-size='10' dominant-baseline='middle'>{inside}</text>"
+        )))
+    };
+    assert_eq!(middle("<tspan>H</tspan>"), middle("H"));
+    assert_ne!(middle("H"), extents(&text("H")));
 }
 
 #[test]
@@ -449,6 +581,7 @@ fn isomark(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, String
         .args(arguments)
         .current_dir(folder)
         .env("XDG_CACHE_HOME", folder.join("cache"))
+        .env("LOCALAPPDATA", folder.join("cache"))
         .env("LOCALAPPDATA", folder.join("cache"))
         .env_remove("RUST_LOG")
         .output()

@@ -14,6 +14,8 @@ use crate::geometry::space::{Extents, FlatPoint};
 
 /// Largest distance between a curve and the polygon that replaces it, mm: far below the accuracy of a laser.
 pub(super) const TOLERANCE: f64 = 5e-4;
+/// Length of a dash that is as good as none, for strokes 1 wide: it gives the ends of the dash a direction.
+pub(super) const LEAST_DASH: f64 = 1e-4;
 /// Two areas with the same outline differ at most by a band of this width, mm, which is rounding.
 const ROUNDING: f64 = 1e-5;
 /// Largest number of pairs of edges that may cross; each crossing makes more edges.
@@ -165,8 +167,14 @@ pub(super) fn curves(shapes: &[Shape], tolerance: f64) -> BezPath {
     path
 }
 
-/// The pieces of dashed lines.
-pub(super) fn dashes(shapes: &[Shape], pattern: &[f64], offset: f64, tolerance: f64) -> Vec<Shape> {
+/// The pieces of dashed lines; those not longer than `least` are dots.
+pub(super) fn dashes(
+    shapes: &[Shape],
+    pattern: &[f64],
+    offset: f64,
+    least: f64,
+    tolerance: f64,
+) -> Vec<Shape> {
     let point = |point: kurbo::Point| FlatPoint::new(point.x, point.y);
     let mut pieces: Vec<Vec<Segment>> = Vec::new();
     let mut at = FlatPoint::new(0.0, 0.0);
@@ -193,7 +201,11 @@ pub(super) fn dashes(shapes: &[Shape], pattern: &[f64], offset: f64, tolerance: 
             piece.push(segment);
         }
     }
-    pieces.into_iter().filter(|piece| !piece.is_empty()).map(Shape::Open).collect()
+    let shape = |piece: Vec<Segment>| match piece[..] {
+        [Segment::Line { from, to }] if from.distance(to) <= least => Shape::Dot(from + (to - from) / 2.0),
+        _ => Shape::Open(piece),
+    };
+    pieces.into_iter().filter(|piece| !piece.is_empty()).map(shape).collect()
 }
 
 /// The length of the shapes, in their units.
@@ -213,7 +225,20 @@ pub(super) fn band(
     tolerance: f64,
     budget: &mut Budget,
 ) -> Result<Polygons, Exceeded> {
-    let path = curves(shapes, tolerance / 4.0);
+    // A stroke without length shows only its ends.
+    let half = stroke.width * LEAST_DASH / 2.0;
+    let drawn: Vec<Shape> = shapes
+        .iter()
+        .filter_map(|shape| match shape {
+            Shape::Dot(_) if stroke.start_cap == kurbo::Cap::Butt => None,
+            Shape::Dot(at) => {
+                let end = |shift| FlatPoint::new(at.x + shift, at.y);
+                Some(Shape::Open(vec![Segment::Line { from: end(-half), to: end(half) }]))
+            }
+            other => Some(other.clone()),
+        })
+        .collect();
+    let path = curves(&drawn, tolerance / 4.0);
     budget.work(path.elements().len().saturating_mul(64))?;
     let outline = kurbo::stroke(
         path.elements().iter().copied(),

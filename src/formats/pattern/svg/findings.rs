@@ -69,7 +69,7 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
     }
     if let Some((count, first)) = named(&remarks.cut, "shape or line is", "shapes or lines are") {
         let message = format!(
-            "{count} cut by clip paths (first: {first}); cut curves become short lines within 0.0005 mm"
+            "{count} cut by clip paths or the edges of nested drawings (first: {first}); cut curves become short lines within 0.0005 mm"
         );
         add(Notice::note("svg-clipped", message));
     }

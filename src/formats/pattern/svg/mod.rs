@@ -6,11 +6,13 @@
 //!
 //! Every element that draws something becomes paths or is listed as skipped. Arcs, circles and ellipses stay exact.
 
+mod clip;
 mod document;
 mod outline;
 mod style;
 mod area;
 mod page;
+mod place;
 mod text;
 mod walk;
 mod findings;
@@ -47,6 +49,8 @@ fn read_within(
 
     let sheets = Sheets::of(&document);
     let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel, text::draw);
+    walk.hairline = options.hairline;
+    walk.content = options.content.as_ref();
     walk.root(root, page.to_mm, page.viewport)?;
     let mut drawn = walk.drawn;
     if drawn.paths.is_empty() {
@@ -81,11 +85,13 @@ fn read_within(
             false => shared::repairs(&repaired, &layers, options.joining_tolerance),
         },
         notices: page.notices,
+        fields: drawn.fields,
         picture: None,
     };
     facts.notices.extend(size_notice(&facts));
     shared::text_notices(drawn.remarks.texts.iter(), &mut facts);
     findings::look_notices(&drawn.remarks, options.strokes, &mut facts);
+    facts.notices.extend(shared::hairline_notice(drawn.remarks.hairlines.as_ref(), options.hairline));
     shared::drawing_notices(&repaired, &mut facts);
     if options.strict {
         shared::unrepaired_notices(&repaired, &mut facts);

@@ -63,6 +63,15 @@ pub(super) struct Style {
     pub(super) letter_spacing: f64,
     pub(super) keeps_blanks: bool,
     pub(super) is_vertical: bool,
+    pub(super) word_spacing: f64,
+    pub(super) letter_case: LetterCase,
+    /// The area and the stroke of the element that copies this one, for `context-fill` and `context-stroke`.
+    pub(super) context_paints: [Paint; 2],
+    /// Lines along a text, with the style of the element that has them.
+    pub(super) decorations: Rc<[(Decoration, Rc<Style>)]>,
+    /// How far the letters are above the line, in user units.
+    pub(super) raised: f64,
+    dominant_baseline: Baseline,
     // Of the element itself.
     pub(super) opacity: f64,
     pub(super) displayed: bool,
@@ -70,6 +79,17 @@ pub(super) struct Style {
     pub(super) mask: Option<Rc<str>>,
     pub(super) filter: bool,
     pub(super) transform: Option<Rc<str>>,
+    pub(super) transform_origin: Option<Rc<str>>,
+    /// The transform refers to the element's own bounds.
+    pub(super) has_own_box: bool,
+    /// CSS moves the element by other properties than `transform`.
+    pub(super) is_moved_by_css: bool,
+    /// CSS clips the element by a shape instead of a clip path.
+    pub(super) has_css_clip: bool,
+    /// A nested drawing shows what is outside its edges.
+    pub(super) overflows: bool,
+    /// Sizes and positions that CSS gives instead of attributes.
+    geometry: Rc<[(Rc<str>, Rc<str>)]>,
     /// The width of the stroke is in units of the page.
     pub(super) fixed_width: bool,
     pub(super) baseline: Baseline,
@@ -82,6 +102,26 @@ pub(super) enum Baseline {
     Middle,
     Central,
     Hanging,
+    Above,
+    Below,
+}
+
+/// A line along a text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Decoration {
+    Underline,
+    Overline,
+    LineThrough,
+}
+
+/// What CSS makes of the letters of a text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LetterCase {
+    AsWritten,
+    Upper,
+    Lower,
+    /// Capitals of several sizes, or at the beginnings of words.
+    Unread,
 }
 
 impl Default for Style {
@@ -110,12 +150,24 @@ impl Default for Style {
             letter_spacing: 0.0,
             keeps_blanks: false,
             is_vertical: false,
+            word_spacing: 0.0,
+            letter_case: LetterCase::AsWritten,
+            context_paints: [Paint::None; 2],
+            decorations: Rc::new([]),
+            raised: 0.0,
+            dominant_baseline: Baseline::Alphabetic,
             opacity: 1.0,
             displayed: true,
             clip: None,
             mask: None,
             filter: false,
             transform: None,
+            transform_origin: None,
+            has_own_box: false,
+            is_moved_by_css: false,
+            has_css_clip: false,
+            overflows: false,
+            geometry: Rc::new([]),
             fixed_width: false,
             baseline: Baseline::Alphabetic,
         }
@@ -174,8 +226,14 @@ impl<'d> Sheets<'d> {
             mask: None,
             filter: false,
             transform: None,
+            transform_origin: None,
+            has_own_box: false,
+            is_moved_by_css: false,
+            has_css_clip: false,
+            overflows: false,
+            geometry: Rc::new([]),
             fixed_width: false,
-            baseline: Baseline::Alphabetic,
+            baseline: outer.dominant_baseline,
             ..outer.clone()
         };
         let mut given: Vec<(&str, &str)> = Vec::new();
@@ -187,6 +245,7 @@ impl<'d> Sheets<'d> {
                 given.push((if is_xml_space { "xml:space" } else { attribute.name() }, attribute.value()));
             }
         }
+        let attributes = given.len();
         let element = Matched { node, steps: &self.steps };
         for rule in self.sheet.rules.iter().filter(|rule| rule.selector.matches(&element)) {
             for declaration in &rule.declarations {
@@ -209,6 +268,15 @@ impl<'d> Sheets<'d> {
                 style.apply(outer, name, value.trim(), viewport);
             }
         }
+        for (name, value) in &given[attributes..] {
+            style.apply_css(name, value.trim());
+        }
+        if node.tag_name().name() != "tspan" {
+            style.raised = outer.raised;
+        }
+        if let Some((_, value)) = given.iter().rev().find(|(name, _)| DECORATIONS.contains(name)) {
+            style.decorate(value);
+        }
         Ok(style)
     }
 }
@@ -225,6 +293,21 @@ fn reference(value: &str) -> Option<Rc<str>> {
     Some(id.into())
 }
 
+/// Shapes of CSS that can clip an element.
+const CSS_SHAPES: [&str; 7] = ["inset(", "circle(", "ellipse(", "polygon(", "path(", "rect(", "xywh("];
+
+fn baseline(value: &str) -> Option<Baseline> {
+    match value {
+        "auto" | "alphabetic" | "baseline" => Some(Baseline::Alphabetic),
+        "middle" => Some(Baseline::Middle),
+        "central" | "mathematical" => Some(Baseline::Central),
+        "hanging" => Some(Baseline::Hanging),
+        "text-before-edge" | "before-edge" | "text-top" => Some(Baseline::Above),
+        "text-after-edge" | "after-edge" | "text-bottom" | "ideographic" => Some(Baseline::Below),
+        _ => None,
+    }
+}
+
 fn alpha(value: &str) -> Option<f64> {
     let number = match value.strip_suffix('%') {
         Some(percent) => percent.trim().parse::<f64>().ok()? / 100.0,
@@ -238,7 +321,45 @@ fn color(value: &str) -> Option<([u8; 3], f64)> {
     Some(([color.red, color.green, color.blue], f64::from(color.alpha) / 255.0))
 }
 
+/// The lines along a text, under their old and their new name.
+const DECORATIONS: [&str; 2] = ["text-decoration", "text-decoration-line"];
+
 impl Style {
+    /// A size or position that CSS gives instead of an attribute.
+    pub(super) fn geometry(&self, name: &str) -> Option<&str> {
+        self.geometry.iter().rev().find(|(given, _)| &**given == name).map(|(_, value)| &**value)
+    }
+
+    /// Properties that have no attribute, or an attribute with another meaning.
+    fn apply_css(&mut self, name: &str, value: &str) {
+        match name {
+            "translate" | "rotate" | "scale" | "offset" | "offset-path" => {
+                self.is_moved_by_css |= !matches!(value, "none" | "initial" | "0" | "1");
+            }
+            "cx" | "cy" | "r" | "rx" | "ry" | "x" | "y" | "width" | "height" => {
+                let given = (name.into(), value.into());
+                self.geometry = self.geometry.iter().cloned().chain([given]).collect();
+            }
+            _ => {}
+        }
+    }
+
+    fn decorate(&mut self, value: &str) {
+        let kinds = [
+            ("underline", Decoration::Underline),
+            ("overline", Decoration::Overline),
+            ("line-through", Decoration::LineThrough),
+        ];
+        let found = kinds.iter().filter(|(name, _)| value.split_whitespace().any(|word| word == *name));
+        let found: Vec<Decoration> = found.map(|(_, kind)| *kind).collect();
+        if found.is_empty() {
+            return;
+        }
+        let by = Rc::new(Self { decorations: Rc::new([]), ..self.clone() });
+        let own = found.into_iter().map(|kind| (kind, by.clone()));
+        self.decorations = self.decorations.iter().cloned().chain(own).collect();
+    }
+
     fn apply(&mut self, outer: &Self, name: &str, value: &str, viewport: Vector2<f64>) {
         let inherit = value == "inherit";
         let diagonal = viewport.norm() / 2.0_f64.sqrt();
@@ -356,7 +477,33 @@ impl Style {
                     _ => None,
                 }
             ),
-            "letter-spacing" => set!(letter_spacing, Some(length(value, 0.0).unwrap_or(0.0))),
+            "letter-spacing" => set!(letter_spacing, Some(length(value, font_size).unwrap_or(0.0))),
+            "word-spacing" => set!(word_spacing, Some(length(value, font_size).unwrap_or(0.0))),
+            "baseline-shift" => {
+                // DejaVu Sans: the heights of subscripts and superscripts in its table OS/2.
+                self.raised = outer.raised
+                    + match value {
+                        "sub" => -font_size * 286.0 / 2048.0,
+                        "super" => font_size * 983.0 / 2048.0,
+                        _ => length(value, font_size).unwrap_or(0.0),
+                    };
+            }
+            "text-transform" => set!(
+                letter_case,
+                Some(match value {
+                    "uppercase" => LetterCase::Upper,
+                    "lowercase" => LetterCase::Lower,
+                    "capitalize" => LetterCase::Unread,
+                    _ => LetterCase::AsWritten,
+                })
+            ),
+            "font-variant" | "font-variant-caps" => {
+                let has_capitals = value.split_whitespace().any(|word| word.contains("caps"));
+                set!(
+                    letter_case,
+                    Some(if has_capitals { LetterCase::Unread } else { LetterCase::AsWritten })
+                );
+            }
             "xml:space" => self.keeps_blanks = value == "preserve",
             "white-space" => {
                 set!(keeps_blanks, Some(matches!(value, "pre" | "pre-wrap" | "break-spaces")));
@@ -366,20 +513,22 @@ impl Style {
             }
             "opacity" => set!(opacity, alpha(value)),
             "display" => set!(displayed, Some(value != "none")),
-            "clip-path" => set!(clip, Some(reference(value))),
-            "mask" => set!(mask, Some(reference(value))),
+            "clip-path" => {
+                set!(clip, Some(reference(value)));
+                self.has_css_clip = CSS_SHAPES.iter().any(|shape| value.contains(shape));
+            }
+            "mask" | "mask-image" => set!(mask, Some(reference(value))),
+            "overflow" => set!(overflows, Some(matches!(value, "visible" | "auto"))),
+            "transform-origin" => set!(transform_origin, Some(Some(value.into()))),
+            "transform-box" => set!(has_own_box, Some(value != "view-box")),
             "filter" => set!(filter, Some(value != "none" && !value.is_empty())),
             "transform" => set!(transform, Some(Some(value.into()))),
             "vector-effect" => set!(fixed_width, Some(value == "non-scaling-stroke")),
-            "dominant-baseline" | "alignment-baseline" => set!(
-                baseline,
-                match value {
-                    "middle" => Some(Baseline::Middle),
-                    "central" => Some(Baseline::Central),
-                    "hanging" | "text-before-edge" | "before-edge" | "text-top" => Some(Baseline::Hanging),
-                    _ => None,
-                }
-            ),
+            "dominant-baseline" => {
+                set!(dominant_baseline, baseline(value));
+                self.baseline = self.dominant_baseline;
+            }
+            "alignment-baseline" => set!(baseline, baseline(value)),
             _ => {}
         }
     }
@@ -395,9 +544,9 @@ impl Style {
             svgtypes::Paint::CurrentColor => own,
             svgtypes::Paint::Color(color) => of(color),
             svgtypes::Paint::FuncIRI(..) => Paint::Server,
-            svgtypes::Paint::Inherit | svgtypes::Paint::ContextFill | svgtypes::Paint::ContextStroke => {
-                return None;
-            }
+            svgtypes::Paint::ContextFill => self.context_paints[0],
+            svgtypes::Paint::ContextStroke => self.context_paints[1],
+            svgtypes::Paint::Inherit => return None,
         })
     }
 }

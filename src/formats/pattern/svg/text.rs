@@ -7,11 +7,13 @@ use nalgebra::{Matrix2, Vector2};
 use roxmltree::Node;
 use svgtypes::LengthListParser;
 
+use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
 use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
-use super::style::{Anchor, Baseline, Style, is_svg, user_units};
+use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg, user_units};
 use super::walk::{Context, Missing, Walk};
 use crate::geometry::pattern::{Affine, Segment, Shape};
+use crate::geometry::space::FlatPoint;
 
 /// Largest number of letters of a text.
 const LONGEST: usize = 50_000;
@@ -42,6 +44,7 @@ struct Reader<'w, 'a, 'd> {
     positions: Vec<Positions>,
     /// Why the text cannot be drawn.
     unread: Option<Cow<'static, str>>,
+    fields: Vec<FoundField>,
     /// Whether a blank would follow another one.
     after_blank: bool,
 }
@@ -53,10 +56,27 @@ pub(super) fn draw<'a, 'd>(
     context: &Context,
 ) -> Result<(), PatternReadError> {
     walk.count(node, context);
-    let mut reader =
-        Reader { walk, letters: Vec::new(), positions: Vec::new(), unread: None, after_blank: true };
+    let mut reader = Reader {
+        walk,
+        letters: Vec::new(),
+        positions: Vec::new(),
+        unread: None,
+        fields: Vec::new(),
+        after_blank: true,
+    };
     reader.element(node, &Rc::new(context.style.clone()), context, 0)?;
-    let Reader { mut letters, unread, .. } = reader;
+    let Reader { mut letters, unread, fields, .. } = reader;
+    if context.style.visible {
+        let handle = walk.lines.handle(node);
+        let layer = context.layer.clone();
+        for field in fields {
+            let field = field.of("text", Some(handle.clone()), &layer);
+            // Copies of a text have one field.
+            if !walk.drawn.fields.contains(&field) {
+                walk.drawn.fields.push(field);
+            }
+        }
+    }
     // A blank at the end is not shown, but would move a text that is aligned at its end.
     while letters.last().is_some_and(|letter| letter.char == ' ' && !letter.style.keeps_blanks) {
         letters.pop();
@@ -64,14 +84,15 @@ pub(super) fn draw<'a, 'd>(
     let missing = || missing_letters(FACE, letters.iter().map(|letter| letter.char)).map(Cow::Owned);
     if let Some(why) = unread.or_else(missing) {
         let missing = if context.style.visible { Missing::Ink } else { Missing::Hidden };
-        walk.skip(node, &context.layer(), why, missing);
+        walk.skip(node, &context.layer, why, missing);
         return Ok(());
     }
     if letters.iter().all(|letter| draws_nothing(letter.char)) {
-        walk.skip(node, &context.layer(), "it is blank".into(), Missing::Nothing);
+        walk.skip(node, &context.layer, "it is blank".into(), Missing::Nothing);
         return Ok(());
     }
     let mut uses = FontUses::new();
+    let mut bars: Vec<Bar<'_, '_>> = Vec::new();
     let mut pen = [0.0; 2];
     let mut rest = letters.as_slice();
     while let Some(first) = rest.first() {
@@ -97,11 +118,14 @@ pub(super) fn draw<'a, 'd>(
             for axis in 0..2 {
                 pen[axis] += letter.shift[axis];
             }
+            let scale = letter.style.font_size / FACE.em();
+            let baseline = pen[1] + lift(&letter.style) * scale - letter.style.raised;
+            let width = advance(letter, false);
+            Bar::along(&mut bars, letter, [pen[0], pen[0] + width], baseline);
             if let Some(glyph) = glyph.filter(|glyph| !glyph.shapes.is_empty()) {
-                let scale = letter.style.font_size / FACE.em();
                 let place = Affine {
                     linear: Matrix2::new(scale, 0.0, 0.0, -scale),
-                    offset: Vector2::new(pen[0], pen[1] + lift(&letter.style) * scale),
+                    offset: Vector2::new(pen[0], baseline),
                 };
                 let shapes = glyph.shapes.iter().map(|shape| {
                     let segments: Vec<Segment> =
@@ -111,8 +135,11 @@ pub(super) fn draw<'a, 'd>(
                 note_font(&letter.style, &mut uses);
                 walk.draw(letter.node, shapes.collect(), &letter.style, context, true)?;
             }
-            pen[0] += advance(letter, false);
+            pen[0] += width;
         }
+    }
+    for bar in bars {
+        walk.draw(bar.node, vec![bar.shape()], &bar.style, context, true)?;
     }
     walk.drawn.remarks.texts.push(uses);
     Ok(())
@@ -126,13 +153,61 @@ fn lift(style: &Style) -> f64 {
         Baseline::Middle => 1120.0 / 1493.0 / 2.0,
         Baseline::Central => 0.5,
         Baseline::Hanging => 1.0,
+        Baseline::Above => 1901.0 / 1493.0,
+        Baseline::Below => -483.0 / 1493.0,
+    }
+}
+
+/// A line along letters.
+struct Bar<'a, 'd> {
+    node: Node<'a, 'd>,
+    kind: Decoration,
+    style: Rc<Style>,
+    along: [f64; 2],
+    baseline: f64,
+}
+
+impl<'a, 'd> Bar<'a, 'd> {
+    /// Adds the lines of a letter to those of the letters before it.
+    fn along(bars: &mut Vec<Self>, letter: &Letter<'a, 'd>, along: [f64; 2], baseline: f64) {
+        for (kind, style) in letter.style.decorations.iter() {
+            let before = bars.iter_mut().rev().find(|bar| {
+                bar.kind == *kind
+                    && Rc::ptr_eq(&bar.style, style)
+                    && bar.baseline == baseline
+                    && bar.along[1] == along[0]
+            });
+            match before {
+                Some(bar) => bar.along[1] = along[1],
+                None => {
+                    bars.push(Self { node: letter.node, kind: *kind, style: style.clone(), along, baseline })
+                }
+            }
+        }
+    }
+
+    /// DejaVu Sans: its tables `post` and `OS/2`; the line over the letters is as thick as the one under them.
+    fn shape(&self) -> Shape {
+        let (top, thickness) = match self.kind {
+            Decoration::Underline => (-40.0, 90.0),
+            Decoration::Overline => (1901.0, 90.0),
+            Decoration::LineThrough => (530.0 + 51.0, 102.0),
+        };
+        let unit = self.style.font_size / 2048.0;
+        let ([left, right], top) = (self.along, self.baseline - top * unit);
+        let bottom = top + thickness * unit;
+        let corners =
+            [[left, top], [right, top], [right, bottom], [left, bottom]].map(|[x, y]| FlatPoint::new(x, y));
+        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+        Shape::Closed(ends.map(|(from, to)| Segment::Line { from: *from, to: *to }).collect())
     }
 }
 
 fn advance(letter: &Letter<'_, '_>, is_last: bool) -> f64 {
     let glyph = FACE.glyph(letter.char).or_else(|| FACE.glyph(' ').filter(|_| letter.char.is_whitespace()));
     let own = glyph.map_or(0.0, |glyph| glyph.advance * letter.style.font_size / FACE.em());
-    own + if is_last { 0.0 } else { letter.style.letter_spacing }
+    let between_words = if letter.char == ' ' { letter.style.word_spacing } else { 0.0 };
+    own + if is_last { 0.0 } else { letter.style.letter_spacing + between_words }
 }
 
 fn note_font(style: &Style, uses: &mut FontUses) {
@@ -167,6 +242,10 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             self.unread =
                 Some("it is written vertically: convert it to paths (Path > Object to Path)".into());
         }
+        if style.letter_case == LetterCase::Unread {
+            self.unread =
+                Some("its letters are changed to capitals: write capitals, or convert it to paths".into());
+        }
         if let Some(turned) = node.attribute("rotate")
             && turned.split([',', ' ']).any(|angle| angle.parse::<f64>().is_ok_and(|angle| angle != 0.0))
         {
@@ -175,7 +254,7 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
         if node.attribute("textLength").is_some() {
             self.unread = Some("it is stretched to a length (textLength): convert it to paths".into());
         }
-        let viewport = context.viewport();
+        let viewport = context.viewport;
         let list = |name: &str, whole: f64| -> Vec<f64> {
             let text = node.attribute(name).unwrap_or_default();
             let lengths = LengthListParser::from(text).map_while(Result::ok);
@@ -190,7 +269,7 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             if child.is_text() {
                 self.text(child.text().unwrap_or_default(), node, style);
             } else if is_svg(child) {
-                let own = self.walk.child_style(child, &context.with_style(style))?;
+                let own = self.walk.style(child, &context.with_style(style))?;
                 match child.tag_name().name() {
                     "tspan" | "a" if own.displayed => {
                         self.element(child, &Rc::new(own), context, depth + 1)?
@@ -208,6 +287,13 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
     }
 
     fn text(&mut self, text: &str, node: Node<'a, 'd>, style: &Rc<Style>) {
+        let (text, found) = expand(text, Syntax::Plain, self.walk.content);
+        self.fields.extend(found);
+        let text = match style.letter_case {
+            LetterCase::Upper => text.to_uppercase(),
+            LetterCase::Lower => text.to_lowercase(),
+            LetterCase::AsWritten | LetterCase::Unread => text,
+        };
         for char in text.chars() {
             let char = match char {
                 '\n' | '\r' if !style.keeps_blanks => {

@@ -12,6 +12,7 @@ use svgtypes::Length;
 
 use super::super::budget::{Budget, Cost, Exceeded};
 use super::super::colour::nearest_index;
+use super::super::content::{Content, FieldUse};
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::Skipped;
 use super::super::font::FontUses;
@@ -20,6 +21,7 @@ use super::area::{self, Polygons, TOLERANCE};
 use super::document::Lines;
 use super::outline;
 use super::page::{fitted, view_box};
+use super::place;
 use super::style::{Paint, Sheets, Style, is_svg, user_units};
 use crate::geometry::pattern::{Affine, Color, Path, Segment, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
@@ -40,7 +42,7 @@ const WHITE: u8 = 0xf8;
 const CLIP_TOLERANCE: f64 = 1e-3;
 
 /// Elements that draw nothing themselves.
-const DEFINITIONS: &[&str] = &[
+pub(super) const DEFINITIONS: &[&str] = &[
     "defs",
     "symbol",
     "clipPath",
@@ -79,20 +81,17 @@ pub(super) struct Context {
     pub(super) map: Affine,
     pub(super) style: Style,
     /// Width and height that percentages refer to, in the units of the element.
-    viewport: Vector2<f64>,
-    layer: Rc<str>,
-    opacity: f64,
+    pub(super) viewport: Vector2<f64>,
+    pub(super) layer: Rc<str>,
+    pub(super) opacity: f64,
     /// The areas that everything is cut to.
-    clips: Rc<[Rc<Polygons>]>,
+    pub(super) clips: Rc<[Rc<Polygons>]>,
 }
 
 impl Context {
-    pub(super) fn layer(&self) -> Rc<str> {
-        self.layer.clone()
-    }
-
-    pub(super) fn viewport(&self) -> Vector2<f64> {
-        self.viewport
+    /// Cuts everything inside to an area, too.
+    pub(super) fn clip_to(&mut self, area: Polygons) {
+        self.clips = self.clips.iter().cloned().chain([Rc::new(area)]).collect();
     }
 
     /// The same with another style.
@@ -107,6 +106,8 @@ pub(super) struct Remarks {
     pub(super) strokes: usize,
     /// The widest stroke, mm.
     pub(super) widest: Option<(f64, EntityName)>,
+    /// Strokes that are marked as their centre lines because they are narrower than a beam.
+    pub(super) hairlines: Option<(usize, EntityName)>,
     pub(super) undashed: Option<(usize, EntityName)>,
     pub(super) white: Option<(usize, EntityName)>,
     pub(super) servers: Option<(usize, EntityName)>,
@@ -139,6 +140,8 @@ pub(super) struct Drawn {
     pub(super) skipped: Vec<Skipped>,
     pub(super) entities: BTreeMap<String, BTreeMap<String, usize>>,
     pub(super) remarks: Remarks,
+    /// Fields in texts.
+    pub(super) fields: Vec<FieldUse>,
     regions: u32,
 }
 
@@ -151,8 +154,12 @@ pub(super) struct Walk<'a, 'd> {
     pub(super) ids: BTreeMap<&'a str, Node<'a, 'd>>,
     pub(super) budget: &'a mut Budget,
     pub(super) strokes: Strokes,
+    /// Width below which strokes are marked as their centre lines, mm.
+    pub(super) hairline: f64,
     /// Size of a pixel on the page, mm.
     pub(super) pixel: f64,
+    /// The values of fields in texts.
+    pub(super) content: Option<&'a Content>,
     pub(super) drawn: Drawn,
     draw_text: DrawText<'a, 'd>,
     open: Vec<NodeId>,
@@ -185,7 +192,9 @@ impl<'a, 'd> Walk<'a, 'd> {
             ids,
             budget,
             strokes,
+            hairline: 0.0,
             pixel,
+            content: None,
             drawn: Drawn::default(),
             draw_text,
             open: Vec::new(),
@@ -216,20 +225,18 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(root, NO_LAYER, "it is hidden (display: none)".into(), Missing::Hidden);
             return Ok(());
         }
-        let context = Context { opacity: style.opacity, style, ..outer };
-        self.children(root, &context)
+        match self.enter(root, &outer, style, NO_LAYER.into())? {
+            Some(context) => self.children(root, &context),
+            None => Ok(()),
+        }
     }
 
-    fn style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
+    pub(super) fn style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
         self.sheets.style(node, &outer.style, outer.viewport).map_err(|_| PatternReadError::TooMany {
             what: "comparisons with the selectors of its style sheets",
             limit: 20_000_000,
             entity: Some(self.lines.name(node, &outer.layer)),
         })
-    }
-
-    pub(super) fn child_style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
-        self.style(node, outer)
     }
 
     fn children(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
@@ -276,55 +283,13 @@ impl<'a, 'd> Walk<'a, 'd> {
             }
             return Ok(());
         }
-        let opacity = outer.opacity * style.opacity;
-        if opacity == 0.0 {
-            self.skip(node, &layer, "it is fully transparent".into(), Missing::Nothing);
-            return Ok(());
-        }
-        let transform = match style.transform.as_deref().map(transform) {
-            None => None,
-            Some(Some(transform)) => Some(transform),
-            Some(None) => {
-                let why = "its transform cannot be read: export the drawing again";
-                self.skip(node, &layer, why.into(), Missing::Ink);
-                return Ok(());
-            }
-        };
-        let map = transform.map_or(outer.map, |own| outer.map.after(&own));
-        if map.linear.determinant() == 0.0 {
-            self.skip(node, &layer, "it is scaled to nothing".into(), Missing::Nothing);
-            return Ok(());
-        }
-        let mut context =
-            Context { map, opacity, layer, viewport: outer.viewport, clips: outer.clips.clone(), style };
-        if let Some(why) = self.hides(&context.style) {
-            if self.has_ink(node) {
-                self.skip(node, &context.layer, why.into(), Missing::Ink);
-            }
-            return Ok(());
-        }
-        if let Some(id) = context.style.clip.clone()
-            && let Some(clip) =
-                self.ids.get(&*id).copied().filter(|node| node.tag_name().name() == "clipPath")
-        {
-            match self.clip(clip, &context)? {
-                Ok(clip) if clip.is_empty() => {
-                    self.skip(node, &context.layer, "its clip path is empty".into(), Missing::Nothing);
-                    return Ok(());
-                }
-                Ok(clip) => context.clips = context.clips.iter().cloned().chain([Rc::new(clip)]).collect(),
-                Err(why) => {
-                    self.skip(node, &context.layer, why, Missing::Ink);
-                    return Ok(());
-                }
-            }
-        }
+        let Some(context) = self.enter(node, outer, style, layer)? else { return Ok(()) };
         let tag = node.tag_name().name();
         match tag {
             "g" | "a" => self.children(node, &context),
             "svg" => {
                 let [x, y, width, height] = self.box_of(node, &context, None);
-                let inner = placed(node, &context, [x, y], Vector2::new(width, height));
+                let inner = nested(node, &context, [x, y], Vector2::new(width, height));
                 self.children(node, &inner)
             }
             "switch" => match node.children().find(|child| is_svg(*child) && is_eligible(*child)) {
@@ -353,7 +318,7 @@ impl<'a, 'd> Walk<'a, 'd> {
                     self.skip(node, &context.layer, why.into(), Missing::Ink);
                     return Ok(());
                 }
-                if context.style.has_markers && matches!(tag, "path" | "line" | "polyline" | "polygon") {
+                if context.style.has_markers {
                     let why = "its markers (arrowheads) are not read: convert them (Path > Stroke to Path)";
                     self.skip(node, &context.layer, why.into(), Missing::Ink);
                 }
@@ -369,6 +334,59 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
+    /// What an element with a style passes on to its children; nothing if it is not drawn.
+    fn enter(
+        &mut self,
+        node: Node<'a, 'd>,
+        outer: &Context,
+        style: Style,
+        layer: Rc<str>,
+    ) -> Result<Option<Context>, PatternReadError> {
+        let opacity = outer.opacity * style.opacity;
+        if opacity == 0.0 {
+            self.skip(node, &layer, "it is fully transparent".into(), Missing::Nothing);
+            return Ok(None);
+        }
+        let map = match place::own(&style, outer.viewport) {
+            Ok(own) => own.map_or(outer.map, |own| outer.map.after(&own)),
+            Err(why) => {
+                if self.has_ink(node) {
+                    self.skip(node, &layer, why.into(), Missing::Ink);
+                }
+                return Ok(None);
+            }
+        };
+        if map.linear.determinant() == 0.0 {
+            self.skip(node, &layer, "it is scaled to nothing".into(), Missing::Nothing);
+            return Ok(None);
+        }
+        let mut context =
+            Context { map, opacity, layer, viewport: outer.viewport, clips: outer.clips.clone(), style };
+        if let Some(why) = self.hides(&context.style) {
+            if self.has_ink(node) {
+                self.skip(node, &context.layer, why.into(), Missing::Ink);
+            }
+            return Ok(None);
+        }
+        if let Some(id) = context.style.clip.clone()
+            && let Some(clip) =
+                self.ids.get(&*id).copied().filter(|node| node.tag_name().name() == "clipPath")
+        {
+            match self.clip(clip, &context)? {
+                Ok(clip) if clip.is_empty() => {
+                    self.skip(node, &context.layer, "its clip path is empty".into(), Missing::Nothing);
+                    return Ok(None);
+                }
+                Ok(clip) => context.clip_to(clip),
+                Err(why) => {
+                    self.skip(node, &context.layer, why, Missing::Ink);
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some(context))
+    }
+
     /// Whether an element contains something that can be drawn.
     fn has_ink(&mut self, node: Node<'a, 'd>) -> bool {
         *self.with_ink.entry(node.id().get()).or_insert_with(|| has_ink(node))
@@ -377,10 +395,14 @@ impl<'a, 'd> Walk<'a, 'd> {
     /// The reason why an element with this style cannot be read.
     fn hides(&self, style: &Style) -> Option<&'static str> {
         let has_mask = style.mask.as_ref().is_some_and(|id| self.ids.contains_key(&**id));
-        match (has_mask, style.filter) {
-            (true, _) => Some("it has a mask: cut it to its visible part in the drawing program"),
-            (_, true) => Some("it has a filter effect: remove the filter, or convert the result to paths"),
-            _ => None,
+        if has_mask {
+            Some("it has a mask: cut it to its visible part in the drawing program")
+        } else if style.filter {
+            Some("it has a filter effect: remove the filter, or convert the result to paths")
+        } else if style.has_css_clip {
+            Some("it is clipped by a shape in its style: cut it in the drawing program")
+        } else {
+            None
         }
     }
 
@@ -424,7 +446,8 @@ impl<'a, 'd> Walk<'a, 'd> {
         let [x, y] = [("x", context.viewport.x), ("y", context.viewport.y)]
             .map(|(name, whole)| self.length(node, name, whole, context).unwrap_or(0.0));
         let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
-        let context = Context { map: context.map.after(&shift), ..context.clone() };
+        let mut context = Context { map: context.map.after(&shift), ..context.clone() };
+        context.style.context_paints = [context.style.fill, context.style.stroke];
         self.open.push(target.id());
         let done = match target.tag_name().name() {
             "symbol" | "svg" => self.instance(node, target, &context),
@@ -452,7 +475,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         let inner = Context { style, opacity, ..context.clone() };
         let [x, y, width, height] = self.box_of(target, &inner, Some(node));
         let at = if target.tag_name().name() == "svg" { [x, y] } else { [0.0, 0.0] };
-        let inner = placed(target, &inner, at, Vector2::new(width, height));
+        let inner = nested(target, &inner, at, Vector2::new(width, height));
         self.children(target, &inner)
     }
 
@@ -475,12 +498,13 @@ impl<'a, 'd> Walk<'a, 'd> {
         whole: f64,
         context: &Context,
     ) -> Option<f64> {
-        let length = Length::from_str(node.attribute(name)?.trim()).ok()?;
+        let given = context.style.geometry(name).or(node.attribute(name))?;
+        let length = Length::from_str(given.trim()).ok()?;
         Some(user_units(length, context.style.font_size, whole))
     }
 
     /// The curves of a shape, and whether its data could be read.
-    fn shapes(&self, node: Node<'a, 'd>, context: &Context) -> (Vec<Shape>, Result<(), String>) {
+    pub(super) fn shapes(&self, node: Node<'a, 'd>, context: &Context) -> (Vec<Shape>, Result<(), String>) {
         let (w, h) = (context.viewport.x, context.viewport.y);
         let diagonal = context.viewport.norm() / 2.0_f64.sqrt();
         let of = |name, whole| self.length(node, name, whole, context).unwrap_or(0.0);
@@ -517,80 +541,6 @@ impl<'a, 'd> Walk<'a, 'd> {
             tag => outline::polyline(node.attribute("points").unwrap_or_default(), tag == "polygon"),
         };
         (shape.into_iter().collect(), Ok(()))
-    }
-
-    /// The area of a clip path in mm, or the reason why it cannot be read.
-    fn clip(
-        &mut self,
-        clip: Node<'a, 'd>,
-        context: &Context,
-    ) -> Result<Result<Polygons, Cow<'static, str>>, PatternReadError> {
-        if clip.attribute("clipPathUnits") == Some("objectBoundingBox") {
-            return Ok(Err(
-                "its clip path is relative to its size, which is not read: cut it in the drawing program"
-                    .into(),
-            ));
-        }
-        let style = self.style(clip, context)?;
-        let own = style.transform.as_deref().map(transform);
-        let Some(own) = own.unwrap_or(Some(Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }))
-        else {
-            return Ok(Err("the transform of its clip path cannot be read".into()));
-        };
-        let unread =
-            || Ok(Err("its clip path contains more than shapes: cut it in the drawing program".into()));
-        if style.clip.is_some() {
-            return unread();
-        }
-        let inner = Context { map: context.map.after(&own), style, ..context.clone() };
-        let mut polygons = Polygons::new();
-        for child in clip.children().filter(|child| is_svg(*child)) {
-            self.spend(Cost::Unfolded, 1, child, &inner)?;
-            let (mut map, mut child, mut outer) = (inner.map, child, inner.clone());
-            if DEFINITIONS.contains(&child.tag_name().name()) {
-                continue;
-            }
-            if child.tag_name().name() == "use" {
-                // Inkscape clips with copies of shapes.
-                let style = self.style(child, &outer)?;
-                let [x, y] = ["x", "y"].map(|name| self.length(child, name, 0.0, &outer).unwrap_or(0.0));
-                let own = style.transform.as_deref().map_or(Some(None), |text| transform(text).map(Some));
-                let link = child.attributes().find(|attribute| attribute.name() == "href");
-                let target =
-                    link.and_then(|link| self.ids.get(link.value().trim().strip_prefix('#')?).copied());
-                let (Some(own), Some(target)) = (own, target) else { return unread() };
-                let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
-                map = own.map_or(map, |own| map.after(&own)).after(&shift);
-                outer = Context { style, ..outer };
-                child = target;
-            }
-            let style = self.style(child, &outer)?;
-            let own = style.transform.as_deref().map_or(Some(None), |text| transform(text).map(Some));
-            let (Some(own), None) = (own, &style.clip) else { return unread() };
-            if !matches!(
-                child.tag_name().name(),
-                "path" | "rect" | "circle" | "ellipse" | "polyline" | "polygon" | "line"
-            ) {
-                return unread();
-            }
-            if !style.displayed || !style.visible {
-                continue;
-            }
-            map = own.map_or(map, |own| map.after(&own));
-            let rule = style.clip_rule;
-            let of_child = Context { map, style, ..outer };
-            let (shapes, read) = self.shapes(child, &of_child);
-            if read.is_err() {
-                return unread();
-            }
-            let closed: Vec<Shape> = contours(&shapes).iter().map(|shape| transformed(shape, &map)).collect();
-            self.check_reach(&closed, child, context)?;
-            let one =
-                area::flattened(&closed, self.budget).and_then(|flat| area::united(&flat, rule, self.budget));
-            polygons.extend(self.within(one, child, context)?);
-        }
-        let all = area::united(&polygons, FillRule::NonZero, self.budget);
-        Ok(Ok(self.within(all, clip, context)?))
     }
 
     /// Draws shapes in the units of the context with a style. `plain` shapes do not cross themselves.
@@ -658,7 +608,12 @@ impl<'a, 'd> Walk<'a, 'd> {
         self.note_width(node, context, width);
         let dashes = self.dashes(node, &shapes, style, scale, context);
         let color = color(stroke);
-        if self.strokes == Strokes::Band {
+        let is_hairline = width < self.hairline;
+        if self.strokes == Strokes::Band && is_hairline {
+            let name = self.lines.name(node, &context.layer);
+            count(&mut self.drawn.remarks.hairlines, || name);
+        }
+        if self.strokes == Strokes::Band && !is_hairline {
             let (local, to_mm, own_width) = match style.fixed_width {
                 true => (&in_mm, Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }, width),
                 false => (&shapes, map, style.stroke_width),
@@ -706,7 +661,8 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
         let (lines, is_stroke) = match dashes {
             Some((pattern, offset)) => {
-                let pieces = area::dashes(&shapes, &pattern, offset, TOLERANCE / scale / 10.0);
+                let least = width / scale * area::LEAST_DASH * 1.001;
+                let pieces = area::dashes(&shapes, &pattern, offset, least, TOLERANCE / scale / 10.0);
                 (pieces.iter().map(|shape| transformed(shape, &map)).collect(), true)
             }
             // The outline of an area in its own colour is marked with the area.
@@ -783,6 +739,14 @@ impl<'a, 'd> Walk<'a, 'd> {
         let mut pattern: Vec<f64> = style.dashes.iter().map(|dash| dash * factor).collect();
         if pattern.len() % 2 == 1 {
             pattern.extend_from_within(..);
+        }
+        if style.cap != kurbo::Cap::Butt {
+            // A dash without length shows only its ends; it needs a direction.
+            let least = style.stroke_width * factor * area::LEAST_DASH;
+            for at in (0..pattern.len()).step_by(2).filter(|at| pattern[*at] < least).collect::<Vec<_>>() {
+                pattern[at] = least;
+                pattern[at + 1] = (pattern[at + 1] - least).max(0.0);
+            }
         }
         let period: f64 = pattern.iter().sum();
         let length = area::path_length(shapes, TOLERANCE / scale);
@@ -939,7 +903,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
-    fn spend(
+    pub(super) fn spend(
         &mut self,
         cost: Cost,
         count: usize,
@@ -964,7 +928,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         })
     }
 
-    fn check_reach(
+    pub(super) fn check_reach(
         &self,
         shapes: &[Shape],
         node: Node<'a, 'd>,
@@ -1017,28 +981,29 @@ fn is_eligible(node: Node<'_, '_>) -> bool {
         && !DEFINITIONS.contains(&node.tag_name().name())
 }
 
-fn transform(text: &str) -> Option<Affine> {
-    // CSS writes units, which attributes do not have.
-    let plain = text.replace("px", "").replace("deg", "");
-    let svgtypes::Transform { a, b, c, d, e, f } = match plain.trim() {
-        "" | "none" => svgtypes::Transform::default(),
-        plain => plain.parse().ok()?,
-    };
-    Some(Affine { linear: Matrix2::new(a, c, b, d), offset: Vector2::new(e, f) })
-}
-
-/// The context inside a nested drawing at a place, with its `viewBox`.
-fn placed(node: Node<'_, '_>, context: &Context, at: [f64; 2], size: Vector2<f64>) -> Context {
+/// The context inside a nested drawing at a place, with its `viewBox`. What is outside its edges is cut off, as
+/// programs show it, unless `overflow` allows it.
+fn nested(node: Node<'_, '_>, context: &Context, at: [f64; 2], size: Vector2<f64>) -> Context {
     let shift = Affine { linear: Matrix2::identity(), offset: Vector2::from(at) };
     let map = context.map.after(&shift);
-    match view_box(node) {
+    let mut inner = match view_box(node) {
         Some(view) => Context {
             map: map.after(&fitted(node, view, size)),
             viewport: Vector2::new(view.w, view.h),
             ..context.clone()
         },
         None => Context { map, viewport: size, ..context.clone() },
+    };
+    if !context.style.overflows {
+        let corners = [[0.0, 0.0], [size.x, 0.0], [size.x, size.y], [0.0, size.y]];
+        let mut edges: Vec<[f64; 2]> =
+            corners.map(|[x, y]| map.point(FlatPoint::new(x, y))).map(|corner| [corner.x, corner.y]).to_vec();
+        if map.linear.determinant() < 0.0 {
+            edges.reverse();
+        }
+        inner.clip_to(vec![edges]);
     }
+    inner
 }
 
 fn color(paint: Paint) -> Color {
@@ -1048,7 +1013,7 @@ fn color(paint: Paint) -> Color {
     Color::Rgb { aci, rgb }
 }
 
-fn transformed(shape: &Shape, map: &Affine) -> Shape {
+pub(super) fn transformed(shape: &Shape, map: &Affine) -> Shape {
     let all = |segments: &[Segment]| segments.iter().map(|segment| segment.transformed(map)).collect();
     match shape {
         Shape::Dot(point) => Shape::Dot(map.point(*point)),
@@ -1069,7 +1034,7 @@ fn closed(shape: &Shape) -> Shape {
     Shape::Closed(segments)
 }
 
-fn contours(shapes: &[Shape]) -> Vec<Shape> {
+pub(super) fn contours(shapes: &[Shape]) -> Vec<Shape> {
     shapes.iter().filter(|shape| !shape.segments().is_empty()).map(closed).collect()
 }
 
