@@ -19,6 +19,8 @@ impl Pace {
 }
 
 pub mod mesh;
+pub mod code;
+pub mod list;
 pub mod pattern;
 pub mod surface;
 pub mod scene;

@@ -123,6 +123,14 @@ pub enum PatternReadError {
         /// The INSERT that closes the cycle.
         entity: EntityName,
     },
+    /// The settings ask for a sheet in paper space, and it is not clear which.
+    #[error("{}", unclear_sheet(asked.as_deref(), sheets))]
+    UnclearSheet {
+        /// The name in the settings.
+        asked: Option<String>,
+        /// The names of the sheets with content.
+        sheets: Vec<String>,
+    },
     /// Nothing in the drawing can be marked.
     #[error("there is nothing to mark in the drawing: {found}")]
     NothingToMark {
@@ -131,6 +139,17 @@ pub enum PatternReadError {
         /// What to do, with the likely cause, as one sentence.
         remedy: String,
     },
+}
+
+fn unclear_sheet(asked: Option<&str>, sheets: &[String]) -> String {
+    let names = || sheets.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    match (asked, sheets.is_empty()) {
+        (_, true) => "no sheet in paper space has content".into(),
+        (None, false) => format!("{} sheets in paper space have content: {}", sheets.len(), names()),
+        (Some(asked), false) => {
+            format!("the drawing has no sheet \"{asked}\" in paper space with content, but {}", names())
+        }
+    }
 }
 
 /// A place in the file.
@@ -253,6 +272,13 @@ impl PatternReadError {
                 "Explode the block in the drawing program, or purge the drawing and export it again.",
             )
             .at(entity.place()),
+            Self::UnclearSheet { sheets, .. } => match sheets.first() {
+                Some(first) => reason(
+                    "sheet-unclear",
+                    &format!("Name the sheet: `--space \"paper:{first}\"` (`space` under [pattern])."),
+                ),
+                None => reason("sheet-unclear", "Set `--space model` (`space` under [pattern])."),
+            },
             Self::NothingToMark { remedy, .. } => reason("pattern-nothing-to-mark", remedy),
         }
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::content::FieldUse;
 use super::units::DrawingUnit;
 use crate::reason::Notice;
 
@@ -38,6 +39,9 @@ pub struct PatternFacts {
     pub repairs: Vec<Repair>,
     /// What was assumed or looks unusual.
     pub notices: Vec<Notice>,
+    /// The fields in texts, such as `{serial}`, with their values.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fields: Vec<FieldUse>,
     /// Facts about the picture, if the drawing is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<RasterFacts>,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::error::PatternReadError;
+use super::error::{EntityName, PatternReadError};
 use super::facts::{PatternFacts, Repair, RepairPlace, Skipped};
 use super::font::FontUses;
 use crate::geometry::contour::{Finding, Repaired};
@@ -28,6 +28,17 @@ pub(super) fn extents(paths: &[Path]) -> Extents {
         }
     }
     all
+}
+
+/// The notice about lines that are marked without their width, with their number and the first of them.
+pub(super) fn hairline_notice(found: Option<&(usize, EntityName)>, hairline: f64) -> Option<Notice> {
+    let (count, first) = found?;
+    let message = format!(
+        "{} narrower than {hairline} mm and marked once, along the centre line (first: {first}); to mark the width, set a \
+         smaller `hairline_mm` under [pattern] (`--hairline`)",
+        counted(*count, "line is", "lines are")
+    );
+    Some(Notice::note("hairlines-centred", message))
 }
 
 /// The repairs by kind, with their places.

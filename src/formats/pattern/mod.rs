@@ -6,6 +6,7 @@
 
 mod budget;
 mod colour;
+mod content;
 mod dxf;
 mod error;
 mod facts;
@@ -16,13 +17,14 @@ mod reading;
 mod svg;
 mod units;
 
+pub use content::{Content, FieldUse, FoundField, Moment, filled};
 pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
 pub use dxf::space::{write_points, write_space};
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
 pub use facts::{LayerFacts, LostInk, PatternFacts, RasterFacts, Repair, RepairPlace, Skipped};
 pub use raster::RasterOptions;
-pub use reading::{PatternOptions, PatternReading, Strokes};
+pub use reading::{PatternOptions, PatternReading, Space, Strokes};
 pub use units::{DrawingUnit, UnknownUnit};
 
 use raster::RasterFormat;

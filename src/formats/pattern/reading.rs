@@ -1,6 +1,9 @@
 //! Options for reading a drawing, and the result.
 
+use std::str::FromStr;
+
 use super::super::Pace;
+use super::content::Content;
 use super::facts::PatternFacts;
 use super::raster::options::RasterOptions;
 use super::units::DrawingUnit;
@@ -20,6 +23,34 @@ pub enum Strokes {
     Band,
 }
 
+/// Which space of a DXF drawing is read.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum Space {
+    /// Model space.
+    #[default]
+    Model,
+    /// A sheet in paper space: the one of this name, or without a name the only one with content.
+    Paper(Option<String>),
+}
+
+impl Space {
+    /// The words for it, where `NAME` is the name of a sheet.
+    pub const WORDS: [&str; 3] = ["model", "paper", "paper:NAME"];
+}
+
+impl FromStr for Space {
+    type Err = ();
+
+    fn from_str(word: &str) -> Result<Self, ()> {
+        match word.split_once(':') {
+            None if word == "model" => Ok(Self::Model),
+            None if word == "paper" => Ok(Self::Paper(None)),
+            Some(("paper", name)) if !name.trim().is_empty() => Ok(Self::Paper(Some(name.trim().to_owned()))),
+            _ => Err(()),
+        }
+    }
+}
+
 /// Options for reading a drawing.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -35,8 +66,15 @@ pub struct PatternOptions {
     pub strict: bool,
     /// What is marked of the strokes in an SVG drawing. Default the centre lines.
     pub strokes: Strokes,
+    /// Polylines of a DXF, and strokes that are marked as bands, become their centre lines below this width, mm. Default 0.05,
+    /// the width of a fine beam: two edges closer together are marked as one line, twice.
+    pub hairline: f64,
+    /// Which space of a DXF drawing is read. Default model space.
+    pub space: Space,
     /// Options for reading a picture; the size applies to the page of an SVG drawing, too.
     pub picture: RasterOptions,
+    /// The values of fields in texts, such as `{serial}`. Default none: the text of a field is drawn as it is.
+    pub content: Option<Content>,
     /// The time limit for reading. Default none.
     pub pace: Pace,
 }
@@ -49,7 +87,10 @@ impl Default for PatternOptions {
             joining_tolerance: 0.002,
             strict: false,
             strokes: Strokes::Center,
+            hairline: 0.05,
+            space: Space::Model,
             picture: RasterOptions::default(),
+            content: None,
             pace: Pace::Any,
         }
     }
@@ -72,6 +113,18 @@ impl PatternOptions {
     #[must_use]
     pub fn with_strokes(self, strokes: Strokes) -> Self {
         Self { strokes, ..self }
+    }
+
+    /// The same with this width below which lines have no width, mm.
+    #[must_use]
+    pub fn with_hairline(self, hairline: f64) -> Self {
+        Self { hairline, ..self }
+    }
+
+    /// The same with this space of a DXF drawing.
+    #[must_use]
+    pub fn with_space(self, space: Space) -> Self {
+        Self { space, ..self }
     }
 
     /// The same with this distance below which ends are joined, mm.

@@ -8,16 +8,18 @@ use nalgebra::Vector3;
 use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
 use super::curves::{Curve, Placement, vanishing};
-use super::items::{Insert, Item, Reader, Remarks};
+use super::items::{Insert, Item, Reader, Remarks, WideLine};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
-use crate::formats::pattern::Skipped;
+use crate::formats::pattern::{PatternOptions, Skipped, Space};
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::FlatPoint;
 
 /// Largest depth of nested blocks.
 const MAX_DEPTH: usize = 32;
-const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
+pub(super) const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
+const IN_MODEL_SPACE: &str = "it is in model space, not on the sheet in paper space";
+const ON_OTHER_SHEET: &str = "it is on another sheet in paper space";
 /// Largest coordinate, mm: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
 
@@ -34,6 +36,8 @@ pub(super) struct Unfolded {
     pub(super) dashed: Option<(usize, EntityName)>,
     /// Entities of the inventory that produced several strokes or a fill, such as texts and wide lines.
     pub(super) drawn: BTreeSet<usize>,
+    /// Number of lines that are drawn without their width, because it is less than that of a beam, and the first of them.
+    pub(super) hairlines: Option<(usize, EntityName)>,
 }
 
 /// Unfolds all entities that are drawn; `unit` is the length of one unit of the drawing, mm.
@@ -45,7 +49,12 @@ pub(super) fn unfold(
     remarks: &mut Remarks,
     budget: &mut Budget,
     unit: f64,
+    options: &PatternOptions,
 ) -> Result<Unfolded, PatternReadError> {
+    let sheet = match &options.space {
+        Space::Model => None,
+        Space::Paper(name) => Some(reader.structure.sheet(name.as_deref())?),
+    };
     let items = reader.block_items(remarks, budget)?;
     let held = budget.spent(Cost::Held);
     let mut unfolding = Unfolding {
@@ -58,21 +67,33 @@ pub(super) fn unfold(
         budget,
         regions: 0,
         open_blocks: Vec::new(),
+        hairline: options.hairline,
+        is_paper: sheet.is_some(),
     };
     let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
     // Entities outside blocks are needed only once, so they are read one by one to save memory.
     for index in reader.structure.drawn.iter().cloned().flatten() {
+        if let Some(sheet) = &sheet
+            && let Some(record) = reader.structure.entities.get(index)
+            && !(record.in_paper_space && sheet.is_active)
+        {
+            let why = if record.in_paper_space { ON_OTHER_SHEET } else { IN_MODEL_SPACE };
+            unfolding.leave_out(index, why);
+            continue;
+        }
         let item = reader.item(index, remarks, unfolding.budget)?;
         unfolding.entity(index, &item, &ground)?;
         unfolding.budget.release(held);
     }
-    for index in reader.structure.paper_sheets().flat_map(|sheet| sheet.entities.clone()) {
-        if let Some(record) = reader.structure.entities.get(index) {
-            let missing = match reader.structure.kind(record) {
-                "VIEWPORT" => Missing::Nothing,
-                _ => Missing::Hidden,
-            };
-            unfolding.skip(index, record, reader.structure.layer(record), IN_PAPER_SPACE.into(), missing);
+    for (block, content) in reader.structure.paper_sheets() {
+        let is_read = sheet.as_ref().is_some_and(|sheet| sheet.block == *block);
+        for index in content.entities.clone() {
+            match items.get(index) {
+                Some(item) if is_read => unfolding.entity(index, item, &ground)?,
+                _ => {
+                    unfolding.leave_out(index, if sheet.is_some() { ON_OTHER_SHEET } else { IN_PAPER_SPACE })
+                }
+            }
         }
     }
     Ok(unfolding.result)
@@ -122,9 +143,28 @@ struct Unfolding<'u> {
     budget: &'u mut Budget,
     regions: u32,
     open_blocks: Vec<String>,
+    /// Width below which lines are drawn without a width, mm.
+    hairline: f64,
+    /// Whether a sheet in paper space is read.
+    is_paper: bool,
 }
 
 impl<'u> Unfolding<'u> {
+    /// Lists an entity of the space or of a sheet that is not read.
+    fn leave_out(&mut self, index: usize, why: &'static str) {
+        let Some(record) = self.structure.entities.get(index) else { return };
+        let missing = match self.structure.kind(record) {
+            "VIEWPORT" => Missing::Nothing,
+            _ => Missing::Hidden,
+        };
+        self.skip(index, record, self.structure.layer(record), why.into(), missing);
+    }
+
+    /// Whether a line is too narrow to be marked in its width.
+    fn is_hairline(&self, line: &WideLine, context: &Context) -> bool {
+        line.width * context.placement.largest_scale() < self.hairline
+    }
+
     fn entity(&mut self, index: usize, item: &Item, context: &Context) -> Result<(), PatternReadError> {
         let structure = self.structure;
         let Some(record) = structure.entities.get(index) else { return Ok(()) };
@@ -133,7 +173,7 @@ impl<'u> Unfolding<'u> {
         let mut context = context;
         if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
             let (layer, entry) = layer_of(structure, insert, context);
-            if why_hidden(insert, entry, true).is_some() {
+            if why_hidden(insert, entry, true, self.is_paper).is_some() {
                 let why = "the block that it belongs to is hidden";
                 self.skip(index, record, layer, why.into(), Missing::Hidden);
                 return Ok(());
@@ -143,7 +183,7 @@ impl<'u> Unfolding<'u> {
         }
         let (layer, entry) = layer_of(structure, record, context);
         let is_insert = matches!(item, Item::Insert(_));
-        if let Some(why) = why_hidden(record, entry, is_insert) {
+        if let Some(why) = why_hidden(record, entry, is_insert, self.is_paper) {
             // The definition points of dimensions are not ink.
             let is_aid = layer.eq_ignore_ascii_case(NEVER_PLOTTED);
             let missing = if is_aid { Missing::Nothing } else { Missing::Hidden };
@@ -151,16 +191,21 @@ impl<'u> Unfolding<'u> {
             return Ok(());
         }
         let color = own_color(record, context);
-        if matches!(item, Item::Curve(_)) && record.is_dashed(entry) {
+        let is_hairline = matches!(item, Item::Wide(line) if self.is_hairline(line, context));
+        if is_hairline {
+            let first = || (0, structure.name(self.scan, record));
+            self.result.hairlines.get_or_insert_with(first).0 += 1;
+        }
+        if (is_hairline || matches!(item, Item::Curve(_))) && record.is_dashed(entry) {
             let first = || (0, structure.name(self.scan, record));
             self.result.dashed.get_or_insert_with(first).0 += 1;
         }
-        if matches!(item, Item::Several(_) | Item::Fill(_)) {
+        if !is_hairline && matches!(item, Item::Several(_) | Item::Fill(_) | Item::Wide(_)) {
             self.result.drawn.insert(index);
         }
         if let Item::Insert(insert) = item {
             // If the block is missing, the layers of its content are unknown; this layer is assumed.
-            let missing = match why_hidden(record, entry, false) {
+            let missing = match why_hidden(record, entry, false, self.is_paper) {
                 Some(_) => Missing::Hidden,
                 None => Missing::Ink,
             };
@@ -229,13 +274,30 @@ impl<'u> Unfolding<'u> {
                 let shape = self.shape(&segments, curve.closed, record)?;
                 self.push(shape, None, look, record);
             }
-            Item::Fill(contours) => {
-                self.regions += 1;
-                for contour in contours {
-                    let shape = self.shape(&placed(contour), true, record)?;
-                    self.push(shape, Some(self.regions), look, record);
-                }
+            Item::Wide(line) if self.is_hairline(line, context) => {
+                let shape = self.shape(&placed(&line.centre), line.centre.closed, record)?;
+                self.push(shape, None, look, record);
             }
+            Item::Wide(line) => self.fill(&line.area, context, look, record)?,
+            Item::Fill(contours) => self.fill(contours, context, look, record)?,
+        }
+        Ok(())
+    }
+
+    /// The contours of one filled region.
+    fn fill(
+        &mut self,
+        contours: &[Curve],
+        context: &Context,
+        look: Look<'_>,
+        record: &Record,
+    ) -> Result<(), PatternReadError> {
+        self.regions += 1;
+        for contour in contours {
+            let segments: Vec<_> =
+                contour.segments.iter().map(|segment| segment.placed(&context.placement)).collect();
+            let shape = self.shape(&segments, true, record)?;
+            self.push(shape, Some(self.regions), look, record);
         }
         Ok(())
     }
@@ -412,9 +474,14 @@ fn own_color(record: &Record, context: &Context) -> Color {
 
 /// Why a valid entity is not marked. Of the states of its layer only "frozen" hides an insert, because its content may
 /// be on other layers.
-fn why_hidden(record: &Record, layer: Option<&LayerRecord>, is_insert: bool) -> Option<&'static str> {
+fn why_hidden(
+    record: &Record,
+    layer: Option<&LayerRecord>,
+    is_insert: bool,
+    is_paper: bool,
+) -> Option<&'static str> {
     let of_layer = |state: fn(&LayerRecord) -> bool| layer.is_some_and(state);
-    if record.in_paper_space {
+    if record.in_paper_space && !is_paper {
         Some(IN_PAPER_SPACE)
     } else if record.hidden {
         Some("it is invisible")

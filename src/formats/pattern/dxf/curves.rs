@@ -78,6 +78,11 @@ impl Placement {
         Self { linear: Matrix3::from_columns(&[x, y, z]), offset: Vector3::zeros() }
     }
 
+    /// The largest factor by which lengths in the x-y plane grow along an axis.
+    pub(super) fn largest_scale(&self) -> f64 {
+        self.linear.column(0).norm().max(self.linear.column(1).norm())
+    }
+
     pub(super) fn point(&self, point: Vector3<f64>) -> Vector3<f64> {
         self.linear * point + self.offset
     }

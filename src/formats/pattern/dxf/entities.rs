@@ -90,7 +90,7 @@ impl Reader<'_> {
                     "POLYLINE" => polylines::heavy(self, record, budget)?,
                     _ => polylines::light(self, index, record, remarks, budget)?,
                 };
-                if matches!(line, Item::Fill(_)) {
+                if matches!(line, Item::Wide(_)) {
                     remarks.wide.insert(index);
                 }
                 line
@@ -127,11 +127,16 @@ impl Reader<'_> {
             }
             "TEXT" | "ATTRIB" | "ATTDEF" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::single_line(self, record, uses, budget)?
+                text::single_line(self, record, (uses, remarks.fields.entry(index).or_default()), budget)?
             }
             "MTEXT" => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::paragraphs::drawn(self, record, uses, budget)?
+                text::paragraphs::drawn(
+                    self,
+                    record,
+                    (uses, remarks.fields.entry(index).or_default()),
+                    budget,
+                )?
             }
             "VIEWPORT" => Item::DrawsNothing("it is a viewport of a layout"),
             "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),

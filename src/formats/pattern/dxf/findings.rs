@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::super::content::{FieldUse, FoundField};
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts, Repair, RepairPlace, Skipped};
 use super::super::findings::{MAX_PLACES, content, counted, reasons};
@@ -219,10 +220,31 @@ pub(super) fn nothing_to_mark(structure: &Structure, skipped: &[Skipped]) -> Pat
         "Convert live text, Bezier curves and solids to paths and export again: many exporters skip them."
             .into()
     } else {
+        let sheet = match skipped.iter().any(|skipped| skipped.why == super::blocks::IN_PAPER_SPACE) {
+            true => {
+                "Set `--space paper` (`space = \"paper\"` under [pattern]) to mark the sheet in paper space, or draw it"
+            }
+            false => "Draw it",
+        };
         format!(
-            "Draw it as curves on a visible layer in model space; it was skipped because {}.",
+            "{sheet} as curves on a visible layer in model space; it was skipped because {}.",
             reasons(skipped)
         )
     };
     PatternReadError::NothingToMark { found: content(skipped), remedy }
+}
+
+/// The fields in texts, in the order of the file.
+pub(super) fn fields(
+    structure: &Structure,
+    scan: &Scan<'_>,
+    found: BTreeMap<usize, Vec<FoundField>>,
+) -> Vec<FieldUse> {
+    let of = |(index, found): (usize, Vec<FoundField>)| {
+        let record = structure.entities.get(index)?;
+        let (kind, layer) = (structure.kind(record), structure.layer(record));
+        let handle = structure.handle(scan, record);
+        Some(found.into_iter().map(move |field| field.of(kind, handle.clone(), layer)))
+    };
+    found.into_iter().filter_map(of).flatten().collect()
 }

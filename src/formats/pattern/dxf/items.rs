@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
+use super::super::content::{Content, FoundField};
 use super::super::font::FontUses;
 use super::curves::{Curve, Placement};
 use super::scan::Scan;
@@ -19,6 +20,8 @@ pub(super) enum Item {
     Curve(Curve),
     /// Contours that bound one filled region.
     Fill(Vec<Curve>),
+    /// A line with a width: the line, the contours of the area that it covers, and its largest width.
+    Wide(Box<WideLine>),
     /// Dots, curves and fills; some have another colour than the entity.
     Several(Vec<(Option<RecordColor>, Item)>),
     /// A block.
@@ -41,6 +44,11 @@ impl Item {
             Self::Dot(point) => Self::Dot(placement.point(point)),
             Self::Curve(curve) => Self::Curve(placed(curve)),
             Self::Fill(contours) => Self::Fill(contours.into_iter().map(placed).collect()),
+            Self::Wide(line) => Self::Wide(Box::new(WideLine {
+                centre: placed(line.centre),
+                area: line.area.into_iter().map(placed).collect(),
+                width: line.width * placement.largest_scale(),
+            })),
             Self::Several(items) => Self::Several(
                 items.into_iter().map(|(color, item)| (color, item.placed(placement))).collect(),
             ),
@@ -51,6 +59,16 @@ impl Item {
             Self::Template | Self::DrawsNothing(_) | Self::Construction(_) | Self::Skipped(_) => self,
         }
     }
+}
+
+/// A line with a width.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct WideLine {
+    pub(super) centre: Curve,
+    /// The contours of the area that it covers.
+    pub(super) area: Vec<Curve>,
+    /// The largest width.
+    pub(super) width: f64,
 }
 
 /// A reference to a block, once or in rows and columns.
@@ -70,6 +88,8 @@ pub(super) struct Insert {
 pub(super) struct Remarks {
     /// Texts by their position in the inventory, with the fonts that replace missing ones.
     pub(super) texts: BTreeMap<usize, FontUses>,
+    /// Fields in texts by the position of the text in the inventory.
+    pub(super) fields: BTreeMap<usize, Vec<FoundField>>,
     /// Whether entities are read without repairs.
     pub(super) strict: bool,
     /// Polylines with a width, by their position in the inventory.
@@ -84,4 +104,6 @@ pub(super) struct Reader<'r> {
     pub(super) scan: &'r Scan<'r>,
     pub(super) structure: &'r Structure,
     pub(super) tolerance: f64,
+    /// The values of fields in texts.
+    pub(super) content: Option<&'r Content>,
 }

@@ -37,6 +37,9 @@ use budget::Budget;
 /// Largest error of the approximation of splines of a degree above 3, mm: far below the accuracy of a laser.
 const SPLINE_TOLERANCE: f64 = 1e-4;
 
+#[cfg(test)]
+mod tests;
+
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     let mut budget = Budget::new(options.pace);
     let reading = read_within(&mut budget, bytes, options);
@@ -56,14 +59,17 @@ fn read_within(
 
     let mut remarks = items::Remarks { strict: options.strict, ..items::Remarks::default() };
     let tolerance = SPLINE_TOLERANCE / unit.in_mm();
-    let reader = items::Reader { scan: &scan, structure: &structure, tolerance };
-    let unfolded = blocks::unfold(&reader, &mut remarks, budget, unit.in_mm())?;
+    let reader =
+        items::Reader { scan: &scan, structure: &structure, tolerance, content: options.content.as_ref() };
+    let unfolded = blocks::unfold(&reader, &mut remarks, budget, unit.in_mm(), options)?;
     if unfolded.paths.is_empty() {
         return Err(findings::nothing_to_mark(&structure, &unfolded.skipped));
     }
     let (layers, paths) = in_table_order(&structure, unfolded.layer_names, unfolded.paths);
     let drawn = paths.len();
     let extra_points = findings::extra_points(&structure, &scan, &remarks);
+    remarks.fields.retain(|index, _| unfolded.drawn.contains(index));
+    let fields = findings::fields(&structure, &scan, std::mem::take(&mut remarks.fields));
     // The group codes are not needed any more, and the repair takes the most memory.
     drop(scan);
     let repaired = match options.strict {
@@ -93,6 +99,7 @@ fn read_within(
                 .collect(),
         },
         notices: unit_notice.into_iter().collect(),
+        fields,
         picture: None,
     };
     findings::size_notices(&structure, &mut facts, options);
@@ -100,6 +107,7 @@ fn read_within(
     remarks.wide.retain(|index| unfolded.drawn.contains(index));
     shared::text_notices(remarks.texts.values(), &mut facts);
     findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
+    facts.notices.extend(shared::hairline_notice(unfolded.hairlines.as_ref(), options.hairline));
     shared::drawing_notices(&repaired, &mut facts);
     facts.notices.extend(findings::height_notice(unfolded.heights));
     if options.strict {

@@ -5,7 +5,7 @@ use super::bands::{WideVertex, band};
 use super::budget::Budget;
 use super::curves::{BulgeVertex, Placement, bulged, through};
 use super::groups::Groups;
-use super::items::{Item, Reader, Remarks};
+use super::items::{Item, Reader, Remarks, WideLine};
 use super::scan::Pair;
 use super::structure::{Record, Structure};
 
@@ -14,7 +14,7 @@ pub(super) const SINGLE_VERTEX: &str = "it has a single vertex";
 
 /// What an LWPOLYLINE draws.
 pub(super) fn light(
-    &Reader { scan, structure, tolerance }: &Reader<'_>,
+    &Reader { scan, structure, tolerance, .. }: &Reader<'_>,
     index: usize,
     record: &Record,
     remarks: &mut Remarks,
@@ -61,7 +61,7 @@ fn has_extra_vertex(structure: &Structure, groups: &Groups, vertices: &[WideVert
 
 /// What a POLYLINE with its VERTEX entities draws.
 pub(super) fn heavy(
-    &Reader { scan, structure, tolerance }: &Reader<'_>,
+    &Reader { scan, structure, tolerance, .. }: &Reader<'_>,
     record: &Record,
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
@@ -118,9 +118,12 @@ fn drawn(vertices: &[WideVertex], geometry: &Geometry, tolerance: f64, budget: &
     }
     // The widths at the last vertex of an open polyline are not used.
     let with_segments = if geometry.closed { vertices } else { &vertices[..vertices.len() - 1] };
-    if with_segments.iter().all(|wide| wide.widths == [0.0; 2]) {
-        let centreline: Vec<BulgeVertex> = vertices.iter().map(|wide| wide.vertex).collect();
-        return Item::Curve(bulged(&centreline, geometry.closed, &geometry.plane, geometry.height));
+    let centreline: Vec<BulgeVertex> = vertices.iter().map(|wide| wide.vertex).collect();
+    let centre = bulged(&centreline, geometry.closed, &geometry.plane, geometry.height);
+    let width =
+        with_segments.iter().flat_map(|wide| wide.widths).fold(0.0, |most: f64, width| most.max(width.abs()));
+    if width == 0.0 {
+        return Item::Curve(centre);
     }
     let contours = match band(vertices, geometry.closed, geometry.height, tolerance, budget) {
         Ok(contours) => contours,
@@ -128,6 +131,9 @@ fn drawn(vertices: &[WideVertex], geometry: &Geometry, tolerance: f64, budget: &
     };
     match contours.is_empty() {
         true => Item::DrawsNothing("it has a width but no length"),
-        false => Item::Fill(contours.into_iter().map(|contour| contour.placed(&geometry.plane)).collect()),
+        false => {
+            let area = contours.into_iter().map(|contour| contour.placed(&geometry.plane)).collect();
+            Item::Wide(Box::new(WideLine { centre, area, width }))
+        }
     }
 }

@@ -36,6 +36,10 @@ pub(super) struct Structure {
     pub(super) has_ezdxf_entry: bool,
     kinds: Names,
     layer_names: Names,
+    /// Names of the sheets in paper space, by the keys of their blocks.
+    sheet_names: BTreeMap<String, String>,
+    /// Names of blocks by the handles of their table entries, until the sheets are known.
+    block_handles: BTreeMap<String, String>,
 }
 
 /// The needed header variables.
@@ -86,6 +90,15 @@ pub(super) struct Block {
     pub(super) external: bool,
     /// The range of its entities in [`Structure::entities`].
     pub(super) entities: Range<usize>,
+}
+
+/// A sheet in paper space.
+#[derive(Debug, Clone)]
+pub(super) struct Sheet {
+    /// The key of its block.
+    pub(super) block: String,
+    /// Whether entities outside blocks that are marked as in paper space belong to it.
+    pub(super) is_active: bool,
 }
 
 /// One entity of the file.
@@ -139,10 +152,42 @@ impl Names {
 
 impl Structure {
     /// The blocks with the layouts in paper space, except the active one.
-    pub(super) fn paper_sheets(&self) -> impl Iterator<Item = &Block> {
+    pub(super) fn paper_sheets(&self) -> impl Iterator<Item = (&String, &Block)> {
         let is_sheet =
             |name: &str| ["*PAPER_SPACE", "$PAPER_SPACE"].iter().any(|sheet| name.starts_with(sheet));
-        self.blocks.iter().filter(move |(name, _)| is_sheet(name)).map(|(_, block)| block)
+        self.blocks.iter().filter(move |(name, _)| is_sheet(name))
+    }
+
+    /// The sheet of this name, or the only one with content.
+    ///
+    /// # Errors
+    /// When no sheet with content has this name, or without a name several have content, or none.
+    pub(super) fn sheet(&self, asked: Option<&str>) -> Result<Sheet, PatternReadError> {
+        let draws = |record: &Record| self.kind(record) != "VIEWPORT";
+        let active = self.drawn.iter().cloned().flatten().filter_map(|index| self.entities.get(index));
+        let is_active_drawn = active.filter(|record| record.in_paper_space).any(draws);
+        let mut sheets: Vec<(String, Sheet)> = Vec::new();
+        for (block, content) in self.paper_sheets() {
+            let is_active = matches!(block.as_str(), "*PAPER_SPACE" | "$PAPER_SPACE");
+            let is_drawn = self.entities.get(content.entities.clone()).unwrap_or_default().iter().any(draws);
+            if is_drawn || (is_active && is_active_drawn) {
+                let name = self.sheet_names.get(block).unwrap_or(&content.name).clone();
+                sheets.push((name, Sheet { block: block.clone(), is_active }));
+            }
+        }
+        // R12 may have no block for paper space.
+        if is_active_drawn && !sheets.iter().any(|(_, sheet)| sheet.is_active) {
+            sheets.push(("*Paper_Space".into(), Sheet { block: String::new(), is_active: true }));
+        }
+        let is_asked = |name: &str| asked.is_none_or(|asked| asked.to_uppercase() == name.to_uppercase());
+        let mut fitting = sheets.iter().filter(|(name, _)| is_asked(name));
+        match (fitting.next(), fitting.next()) {
+            (Some((_, sheet)), None) => Ok(sheet.clone()),
+            _ => Err(PatternReadError::UnclearSheet {
+                asked: asked.map(str::to_owned),
+                sheets: sheets.into_iter().map(|(name, _)| name).collect(),
+            }),
+        }
     }
 
     /// The entry of the layer table with this name, in upper or lower case.
@@ -218,11 +263,14 @@ pub(super) fn structure(scan: &mut Scan<'_>, budget: &mut Budget) -> Result<Stru
             (b"TABLES", b"LAYER") => layer(scan, pairs, &mut found),
             (b"TABLES", b"STYLE" | b"DIMSTYLE" | b"APPID" | b"BLOCK_RECORD") => {
                 found.has_ezdxf_entry |= pairs.iter().any(|pair| scan.is(pair, 2, b"EZDXF"));
-                if keyword == b"STYLE" {
-                    style(scan, pairs, &mut found);
+                match keyword {
+                    b"STYLE" => style(scan, pairs, &mut found),
+                    b"BLOCK_RECORD" => block_record(scan, pairs, &mut found),
+                    _ => {}
                 }
             }
             (b"OBJECTS", b"SPATIAL_FILTER") => found.clips += 1,
+            (b"OBJECTS", b"LAYOUT") => layout(scan, pairs, &mut found),
             (b"BLOCKS", b"BLOCK") => {
                 finish_block(&mut found, block.take());
                 block = Some(block_head(scan, pairs, found.entities.len()));
@@ -360,6 +408,24 @@ fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
         }
     }
     found.styles.entry(name.to_uppercase()).or_insert(style);
+}
+
+fn block_record(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
+    let text = |code: i32| pairs.iter().find(|pair| pair.code == code).map(|pair| scan.text(pair));
+    if let (Some(handle), Some(name)) = (text(5), text(2)) {
+        found.block_handles.insert(handle.to_uppercase(), name.to_uppercase());
+    }
+}
+
+/// The name of a layout and the block with its content.
+fn layout(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
+    let start = pairs.iter().position(|pair| scan.is(pair, 100, b"AcDbLayout"));
+    let own = start.map_or(pairs, |start| &pairs[start..]);
+    let text = |code: i32| own.iter().find(|pair| pair.code == code).map(|pair| scan.text(pair));
+    let block = text(330).and_then(|handle| found.block_handles.get(&handle.to_uppercase()));
+    if let (Some(block), Some(name)) = (block, text(1)) {
+        found.sheet_names.insert(block.clone(), name);
+    }
 }
 
 /// Whether lines of this type have gaps; `None` for BYLAYER. BYBLOCK is treated as continuous.

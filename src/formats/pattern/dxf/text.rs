@@ -10,6 +10,7 @@ use std::rc::Rc;
 use nalgebra::{Matrix3, Vector3};
 
 use self::codes::{Letter, Ruled, letters};
+use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
 use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
 use super::budget::{Budget, Exceeded};
@@ -38,9 +39,9 @@ const TOO_LONG: &str =
 
 /// What a TEXT, ATTRIB or ATTDEF draws.
 pub(super) fn single_line(
-    &Reader { scan, structure, .. }: &Reader<'_>,
+    &Reader { scan, structure, content, .. }: &Reader<'_>,
     record: &Record,
-    uses: &mut FontUses,
+    (uses, fields): (&mut FontUses, &mut Vec<FoundField>),
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let kind = structure.kind(record);
@@ -58,6 +59,8 @@ pub(super) fn single_line(
     if text.len() > LONGEST {
         return Ok(Item::Skipped(TOO_LONG.into()));
     }
+    let (text, found) = expand(&text, Syntax::Line, content);
+    fields.extend(found);
     let letters = letters(&text, scan.page_of_letters());
     let font = Font::of(structure, &string(scan, record, 7));
     let row = match font.row(&letters, 1.0, uses, budget) {

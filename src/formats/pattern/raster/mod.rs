@@ -133,6 +133,7 @@ pub(super) fn read(
         skipped: Vec::new(),
         repairs: Vec::new(),
         notices,
+        fields: Vec::new(),
         picture: Some(RasterFacts {
             pixels: [picture.width, picture.height],
             size: size.into(),

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::super::super::content::{FoundField, Syntax, expand};
 use super::super::super::error::PatternReadError;
 use super::super::budget::Budget;
 use super::super::colour::nearest_index;
@@ -86,9 +87,9 @@ struct Line {
 
 /// What an MTEXT draws.
 pub(in super::super) fn drawn(
-    &Reader { scan, structure, .. }: &Reader<'_>,
+    &Reader { scan, structure, content, .. }: &Reader<'_>,
     record: &Record,
-    uses: &mut FontUses,
+    (uses, fields): (&mut FontUses, &mut Vec<FoundField>),
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let wanted =
@@ -106,6 +107,8 @@ pub(in super::super) fn drawn(
     if text.len() > LONGEST {
         return Ok(Item::Skipped(TOO_LONG.into()));
     }
+    let (text, found) = expand(&text, Syntax::Paragraph, content);
+    fields.extend(found);
     let style = string(scan, record, 7);
     let style_record = structure.styles.get(&style.to_uppercase());
     let format = Format {

@@ -1,0 +1,167 @@
+use crate::formats::pattern::{PatternOptions, PatternReadError, PatternReading, Space, Strokes, read};
+use crate::geometry::pattern::Shape;
+
+fn section(name: &str, content: &str) -> String {
+    format!("0\nSECTION\n2\n{name}\n{content}0\nENDSEC\n")
+}
+
+/// A drawing in mm with these entities, and other sections before and after them.
+fn drawing(before: &str, entities: &str, after: &str) -> Vec<u8> {
+    let header = section("HEADER", "9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n");
+    format!("{header}{before}{}{after}0\nEOF\n", section("ENTITIES", entities)).into_bytes()
+}
+
+fn line(length: u32, in_paper_space: bool) -> String {
+    let paper = if in_paper_space { "67\n1\n" } else { "" };
+    format!("0\nLINE\n8\nMARK\n{paper}10\n0\n20\n0\n11\n{length}\n21\n0\n")
+}
+
+fn polyline(width: f64) -> String {
+    format!(
+        "0\nLWPOLYLINE\n5\n2A\n8\nMARK\n90\n3\n70\n0\n43\n{width}\n10\n0\n20\n0\n10\n10\n20\n0\n10\n10\n20\n5\n"
+    )
+}
+
+fn length(reading: &PatternReading) -> f64 {
+    reading
+        .pattern
+        .paths
+        .iter()
+        .flat_map(|path| path.shape.segments())
+        .map(|segment| segment.start().distance(segment.end()))
+        .sum()
+}
+
+fn notice(reading: &PatternReading, code: &str) -> Option<String> {
+    reading.facts.notices.iter().find(|notice| notice.code == code).map(|notice| notice.message.clone())
+}
+
+#[test]
+fn polylines_narrower_than_the_beam_are_marked_once_along_their_centre() {
+    let options = PatternOptions::default();
+    let narrow = read(&drawing("", &polyline(0.003), ""), &options).unwrap();
+    assert!(matches!(narrow.pattern.paths[..], [ref path] if matches!(path.shape, Shape::Open(_))));
+    assert!((length(&narrow) - 15.0).abs() < 1e-12);
+    let message = notice(&narrow, "hairlines-centred").unwrap();
+    assert!(
+        message.contains("1 line is narrower than 0.05 mm") && message.contains("LWPOLYLINE 2A"),
+        "{message}"
+    );
+    assert!(notice(&narrow, "wide-lines").is_none());
+    // A line of the beam's width, one that the settings allow, a wide one, one below a larger limit, one without a width.
+    for (width, hairline, sides) in
+        [(0.05, 0.05, 2.0), (0.003, 0.0, 2.0), (0.2, 0.05, 2.0), (0.2, 0.3, 1.0), (0.0, 0.05, 1.0)]
+    {
+        let reading =
+            read(&drawing("", &polyline(width), ""), &options.clone().with_hairline(hairline)).unwrap();
+        assert!((length(&reading) - sides * 15.0).abs() < 1.0, "{width}, {hairline}: {}", length(&reading));
+        assert_eq!(notice(&reading, "wide-lines").is_some(), sides == 2.0, "{width}, {hairline}");
+    }
+}
+
+#[test]
+fn the_width_on_the_part_decides_where_a_block_is_scaled() {
+    let content = polyline(0.4);
+    let block = section("BLOCKS", &format!("0\nBLOCK\n2\nLOGO\n10\n0\n20\n0\n{content}0\nENDBLK\n"));
+    let insert =
+        |scale: f64| format!("0\nINSERT\n8\nMARK\n2\nLOGO\n10\n0\n20\n0\n41\n{scale}\n42\n{scale}\n");
+    let both = drawing(&block, &(insert(0.1) + &insert(2.0)), "");
+    let reading = read(&both, &PatternOptions::default()).unwrap();
+    let open = reading.pattern.paths.iter().filter(|path| matches!(path.shape, Shape::Open(_)));
+    assert_eq!((open.count(), reading.pattern.paths.len()), (1, 2));
+    assert!(notice(&reading, "hairlines-centred").unwrap().contains("1 line is"));
+    // In metres, the same number is the width of a wide line.
+    let metres = String::from_utf8(drawing("", &polyline(0.003), "")).unwrap();
+    let metres = metres.replace("70\n4\n0\nENDSEC", "70\n6\n0\nENDSEC");
+    let reading = read(metres.as_bytes(), &PatternOptions::default()).unwrap();
+    assert!(notice(&reading, "hairlines-centred").is_none() && reading.pattern.paths[0].region.is_some());
+}
+
+#[test]
+fn narrow_strokes_of_an_svg_are_centre_lines_also_as_bands() {
+    let svg = |width: f64| {
+        format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' width='20mm' height='20mm' viewBox='0 0 20 20'>\
+             <path d='M1 1H11V6' fill='none' stroke='black' stroke-width='{width}'/></svg>"
+        )
+    };
+    let bands = PatternOptions::default().with_strokes(Strokes::Band);
+    let narrow = read(svg(0.01).as_bytes(), &bands).unwrap();
+    assert!((length(&narrow) - 15.0).abs() < 1e-9 && notice(&narrow, "hairlines-centred").is_some());
+    let wide = read(svg(1.0).as_bytes(), &bands).unwrap();
+    assert!(length(&wide) > 30.0 && notice(&wide, "hairlines-centred").is_none());
+    assert!(length(&read(svg(0.01).as_bytes(), &bands.with_hairline(0.0)).unwrap()) > 29.0);
+}
+
+/// Tables and blocks, and objects, of the active sheet, which is named Front, and of two others, named Back and Lid.
+fn sheets(back: &str, lid: &str) -> (String, String) {
+    let record = |handle: &str, name: &str| format!("0\nBLOCK_RECORD\n5\n{handle}\n2\n{name}\n");
+    let records =
+        record("1F", "*Paper_Space") + &record("2f", "*Paper_Space0") + &record("3F", "*Paper_Space1");
+    let tables = section("TABLES", &format!("0\nTABLE\n2\nBLOCK_RECORD\n70\n3\n{records}0\nENDTAB\n"));
+    let block =
+        |name: &str, content: &str| format!("0\nBLOCK\n2\n{name}\n10\n0\n20\n0\n{content}0\nENDBLK\n");
+    let content = block("*Paper_Space", "") + &block("*Paper_Space0", back) + &block("*Paper_Space1", lid);
+    let layout = |record: &str, name: &str| {
+        format!(
+            "0\nLAYOUT\n5\nA1\n330\n1A\n100\nAcDbPlotSettings\n1\nplot\n100\nAcDbLayout\n1\n{name}\n330\n{record}\n"
+        )
+    };
+    let objects = section("OBJECTS", &(layout("1F", "Front") + &layout("2F", "Back") + &layout("3f", "Lid")));
+    (tables + &section("BLOCKS", &content), objects)
+}
+
+fn paper(sheet: Option<&str>) -> PatternOptions {
+    PatternOptions::default().with_space(Space::Paper(sheet.map(str::to_owned)))
+}
+
+#[test]
+fn the_sheet_of_a_drawing_in_paper_space_is_read() {
+    let viewport = "0\nVIEWPORT\n8\n0\n67\n1\n";
+    let (before, after) = sheets("", viewport);
+    let entities = line(7, false) + &line(20, true) + viewport;
+    let bytes = drawing(&before, &entities, &after);
+    let model = read(&bytes, &PatternOptions::default()).unwrap();
+    assert_eq!((length(&model), model.facts.skipped.len()), (7.0, 3));
+    let sheet = read(&bytes, &paper(None)).unwrap();
+    assert_eq!(length(&sheet), 20.0);
+    let left = &sheet.facts.skipped[0];
+    assert!(left.entity == "LINE" && left.why.contains("in model space") && !left.is_ink, "{left:?}");
+    // Files of R12 have neither blocks nor names of sheets.
+    assert_eq!(length(&read(&drawing("", &entities, ""), &paper(None)).unwrap()), 20.0);
+}
+
+#[test]
+fn several_sheets_are_chosen_by_name_or_listed() {
+    let (before, after) = sheets(&line(30, true), &line(40, false));
+    let bytes = drawing(&before, &(line(7, false) + &line(20, true)), &after);
+    for (name, expected) in [("Front", 20.0), ("back", 30.0), ("LID", 40.0)] {
+        let reading = read(&bytes, &paper(Some(name))).unwrap();
+        assert_eq!(length(&reading), expected, "{name}");
+        assert_eq!(reading.facts.skipped.len(), 3, "{name}: {:?}", reading.facts.skipped);
+    }
+    let refused = read(&bytes, &paper(None)).unwrap_err();
+    let names = ["Front", "Back", "Lid"].map(str::to_owned).to_vec();
+    assert_eq!(refused, PatternReadError::UnclearSheet { asked: None, sheets: names });
+    let reason = read(&bytes, &paper(Some("Side"))).unwrap_err().reason();
+    assert!(reason.code == "sheet-unclear" && reason.what.contains("\"Side\""), "{reason:?}");
+    assert!(reason.what.contains("\"Lid\"") && reason.remedy.contains("paper:Front"), "{reason:?}");
+    let none = read(&drawing("", &line(7, false), ""), &paper(None)).unwrap_err();
+    assert_eq!(none, PatternReadError::UnclearSheet { asked: None, sheets: Vec::new() });
+}
+
+#[test]
+fn a_drawing_with_sheets_only_suggests_to_read_them() {
+    let refused = read(&drawing("", &line(20, true), ""), &PatternOptions::default()).unwrap_err().reason();
+    assert!(refused.remedy.contains("--space paper"), "{refused:?}");
+    for (word, space) in [
+        ("model", Some(Space::Model)),
+        ("paper", Some(Space::Paper(None))),
+        ("paper: Sheet A ", Some(Space::Paper(Some("Sheet A".into())))),
+        ("paper:", None),
+        ("attic", None),
+        ("model:1", None),
+    ] {
+        assert_eq!(word.parse().ok(), space, "{word}");
+    }
+}
