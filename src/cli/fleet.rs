@@ -1,0 +1,211 @@
+//! `isomark fleet`: sets up, checks and shows a fleet.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::outcome::{Exit, Failure, Outcome, print, print_json, tell};
+use crate::config::{FleetSettings, PasswordSource, Station};
+use crate::fleet::{self, Address, FleetError, FleetStatus, Prune, SharedFits, StationState};
+use crate::printable::on_one_line;
+
+#[derive(Debug, Args)]
+pub(super) struct FleetArguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Makes or upgrades the tables and roles of a fleet. Log in as the owner of the database, who may create roles. Safe to run
+    /// twice.
+    Init(Place),
+    /// Checks the connection, the server, its clock, the tables and the rights of the login.
+    Check(Place),
+    /// Shows every station of a fleet.
+    Status {
+        #[command(flatten)]
+        place: Place,
+        /// Prints the status as JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Removes fits that stations share. They make them again when they are needed.
+    #[command(group = clap::ArgGroup::new("which").required(true).multiple(true))]
+    Prune {
+        #[command(flatten)]
+        place: Place,
+        /// Removes fits that no station used for this number of days, unless they are of the current part of a SKU.
+        #[arg(long, value_name = "DAYS", group = "which", value_parser = parse_amount)]
+        unused_days: Option<f64>,
+        /// Removes the fits that were used longest ago until all together have this size.
+        #[arg(long, value_name = "GB", group = "which", value_parser = parse_amount)]
+        max_gb: Option<f64>,
+        /// Removes the fit with this key.
+        #[arg(long, value_name = "KEY", group = "which")]
+        fit: Option<String>,
+    },
+}
+
+fn parse_amount(text: &str) -> Result<f64, String> {
+    let amount = text.parse::<f64>().ok().filter(|amount| (0.0..=1e6).contains(amount));
+    amount.ok_or_else(|| "give a number from 0 to 1000000".into())
+}
+
+/// Where a fleet is.
+#[derive(Debug, Args)]
+struct Place {
+    /// The address of the database, such as `postgresql://laser1@db.shop.local/isomark`, or the settings of a station that
+    /// belongs to the fleet.
+    #[arg(value_name = "URL|STATION.TOML")]
+    fleet: String,
+    /// The password of the user in the URL is on the first line of this file. Default: in the environment variable
+    /// ISOMARK_FLEET_PASSWORD, if there is one.
+    #[arg(long, value_name = "FILE")]
+    password_file: Option<PathBuf>,
+    /// The certificates (PEM) of the authority that signed the server's. Default: those that the system trusts.
+    #[arg(long, value_name = "FILE")]
+    certificate: Option<PathBuf>,
+}
+
+impl FleetArguments {
+    pub(super) fn json(&self) -> bool {
+        matches!(self.verb, Verb::Status { json: true, .. })
+    }
+}
+
+impl From<FleetError> for Failure {
+    fn from(error: FleetError) -> Self {
+        let exit = match error {
+            FleetError::Url(_) | FleetError::Password(_) | FleetError::Certificate(_) => Exit::Usage,
+            _ => Exit::Environment,
+        };
+        Self::new(exit, error.reason())
+    }
+}
+
+impl Place {
+    fn address(&self) -> Result<Address, Failure> {
+        let given = self.password_file.clone().map(PasswordSource::File);
+        // Also a URL of another kind of database is no file.
+        if FleetSettings::is_url(&self.fleet) || self.fleet.contains("://") {
+            let variable = FleetSettings::VARIABLE;
+            let usual = std::env::var_os(variable).map(|_| PasswordSource::Variable(variable.into()));
+            return Ok(Address::new(&self.fleet, given.or(usual), self.certificate.clone())?);
+        }
+        let station = Station::load(self.fleet.as_ref())?;
+        let Some(mut settings) = station.fleet else {
+            let what = format!("The station of {} belongs to no fleet.", on_one_line(&self.fleet));
+            return Err(Failure::usage(what, "Give `url` under [fleet] in its settings, or the URL here."));
+        };
+        settings.password = given.or(settings.password);
+        settings.certificate = self.certificate.clone().or(settings.certificate);
+        Ok(Address::of(&settings)?)
+    }
+}
+
+pub(super) fn run(arguments: &FleetArguments) -> Outcome {
+    match &arguments.verb {
+        Verb::Init(place) => init(&place.address()?),
+        Verb::Check(place) => check(&place.address()?),
+        Verb::Status { place, json } => status(&place.address()?, *json),
+        Verb::Prune { place, unused_days, max_gb, fit } => {
+            let max_bytes = max_gb.map(|gigabytes| (gigabytes * 1e9) as i64);
+            let which = Prune { unused_days: *unused_days, max_bytes, key: fit.clone() };
+            let (removed, left) = fleet::prune(&place.address()?, &which)?;
+            tell(&format!("{} removed; {} left", count_of_fits(removed), shown_fits(left)));
+            Ok(())
+        }
+    }
+}
+
+fn init(address: &Address) -> Outcome {
+    let done = fleet::init(address)?;
+    match (done.from, done.to) {
+        (0, to) => tell(&format!("{address}: made the tables of version {to} and the roles")),
+        (from, to) if from == to => tell(&format!("{address}: the tables have version {to} already")),
+        (from, to) => tell(&format!("{address}: upgraded the tables from version {from} to {to}")),
+    }
+    Ok(())
+}
+
+fn check(address: &Address) -> Outcome {
+    let (found, end) = fleet::check(address);
+    let mut wrong = 0;
+    for checked in &found {
+        match &checked.remedy {
+            None => print(&format!("ok     {}\n", on_one_line(&checked.what))),
+            Some(remedy) => {
+                wrong += 1;
+                print(&format!("wrong  {}. {remedy}\n", on_one_line(&checked.what)));
+            }
+        }
+    }
+    if let Some(error) = end {
+        return Err(error.into());
+    }
+    if wrong == 0 {
+        return Ok(());
+    }
+    let what = "The fleet does not work as it should.";
+    Err(Failure::new(
+        Exit::Environment,
+        crate::reason::Reason::new(
+            "fleet-check",
+            what,
+            "Follow the remedies in the lines that begin with `wrong`.",
+        )
+        .with_number("problems", f64::from(wrong), "", Some(0.0)),
+    ))
+}
+
+fn status(address: &Address, json: bool) -> Outcome {
+    let status = fleet::status(address)?;
+    if json {
+        let text =
+            serde_json::to_string_pretty(&status).map_err(|error| Failure::environment(&error.into()))?;
+        print_json(&(text + "\n"));
+    } else {
+        print(&words(&status, address));
+    }
+    Ok(())
+}
+
+fn count_of_fits(count: i64) -> String {
+    if count == 1 { "1 fit".into() } else { format!("{count} fits") }
+}
+
+fn shown_fits(fits: SharedFits) -> String {
+    format!("{}, {:.1} MB", count_of_fits(fits.count), fits.bytes as f64 / 1e6)
+}
+
+fn words(status: &FleetStatus, address: &Address) -> String {
+    let count = status.stations.len();
+    let stations = if count == 1 { "1 station".to_owned() } else { format!("{count} stations") };
+    let mut text = format!("{address}: {stations}, {}\n", shown_fits(status.fits));
+    for station in &status.stations {
+        let state = match station.state {
+            StationState::Alive => "alive".to_owned(),
+            StationState::Silent => format!("silent for {:.0} s", station.silent_for_s),
+            StationState::Stopped => "stopped".to_owned(),
+        };
+        text += &format!(
+            "  {}: {state}; {} delivered, {} learned, {} rejected, {} waiting",
+            on_one_line(&station.name),
+            station.delivered,
+            station.learned,
+            station.rejected,
+            station.waiting
+        );
+        for (count, what) in [(station.outdated, "outdated"), (station.uncertain, "uncertain")] {
+            if count > 0 {
+                text += &format!(", {count} {what}");
+            }
+        }
+        text += &format!(" ({})\n", on_one_line(&station.program));
+        if let Some(trouble) = &station.trouble {
+            text += &format!("    {}\n", on_one_line(trouble));
+        }
+    }
+    text
+}

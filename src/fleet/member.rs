@@ -1,0 +1,547 @@
+//! A station's part in its fleet: one thread that connects to the database, and again whenever the connection ends.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::mem::{Discriminant, discriminant};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use tokio::runtime::Builder;
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
+use tokio::time::{Instant, timeout, timeout_at};
+use tokio_postgres::types::Type;
+
+use super::address::Address;
+use super::error::FleetError;
+use super::fits::{self, Fetched, SharedPart};
+use super::migrations;
+use super::outbox::{self, Entry, Outbox};
+use super::session::{Heard, Session};
+use crate::cache::{Cache, CacheKey, CurrentPart, PartOrigin, SharedSurfaces};
+use crate::config::{FleetSettings, FolderPaths, Sku};
+use crate::hotfolder::{Figures, Fleet};
+use crate::printable::on_one_line;
+
+/// The time between two signs of life, unless the figures change.
+const BEAT: Duration = Duration::from_secs(10);
+/// The shortest time between two signs of life.
+const SHORTEST_BEAT: Duration = Duration::from_secs(5);
+/// The first pause after a failed connection; it doubles up to [`LONGEST_PAUSE`].
+const FIRST_PAUSE: Duration = Duration::from_secs(1);
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
+/// How long a station that ends waits for its farewell.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// How long the end of a station waits for the thread.
+const LONGEST_END: Duration = Duration::from_secs(3);
+/// The longest trouble that is shared, characters.
+const LONGEST_TROUBLE: usize = 1000;
+
+/// The outbox in the state folder.
+const OUTBOX: &str = "fleet/outbox";
+/// How long the job of a dropped part waits for a fit of the fleet.
+const FETCH: Duration = Duration::from_secs(1);
+/// Fits that the fleet did not have and that are wished for; more are not remembered.
+const WISHES: usize = 10_000;
+/// The channel of the database on which changes are announced.
+const LISTEN: &str = "LISTEN isomark";
+
+/// A station's part in its fleet.
+pub struct Member {
+    settings: FleetSettings,
+    /// One run of the program: two stations with one name notice each other by it.
+    process: String,
+    orders: UnboundedSender<Order>,
+    received: Mutex<Option<UnboundedReceiver<Order>>>,
+    shared: Mutex<Shared>,
+    /// Held while a part becomes the current one, so that none of the fleet replaces one that is to be announced.
+    outbox: Mutex<Outbox>,
+}
+
+/// What the thread of the fleet and the rest of the station share.
+#[derive(Default)]
+struct Shared {
+    figures: Option<Figures>,
+    /// Why the fleet is away.
+    trouble: Option<(Discriminant<FleetError>, String)>,
+    /// Why the fleet is there and something is wrong nevertheless.
+    complaint: Option<String>,
+    /// The last fit of the fleet that could not be used.
+    wrong: Option<String>,
+    /// SKUs whose part or surface arrived.
+    news: BTreeSet<Sku>,
+    /// Whether the database answers.
+    answers: bool,
+    /// Whether the last fetch got no answer in time.
+    is_slow: bool,
+    cache: PathBuf,
+    /// Fits that were asked for without waiting, until they arrive.
+    wishes: BTreeMap<CacheKey, Wish>,
+}
+
+/// A fit that is asked for.
+#[derive(Debug, Clone)]
+struct Wish {
+    cache: Cache,
+    sku: Sku,
+    part: PartOrigin,
+}
+
+/// What the thread of the fleet wakes up for.
+enum Order {
+    Heard(Heard),
+    /// The outbox has something to send.
+    Send,
+    /// A fit is needed; the answer is whether the cache has it now.
+    Fetch(Wish, CacheKey, Option<SyncSender<bool>>),
+    End,
+}
+
+/// The thread of a member. Dropping it ends the thread, and waits for that for a moment.
+pub struct Running {
+    orders: UnboundedSender<Order>,
+    ended: Receiver<()>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.orders.send(Order::End);
+        // Connecting to a server that does not answer takes longer.
+        let _ = self.ended.recv_timeout(LONGEST_END);
+    }
+}
+
+impl Member {
+    /// The part of a station with these settings and folders; nothing is read or connected yet.
+    #[must_use]
+    pub fn new(settings: FleetSettings, folders: &FolderPaths) -> Self {
+        let (orders, received) = unbounded_channel();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let process = format!("{} {}", std::process::id(), now.as_nanos());
+        let process = blake3::hash(process.as_bytes()).to_hex()[..16].to_owned();
+        let outbox = Mutex::new(Outbox::new(&folders.state.join(OUTBOX)));
+        let shared = Mutex::new(Shared { cache: folders.cache.clone(), ..Shared::default() });
+        Self { settings, process, orders, received: Mutex::new(Some(received)), shared, outbox }
+    }
+
+    /// Starts the thread, once the station holds its lock. It takes part in the fleet until [`Running`] is dropped. Without a
+    /// thread, the station works alone.
+    pub fn start(self: &Arc<Self>) -> Option<Running> {
+        let received = self.received.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let (ending, ended) = sync_channel(1);
+        let member = self.clone();
+        let started = std::thread::Builder::new().name("fleet".into()).spawn(move || {
+            member.run(received);
+            let _ = ending.send(());
+        });
+        match started {
+            Ok(_) => Some(Running { orders: self.orders.clone(), ended }),
+            Err(error) => {
+                self.is_away(&FleetError::Away(error.to_string()));
+                None
+            }
+        }
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn outbox(&self) -> MutexGuard<'_, Outbox> {
+        self.outbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn cache(&self) -> Cache {
+        Cache::new(&self.shared().cache)
+    }
+
+    fn run(&self, mut received: UnboundedReceiver<Order>) {
+        match Builder::new_current_thread().enable_io().enable_time().max_blocking_threads(1).build() {
+            Ok(runtime) => {
+                runtime.block_on(self.take_part(&mut received));
+                // The look-up of a name may take long.
+                runtime.shutdown_background();
+            }
+            Err(error) => self.is_away(&FleetError::Away(error.to_string())),
+        }
+    }
+
+    async fn take_part(&self, orders: &mut UnboundedReceiver<Order>) {
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let error = match self.connected(orders, &mut pause).await {
+                Ok(()) => return,
+                Err(error) => error,
+            };
+            self.is_away(&error);
+            let again = Instant::now() + pause;
+            pause = (pause * 2).min(LONGEST_PAUSE);
+            while let Ok(order) = timeout_at(again, orders.recv()).await {
+                if matches!(order, Some(Order::End) | None) {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// One connection; ends without an error when the station ends.
+    async fn connected(
+        &self,
+        orders: &mut UnboundedReceiver<Order>,
+        pause: &mut Duration,
+    ) -> Result<(), FleetError> {
+        let address = Address::of(&self.settings)?;
+        let session = Session::open(&address, Some((self.orders.clone(), Order::Heard))).await?;
+        migrations::check(&session).await?;
+        // Before the parts are read: no change is missed.
+        session.batch(LISTEN).await?;
+        self.beat(&session, &self.figures(), true, false).await?;
+        self.send_announcements(&session).await?;
+        self.read_all_parts(&session).await?;
+        *pause = FIRST_PAUSE;
+        self.is_there(&address);
+        let mut last = (Instant::now(), self.figures());
+        loop {
+            let (figures, now) = (self.figures(), Instant::now());
+            if now >= last.0 + BEAT || (last.1 != figures && now >= last.0 + SHORTEST_BEAT) {
+                self.beat(&session, &figures, true, true).await?;
+                last = (Instant::now(), figures);
+            }
+            // Other work comes between two entries of the outbox.
+            let first = self.outbox().first().map_err(|error| FleetError::Outbox(error.to_string()))?;
+            let patience = if first.is_some() { Duration::ZERO } else { SHORTEST_BEAT };
+            match timeout(patience, orders.recv()).await {
+                Err(_) => {
+                    if let Some((number, entry)) = first {
+                        self.send(&session, number, &entry).await?;
+                    }
+                }
+                Ok(Some(Order::Send)) => {}
+                Ok(Some(Order::Fetch(wish, key, answer))) => {
+                    self.fetch_now(&session, &wish, &key, answer.as_ref()).await?;
+                }
+                Ok(Some(Order::Heard(Heard::Notified(text)))) => self.hear(&session, &text).await?,
+                Ok(Some(Order::Heard(Heard::Closed(error)))) => return Err(error),
+                Ok(Some(Order::End) | None) => {
+                    // The last word is a courtesy: without it the station becomes silent.
+                    let _ = timeout(FAREWELL, self.beat(&session, &self.figures(), false, true)).await;
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    fn figures(&self) -> Figures {
+        self.shared().figures.clone().unwrap_or_default()
+    }
+
+    /// Handles what the database announces.
+    async fn hear(&self, session: &Session, text: &str) -> Result<(), FleetError> {
+        match text.split_once(' ') {
+            Some(("part", sku)) => {
+                if let Some(part) = fits::current(session, sku).await? {
+                    self.take_part_of_others(part);
+                }
+                Ok(())
+            }
+            Some(("fit", key)) => {
+                let wished = self
+                    .shared()
+                    .wishes
+                    .iter()
+                    .find(|(known, _)| known.as_str() == key)
+                    .map(|(known, wish)| (known.clone(), wish.clone()));
+                match wished {
+                    Some((key, wish)) => self.fetch_now(session, &wish, &key, None).await,
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Announces the parts that were learned while the database was away, before those of others are taken.
+    async fn send_announcements(&self, session: &Session) -> Result<(), FleetError> {
+        loop {
+            let first =
+                self.outbox().first_announcement().map_err(|error| FleetError::Outbox(error.to_string()))?;
+            match first {
+                Some((number, entry)) => self.send(session, number, &entry).await?,
+                None => return Ok(()),
+            }
+        }
+    }
+
+    async fn read_all_parts(&self, session: &Session) -> Result<(), FleetError> {
+        let mut after = String::new();
+        loop {
+            let (parts, last) = fits::page_of_parts(session, &after).await?;
+            parts.into_iter().for_each(|part| self.take_part_of_others(part));
+            match last {
+                Some(last) if last > after => after = last,
+                _ => return Ok(()),
+            }
+        }
+    }
+
+    /// Makes a part of the fleet the current one here, unless one that was learned here is still to be announced.
+    fn take_part_of_others(&self, part: SharedPart) {
+        let (cache, mut outbox) = (self.cache(), self.outbox());
+        // An outbox that cannot be read may announce it.
+        if !matches!(outbox.announces(&part.sku), Ok(false)) {
+            return;
+        }
+        let before = cache.current(&part.sku);
+        if matches!(&before, Ok(Some(known)) if *known == part.part) {
+            return;
+        }
+        if let Err(error) = cache.make_current(&part.sku, &part.part) {
+            tracing::warn!("the new part of {} cannot be noted in the cache: {error}", part.sku);
+            return;
+        }
+        if matches!(&before, Ok(Some(known)) if known.origin.blake3 != part.part.origin.blake3) {
+            let (file, station) = (on_one_line(&part.part.origin.file), on_one_line(&part.station));
+            tracing::info!("{} has a new part in the fleet: {file}, learned by {station}", part.sku);
+        }
+        self.shared().news.insert(part.sku);
+    }
+
+    /// Sends an entry of the outbox, and removes it.
+    async fn send(&self, session: &Session, number: u64, entry: &Entry) -> Result<(), FleetError> {
+        let superseding = match self.try_to_send(session, entry).await {
+            Ok(part) => part,
+            // It fails each time.
+            Err(error) if error.is_final() => {
+                tracing::error!("the fleet does not accept a message, which is removed: {error}");
+                None
+            }
+            Err(error) => return Err(error),
+        };
+        self.outbox().remove(number);
+        if let Some(part) = superseding {
+            self.take_part_of_others(part);
+        }
+        Ok(())
+    }
+
+    /// Sends an entry. Gives the part that is current instead of an announced one.
+    async fn try_to_send(&self, session: &Session, entry: &Entry) -> Result<Option<SharedPart>, FleetError> {
+        let station = &self.settings.name;
+        match entry {
+            Entry::Fit { sku, key, part } => {
+                let Ok(sku) = sku.parse::<Sku>() else { return Ok(None) };
+                fits::send(session, &self.cache(), station, &sku, key, part).await?;
+                Ok(None)
+            }
+            Entry::Learned { sku, part, at_ms } => {
+                let Ok(sku) = sku.parse::<Sku>() else { return Ok(None) };
+                let (is_current, current) =
+                    fits::announce(session, station, &sku, part, outbox::age(*at_ms)).await?;
+                if is_current {
+                    return Ok(None);
+                }
+                if let Some(newer) = &current {
+                    let [file, other, by] = [&part.origin.file, &newer.part.origin.file, &newer.station]
+                        .map(|text| on_one_line(text));
+                    tracing::warn!(
+                        "{file} is not the part of {sku} any more: {by} has learned {other} since. Drop {file} again if \
+                         it is to replace that"
+                    );
+                }
+                Ok(current)
+            }
+        }
+    }
+
+    /// Fetches a fit into the cache, and answers.
+    async fn fetch_now(
+        &self,
+        session: &Session,
+        wish: &Wish,
+        key: &CacheKey,
+        answer: Option<&SyncSender<bool>>,
+    ) -> Result<(), FleetError> {
+        let Wish { cache, sku, part } = wish;
+        let fetched = fits::fetch(session, cache, sku, key, part).await?;
+        if let Some(answer) = answer {
+            let _ = answer.try_send(fetched == Fetched::Kept);
+        }
+        {
+            let mut shared = self.shared();
+            shared.is_slow = false;
+            if fetched == Fetched::Kept && shared.wishes.remove(key).is_some() {
+                shared.news.insert(sku.clone());
+            }
+            if let Fetched::Wrong(what) = &fetched {
+                let text = format!(
+                    "the fit {} of {sku} in the fleet is not used: {what}. `isomark fleet prune URL --fit {}` removes it",
+                    key.as_str(),
+                    key.as_str()
+                );
+                if shared.wrong.as_ref() != Some(&text) {
+                    tracing::warn!("{text}");
+                }
+                shared.wrong = Some(text);
+            }
+        }
+        match fetched {
+            Fetched::Kept => fits::note_use(session, key).await,
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives a sign of life.
+    async fn beat(
+        &self,
+        session: &Session,
+        figures: &Figures,
+        runs: bool,
+        has_beaten: bool,
+    ) -> Result<(), FleetError> {
+        let count = |number: u64| i64::try_from(number).unwrap_or(i64::MAX);
+        let trouble: Option<String> =
+            figures.trouble.as_ref().map(|text| on_one_line(text).chars().take(LONGEST_TROUBLE).collect());
+        let program = super::program();
+        let row = session
+            .row(
+                "SELECT isomark.beat($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
+                &[
+                    (&self.settings.name, Type::TEXT),
+                    (&self.process, Type::TEXT),
+                    (&program, Type::TEXT),
+                    (&runs, Type::BOOL),
+                    (&count(figures.waiting), Type::INT8),
+                    (&count(figures.delivered), Type::INT8),
+                    (&count(figures.learned), Type::INT8),
+                    (&count(figures.rejected), Type::INT8),
+                    (&count(figures.outdated), Type::INT8),
+                    (&count(figures.uncertain), Type::INT8),
+                    (&trouble, Type::TEXT),
+                ],
+            )
+            .await?;
+        let before: String = row.try_get(0)?;
+        let complaint = (has_beaten && before != self.process).then(|| {
+            format!(
+                "Another running station uses the name \"{}\" in the fleet, too. Give one of them another `name` under [fleet].",
+                on_one_line(&self.settings.name)
+            )
+        });
+        let mut shared = self.shared();
+        if let Some(text) = &complaint
+            && shared.complaint.is_none()
+        {
+            tracing::warn!("{text}");
+        }
+        shared.complaint = complaint;
+        Ok(())
+    }
+
+    /// Reports once why the fleet is away.
+    fn is_away(&self, error: &FleetError) {
+        let text = format!("{} The station works without the fleet.", error.reason().on_one_line());
+        let mut shared = self.shared();
+        let kind = discriminant(error);
+        if shared.trouble.as_ref().is_none_or(|(last, _)| *last != kind) {
+            tracing::warn!("{text}");
+        }
+        shared.trouble = Some((kind, text));
+        shared.answers = false;
+        shared.complaint = None;
+    }
+
+    fn is_there(&self, address: &Address) {
+        let was_away = {
+            let mut shared = self.shared();
+            (shared.answers, shared.is_slow) = (true, false);
+            // The fleet may have the fits now that it did not have.
+            for (key, wish) in &shared.wishes {
+                let _ = self.orders.send(Order::Fetch(wish.clone(), key.clone(), None));
+            }
+            shared.trouble.take().is_some()
+        };
+        let again = if was_away { " again" } else { "" };
+        let name = on_one_line(&self.settings.name);
+        tracing::info!("the fleet at {address} is available{again}; this station is {name} there");
+    }
+}
+
+impl Fleet for Member {
+    fn publish(&self, figures: Figures) {
+        self.shared().figures = Some(figures);
+    }
+
+    fn take_news(&self) -> Vec<Sku> {
+        std::mem::take(&mut self.shared().news).into_iter().collect()
+    }
+
+    fn follow(&self, folders: &FolderPaths) {
+        self.shared().cache = folders.cache.clone();
+    }
+
+    fn trouble(&self) -> Option<String> {
+        let shared = self.shared();
+        let away = shared.trouble.as_ref().map(|(_, text)| text.clone());
+        away.or_else(|| shared.complaint.clone()).or_else(|| shared.wrong.clone())
+    }
+}
+
+impl SharedSurfaces for Member {
+    fn fetch(&self, cache: &Cache, sku: &Sku, key: &CacheKey, part: &PartOrigin) -> bool {
+        {
+            let shared = self.shared();
+            if !shared.answers || shared.is_slow {
+                return false;
+            }
+        }
+        let (answer, answered) = sync_channel(1);
+        let wish = Wish { cache: cache.clone(), sku: sku.clone(), part: part.clone() };
+        if self.orders.send(Order::Fetch(wish, key.clone(), Some(answer))).is_err() {
+            return false;
+        }
+        match answered.recv_timeout(FETCH) {
+            Ok(is_kept) => is_kept,
+            // The next ones do not wait until the database has answered again.
+            Err(RecvTimeoutError::Timeout) => {
+                self.shared().is_slow = true;
+                false
+            }
+            Err(RecvTimeoutError::Disconnected) => false,
+        }
+    }
+
+    fn wish(&self, cache: &Cache, sku: &Sku, key: &CacheKey, part: &PartOrigin) {
+        let wish = Wish { cache: cache.clone(), sku: sku.clone(), part: part.clone() };
+        {
+            let mut shared = self.shared();
+            if shared.wishes.len() >= WISHES || shared.wishes.insert(key.clone(), wish.clone()).is_some() {
+                return;
+            }
+            if !shared.answers {
+                return;
+            }
+        }
+        let _ = self.orders.send(Order::Fetch(wish, key.clone(), None));
+    }
+
+    fn offer(&self, sku: &Sku, key: &CacheKey, part: &PartOrigin) {
+        let entry = Entry::Fit { sku: sku.as_str().into(), key: key.clone(), part: part.clone() };
+        // Every station can make it again.
+        if let Err(error) = self.outbox().add(entry) {
+            tracing::warn!("the surface of {sku} cannot be shared: {error}");
+        }
+        let _ = self.orders.send(Order::Send);
+    }
+
+    fn make_current(&self, cache: &Cache, sku: &Sku, part: &CurrentPart) -> io::Result<()> {
+        {
+            // A part of the fleet takes its place before or after both steps.
+            let mut outbox = self.outbox();
+            outbox.add(Entry::learned(sku, part))?;
+            cache.make_current(sku, part)?;
+        }
+        let _ = self.orders.send(Order::Send);
+        Ok(())
+    }
+}

@@ -1,0 +1,302 @@
+//! What people do with a fleet at a terminal: set it up, check it, look at it.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+use tokio::runtime::Builder;
+use tokio_postgres::Row;
+use tokio_postgres::types::Type;
+
+use super::address::Address;
+use super::error::FleetError;
+use super::migrations;
+use super::session::Session;
+
+/// Name and version of the JSON form of a fleet's status; `plugins/README.md` states what is stable.
+pub const SCHEMA: &str = "isomark.fleet/1";
+
+/// A station without a sign of life for this time is silent, s.
+const LONGEST_SILENCE: f64 = 45.0;
+/// The difference between two clocks that `check` reports, s.
+const CLOCKS: f64 = 5.0;
+/// The oldest version of PostgreSQL that is tested.
+const OLDEST_SERVER: i32 = 150_000;
+/// Fits that are removed at a time.
+const AT_A_TIME: i64 = 200;
+/// The most stations that are listed.
+const STATIONS: i64 = 10_000;
+
+/// What [`init`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Initialised {
+    /// The version of the tables before; 0 for none.
+    pub from: i32,
+    /// The version now.
+    pub to: i32,
+}
+
+/// One result of [`check`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Checked {
+    /// What was checked, and what was found.
+    pub what: String,
+    /// What to do, if something is wrong.
+    pub remedy: Option<String>,
+}
+
+/// The state of a fleet at one moment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct FleetStatus {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The version of the tables.
+    pub tables: i32,
+    /// The stations, by name.
+    pub stations: Vec<StationRow>,
+    /// The fits that stations share.
+    pub fits: SharedFits,
+}
+
+/// The fits that the stations of a fleet share.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct SharedFits {
+    /// How many there are.
+    pub count: i64,
+    /// Their size with the meshes for pictures, bytes.
+    pub bytes: i64,
+}
+
+/// Which fits [`prune`] removes. Every station can make them again.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Prune {
+    /// Those that were not used for this number of days, unless they are of a current part.
+    pub unused_days: Option<f64>,
+    /// Those that were used longest ago, until all together have this size, bytes.
+    pub max_bytes: Option<i64>,
+    /// The one with this key.
+    pub key: Option<String>,
+}
+
+/// A station as its fleet knows it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct StationRow {
+    /// Its name in the fleet.
+    pub name: String,
+    /// Whether it is alive.
+    pub state: StationState,
+    /// The time since its last sign of life, s.
+    pub silent_for_s: f64,
+    /// The time since its start, s.
+    pub up_for_s: f64,
+    /// Its program with the version.
+    pub program: String,
+    /// Drops that wait or are incomplete.
+    pub waiting: i64,
+    /// Drawings that it delivered since its start.
+    pub delivered: i64,
+    /// Parts that it learned since its start.
+    pub learned: i64,
+    /// Drops that it rejected since its start.
+    pub rejected: i64,
+    /// Its delivered drawings that are outdated.
+    pub outdated: i64,
+    /// Its drawings that may not have been delivered.
+    pub uncertain: i64,
+    /// Its first problem with folders and settings, if any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trouble: Option<String>,
+}
+
+/// Whether a station is alive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum StationState {
+    /// It gives signs of life.
+    Alive,
+    /// It gave none for 45 s: it crashed, or the database was away from it.
+    Silent,
+    /// It was stopped.
+    Stopped,
+}
+
+/// Runs work with the database to its end.
+fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
+    let runtime = Builder::new_current_thread().enable_io().enable_time().build();
+    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
+}
+
+/// Makes or upgrades the tables and rights of a fleet. Safe to run twice, and from two computers at the same time.
+///
+/// # Errors
+/// When the database cannot be used, its tables are newer, or the login does not own it.
+pub fn init(address: &Address) -> Result<Initialised, FleetError> {
+    run(async {
+        let session = Session::open::<()>(address, None).await?;
+        let from = migrations::upgrade(&session).await?;
+        Ok(Initialised { from, to: migrations::VERSION })
+    })
+}
+
+/// Checks connection, server, tables, rights and clock, up to the first failure that makes the others pointless.
+///
+/// # Errors
+/// As [`status`], and with what was found before.
+pub fn check(address: &Address) -> (Vec<Checked>, Option<FleetError>) {
+    let mut found = Vec::new();
+    let end = run(checks(address, &mut found));
+    (found, end.err())
+}
+
+async fn checks(address: &Address, found: &mut Vec<Checked>) -> Result<(), FleetError> {
+    let mut note = |what: String, remedy: Option<&str>| {
+        found.push(Checked { what, remedy: remedy.map(str::to_owned) });
+    };
+    let session = Session::open::<()>(address, None).await?;
+    let how = if address.is_encrypted() { "encrypted, server verified" } else { "not encrypted" };
+    note(format!("connected to {address}: {how}"), None);
+    let row = session
+        .row(
+            "SELECT current_setting('server_version_num')::int4, current_setting('server_version'), \
+             session_user::text, extract(epoch FROM clock_timestamp())::float8, pg_is_in_recovery()",
+            &[],
+        )
+        .await?;
+    let version: i32 = row.try_get(0)?;
+    let shown: String = row.try_get(1)?;
+    note(
+        format!("PostgreSQL {shown}"),
+        (version < OLDEST_SERVER)
+            .then_some("isomark is tested with PostgreSQL 15 and later: update the server."),
+    );
+    let theirs: f64 = row.try_get(3)?;
+    let ours = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
+    let apart = (ours - theirs).abs();
+    note(
+        format!("the clocks of the server and of this computer differ by {apart:.1} s"),
+        (apart > CLOCKS).then_some("Set both clocks by the same time server."),
+    );
+    if row.try_get(4)? {
+        note("the server is a copy that only reads".into(), Some("Give the address of the main server."));
+    }
+    migrations::check(&session).await?;
+    note(format!("tables of version {}", migrations::VERSION), None);
+    let login: String = row.try_get(2)?;
+    let roles = session
+        .rows(
+            "SELECT rolname::text FROM pg_roles WHERE rolname IN \
+             ('isomark_station', 'isomark_worker', 'isomark_office', 'isomark_viewer') \
+             AND pg_has_role(session_user, oid, 'MEMBER') ORDER BY 1",
+            &[],
+        )
+        .await?;
+    let roles: Vec<String> = roles.iter().map(|row| row.try_get(0)).collect::<Result<_, _>>()?;
+    match roles.is_empty() {
+        true => note(
+            format!("{login} has no role of the fleet"),
+            Some("Give the login its role, such as `GRANT isomark_station TO laser1`."),
+        ),
+        false => note(format!("{login} has the rights of {}", roles.join(", ")), None),
+    }
+    Ok(())
+}
+
+/// The state of all stations.
+///
+/// # Errors
+/// When the database cannot be used, or its tables are not those of this program.
+pub fn status(address: &Address) -> Result<FleetStatus, FleetError> {
+    run(async {
+        let session = Session::open::<()>(address, None).await?;
+        migrations::check(&session).await?;
+        let rows = session
+            .rows(
+                "SELECT name, runs, extract(epoch FROM now() - beat)::float8, extract(epoch FROM now() - since)::float8, \
+                 program, waiting, delivered, learned, rejected, outdated, uncertain, trouble \
+                 FROM isomark.station ORDER BY name COLLATE \"C\" LIMIT $1",
+                &[(&STATIONS, Type::INT8)],
+            )
+            .await?;
+        let stations = rows.iter().map(station).collect::<Result<_, _>>()?;
+        Ok(FleetStatus {
+            schema: SCHEMA.into(),
+            tables: migrations::VERSION,
+            stations,
+            fits: fits(&session).await?,
+        })
+    })
+}
+
+async fn fits(session: &Session) -> Result<SharedFits, FleetError> {
+    let row = session.row("SELECT count(bytes), coalesce(sum(bytes), 0)::int8 FROM isomark.fit", &[]).await?;
+    Ok(SharedFits { count: row.try_get(0)?, bytes: row.try_get(1)? })
+}
+
+/// Removes fits; returns how many and what is left.
+///
+/// # Errors
+/// When the database cannot be used, or the login may not remove fits.
+pub fn prune(address: &Address, prune: &Prune) -> Result<(i64, SharedFits), FleetError> {
+    run(async {
+        let session = Session::open::<()>(address, None).await?;
+        migrations::check(&session).await?;
+        let before = fits(&session).await?;
+        let days = prune.unused_days.map(|days| days.clamp(0.0, 1e6));
+        // Few at a time, so that stations get to work in between.
+        loop {
+            let removed = session
+                .row(
+                    "WITH listed AS (SELECT key, part, used, \
+                     sum(bytes) OVER (ORDER BY used DESC, key) AS newer_bytes FROM isomark.fit), \
+                     chosen AS (SELECT key FROM listed WHERE key = $3 OR newer_bytes > $2 \
+                     OR (used <= now() - make_interval(secs => $1 * 86400) AND NOT EXISTS \
+                     (SELECT FROM isomark.current_part AS c WHERE c.blake3 = listed.part)) ORDER BY used, key LIMIT $4), \
+                     removed AS (DELETE FROM isomark.fit WHERE key IN (SELECT key FROM chosen) RETURNING 1) \
+                     SELECT count(*) FROM removed",
+                    &[
+                        (&days, Type::FLOAT8),
+                        (&prune.max_bytes, Type::INT8),
+                        (&prune.key, Type::TEXT),
+                        (&AT_A_TIME, Type::INT8),
+                    ],
+                )
+                .await?;
+            if removed.try_get::<_, i64>(0)? < AT_A_TIME {
+                break;
+            }
+        }
+        let left = fits(&session).await?;
+        Ok(((before.count - left.count).max(0), left))
+    })
+}
+
+fn station(row: &Row) -> Result<StationRow, tokio_postgres::Error> {
+    let (runs, silent_for_s): (bool, f64) = (row.try_get(1)?, row.try_get(2)?);
+    Ok(StationRow {
+        name: row.try_get(0)?,
+        state: match runs {
+            false => StationState::Stopped,
+            true if silent_for_s > LONGEST_SILENCE => StationState::Silent,
+            true => StationState::Alive,
+        },
+        silent_for_s: silent_for_s.max(0.0),
+        up_for_s: row.try_get::<_, f64>(3)?.max(0.0),
+        program: row.try_get(4)?,
+        waiting: row.try_get(5)?,
+        delivered: row.try_get(6)?,
+        learned: row.try_get(7)?,
+        rejected: row.try_get(8)?,
+        outdated: row.try_get(9)?,
+        uncertain: row.try_get(10)?,
+        trouble: row.try_get(11)?,
+    })
+}

@@ -1,0 +1,36 @@
+-- The roles of a fleet, each with the least rights that it needs. `isomark fleet init` runs this after the migrations, every
+-- time. A login gets its rights with `GRANT isomark_station TO laser1`.
+
+DO $$
+DECLARE
+    role text;
+BEGIN
+    FOREACH role IN ARRAY ARRAY['isomark_station', 'isomark_worker', 'isomark_office', 'isomark_viewer'] LOOP
+        IF NOT EXISTS (SELECT FROM pg_catalog.pg_roles WHERE rolname = role) THEN
+            BEGIN
+                EXECUTE format('CREATE ROLE %I NOLOGIN', role);
+            EXCEPTION WHEN duplicate_object OR unique_violation THEN
+                NULL; -- Another database of the same server is being set up at this moment.
+            END;
+        END IF;
+    END LOOP;
+END $$;
+
+REVOKE ALL ON SCHEMA isomark FROM PUBLIC;
+REVOKE ALL ON ALL TABLES IN SCHEMA isomark FROM PUBLIC, isomark_station, isomark_worker, isomark_office, isomark_viewer;
+REVOKE ALL ON ALL FUNCTIONS IN SCHEMA isomark FROM PUBLIC, isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT USAGE ON SCHEMA isomark TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+
+-- Everybody sees the stations and the version of the tables.
+GRANT SELECT ON isomark.migration, isomark.station TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT EXECUTE ON FUNCTION
+    isomark.beat(text, text, text, boolean, bigint, bigint, bigint, bigint, bigint, bigint, text)
+    TO isomark_station, isomark_worker;
+
+-- Everybody sees which part is the current one. Bodies of fits are for those that use them; a fit is written once.
+GRANT SELECT ON isomark.current_part, isomark.part_version TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT SELECT (key, sku, part, bytes, station, login, at, used) ON isomark.fit TO isomark_office, isomark_viewer;
+GRANT SELECT, INSERT (key, sku, part, body, body_blake3, mesh, mesh_blake3, station), UPDATE (used)
+    ON isomark.fit TO isomark_station, isomark_worker;
+GRANT DELETE ON isomark.fit TO isomark_office;
+GRANT EXECUTE ON FUNCTION isomark.learned(text, text, text, text, boolean, text, float8) TO isomark_station, isomark_office;

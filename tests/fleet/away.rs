@@ -1,0 +1,133 @@
+//! The database is away, slow or refuses: stations go on, keep what they have to send, and send it in order afterwards.
+
+use fs_err as fs;
+
+use crate::fits::{current, hash};
+use crate::proxy::Proxy;
+use crate::server::{Server, waits_for};
+use crate::station::{Station, line, trough};
+use crate::tables::server_with_tables;
+
+/// The names of the files in the outbox.
+fn outbox(station: &Station) -> usize {
+    fs::read_dir(station.path("state/fleet/outbox")).into_iter().flatten().count()
+}
+
+/// Drops a part and a drawing, which are delivered.
+#[track_caller]
+fn works(station: &Station, sku: &str, depth: f64) {
+    station.drop_in(&format!("{sku}.obj"), &trough(depth));
+    station.drop_in(&format!("{sku}.dxf"), &line(9.0));
+    station.waits_for_file(&format!("import/{sku}.dxf"));
+}
+
+fn learned_in_order(server: &Server) -> String {
+    server.sql("isomark", "SELECT string_agg(sku, ' ' ORDER BY at, sku) FROM isomark.part_version")
+}
+
+#[test]
+fn what_was_learned_while_the_network_was_cut_is_sent_in_order_also_after_a_kill() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    let proxy = Proxy::to(server.port);
+    let mut station = Station::of("laser1", &proxy.url("laser1"));
+    station.waits_for_fleet(1);
+    proxy.cut();
+    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    for (index, sku) in ["c", "a", "b"].into_iter().enumerate() {
+        works(&station, sku, 1.0 + index as f64 * 0.1);
+    }
+    assert_eq!(outbox(&station), 6);
+    station.kill();
+    station.start();
+    station.waits_for("the trouble again", |station| station.logged("The station works without") == 2);
+    works(&station, "d", 1.4);
+    assert_eq!(outbox(&station), 8);
+    proxy.pass();
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    assert_eq!(learned_in_order(&server), "c a b d");
+    assert_eq!(server.sql("isomark", "SELECT count(*) FROM isomark.fit"), "4");
+}
+
+/// Nothing answers, and nothing is closed: as a stopped server, or a firewall that drops packets.
+#[test]
+fn a_server_that_hangs_holds_up_nothing() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    let proxy = Proxy::to(server.port);
+    let station = Station::of("laser1", &proxy.url("laser1"));
+    station.waits_for_fleet(1);
+    proxy.hold();
+    for (index, sku) in ["a", "b", "c"].into_iter().enumerate() {
+        works(&station, sku, 1.0 + index as f64 * 0.1);
+    }
+    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    works(&station, "d", 1.4);
+    proxy.pass();
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    assert_eq!(learned_in_order(&server), "a b c d");
+}
+
+#[test]
+fn revoked_rights_and_a_database_that_only_reads_are_waited_for() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    let station = Station::of("laser1", &server.url("laser1"));
+    station.waits_for_fleet(1);
+    server.sql("isomark", "REVOKE isomark_station FROM laser1");
+    works(&station, "a", 1.0);
+    station.waits_for("the rights", |station| station.troubles().contains("does not permit"));
+    server.sql("isomark", "GRANT isomark_station TO laser1");
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    // As when its disk is full or it became a copy.
+    server.sql("isomark", "ALTER DATABASE isomark SET default_transaction_read_only = on");
+    let end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = 'laser1'";
+    server.sql("isomark", end);
+    works(&station, "b", 1.1);
+    station.waits_for("the trouble", |station| station.troubles().contains("read-only"));
+    server.sql("postgres", "ALTER DATABASE isomark SET default_transaction_read_only = off");
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    assert_eq!(learned_in_order(&server), "a b");
+}
+
+/// A station was cut off while it learned a part. Whichever part was learned last, anywhere, is the current one everywhere.
+#[test]
+fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    for name in ["laser1", "laser2"] {
+        server.login(name, "station");
+    }
+    let proxy = Proxy::to(server.port);
+    let cut_off = Station::of("laser1", &proxy.url("laser1"));
+    let other = Station::of("laser2", &server.url("laser2"));
+    cut_off.waits_for_fleet(1);
+    other.waits_for_fleet(1);
+    let learns = |station: &Station, depth: f64, times: usize| {
+        station.drop_in("trough.obj", &trough(depth));
+        station.waits_for("the part", |station| station.logged("is now the part of trough") == times);
+    };
+    let agreed = || server.sql("isomark", "SELECT blake3 FROM isomark.current_part WHERE sku = 'trough'");
+    let everywhere = |depth: f64| {
+        let part = hash(&trough(depth));
+        waits_for("the part in the fleet", || agreed() == part, || cut_off.log());
+        for station in [&cut_off, &other] {
+            station.waits_for("the part here", |station| current(station, "trough") == part);
+        }
+    };
+    proxy.cut();
+    cut_off.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    learns(&cut_off, 1.0, 1);
+    learns(&other, 1.1, 1);
+    waits_for("the part", || agreed() == hash(&trough(1.1)), || other.log());
+    proxy.pass();
+    cut_off
+        .waits_for("the news", |station| station.logged("is not the part of trough any more: laser2") == 1);
+    everywhere(1.1);
+    proxy.cut();
+    cut_off.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    learns(&other, 1.2, 2);
+    waits_for("the part", || agreed() == hash(&trough(1.2)), || other.log());
+    learns(&cut_off, 1.3, 2);
+    proxy.pass();
+    everywhere(1.3);
+}

@@ -1,0 +1,27 @@
+//! Fleets: real stations with a real PostgreSQL server, which the tests start and stop themselves.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    unreachable_pub,
+    missing_docs,
+    dead_code,
+    reason = "helpers of tests may panic"
+)]
+
+#[path = "../program/desk.rs"]
+mod desk;
+#[path = "../schemas/mod.rs"]
+mod schemas;
+
+mod server;
+mod station;
+mod proxy;
+
+mod away;
+mod fits;
+mod kills;
+mod stations;
+mod tables;
+mod encryption;
