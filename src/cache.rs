@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v7/                 one folder for each format version
+//! <cache>/v9/                 one folder for each format version
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -13,6 +13,8 @@
 //! [`canonical::surface`](crate::config::canonical::surface) writes them, and of the version of the fit. A `.fit`
 //! file is written once, completely, and never changed, so several stations may share a cache folder. A damaged file,
 //! for example after a power cut, is reported and treated as missing: the surface is fitted again.
+
+mod shared;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -31,8 +33,11 @@ use crate::geometry::surface::fit::FittedSurface;
 use crate::geometry::surface::knots::UniformKnots;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
+pub(crate) use shared::Shared;
+pub use shared::SharedSurfaces;
+
 /// Version of the file format and of the fit: increased whenever either changes.
-const VERSION: u32 = 7;
+const VERSION: u32 = 9;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
@@ -89,6 +94,16 @@ pub struct CachedSurface {
     pub surface: FittedSurface,
     /// Where ink may be; `None` for anywhere.
     pub mark: Option<MarkRegion>,
+}
+
+/// A surface as bytes, for another cache.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct KeptBytes {
+    /// The surface.
+    pub fit: Vec<u8>,
+    /// The part's mesh for pictures, if there is one.
+    pub mesh: Option<Vec<u8>>,
 }
 
 /// The result of a cache lookup.
@@ -275,6 +290,39 @@ impl Cache {
         let folder = self.folder(sku);
         fs::create_dir_all(&folder)?;
         write_whole_unsynced(&folder, &format!("{}.mesh", key.0), &sealed(&record, MESH_MAGIC)?)
+    }
+
+    /// The bytes of a surface and of its mesh for pictures, if there are any; they are not checked.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn bytes(&self, sku: &Sku, key: &CacheKey) -> io::Result<Option<KeptBytes>> {
+        let Some(fit) = read_if_there(&self.file(sku, key, "fit"))? else { return Ok(None) };
+        Ok(Some(KeptBytes { fit, mesh: read_if_there(&self.file(sku, key, "mesh"))? }))
+    }
+
+    /// Stores a surface whose [bytes](Self::bytes) come from another cache, if it is a surface of this part. A mesh that cannot
+    /// be used is left out. The inner error is what is wrong with the surface.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn take_in(
+        &self,
+        sku: &Sku,
+        key: &CacheKey,
+        part: &PartOrigin,
+        fit: &[u8],
+        mesh: Option<&[u8]>,
+    ) -> io::Result<Result<(), String>> {
+        let kept = match decode(fit) {
+            Ok(kept) if kept.origin.blake3 == part.blake3 => CachedSurface { origin: part.clone(), ..kept },
+            Ok(_) => return Ok(Err("it is the surface of another part".into())),
+            Err(what) => return Ok(Err(what)),
+        };
+        let mesh = mesh.and_then(|bytes| opened(bytes, MESH_MAGIC).ok()).and_then(|record: MeshRecord| {
+            PictureMesh::new(record.positions, record.normals, record.triangles, record.source_triangles)
+        });
+        self.keep(sku, key, &kept, mesh.as_ref()).map(Ok)
     }
 
     fn file(&self, sku: &Sku, key: &CacheKey, ending: &str) -> PathBuf {
@@ -469,7 +517,7 @@ fn opened<T: for<'de> Deserialize<'de>>(bytes: &[u8], magic: &[u8; 12]) -> Resul
 
 fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     let record: Record = opened(bytes, MAGIC)?;
-    let facts =
+    let facts: PartFacts =
         serde_json::from_str(&record.facts).map_err(|error| format!("the facts cannot be read: {error}"))?;
     let knots = |(start, step, spans): (f64, f64, usize)| UniformKnots::new(start, step, spans);
     let is_valid = |(_, step, spans): (f64, f64, usize)| step > 0.0 && (1..1_000_000).contains(&spans);
@@ -499,12 +547,8 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
             Some(region.ok_or_else(|| "the sizes of the grids do not match".to_owned())?)
         }
     };
-    Ok(CachedSurface {
-        origin: record.origin,
-        facts,
-        surface: FittedSurface::compare(nurbs, field).doubted(record.doubts, uncertainties),
-        mark,
-    })
+    let surface = FittedSurface::compare(nurbs, field).doubted(record.doubts, uncertainties);
+    Ok(CachedSurface { origin: record.origin, surface: surface.with_known(facts.known_forms()), facts, mark })
 }
 
 #[cfg(test)]
@@ -554,9 +598,9 @@ mod tests {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 from another program: of "isomark fit 7", "ab12" and the pinned text of the settings, one per line.
-        assert_eq!(key(&PartSettings::default()), "f911f4e5ee1f237c8bf7bfced9b8a836");
-        assert_eq!(key(&everything().part), "ba5ce9ce6542abd9bc90d4ec00f6b7c4");
+        // BLAKE3 from another program: of "isomark fit 9", "ab12" and the pinned text of the settings, one per line.
+        assert_eq!(key(&PartSettings::default()), "fae1b0150e47b4871ee6554b71c78009");
+        assert_eq!(key(&everything().part), "85abaf194ba8613299c3d97d6067a900");
     }
 
     #[test]
@@ -574,6 +618,21 @@ mod tests {
         assert_eq!(cache.current(&sku).unwrap(), Some(current));
         assert_eq!(cache.entries().unwrap().len(), 1);
         assert!(cache.remove(&sku).unwrap() && !cache.remove(&sku).unwrap());
+    }
+
+    #[test]
+    fn a_surface_of_another_cache_is_taken_in_if_it_is_of_this_part() {
+        let [mine, theirs] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let [mine, theirs] = [&mine, &theirs].map(|folder| Cache::new(folder.path()));
+        let (sku, key, kept) = ("Saddle".parse::<Sku>().unwrap(), CacheKey::new("00", "top"), kept());
+        theirs.keep(&sku, &key, &kept, None).unwrap();
+        let bytes = theirs.bytes(&sku, &key).unwrap().unwrap();
+        let other = PartOrigin { file: "saddle.obj".into(), blake3: "01".into() };
+        assert!(mine.take_in(&sku, &key, &other, &bytes.fit, None).unwrap().is_err());
+        assert!(mine.take_in(&sku, &key, &kept.origin, &bytes.fit[1..], None).unwrap().is_err());
+        assert!(matches!(mine.get(&sku, &key).unwrap(), Lookup::Miss));
+        mine.take_in(&sku, &key, &kept.origin, &bytes.fit, Some(b"no mesh")).unwrap().unwrap();
+        assert_eq!(mine.bytes(&sku, &key).unwrap(), Some(bytes));
     }
 
     #[test]

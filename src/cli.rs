@@ -15,9 +15,11 @@ mod demo;
 mod diff;
 mod evaluate;
 mod explain;
+mod fleet;
 mod inspect;
 mod schema;
 mod job;
+mod list;
 mod log;
 mod marked_line;
 mod plan;
@@ -30,6 +32,7 @@ mod status;
 mod station_edit;
 mod register;
 mod check;
+mod content;
 mod named_files;
 mod options;
 mod outcome;
@@ -78,6 +81,8 @@ enum Command {
     Schema(schema::SchemaArguments),
     /// Lists, verifies and removes fitted surfaces.
     Cache(cache::CacheArguments),
+    /// Sets up, checks and shows a fleet: stations that share what they know through a PostgreSQL database.
+    Fleet(fleet::FleetArguments),
     /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
     Demo(demo::DemoArguments),
 }
@@ -112,6 +117,7 @@ pub fn main() -> ExitCode {
         Command::Explain(arguments) => (explain::run(&arguments), arguments.json),
         Command::Schema(arguments) => (schema::run(&arguments), false),
         Command::Cache(arguments) => (cache::run(&arguments), false),
+        Command::Fleet(arguments) => (fleet::run(&arguments), arguments.json()),
         Command::Demo(arguments) => (demo::run(&arguments), false),
     };
     match outcome {

@@ -48,8 +48,8 @@
 //! # }
 //! ```
 //!
-//! The features `cli` (the program `isomark`), `station` (the hot folder) and `page` (its page in browsers) are on by
-//! default. Without them (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no
+//! The features `cli` (the program `isomark`), `station` (the hot folder), `page` (its page in browsers) and `fleet` (what
+//! stations share) are on by default. Without them (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no
 //! threads and no folder watching.
 //!
 //! Errors, reports and settings may get more variants and fields in a minor version. Match errors with a `_` arm, and make
@@ -147,6 +147,7 @@
 //! | [`formats`] | bytes to values and back; the only module that uses format crates; opens no file | `geometry`, `printable`, `reason` |
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
 //! | [`files`] | files that are written completely or not at all | – |
+//! | `converter` | STEP files converted by FreeCAD, in a child process | – |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
 //! | [`preview`] | the pictures of a job: flat, and on the part | `geometry`, `printable`, `formats` |
 //! | [`diff`] | the differences between two drawings, as text | `geometry`, `printable` |
@@ -155,6 +156,7 @@
 //! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |
 //! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `report_html`, `geometry` |
 //! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `report`, `report_html`, `diff`, `printable`, `reason` |
+//! | [`fleet`] | what stations share, in a database | `cache`, `config`, `files`, `hotfolder`, `printable`, `reason` |
 //! | [`cli`] | the command line | all above |
 //!
 //! There are no circular dependencies. `tests/layering.rs` reads the sources and checks this, including external
@@ -172,12 +174,14 @@
 //!   [`Notice`](reason::Notice), its code in `src/reason/codes.rs`, and its limit, if it is a setting, in [`config`] and
 //!   `watch-config/`.
 
-pub mod geometry;
+#[doc(inline)]
+pub use isomark_geometry as geometry;
 pub mod printable;
 pub mod reason;
 pub mod formats;
 pub mod config;
 pub mod files;
+mod converter;
 pub mod cache;
 pub mod preview;
 pub mod diff;
@@ -187,6 +191,8 @@ pub mod pipeline;
 mod front;
 #[cfg(feature = "station")]
 pub mod hotfolder;
+#[cfg(feature = "fleet")]
+pub mod fleet;
 #[cfg(feature = "cli")]
 pub mod cli;
 

@@ -9,21 +9,21 @@
 //! files of the cache are read and written.
 
 use std::io;
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
 
-use crate::cache::{Cache, CacheKey, CachedSurface};
+use crate::cache::{Cache, CacheKey, CachedSurface, Shared, SharedSurfaces};
 use crate::config::{
-    self, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Vertices, Weighting,
+    self, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Weighting,
 };
 use crate::diff;
 use crate::formats::Pace;
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, RepairPlace};
-use crate::geometry::correction::{self, Bent, Exposure, Projection, Subdivision};
+use crate::geometry::correction::{Bent, Exposure, Projection};
 use crate::geometry::frame_outline::frame_outline;
-use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
@@ -47,19 +47,25 @@ pub(crate) mod learning;
 mod scan;
 mod placing;
 mod causes;
+mod chords;
 mod checks;
+mod content;
+mod converting;
 mod evaluate;
 mod fill;
 mod focus;
 mod in_space;
 mod landmarks;
+mod list;
 mod preview;
 mod on_part;
 mod progress;
 mod rotary;
 
+pub use content::{check_values, drawing_facts};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use focus::StepDrawing;
+pub use list::ListJob;
 pub use on_part::Marked;
 pub use progress::{Progress, Step};
 pub use rotary::{TileFile, rotary_table};
@@ -203,13 +209,20 @@ pub struct Pipeline {
     fit: FitOptions,
     pace: Pace,
     observer: Observer,
+    shared: Shared,
 }
 
 impl Pipeline {
     /// A pipeline that keeps surfaces in `cache`, or keeps none.
     #[must_use]
     pub fn new(cache: Option<Cache>) -> Self {
-        Self { cache, fit: FitOptions::default(), pace: Pace::Any, observer: Observer::default() }
+        Self {
+            cache,
+            fit: FitOptions::default(),
+            pace: Pace::Any,
+            observer: Observer::default(),
+            shared: Shared::default(),
+        }
     }
 
     /// The same pipeline with another cache.
@@ -222,6 +235,12 @@ impl Pipeline {
     #[must_use]
     pub fn observed(self, observe: impl Fn(Progress<'_>) + Send + Sync + 'static) -> Self {
         Self { observer: Observer::new(observe), ..self }
+    }
+
+    /// The same pipeline with surfaces that other stations share.
+    #[must_use]
+    pub fn sharing(self, shared: Arc<dyn SharedSurfaces>) -> Self {
+        Self { shared: Shared(Some(shared)), ..self }
     }
 
     /// The same pipeline at another pace: a quick one stops with [`PipelineError::TakesLong`] as soon as the content
@@ -252,7 +271,7 @@ impl Pipeline {
         let mut clock = Clock::start();
         let part = &learned.kept;
         let mut notices = learned.notices.clone();
-        let settings = &Self::framed(settings, part, &mut notices);
+        let settings = &Self::framed(settings, sku, part, &mut notices);
         let surface = &part.surface;
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let steps = self.observer.steps(input.name);
@@ -264,7 +283,10 @@ impl Pipeline {
         let settings = &rolled.settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
         let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
-        let rejected = |reason: Reason| checks::doubting_unit(reason, &facts).in_file(input.name);
+        let rejected = |reason: Reason| {
+            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            checks::doubting_unit(reason, &facts).in_file(input.name)
+        };
         if let Some(tiles) = &tiles {
             fill::in_tiles((&tiles.drawn, given), (&placed, settings)).map_err(rejected)?;
         }
@@ -287,23 +309,20 @@ impl Pipeline {
         clock.lap("check lines");
 
         steps.at(Step::Bend);
-        let subdivision = match settings.correction.vertices {
-            Vertices::Adaptive => Subdivision::Adaptive,
-            Vertices::Keep => Subdivision::Keep,
-        };
-        let Bent { mut drawing, shortening, mut drawn, .. } = projection
-            .bend(&placed, fill::tolerance(settings), subdivision)
+        let bent = chords::bend(&projection, &placed, settings)
             .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
-        let marked = placed.paths.iter().zip(&shortening);
-        let marked = marked.filter(|(path, _)| {
-            placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
-        });
-        let (mut shortening, mut shortest) = (0.0, 0.0f64);
-        for (path, lost) in marked.filter(|(_, lost)| **lost > 0.0) {
-            shortening += lost;
-            shortest = shortest.max(lost / correction::drawn_length(path.shape.segments()));
-        }
+        let shortened = chords::of_ink(&placed, &bent, settings);
+        let Bent { mut drawing, mut drawn, .. } = bent;
+        let shortening = shortened.iter().map(|path| path.lost).sum();
+        // Without the correction, the marking program divides curves by the same tolerance.
+        let as_drawn = Projection { map: &LengthTrueMap::Plain, ..projection };
+        let shortened_as_drawn = chords::bend(&as_drawn, &placed, settings)
+            .map_or_else(|_| Vec::new(), |bent| chords::of_ink(&placed, &bent, settings));
         clock.lap("bend");
+        let on_part = tiles.is_none().then_some((&map, surface));
+        let content =
+            content::report(&placing.codes, &facts, &placing.whole_motion(), on_part, settings, &mut notices);
+        notices.extend(placing.notices.iter().cloned());
         let sensitivity = projection.sensitivity(&ink, &settings.pose_uncertainty);
         clock.lap("sensitivity");
         let outline = with_pictures
@@ -329,9 +348,9 @@ impl Pipeline {
         let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
         let mut after = measured(&|at| map.point(at))
             .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
-        after.length_error += shortening;
-        after.max_stretch = after.max_stretch.max(shortest);
-        let before = measured(&|at| ViewPoint::from(at.coords())).ok();
+        after.shorten(shortened);
+        let mut before = measured(&|at| ViewPoint::from(at.coords())).ok();
+        before.iter_mut().for_each(|before| before.shorten(shortened_as_drawn.iter().copied()));
         clock.lap("measure");
 
         steps.at(Step::Write);
@@ -428,6 +447,7 @@ impl Pipeline {
             exposure: (&exposure).into(),
             sensitivity: Some(SensitivityReport::new(&sensitivity, &settings.pose_uncertainty)),
             fill: filled.as_ref().map(|filled| filled.report.clone()),
+            content,
             focus: stepped.as_ref().map(|stepped| stepped.report.clone()),
             output: output_report(&dxf, &drawing, shortening, settings),
             rotary,
@@ -468,8 +488,7 @@ fn measured(
     surface: &FittedSurface,
 ) -> Result<Distortion, ViewPoint> {
     let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
-    let doubt = |at| if is_recognised { Uncertainty::NONE } else { surface.uncertainty(at) };
-    quality::measure_at_most(ink, place, |at| surface.sampled_height(at), doubt)
+    quality::measure_on(surface, ink, place, !is_recognised)
 }
 
 /// Width and height of the part in the view, mm; `None` in a view that is not along an axis of the part.

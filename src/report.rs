@@ -5,9 +5,11 @@
 
 use serde::{Deserialize, Serialize};
 
+mod content;
 mod fill;
 mod focus;
 
+pub use content::{CodeReport, ContentReport};
 pub use fill::FillReport;
 pub use focus::{FocusReport, FocusStepReport};
 
@@ -65,6 +67,9 @@ pub struct Report {
     /// The lines that fill contours; absent without a fill.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fill: Option<FillReport>,
+    /// The values of fields and the codes; absent for a drawing without them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub content: Option<ContentReport>,
     /// The steps into which the drawing is cut by height; absent without steps of focus.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus: Option<FocusReport>,
@@ -301,8 +306,8 @@ pub struct Quality {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct DistortionReport {
-    /// e_l, mm. With the correction, it includes the shortening of curves by chords; without it, and in `isomark evaluate`,
-    /// curves are taken as exact, because it is not known how they would be marked.
+    /// e_l, mm. It includes the shortening of curves by chords; without the correction, the drawing as drawn is divided by the
+    /// same tolerance.
     pub length_error_mm: f64,
     /// e_l / length of all lines.
     pub length_error_relative: f64,
@@ -685,6 +690,7 @@ impl Report {
         ));
         lines.extend(self.focus.as_ref().map(FocusReport::summary));
         lines.extend(self.fill.as_ref().map(FillReport::summary));
+        lines.extend(self.content.iter().flat_map(ContentReport::lines));
         lines.extend(self.sensitivity.iter().flat_map(SensitivityReport::lines));
         lines.extend(self.rotary.as_ref().map(RotaryReport::summary));
         if let Some(scan) = scan {

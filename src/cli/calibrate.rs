@@ -396,6 +396,7 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
             "Check the heights, the names of the crosses and this value, and measure again.",
         )
         .with_number("standard deviation", deviation, "mm", Some(10.0 * named.readings.reading)),
+        _ => undetermined(format!("{error}."), "Measure more crosses, far apart, on both plates."),
     }
 }
 

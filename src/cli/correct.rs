@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::job::{Job, JobArguments};
+use super::list;
 use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
@@ -30,8 +31,20 @@ pub(super) struct CorrectArguments {
     #[command(flatten)]
     rotary: RotaryArguments,
     /// The corrected drawing to write; an existing drawing is replaced.
-    #[arg(long, short, value_name = "OUT.dxf")]
-    out: PathBuf,
+    #[arg(long, short, value_name = "OUT.dxf", required_unless_present = "list")]
+    out: Option<PathBuf>,
+    /// Writes a drawing for each row of this list (CSV; the first row names the columns) into `--out-dir`: LIST-0001.dxf and so on.
+    /// Fields `{csv:COLUMN}` are from the row; serial numbers as set under `[serial]`.
+    #[arg(
+        long,
+        value_name = "LIST.csv",
+        help_heading = "Variable content",
+        conflicts_with_all = ["out", "report", "preview", "on_part", "report_html", "frame_drawing", "xyz", "step_files", "json"]
+    )]
+    list: Option<PathBuf>,
+    /// The folder for the drawings of a list; it is created if need be, and drawings in it are replaced.
+    #[arg(long, value_name = "DIR", help_heading = "Variable content", requires = "list")]
+    out_dir: Option<PathBuf>,
     /// How the drawing is bent: auto (exact on cylinders and cones, otherwise isometric), isometric, cylinder, cone; to
     /// compare with: mapping-domain, floater, none.
     #[arg(long, help_heading = CORRECTION)]
@@ -86,8 +99,13 @@ pub(super) struct CorrectArguments {
 }
 
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
+    let out = match (&arguments.out, &arguments.list) {
+        (Some(out), _) => out,
+        (None, Some(list)) => return arguments.run_list(list),
+        (None, None) => return Err(Failure::usage("No drawing to write is named.", "Name it with `--out`.")),
+    };
     let named = [
-        ("--out", Some(&arguments.out)),
+        ("--out", Some(out)),
         ("--report", arguments.report.as_ref()),
         ("--preview", arguments.preview.as_ref()),
         ("--on-part", arguments.on_part.as_ref()),
@@ -110,7 +128,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     if let Some(file) = arguments.xyz.as_ref().filter(|file| !has_ending(file, "csv")) {
         check_ending("--xyz", Some(file), "dxf", "a list of points (.csv) or a DXF")?;
     }
-    let previous = replaced(&arguments.out)?;
+    let previous = replaced(out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
     let with_pictures = pictures.iter().any(|(_, file, ..)| file.is_some()) || arguments.xyz.is_some();
@@ -119,14 +137,14 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
 
     let dxf = std::mem::take(&mut corrected.dxf);
     let is_read_back = corrected.is_to_be_read_back(*verify);
-    if write_tiles(&arguments.out, &mut corrected, &arguments.job.files(), is_read_back)? {
+    if write_tiles(out, &mut corrected, &arguments.job.files(), is_read_back)? {
         // The tiles are files of their own.
     } else if is_read_back {
-        write_file_if(&arguments.out, &dxf, |file| corrected.read_back(file))?;
+        write_file_if(out, &dxf, |file| corrected.read_back(file))?;
     } else {
-        write_file(&arguments.out, &dxf)?;
+        write_file(out, &dxf)?;
     }
-    arguments.write_steps(&corrected)?;
+    arguments.write_steps(out, &corrected)?;
     if let (Some(path), Some(drawing)) = (&arguments.xyz, pipeline.in_space(learned, &corrected, settings)) {
         let bytes = if has_ending(path, "csv") { write_points(&drawing) } else { write_space(&drawing) };
         write_file(path, &bytes)?;
@@ -142,7 +160,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     if arguments.json {
         print_json(&json);
     }
-    tell(&corrected.report.summary_replacing(&name_of(&arguments.out)?));
+    tell(&corrected.report.summary_replacing(&name_of(out)?));
     if shows_heights {
         let option = if arguments.on_part.is_some() { "--on-part" } else { "--report-html" };
         tell(&format!("`{option}` {WITHOUT_MESH}"));
@@ -206,13 +224,26 @@ impl CorrectArguments {
         Ok(on_part.part_source == PartSource::Heights && job.learned.kept.facts.scan.is_none())
     }
 
+    /// Corrects the drawing for each row of a list.
+    fn run_list(&self, list: &Path) -> Outcome {
+        let folder = list::folder(list, self.out_dir.as_ref())?;
+        if self.job.content.gives_a_product() {
+            return Err(Failure::usage(
+                "`--content` gives the values of one product, and `--list` those of many.",
+                "Remove `--content`, or `--list`; the first serial number of a list is `--set serial.start=17`.",
+            ));
+        }
+        let job = self.job.prepare(self.overrides()?, useless_to_a_job)?;
+        list::run(&job, list, &folder)
+    }
+
     /// Writes each step of focus into a file of its own, if that is asked for.
-    fn write_steps(&self, corrected: &Corrected) -> Outcome {
+    fn write_steps(&self, out: &Path, corrected: &Corrected) -> Outcome {
         if !self.step_files {
             return Ok(());
         }
         for (height, dxf) in corrected.step_files() {
-            write_file(&self.out.with_extension(format!("{height}.dxf")), &dxf)?;
+            write_file(&out.with_extension(format!("{height}.dxf")), &dxf)?;
         }
         Ok(())
     }

@@ -16,7 +16,8 @@ use super::set::{SetArguments, add_options, refuse_options_of_other_formats, use
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::formats;
 use crate::formats::mesh::{
-    self, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape, SideFacts,
+    self, FaceKind, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
+    SideFacts,
 };
 use crate::formats::pattern::{self, PatternFacts, PatternReadError};
 use crate::formats::surface::SurfaceFormat;
@@ -36,7 +37,7 @@ const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// A part (.glb, .gltf, .obj, .stl, .ply), a scan (.ply, .xyz, .csv, .txt) or a drawing (.dxf, .svg, .png, .bmp).
+    /// A part (.step, .glb, .gltf, .obj, .stl, .ply, .3mf), a scan (.ply, .xyz, .csv, .txt) or a drawing (.dxf, .svg, .png, .bmp).
     file: PathBuf,
     #[command(flatten)]
     meaning: MeaningArguments,
@@ -419,6 +420,12 @@ fn surface_line(text: &mut String, surface: &FittedSurface) {
 }
 
 fn mesh_lines(text: &mut String, facts: &PartFacts, triangles: usize) {
+    if !facts.faces.is_empty() {
+        let faces = facts.faces.iter().map(|FaceKind { kind, count, .. }| format!("{count} x {kind}"));
+        line(text, "faces", &format!("{}, marked exactly", faces.collect::<Vec<_>>().join(", ")));
+        line(text, "mesh", &format!("{triangles} triangles for pictures"));
+        return;
+    }
     line(text, "mesh", &format!("{triangles} triangles, {} vertices", facts.vertices));
     let found = match facts.normals {
         NormalsFound::Smooth => "follow the surface",

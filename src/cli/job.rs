@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::content::ContentArguments;
 use super::named_files::{cache_of, known_cache, name_of, read_file, read_part};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
@@ -20,7 +21,7 @@ const COMPARISON: &str = "Methods to compare with";
 
 #[derive(Debug, Args)]
 pub(super) struct JobArguments {
-    /// The part (.glb, .gltf, .obj, .stl, .ply), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .svg, .png, .bmp); the part may be left out for a SKU whose surface is kept.
+    /// The part (.step, .glb, .gltf, .obj, .stl, .ply, .3mf), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .svg, .png, .bmp); the part may be left out for a SKU whose surface is kept.
     #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
     inputs: Vec<PathBuf>,
     /// The product that the part belongs to; its surface is kept for later drawings. Default: the part's file name.
@@ -85,6 +86,8 @@ pub(super) struct JobArguments {
     #[arg(long, value_name = "WHICH", help_heading = COMPARISON)]
     floater_weights: Option<String>,
     #[command(flatten)]
+    pub(super) content: ContentArguments,
+    #[command(flatten)]
     pub(super) set: SetArguments,
 }
 
@@ -134,7 +137,8 @@ impl JobArguments {
             }
             None => JobSettings::without_station(&of_station)?,
         };
-        let settings = settings.with_overrides(&of_job)?;
+        let mut settings = settings.with_overrides(&of_job)?;
+        self.content.add_to(&mut settings)?;
         let drawing = read_file(pattern)?;
         refuse_options_of_other_formats(&of_job, &name_of(pattern)?, &drawing)?;
         let station = live.as_ref().map(LiveSettings::station);

@@ -29,6 +29,12 @@ pub(super) struct MeaningArguments {
     /// What is marked of the strokes in an SVG drawing: center (default), their centre lines, or band, the area that they cover.
     #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
     strokes: Option<String>,
+    /// Polylines with a smaller width, and strokes that are marked as bands, are marked along their centre lines, mm, 0 to 1; default 0.05.
+    #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
+    hairline: Option<String>,
+    /// What is read of a DXF: model (default), paper (the only sheet with content) or paper:NAME (the sheet of this name).
+    #[arg(long, value_name = "SPACE", help_heading = "Part and drawing")]
+    space: Option<String>,
     /// Width of the whole picture with its blank border, or of the page of an SVG drawing, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) or size in its file.
     #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
     width: Option<String>,
@@ -73,6 +79,8 @@ impl MeaningArguments {
                 ("--joining", "pattern.joining_mm", self.joining.as_ref()),
                 ("--losses", "pattern.losses", self.losses.as_ref()),
                 ("--strokes", "pattern.strokes", self.strokes.as_ref()),
+                ("--hairline", "pattern.hairline_mm", self.hairline.as_ref()),
+                ("--space", "pattern.space", self.space.as_ref()),
             ],
         )?;
         add_switch(overrides, "--strict", "pattern.strict", self.strict)?;

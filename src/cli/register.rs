@@ -44,7 +44,7 @@ pub(super) struct RegisterArguments {
     /// The product whose settings are used and written; default: the station's settings for every part.
     #[arg(long)]
     sku: Option<String>,
-    /// The part (.glb, .gltf, .obj, .stl, .ply): gives the height of points that are named by x and y of the view, and the outline for `--jig`.
+    /// The part (.step, .glb, .gltf, .obj, .stl, .ply, .3mf): gives the height of points that are named by x and y of the view, and the outline for `--jig`.
     #[arg(long, value_name = "FILE")]
     part: Option<PathBuf>,
     /// A point of the part and where the pilot beam or a mark hits it in the field: "X,Y,Z=X,Y" in the part's own axes (+Z up, mm), or with `--part` "X,Y=X,Y" in the laser's view; three or more.
@@ -394,7 +394,7 @@ fn reason(error: &RegistrationError, contacts: &Contacts) -> Reason {
             )
             .with_number("standard deviation", deviation, "mm", Some(10.0 * contacts.reading))
         }
-        RegistrationError::NotFound => pose("Check the points, and give more of them."),
+        _ => pose("Check the points, and give more of them."),
     }
 }
 

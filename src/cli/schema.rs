@@ -34,6 +34,7 @@ documents! {
     "evaluate": "every method for one drawing on one part",
     "diff": "what changed between two drawings",
     "status": "the state of a station",
+    "fleet": "the stations of a fleet",
     "lens": "a measured lens",
     "registration": "where a part stands under the laser",
     "rotary": "the tiles of a mark round the part, with the angles of the rotary axis",

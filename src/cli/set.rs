@@ -101,6 +101,7 @@ pub(super) fn refuse_options_of_other_formats(overrides: &Overrides, name: &str,
                 ("is never scaled", "Remove it, or scale the drawing in the drawing program.")
             }
             ("pattern.threshold_percent" | "pattern.invert", _) => ("has no pixels", "Remove it."),
+            ("pattern.space", "an SVG") => ("has no sheets", "Remove it."),
             ("pattern.strokes", "a DXF") => ("has widths only on polylines", "Remove it."),
             _ => continue,
         };
@@ -155,6 +156,7 @@ pub(super) fn useless_to_an_inspection(name: &str) -> Option<&'static str> {
         _ if SIZES.contains(&name) => {
             Some("`isomark inspect` reads a file, and a part of these sizes has none")
         }
+        _ if name == "part.converter" => Some("`isomark inspect` shows the faces of the file itself"),
         "part" | "pattern" => None,
         _ => Some("`isomark inspect` only reads a part or a drawing, and uses `part` and `pattern`"),
     }

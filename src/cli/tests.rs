@@ -37,6 +37,7 @@ fn schema_of(name: &str) -> Value {
         "evaluate" => document::<Evaluation>(name),
         "diff" => document::<diff::Document<'_>>(name),
         "status" => document::<Status>(name),
+        "fleet" => document::<crate::fleet::FleetStatus>(name),
         "registration" => document::<register::RegistrationDocument>(name),
         "lens" => document::<calibrate::LensDocument>(name),
         "rotary" => document::<RotaryTable>(name),

@@ -1,6 +1,7 @@
 //! `isomark watch`: the hot folder.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 
@@ -11,7 +12,8 @@ use super::service::ServiceManager;
 use super::set::SetArguments;
 use crate::cache::Cache;
 use crate::config::{LiveSettings, PageSettings};
-use crate::hotfolder::{self, Mode, PipelineCorrector, StationError, StopSignal, Tally, WaitsFor};
+use crate::fleet::Member;
+use crate::hotfolder::{self, Mode, PipelineCorrector, Pulse, StationError, StopSignal, Tally, WaitsFor};
 use crate::pipeline::Pipeline;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
@@ -50,11 +52,27 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
     if let Some(progress) = &progress {
         pipeline = pipeline.observed(progress.observer());
     }
-    let corrector = PipelineCorrector::new(pipeline);
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
+    // A station that runs once works for itself.
+    let fleet = settings.station().fleet.clone().filter(|_| !arguments.once);
+    let member = fleet.map(|fleet| Arc::new(Member::new(fleet, &settings.station().folders)));
+    if let Some(member) = &member {
+        pipeline = pipeline.sharing(member.clone());
+    }
+    let mut corrector = PipelineCorrector::new(pipeline);
+    if let Some(member) = &member {
+        corrector = corrector.in_fleet(member.clone());
+    }
     let mut manager = ServiceManager::of_this_process();
-    let tally = hotfolder::run(settings, &corrector, &stop, mode, &mut |pulse| manager.hear(pulse))
-        .map_err(|error| failure(&error))?;
+    let mut in_fleet = None;
+    let tally = hotfolder::run(settings, &corrector, &stop, mode, &mut |pulse| {
+        if matches!(pulse, Pulse::Ready) {
+            in_fleet = member.as_ref().and_then(Member::start);
+        }
+        manager.hear(pulse);
+    });
+    drop(in_fleet);
+    let tally = tally.map_err(|error| failure(&error))?;
     drop(progress);
     if !arguments.once {
         return Ok(());

@@ -18,15 +18,16 @@
 use std::fmt::Write;
 
 use super::choices::{
-    Align, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
+    Align, Converter, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
 };
+use super::content::{CodeSettings, ContentSettings};
 use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
     Rotary, Tiles, ViewSource,
 };
 use crate::formats::mesh::NormalsChoice;
-use crate::formats::pattern::RasterOptions;
+use crate::formats::pattern::{RasterOptions, Space};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens};
 use crate::geometry::primitive::Primitive;
@@ -72,6 +73,7 @@ pub fn drawing(settings: &JobSettings) -> String {
         placement,
         correction,
         fill,
+        content,
         focus,
         rotary,
         fixture,
@@ -89,6 +91,7 @@ pub fn drawing(settings: &JobSettings) -> String {
     text.placement(placement);
     text.correction(correction);
     text.fill(fill);
+    text.content(content);
     text.focus(focus, optics);
     text.rotary(rotary, settings);
     text.fixture(fixture, &optics.lens);
@@ -113,6 +116,7 @@ impl Text {
             normals,
             bridge,
             smoothing,
+            converter,
             primitive,
         } = settings;
         if *facing != Facing::TOP {
@@ -128,6 +132,7 @@ impl Text {
             Smoothing::LowPass { wavelength } => self.numbers("part.low_pass_mm", [*wavelength]),
             Smoothing::None => self.word("part.smoothing", Some("none")),
         }
+        self.word("part.converter", (*converter != Converter::None).then_some(converter));
         if let Some(primitive) = primitive {
             self.primitive(primitive);
         }
@@ -139,10 +144,10 @@ impl Text {
     }
 
     fn fit(&mut self, options: &FitOptions) {
-        let FitOptions { tolerance, first_spans, most_spans } = options;
-        self.number("fit.tolerance_mm", *tolerance, 0.002);
-        self.count("fit.first_spans", *first_spans, 72);
-        self.count("fit.most_spans", *most_spans, 256);
+        let (tolerance, first_spans, most_spans) = options.values();
+        self.number("fit.tolerance_mm", tolerance, 0.002);
+        self.count("fit.first_spans", first_spans, 72);
+        self.count("fit.most_spans", most_spans, 256);
     }
 
     fn pattern(&mut self, settings: &PatternSettings) {
@@ -157,6 +162,8 @@ impl Text {
             // It decides whether there is a drawing.
             losses: _,
             strokes,
+            hairline,
+            space,
         } = settings;
         self.word("pattern.unit_if_unitless", unit_if_unitless.map(|unit| unit.to_string()));
         self.layers("pattern.ink_layers", ink_layers.as_ref());
@@ -168,6 +175,16 @@ impl Text {
         self.number("pattern.joining_mm", *joining_tolerance, 0.002);
         self.flag("pattern.strict", *strict, false);
         self.word("pattern.strokes", (*strokes != StrokesChoice::Center).then_some(strokes));
+        self.number("pattern.hairline_mm", *hairline, 0.05);
+        let space = match space {
+            Space::Model => None,
+            Space::Paper(None) => Some("paper".to_owned()),
+            // Sheets are compared without regard to case.
+            Space::Paper(Some(name)) => {
+                Some(format!("paper {}:{}", name.to_lowercase().len(), name.to_lowercase()))
+            }
+        };
+        self.word("pattern.space", space);
     }
 
     fn layers(&mut self, key: &str, names: Option<&Vec<String>>) {
@@ -280,6 +297,32 @@ impl Text {
         self.optional("fill.second_angle_rad", *second_angle);
         self.number("fill.border_mm", *border, 0.0);
         self.layers("fill.layers", layers.as_ref());
+    }
+
+    fn content(&mut self, settings: &ContentSettings) {
+        let ContentSettings {
+            values,
+            // They give the serial number and the rows of a list.
+            serial: _,
+            bad_rows: _,
+            // They give the shift of a date.
+            shifts: _,
+            codes,
+        } = settings;
+        for code in codes {
+            let CodeSettings { layer, kind, content, quiet_zone, is_inverted, is_rectangular } = code;
+            let texts = [layer.to_lowercase(), content.clone()].map(|text| format!("{}:{text}", text.len()));
+            let quiet = quiet_zone.unwrap_or(kind.quiet_zone());
+            let line = format!("{} {kind} {} {quiet} {is_inverted} {is_rectangular}", texts[0], texts[1]);
+            self.word("content.code", Some(line));
+        }
+        self.word("content.serial", values.serial);
+        self.word("content.date", values.date);
+        let shift = || settings.values_of("").shift;
+        self.word("content.shift", shift().map(|shift| format!("{}:{shift}", shift.len())));
+        for (column, value) in &values.row {
+            self.word("content.csv", Some(format!("{}:{column} {}:{value}", column.len(), value.len())));
+        }
     }
 
     fn focus(&mut self, settings: &FocusSettings, optics: &Optics) {

@@ -141,6 +141,17 @@ choices! {
 }
 
 choices! {
+    /// What is done when rows of a list cannot be marked.
+    BadRows, "bad_rows" {
+        /// The whole list is refused before anything is written.
+        #[default]
+        Refuse = "refuse",
+        /// These rows are named and left out, and the others are marked.
+        Skip = "skip",
+    }
+}
+
+choices! {
     /// How `floater` weights a vertex's neighbours.
     FloaterWeights, "floater weights" {
         /// All equally, as in the thesis.
@@ -242,6 +253,17 @@ choices! {
         LowPass = "low-pass",
         /// Not at all.
         None = "none",
+    }
+}
+
+choices! {
+    /// What converts a STEP part with a face that is not read and that the laser sees.
+    Converter, "converter" {
+        /// Nothing: the part is rejected.
+        #[default]
+        None = "none",
+        /// FreeCAD, where it is installed.
+        FreeCad = "freecad",
     }
 }
 

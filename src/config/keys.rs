@@ -8,16 +8,17 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip, Smoothing,
-    StrokesChoice, TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
+    Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip,
+    Smoothing, StrokesChoice, TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
+use super::content_keys::{ContentKeys, SerialKeys};
 use super::error::ConfigError;
 use super::fill_keys::{FillKeys, FocusKeys};
 use super::lens_table;
 use super::settings::{Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Tiles, ViewSource};
 use super::text::{Numbers, SettingsText};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
-use crate::formats::pattern::DrawingUnit;
+use crate::formats::pattern::{DrawingUnit, Space};
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::primitive::{Form, Primitive};
@@ -30,6 +31,8 @@ const FARTHEST: f64 = 10_000.0;
 const FARTHEST_OFF: f64 = 10.0;
 const MOST_TURNED: f64 = 10.0;
 
+/// Widths of lines that may be marked as their centre lines, mm.
+const HAIRLINE: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 /// Gaps that may be joined, mm.
 const JOINING: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
@@ -50,6 +53,8 @@ pub(super) struct JobKeys {
     fixture: FixtureKeys,
     fill: FillKeys,
     focus: FocusKeys,
+    content: ContentKeys,
+    serial: SerialKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -63,6 +68,7 @@ pub(super) struct PartKeys {
     normals: Option<Spanned<NormalsChoice>>,
     bridge_mm: Option<Spanned<f64>>,
     smoothing: Option<Spanned<Smoothing>>,
+    converter: Option<Spanned<Converter>>,
     low_pass_mm: Option<Spanned<f64>>,
     shape: Option<Spanned<PartShape>>,
     diameter_mm: Option<Spanned<f64>>,
@@ -85,6 +91,8 @@ pub(super) struct PatternKeys {
     strict: Option<bool>,
     losses: Option<Losses>,
     strokes: Option<StrokesChoice>,
+    hairline_mm: Option<Spanned<f64>>,
+    space: Option<Spanned<String>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -244,6 +252,7 @@ impl FrameKeys {
 
 impl JobKeys {
     /// The same tables inside a station file.
+    #[allow(clippy::too_many_arguments, reason = "one for each table")]
     pub(super) fn from_tables(
         part: PartKeys,
         pattern: PatternKeys,
@@ -252,8 +261,9 @@ impl JobKeys {
         rotary: RotaryKeys,
         fixture: FixtureKeys,
         (fill, focus): (FillKeys, FocusKeys),
+        (content, serial): (ContentKeys, SerialKeys),
     ) -> Self {
-        Self { part, pattern, placement, correction, rotary, fixture, fill, focus }
+        Self { part, pattern, placement, correction, rotary, fixture, fill, focus, content, serial }
     }
 
     /// Changes what the file names and keeps the rest.
@@ -265,7 +275,9 @@ impl JobKeys {
         self.rotary.apply(text, to)?;
         self.fixture.apply(text, to)?;
         self.fill.apply(text, to)?;
-        self.focus.apply(text, to)
+        self.focus.apply(text, to)?;
+        self.content.apply(text, to)?;
+        self.serial.apply(text, to)
     }
 }
 
@@ -278,6 +290,7 @@ pub(super) struct SidecarKeys {
     correction: SidecarCorrectionKeys,
     fill: FillKeys,
     rotary: RotaryKeys,
+    content: ContentKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -292,6 +305,7 @@ impl SidecarKeys {
         self.placement.apply(text, to)?;
         self.fill.apply(text, to)?;
         to.correction.method = self.correction.method.unwrap_or(to.correction.method);
+        self.content.apply(text, to)?;
         self.rotary.apply(text, to)
     }
 }
@@ -305,7 +319,7 @@ impl PartKeys {
                 what: format!(
                     "The part is a {primitive} given by its sizes; no file is read or turned for it."
                 ),
-                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `frame`, `unit`, `up`, `normals`, `bridge_mm`, `smoothing`, `low_pass_mm`."
+                remedy: "Give its direction as `axis`, and remove what is only for a file: `facing`, `roll_deg`, `frame`, `unit`, `up`, `normals`, `bridge_mm`, `smoothing`, `low_pass_mm`, `converter`."
                     .into(),
             });
         }
@@ -351,6 +365,7 @@ impl PartKeys {
         }
         to.part.unit = self.unit.map(Spanned::into_inner).or(to.part.unit);
         to.part.up = self.up.map(Spanned::into_inner).or(to.part.up);
+        to.part.converter = self.converter.map(Spanned::into_inner).unwrap_or(to.part.converter);
         to.part.normals = self.normals.map(Spanned::into_inner).unwrap_or(to.part.normals);
         if let Some(widest) = &self.bridge_mm {
             to.part.bridge = Some(text.number("part.bridge_mm", widest, BRIDGE, "mm")?);
@@ -392,6 +407,7 @@ impl PartKeys {
             self.normals.as_ref().map(Spanned::span),
             self.bridge_mm.as_ref().map(Spanned::span),
             self.smoothing.as_ref().map(Spanned::span),
+            self.converter.as_ref().map(Spanned::span),
             self.low_pass_mm.as_ref().map(Spanned::span),
         ];
         spans.into_iter().flatten().next()
@@ -509,6 +525,16 @@ impl PatternKeys {
         to.pattern.strict = self.strict.unwrap_or(to.pattern.strict);
         to.pattern.losses = self.losses.unwrap_or(to.pattern.losses);
         to.pattern.strokes = self.strokes.unwrap_or(to.pattern.strokes);
+        if let Some(hairline) = self.hairline_mm {
+            to.pattern.hairline = text.number("pattern.hairline_mm", &hairline, HAIRLINE, "mm")?;
+        }
+        if let Some(space) = self.space {
+            to.pattern.space = space.get_ref().parse().map_err(|()| ConfigError::UnknownChoice {
+                spot: text.spot(&space.span()),
+                given: space.get_ref().clone(),
+                allowed: Space::WORDS.map(String::from).into(),
+            })?;
+        }
         Ok(())
     }
 }

@@ -11,10 +11,15 @@
 
 pub mod canonical;
 mod choices;
+mod content;
+mod content_keys;
+#[cfg(feature = "station")]
+mod row;
 mod sku;
 mod settings;
 mod fill;
 mod fill_keys;
+mod fleet;
 mod layers;
 mod page;
 mod station;
@@ -29,18 +34,22 @@ mod error;
 mod suggest;
 
 pub use choices::{
-    Align, Backend, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps, Losses, Method,
-    Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs, UnknownChoice,
-    Vertices, Weighting, parse_axis, parse_facing,
+    Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps,
+    Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs,
+    UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
+pub use content::{CodeSettings, ContentSettings, SerialSettings, ShiftSettings};
 pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
 pub use fill::{FillSettings, FocusSettings};
+pub use fleet::FleetSettings;
 pub(crate) use layers::is_same_layer;
 pub use lens_table::LENS_TABLE_COLUMNS;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
+#[cfg(feature = "station")]
+pub(crate) use row::with_row;
 pub use settings::{
     Anchor, CorrectionSettings, Field, IncidenceLimits, JobSettings, Optics, Output, PartSettings,
     PatternSettings, Placement, Rotary, Tiles, ViewSource,
@@ -50,7 +59,7 @@ pub(crate) use sku::fold;
 pub use sku::{BadSku, Sku};
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
 #[cfg(feature = "station")]
-pub(crate) use suggest::near;
+pub(crate) use suggest::{near, nearest_first};
 pub use typed::setting_names;
 
 #[cfg(test)]

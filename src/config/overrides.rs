@@ -3,8 +3,18 @@
 use toml::Value;
 
 /// The tables that a SKU's file may hold; all others are the station's.
-const JOB_TABLES: &[&str] =
-    &["part", "pattern", "placement", "correction", "rotary", "fixture", "fill", "focus"];
+const JOB_TABLES: &[&str] = &[
+    "part",
+    "pattern",
+    "placement",
+    "correction",
+    "rotary",
+    "fixture",
+    "fill",
+    "focus",
+    "content",
+    "serial",
+];
 
 /// Settings that the command line gives, as `table.key=value` or by options of their own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -145,23 +145,7 @@ impl PageKeys {
             what,
             remedy: remedy.into(),
         };
-        let password = match (&self.password_file, &self.password_variable) {
-            (Some(_), Some(variable)) => {
-                let what = "`page.password_file` and `page.password_variable` both give the password.";
-                return Err(wrong(variable.span(), what.into(), "Remove one of them."));
-            }
-            (Some(file), None) => Some(PasswordSource::File(resolved(file)?)),
-            (None, Some(variable)) => {
-                let name = variable.get_ref();
-                if name.is_empty() || name.contains(['=', '\0']) {
-                    let what = "`page.password_variable` is not the name of an environment variable.";
-                    let remedy = "Give the name of the variable that holds the password, such as ISOMARK_PAGE_PASSWORD.";
-                    return Err(wrong(variable.span(), what.into(), remedy));
-                }
-                Some(PasswordSource::Variable(name.clone()))
-            }
-            (None, None) => None,
-        };
+        let password = password_source(text, "page", &self.password_file, &self.password_variable, resolved)?;
         let is_open = self.other_computers && password.is_some();
         let remedy = "Open the page on this computer only (127.0.0.1), or set `other_computers = true` and a password \
                       (`password_file` or `password_variable`) under [page].";
@@ -194,6 +178,41 @@ impl PageKeys {
         }
         Ok(Some(PageSettings { address: socket, password, other_computers: self.other_computers, names }))
     }
+}
+
+/// Where the password is that `<table>.password_file` or `<table>.password_variable` gives; `resolved` makes a path absolute,
+/// or refuses it.
+pub(super) fn password_source(
+    text: &SettingsText,
+    table: &str,
+    file: &Option<Spanned<PathBuf>>,
+    variable: &Option<Spanned<String>>,
+    resolved: impl Fn(&Spanned<PathBuf>) -> Result<PathBuf, ConfigError>,
+) -> Result<Option<PasswordSource>, ConfigError> {
+    let wrong = |what: String, remedy: String| {
+        let span = variable.as_ref().map_or(0..0, Spanned::span);
+        ConfigError::Contradiction { spot: text.spot(&span), what, remedy }
+    };
+    Ok(match (file, variable) {
+        (Some(_), Some(_)) => {
+            let what =
+                format!("`{table}.password_file` and `{table}.password_variable` both give the password.");
+            return Err(wrong(what, "Remove one of them.".into()));
+        }
+        (Some(file), None) => Some(PasswordSource::File(resolved(file)?)),
+        (None, Some(variable)) => {
+            let name = variable.get_ref();
+            if name.is_empty() || name.contains(['=', '\0']) {
+                let what = format!("`{table}.password_variable` is not the name of an environment variable.");
+                let example = format!("ISOMARK_{}_PASSWORD", table.to_uppercase());
+                let remedy =
+                    format!("Give the name of the variable that holds the password, such as {example}.");
+                return Err(wrong(what, remedy));
+            }
+            Some(PasswordSource::Variable(name.clone()))
+        }
+        (None, None) => None,
+    })
 }
 
 /// An IP address with a port; `localhost` for 127.0.0.1.

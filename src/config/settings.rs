@@ -1,14 +1,15 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip, StrokesChoice,
-    TilesAs, Vertices, Weighting,
+    Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip,
+    StrokesChoice, TilesAs, Vertices, Weighting,
 };
+use super::content::ContentSettings;
 use super::fill::{FillSettings, FocusSettings};
 use super::layers::is_same_layer;
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
-use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions};
+use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions, Space};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::primitive::Primitive;
@@ -31,6 +32,8 @@ pub struct JobSettings {
     pub correction: CorrectionSettings,
     /// How contours are filled with lines.
     pub fill: FillSettings,
+    /// Content that differs from product to product.
+    pub content: ContentSettings,
     /// How a drawing is divided by height.
     pub focus: FocusSettings,
     /// Marks that go round the part, in tiles.
@@ -78,6 +81,8 @@ pub struct PartSettings {
     pub bridge: Option<f64>,
     /// How noise is taken out of a scan, and of a mesh that is as noisy as one.
     pub smoothing: Smoothing,
+    /// What converts a STEP part with a face that is not read and that the laser sees.
+    pub converter: Converter,
     /// The cylinder or cone that the part is, in the laser's view; `None` takes the part from a file.
     pub primitive: Option<Primitive>,
 }
@@ -157,6 +162,7 @@ impl Default for PartSettings {
             normals: NormalsChoice::Auto,
             bridge: None,
             smoothing: Smoothing::Auto,
+            converter: Converter::None,
             primitive: None,
         }
     }
@@ -172,6 +178,10 @@ pub struct PatternSettings {
     pub ink_layers: Option<Vec<String>>,
     /// What is marked of the strokes in an SVG drawing.
     pub strokes: StrokesChoice,
+    /// Lines of a smaller width are marked as their centre lines, mm.
+    pub hairline: f64,
+    /// Which space of a DXF drawing is read.
+    pub space: Space,
     /// Size and threshold of a drawing that is a picture, and the size of the page of an SVG drawing.
     pub picture: RasterOptions,
     /// Ends of loose pieces no farther apart are joined, mm; 0 joins nothing.
@@ -186,13 +196,15 @@ pub struct PatternSettings {
 
 impl Default for PatternSettings {
     fn default() -> Self {
-        let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, .. } =
+        let PatternOptions { unit_if_unitless, picture, joining_tolerance, strict, hairline, space, .. } =
             PatternOptions::default();
         let (losses, strokes) = (Losses::default(), StrokesChoice::default());
         Self {
             unit_if_unitless,
             ink_layers: None,
             strokes,
+            hairline,
+            space,
             picture,
             joining_tolerance,
             overlap: 0.1,
@@ -212,7 +224,10 @@ impl PatternSettings {
             joining_tolerance: self.joining_tolerance,
             strict: self.strict,
             strokes: self.strokes.strokes(),
+            hairline: self.hairline,
+            space: self.space.clone(),
             picture: self.picture,
+            content: None,
             pace: Pace::Any,
         }
     }

@@ -8,8 +8,10 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{Backend, DeliveryKind, Outdated, Repeat};
+use super::content_keys::{ContentKeys, SerialKeys};
 use super::error::ConfigError;
 use super::fill_keys::{FillKeys, FocusKeys};
+use super::fleet::{FleetKeys, FleetSettings};
 use super::keys::{
     CorrectionKeys, FieldKeys, FixtureKeys, JobKeys, OpticsKeys, OutputKeys, PartKeys, PatternKeys,
     PlacementKeys, RotaryKeys, SidecarKeys,
@@ -41,6 +43,8 @@ pub struct Station {
     pub log: Option<LogSettings>,
     /// The page in browsers, if there is one.
     pub page: Option<PageSettings>,
+    /// The fleet that the station belongs to, if any.
+    pub fleet: Option<FleetSettings>,
     /// The table of a measured lens, if the lens is one.
     pub lens_table: Option<PathBuf>,
     /// The settings of every SKU without its own file.
@@ -311,21 +315,24 @@ impl Station {
             keys.rotary,
             keys.fixture,
             of_light,
+            (keys.content, keys.serial),
         )
         .apply(&text, &mut settings)?;
         settings.are_for_every_part();
         let folders = keys.folders.resolve(&text, base)?;
+        let resolved = |path: &Spanned<PathBuf>| {
+            refuse_half_absolute(&text, path)?;
+            Ok(normal(&base.join(path.get_ref())))
+        };
         Ok(Self {
+            fleet: keys.fleet.check(&text, name.get_ref(), resolved)?,
             name: name.into_inner(),
             file: file.into(),
             watch: keys.watch.check(&text)?,
             delivery: keys.delivery.check(&text)?,
             retention: keys.retention.check(&text)?,
             log: keys.log.check(&text, base, &folders)?,
-            page: keys.page.check(&text, |path| {
-                refuse_half_absolute(&text, path)?;
-                Ok(normal(&base.join(path.get_ref())))
-            })?,
+            page: keys.page.check(&text, resolved)?,
             folders,
             lens_table,
             settings,
@@ -451,6 +458,10 @@ struct StationKeys {
     #[serde(default)]
     focus: FocusKeys,
     #[serde(default)]
+    content: ContentKeys,
+    #[serde(default)]
+    serial: SerialKeys,
+    #[serde(default)]
     rotary: RotaryKeys,
     #[serde(default)]
     output: OutputKeys,
@@ -464,6 +475,8 @@ struct StationKeys {
     log: LogKeys,
     #[serde(default)]
     page: PageKeys,
+    #[serde(default)]
+    fleet: FleetKeys,
 }
 
 /// The tables of a station that matter to a job without one.

@@ -15,14 +15,23 @@ pub(super) fn nearest<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Option<
 
 /// The names that differ from `given` in less than half of their letters, the nearest first.
 pub(crate) fn near<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Vec<&'a str> {
+    let near = by_distance(given, names).into_iter();
+    near.filter(|(distance, name)| distance * 2 <= name.chars().count()).map(|(_, name)| name).collect()
+}
+
+/// All names, the nearest to `given` first.
+#[cfg(feature = "station")]
+pub(crate) fn nearest_first<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Vec<&'a str> {
+    by_distance(given, names).into_iter().map(|(_, name)| name).collect()
+}
+
+/// All names with the number of letters in which they differ from `given`, the nearest first.
+fn by_distance<'a, T: AsRef<str>>(given: &str, names: &'a [T]) -> Vec<(usize, &'a str)> {
     let given = given.to_lowercase();
-    let mut near: Vec<(usize, &str)> = names
-        .iter()
-        .map(|name| (osa_distance(&given, &name.as_ref().to_lowercase()), name.as_ref()))
-        .filter(|(distance, name)| distance * 2 <= name.chars().count())
-        .collect();
-    near.sort_by_key(|(distance, _)| *distance);
-    near.into_iter().map(|(_, name)| name).collect()
+    let distance = |name: &'a T| (osa_distance(&given, &name.as_ref().to_lowercase()), name.as_ref());
+    let mut names: Vec<(usize, &str)> = names.iter().map(distance).collect();
+    names.sort_by_key(|(distance, _)| *distance);
+    names
 }
 
 #[cfg(test)]

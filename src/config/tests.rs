@@ -482,8 +482,18 @@ fn paths_are_absolute_or_relative_to_their_file() {
 /// Names and values of settings, as people type them.
 type Typed = &'static [(&'static str, &'static str)];
 
+const CODES: &str = "[{ layer = 'DM', kind = 'data-matrix', content = '{serial:06}', quiet_zone = 2 }]";
+const SHIFTS: &str = "[{ name = 'early', from = '06:00' }, { name = 'late', from = '14:00' }]";
+
 /// Every setting with a value that is not the usual one, as people type it, and what else it needs.
 const SETTINGS: &[(&str, &str, Typed)] = &[
+    ("content.bad_rows", "skip", &[]),
+    ("content.codes", CODES, &[]),
+    ("content.csv", "{ LOT = 'A7' }", &[]),
+    ("content.date", "2026-11-23", &[]),
+    ("content.serial", "17", &[]),
+    ("content.shift", "late", &[]),
+    ("content.shifts", SHIFTS, &[]),
     ("correction.angle_weight", "2", &[]),
     ("correction.floater_weights", "mean-value", &[]),
     ("correction.length_weight", "0.5", &[]),
@@ -517,6 +527,11 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("fixture.x_mm", "-3", &[]),
     ("fixture.y_mm", "+3", &[]),
     ("fixture.z_mm", ".5", &[]),
+    ("fleet.certificate", "plant-ca.pem", FLEET),
+    ("fleet.name", "laser 2", FLEET),
+    ("fleet.password_file", "secret.txt", FLEET),
+    ("fleet.password_variable", "SECRET", FLEET),
+    ("fleet.url", "postgresql://laser2@db.shop.local/isomark", &[]),
     ("focus.overlap_mm", "0.2", &[]),
     ("focus.step_mm", "2", &[]),
     ("focus.steps", "layers", &[("focus.step_mm", "2")]),
@@ -567,6 +582,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("page.password_variable", "SECRET", &[("page.address", "localhost:4781")]),
     ("part.axis", "x", CYLINDER),
     ("part.bridge_mm", "1", &[]),
+    ("part.converter", "freecad", &[]),
     ("part.diameter_mm", "73", &[("part.shape", "cylinder"), ("part.length_mm", "180")]),
     (
         "part.end_diameter_mm",
@@ -583,12 +599,14 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("part.smoothing", "none", &[]),
     ("part.unit", "inch", &[]),
     ("part.up", "y", &[]),
+    ("pattern.hairline_mm", "0.1", &[]),
     ("pattern.height_mm", "13", &[]),
     ("pattern.ink_layers", "MARK", &[]),
     ("pattern.invert", "true", &[]),
     ("pattern.joining_mm", "0", &[]),
     ("pattern.losses", "warn", &[]),
     ("pattern.overlap_mm", "2", &[]),
+    ("pattern.space", "paper:Sheet A", &[]),
     ("pattern.strict", "true", &[]),
     ("pattern.strokes", "band", &[]),
     ("pattern.threshold_percent", "30", &[]),
@@ -608,6 +626,9 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("rotary.overlap_mm", "0.3", &[]),
     ("rotary.reverse", "true", &[]),
     ("rotary.tiles", "auto", &[]),
+    ("serial.last", "99", &[]),
+    ("serial.start", "5", &[]),
+    ("serial.step", "2", &[]),
     ("station.name", "2", &[]),
     ("watch.backend", "native", &[]),
     ("watch.incomplete_s", "60", &[]),
@@ -617,6 +638,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("watch.settle_ms", "100", &[]),
 ];
 
+const FLEET: Typed = &[("fleet.url", "postgresql://laser2@db.shop.local/isomark")];
 const OPEN_PAGE: Typed = &[
     ("page.address", "0.0.0.0:4781"),
     ("page.other_computers", "true"),
@@ -684,10 +706,12 @@ fn changed_file(settings: &[(&str, &str)]) -> toml::Table {
             ("correction.mapping_domain_as_printed" | "page.names", items) => {
                 list(items.split(',').map(text).collect())
             }
+            ("content.codes" | "content.shifts" | "content.csv", value) => value.parse().unwrap(),
             ("pattern.ink_layers" | "fill.layers", item) => list(vec![text(item)]),
             ("placement.place_mm", _) => list(vec![0.into(), 60.into()]),
             ("optics.axis_mm", _) => list(vec![3.into(), (-2).into()]),
             ("station.name" | "folders.reports", name) => text(name),
+            ("content.date", date) => text(date),
             (_, "true" | "false") => (*value == "true").into(),
             (_, value) => value.parse().map_or_else(|_| text(value), toml::Value::Integer),
         };

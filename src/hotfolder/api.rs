@@ -2,7 +2,9 @@
 
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
+use crate::formats::list::Products;
 use crate::formats::mesh::PartFile;
+use crate::hotfolder::fleet::Fleet;
 use crate::reason::Reason;
 
 /// Fits parts and corrects patterns: the pipeline, as the hot folder uses it.
@@ -26,6 +28,11 @@ pub trait Corrector: Sync {
 
     /// The station's settings changed: its folders may be different now.
     fn follow(&self, station: &Station);
+
+    /// What the station shares with others; `None` for a station for itself.
+    fn fleet(&self) -> Option<&dyn Fleet> {
+        None
+    }
 
     /// Fits an archived part whose surface was lost, and keeps the surface.
     ///
@@ -65,6 +72,21 @@ pub trait Corrector: Sync {
         settings: &JobSettings,
         pace: Pace,
     ) -> Result<Delivery, JobError>;
+
+    /// The products of the list with this name beside a pattern, of which `most` are allowed; `used` serial numbers were used
+    /// before it.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn products(
+        &self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        list: (&str, &[u8]),
+        settings: &JobSettings,
+        used: u64,
+        most: u64,
+    ) -> Result<Products, JobError>;
 }
 
 /// A part or pattern as it was read, with the files that it needs. A pattern needs none, and is named after its SKU

@@ -21,7 +21,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
 use crate::config::{
-    ConfigError, FolderPaths, JobSettings, LiveSettings, LogSettings, PageSettings, SettingsEvent, Sku,
+    ConfigError, FleetSettings, FolderPaths, JobSettings, LiveSettings, LogSettings, PageSettings,
+    SettingsEvent, Sku,
 };
 use crate::diff;
 use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
@@ -117,6 +118,8 @@ pub fn run(
             settings,
             page,
             page_settings: station.page.clone(),
+            fleet_settings: station.fleet.clone(),
+            fleet_news: BTreeSet::new(),
             keeper,
             executor: &executor,
             stop,
@@ -222,6 +225,10 @@ struct Dispatcher<'a, C> {
     /// The page for browsers; later changes of the settings do not move it.
     page: Option<&'a Page>,
     page_settings: Option<PageSettings>,
+    /// The fleet; later changes of the settings do not move it.
+    fleet_settings: Option<FleetSettings>,
+    /// SKUs with a job, whose part changed in the fleet.
+    fleet_news: BTreeSet<Sku>,
     messages: Receiver<Message>,
     threads: Threads,
     watcher: Watcher,
@@ -248,6 +255,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let mut has_more_to_check = false;
             if !ends {
                 self.refresh_settings();
+                self.take_news_of_fleet();
                 if self.now() >= self.rounds.due() {
                     self.list();
                 }
@@ -384,6 +392,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     if station.page != self.page_settings {
                         tracing::warn!("`page` takes effect after a restart");
                     }
+                    if station.fleet != self.fleet_settings {
+                        tracing::warn!("`fleet` takes effect after a restart");
+                    }
                     self.executor.corrector.follow(station);
                     self.status.follow(station);
                     self.keeper.follow(station);
@@ -486,6 +497,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             return;
         }
         let kept = self.keeper.kept();
+        let of_fleet = self.fleet_trouble();
         let troubles = self
             .rounds
             .troubles
@@ -495,6 +507,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
             .map(str::to_owned)
             .chain(self.page.and_then(Page::trouble))
+            .chain(of_fleet.clone())
             .collect();
         let view = crate::hotfolder::state::status::View {
             drops: &self.drops,
@@ -512,8 +525,37 @@ impl<C: Corrector> Dispatcher<'_, C> {
             alive,
         };
         let written = self.status.write(&self.state, &view);
+        if let (Some(fleet), Some(status)) = (self.executor.corrector.fleet(), &written) {
+            fleet.publish(status.figures(of_fleet.as_deref()));
+        }
         if let (Some(page), Some(status)) = (self.page, written) {
             page.publish(status, &self.settings.station().folders, &self.state);
+        }
+    }
+
+    /// Checks the drops and drawings of the SKUs whose part or surface arrived from the fleet.
+    fn take_news_of_fleet(&mut self) {
+        let Some(fleet) = self.executor.corrector.fleet() else { return };
+        self.fleet_news.extend(fleet.take_news());
+        let (busy, free): (BTreeSet<Sku>, BTreeSet<Sku>) =
+            std::mem::take(&mut self.fleet_news).into_iter().partition(|sku| self.threads.are_busy_with(sku));
+        self.fleet_news = busy;
+        for sku in free {
+            self.drops.release(&sku);
+            self.reprocessing.check(sku);
+            self.rounds.make_due();
+            self.lanes.stale = true;
+        }
+    }
+
+    /// Why the fleet cannot be used as the settings ask for it.
+    fn fleet_trouble(&self) -> Option<String> {
+        match self.executor.corrector.fleet() {
+            Some(fleet) => fleet.trouble(),
+            None if self.fleet_settings.is_some() && self.mode == Mode::UntilStopped => {
+                Some("[fleet] has no effect: this isomark was built without the feature `fleet`.".into())
+            }
+            None => None,
         }
     }
 }

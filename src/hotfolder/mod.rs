@@ -45,7 +45,7 @@
 //!
 //! | a job ends with | and its drop |
 //! |---|---|
-//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Rejected` | is done |
+//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::Rejected` | is done |
 //! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |
@@ -74,6 +74,21 @@
 //! | `Stage::Delivered` | the drawing in the import folder, unless an importer took it; the original in the hot folder |
 //! | `Stage::Filing` | the original in the hot folder, in the archive, or in both; the report is written |
 //!
+//! # A list of products
+//!
+//! A drawing with a list beside it is not corrected itself: a job divides it into one drop for each row, the drawing with the
+//! row's values in its settings, and these are corrected like all others. The journal makes each row exactly one drop:
+//!
+//! ```text
+//!         listing                   naming                                filing, listed
+//!  nothing ─────▶ numbers reserved ──────▶ first drawings get their names ─────────────▶ nothing
+//!                        ▲   hidden drawings flushed  │
+//!                        └────── more rows ───────────┘
+//! ```
+//!
+//! After a crash, a row whose `naming` is noted still has its hidden drawing, which then gets its name, or had it already. All other
+//! rows are written again, with the same numbers and the same date.
+//!
 //! # After an interruption
 //!
 //! One pure function, `after_a_crash`, decides how a job continues, from its stage and the files that are found. The
@@ -88,6 +103,7 @@
 //! | `Resume::NoteDrawing`, `Resume::NotePart` | everything is done except the last line |
 
 mod clock;
+mod fleet;
 mod api;
 mod error;
 mod seen;
@@ -108,6 +124,7 @@ pub use api::{
 };
 pub use dispatcher::run;
 pub use error::StationError;
+pub use fleet::{Figures, Fleet};
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use pipeline_corrector::PipelineCorrector;
 #[cfg(feature = "cli")]

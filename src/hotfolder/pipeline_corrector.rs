@@ -7,13 +7,17 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use crate::cache::Cache;
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::Pace;
+use crate::formats::list::Products;
 use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::hotfolder::api::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PictureKind,
     Sketch,
 };
-use crate::pipeline::{Corrected, FrameDrawing, LearnedPart, Marked, PatternInput, Pipeline, PipelineError};
+use crate::hotfolder::fleet::Fleet;
+use crate::pipeline::{
+    Corrected, FrameDrawing, LearnedPart, ListJob, Marked, PatternInput, Pipeline, PipelineError,
+};
 use crate::preview::{Backdrop, OnPart, Preview, glb, svg, svg_on};
 use crate::reason::{Notice, Reason};
 use crate::report::Report;
@@ -30,6 +34,7 @@ pub struct PipelineCorrector {
     pipeline: Mutex<Pipeline>,
     /// The surfaces of the last jobs, the newest last.
     recent: Mutex<Vec<Recent>>,
+    fleet: Option<Arc<dyn Fleet>>,
 }
 
 struct Recent {
@@ -128,7 +133,13 @@ impl Pictures {
 impl PipelineCorrector {
     /// A corrector that works with `pipeline`.
     pub fn new(pipeline: Pipeline) -> Self {
-        Self { pipeline: Mutex::new(pipeline), recent: Mutex::default() }
+        Self { pipeline: Mutex::new(pipeline), recent: Mutex::default(), fleet: None }
+    }
+
+    /// The same corrector for a station of a fleet.
+    #[must_use]
+    pub fn in_fleet(self, fleet: Arc<dyn Fleet>) -> Self {
+        Self { fleet: Some(fleet), ..self }
     }
 
     fn pipeline(&self) -> Pipeline {
@@ -216,6 +227,13 @@ impl Corrector for PipelineCorrector {
     fn follow(&self, station: &Station) {
         let mut pipeline = self.pipeline.lock().unwrap_or_else(PoisonError::into_inner);
         *pipeline = pipeline.clone().with_cache(Some(Cache::new(&station.folders.cache)));
+        if let Some(fleet) = &self.fleet {
+            fleet.follow(&station.folders);
+        }
+    }
+
+    fn fleet(&self) -> Option<&dyn Fleet> {
+        self.fleet.as_deref()
     }
 
     fn restore_part(
@@ -238,6 +256,19 @@ impl Corrector for PipelineCorrector {
     ) -> Result<PartLearned, JobError> {
         let learned = self.pipeline().at(pace).learn(sku, part, &settings.part)?;
         Ok(self.learned(sku, part, settings, learned))
+    }
+
+    fn products(
+        &self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        (name, list): (&str, &[u8]),
+        settings: &JobSettings,
+        used: u64,
+        most: u64,
+    ) -> Result<Products, JobError> {
+        let job = ListJob::new(name, sku, &pattern.bytes, settings, used);
+        job.products(list, most).map_err(JobError::Rejected)
     }
 
     fn correct(
@@ -339,7 +370,7 @@ fn part_completeness(name: &str, format: MeshFormat, bytes: &[u8]) -> Completene
                 Reason::new("mesh-truncated", what, "Copy it again.").in_file(name),
             );
         }
-        MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz => {
+        MeshFormat::Stl | MeshFormat::Ply | MeshFormat::Xyz | MeshFormat::ThreeMf | MeshFormat::Step => {
             if let Some(error) = mesh::is_whole(bytes, format).err().filter(cut) {
                 return Completeness::CutShort(error.reason().in_file(name));
             }

@@ -134,7 +134,8 @@ impl Cause {
 fn facet_length(facts: &PartFacts) -> Option<f64> {
     let [x, y, z] = facts.size;
     let area = 2.0 * (x * y + y * z + z * x);
-    (facts.triangles > 0).then(|| (area / facts.triangles as f64 * 4.0 / 3f64.sqrt()).sqrt())
+    (facts.triangles > 0 && facts.faces.is_empty())
+        .then(|| (area / facts.triangles as f64 * 4.0 / 3f64.sqrt()).sqrt())
 }
 
 /// The Gauss curvature of the fit, 1/mm².

@@ -13,12 +13,14 @@ pub(super) use rotary::{
     not_round, rotary_count, rotary_hollow, rotary_method, rotary_no_room, rotary_overlap, wider_than_round,
 };
 
+use nalgebra::Vector2;
+
 use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku};
-use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
+use crate::config::{Align, Anchor, Losses, OutsideMark, ViewSource, parse_facing};
 use crate::formats::mesh::{PartFacts, SideFacts};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::optics::Lens;
-use crate::geometry::pattern::Shape;
+use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
 use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, View, ViewPoint};
@@ -242,7 +244,7 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
         )
         .at(Place { coordinate: Some(vec![skins.at.x, skins.at.y]), ..Place::default() })
         .with_number("share of the side with two surfaces", skins.share * 100.0, "%", None),
-        FitError::Solve(error) => Reason::new(
+        _ => Reason::new(
             "surface-fit-failed",
             format!("No surface could be fitted to {side}: {error}."),
             "Export the part with a finer mesh, or mark another side.",
@@ -291,6 +293,49 @@ pub(super) fn reach(
     }
     Ok(length)
 }
+
+/// No map stretches a drawing by more than this factor before it is refused for another reason.
+const MOST_STRETCHED: f64 = 1.25;
+
+/// Rejects, before it is sampled, a drawing that cannot reach the part from the place of its anchor: the laser sees no line longer
+/// than it is.
+pub(super) fn beside_part(
+    placed: &Pattern,
+    is_ink: impl Fn(&str) -> bool,
+    place: FlatPoint,
+    part: &CachedSurface,
+) -> Result<(), Reason> {
+    let field = &part.surface.field;
+    let seen = ViewPoint::from(place.coords());
+    if field.is_surface(seen) {
+        return Ok(());
+    }
+    let inked =
+        placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| is_ink(&l.name)));
+    let mut drawn = Extents::EMPTY;
+    for path in inked {
+        if let Shape::Dot(point) = path.shape {
+            drawn.include(point.coords());
+        }
+        for Extents { min, max } in path.shape.segments().iter().map(Segment::extents) {
+            drawn.include(min);
+            drawn.include(max);
+        }
+    }
+    if drawn.is_empty() {
+        return Ok(());
+    }
+    let farthest = (drawn.max - place.coords()).sup(&(place.coords() - drawn.min)).norm();
+    if field.has_surface_near(seen, MOST_STRETCHED * farthest + 2.0 * field.step()) {
+        return Ok(());
+    }
+    Err(off_surface(seen, part, &drawn).with_number("ink without surface", 100.0, "%", Some(0.0)))
+}
+
+/// Number of steps across a drawing at which its place on the part is tested.
+const PLACE_SAMPLES: u32 = 8;
+/// How far from zero the corner of a page may be, mm.
+const PAGE_CORNER: f64 = 1e-6;
 
 /// Rejects a drawing with visible ink, on an ink layer, that cannot be marked, unless the settings only warn.
 pub(super) fn lost_ink(facts: &PatternFacts, settings: &JobSettings) -> Result<(), Reason> {
@@ -401,6 +446,47 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
         remedy,
     )
     .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
+}
+
+/// The reason with a place for the drawing first, where it misses the part because it was drawn elsewhere, as from the corner
+/// of a page, and would be on the part there.
+pub(super) fn suggesting_place(
+    reason: Reason,
+    placed: &Pattern,
+    part: &CachedSurface,
+    settings: &JobSettings,
+) -> Reason {
+    let is_as_drawn = settings.placement.place.is_none()
+        && settings.placement.anchor == Anchor::Center
+        && matches!(settings.part.view_source, ViewSource::Station | ViewSource::Sides);
+    if reason.code != "off-surface" || !is_as_drawn {
+        return reason;
+    }
+    let (field, drawn) = (&part.surface.field, placed.extents());
+    let is_on_part = |middle: &Vector2<f64>| {
+        let along = |at: u32| f64::from(at) / f64::from(PLACE_SAMPLES) - 0.5;
+        (0..=PLACE_SAMPLES).all(|column| {
+            (0..=PLACE_SAMPLES).all(|row| {
+                let offset = drawn.size().component_mul(&Vector2::new(along(column), along(row)));
+                field.is_surface((middle + offset).into())
+            })
+        })
+    };
+    // The middle of the part is rounded to whole numbers that people type.
+    let middle = field.extents().center().map(f64::round);
+    let Some(place) = [Vector2::zeros(), middle].into_iter().find(is_on_part) else { return reason };
+    let starts_at_corner =
+        drawn.min.x >= -PAGE_CORNER && (drawn.min.y >= -PAGE_CORNER || drawn.max.y <= PAGE_CORNER);
+    let why = match starts_at_corner {
+        true => "the drawing fits there, and its coordinates seem to be those of a page",
+        false => "the drawing fits there",
+    };
+    let [x, y] = [place.x + 0.0, place.y + 0.0];
+    let remedy = format!(
+        "Put the middle of the drawing on the part with `--place {x},{y}` (`place_mm = [{x}, {y}]` under [placement]): {why}. {}",
+        reason.remedy
+    );
+    Reason { remedy, ..reason }
 }
 
 fn span(extents: &Extents, axis: usize) -> String {

@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
-use super::{checks, hash, measured, method, program, weights};
+use super::{checks, chords, hash, measured, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
+use crate::geometry::correction::Projection;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::mapping::{self, LengthTrueMap};
 use crate::reason::Reason;
@@ -86,7 +87,7 @@ impl Pipeline {
         methods: &[Method],
     ) -> Result<Evaluation, PipelineError> {
         let mut clock = Clock::start();
-        let settings = &Self::framed(settings, &learned.kept, &mut Vec::new());
+        let settings = &Self::framed(settings, sku, &learned.kept, &mut Vec::new());
         let steps = self.observer.steps(input.name);
         let placed = self.place(input, &learned.kept, settings, &steps, &mut clock)?;
         let compared: Vec<_> =
@@ -175,9 +176,14 @@ fn row(
     };
     let results =
         map.map_err(|error| checks::map_reason(&error, placing.place, &learned.kept, ink)).and_then(|map| {
-            measured(ink, &map, &|at| map.point(at), surface)
-                .map(|distortion| (map, distortion))
-                .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))
+            let mut distortion = measured(ink, &map, &|at| map.point(at), surface)
+                .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))?;
+            let projection =
+                Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
+            let bent = chords::bend(&projection, pattern, settings)
+                .map_err(|error| checks::not_reached(error.at, settings))?;
+            distortion.shorten(chords::of_ink(pattern, &bent, settings));
+            Ok((map, distortion))
         });
     match results {
         Err(reason) => EvaluationRow { reason: Some(checks::doubting_unit(reason, facts)), ..empty },

@@ -61,12 +61,8 @@ pub(super) fn add(
     }
     let is_filled = |layer: &str| settings.pattern.counts_as_ink(layer) && settings.fill.includes(layer);
     let angles: Vec<f64> = [settings.fill.angle].into_iter().chain(settings.fill.second_angle).collect();
-    let options = FillOptions {
-        spacing,
-        angles: angles.iter().map(|angle| angle + turn).collect(),
-        border: settings.fill.border,
-        tolerance: settings.correction.tolerance,
-    };
+    let turned = angles.iter().map(|angle| angle + turn).collect();
+    let options = FillOptions::new(spacing, turned, settings.fill.border, settings.correction.tolerance);
     contours(placed, is_filled, settings, lift, projection, notices);
     let found =
         fill::fill(placed, is_filled, projection, &options).map_err(|error| refused(&error, spacing))?;
@@ -263,7 +259,7 @@ fn refused(error: &FillError, spacing: f64) -> Reason {
             .with_number(name, value, unit, Some(limit))
         }
         FillError::AboveLens(error) => checks::above_lens(error.at),
-        FillError::Solve(error) => Reason::new(
+        _ => Reason::new(
             "fill-not-found",
             format!("No evenly spaced lines were found on the part: {error}."),
             "Fill fewer layers (`layers` under [fill]), or check the drawing's size.",

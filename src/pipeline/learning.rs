@@ -2,6 +2,7 @@
 
 use std::io;
 
+use super::converting::read_or_convert;
 use super::scan::surface_of;
 use super::{Clock, LearnedPart, Pipeline, PipelineError, Step, checks, hash};
 use crate::cache::{CacheKey, CachedSurface, CurrentPart, Lookup, PartOrigin};
@@ -28,7 +29,7 @@ impl Pipeline {
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
         let (origin, clock) = identified(part);
-        self.learn_from(sku, part, origin, settings, clock)
+        self.learn_from(sku, part, origin, settings, true, clock)
     }
 
     /// Learns again a part that the SKU had before. Stations that share a cache also share the part of each SKU, so
@@ -49,7 +50,7 @@ impl Pipeline {
         {
             return Err(checks::superseded(sku, &current.file).into());
         }
-        self.learn_from(sku, part, origin, settings, clock)
+        self.learn_from(sku, part, origin, settings, false, clock)
     }
 
     fn learn_from(
@@ -58,6 +59,7 @@ impl Pipeline {
         part: &PartFile,
         origin: PartOrigin,
         settings: &PartSettings,
+        is_new: bool,
         mut clock: Clock,
     ) -> Result<LearnedPart, PipelineError> {
         let rejected = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
@@ -69,11 +71,9 @@ impl Pipeline {
         let current = CurrentPart::new(origin, mesh::has_frame(&part.bytes, format));
         let key = self.key(&current, settings);
         let mut notices = Vec::new();
-        if let Some(kept) = self.look_up(sku, &key, &mut notices)? {
+        if let Some(kept) = self.look_up_everywhere(sku, &key, &current.origin, &mut notices)? {
             clock.lap("load surface");
-            if let Some(cache) = &self.cache {
-                cache.make_current(sku, &current)?;
-            }
+            self.make_current(sku, &current, is_new)?;
             let kept = CachedSurface { origin: current.origin, ..kept };
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
             let settings = settings.for_part_with(kept.facts.marking_frame());
@@ -81,20 +81,23 @@ impl Pipeline {
             return Ok(LearnedPart { kept, key, from_cache: true, settings, mesh: None, notices, timings });
         }
         let options = self.mesh_options(settings);
-        steps.at(Step::Read);
-        let mut reading =
-            mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
-                MeshReadError::TakesLong => PipelineError::TakesLong,
-                error => rejected(error.reason()),
-            })?;
-        clock.lap("read part");
-        steps.at(Step::Fit);
-        if let Some(mesh) = reading.shape.mesh() {
-            reading.facts.sides = SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse));
-        }
-        let surface =
-            surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
-        clock.lap("sample and fit");
+        let (reading, surface) = read_or_convert(part, settings, self.pace, |part| {
+            steps.at(Step::Read);
+            let mut reading =
+                mesh::read(&part.bytes, format, &options, &part.siblings).map_err(|error| match error {
+                    MeshReadError::TakesLong => PipelineError::TakesLong,
+                    error => rejected(error.reason()),
+                })?;
+            clock.lap("read part");
+            steps.at(Step::Fit);
+            if let Some(mesh) = reading.shape.mesh() {
+                reading.facts.sides = SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse));
+            }
+            let surface =
+                surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;
+            clock.lap("sample and fit");
+            Ok((reading, surface))
+        })?;
         let seen_settings = settings.for_part_with(reading.facts.marking_frame());
         if let (Some(frame), Some(mesh)) = (seen_settings.view_source.frame(), reading.shape.mesh()) {
             checks::frame_direction(frame, mesh).map_err(rejected)?;
@@ -107,7 +110,10 @@ impl Pipeline {
         if let Some(cache) = &self.cache {
             steps.at(Step::Keep);
             cache.keep(sku, &key, &kept, mesh.as_ref())?;
-            cache.make_current(sku, &current)?;
+            if let Some(others) = &self.shared.0 {
+                others.offer(sku, &key, &current.origin);
+            }
+            self.make_current(sku, &current, is_new)?;
             clock.lap("keep surface");
         }
         let settings = settings.for_part_with(kept.facts.marking_frame());
@@ -164,7 +170,8 @@ impl Pipeline {
         notices: &mut Vec<Notice>,
     ) -> Result<Option<LearnedPart>, PipelineError> {
         let mut clock = Clock::start();
-        let Some(key) = self.current_key(sku, settings)? else { return Ok(None) };
+        let Some(part) = self.current_part(sku, settings)? else { return Ok(None) };
+        let key = self.key(&part, settings);
         let kept = self.look_up(sku, &key, notices)?;
         clock.lap("load surface");
         let from_cache = kept.is_some();
@@ -184,6 +191,12 @@ impl Pipeline {
                     clock.lap("keep surface");
                 }
                 Some(kept)
+            }
+            (None, None) => {
+                if let (Some(others), Some(cache)) = (&self.shared.0, &self.cache) {
+                    others.wish(cache, sku, &key, &part.origin);
+                }
+                None
             }
             (kept, _) => kept,
         };
@@ -217,6 +230,32 @@ impl Pipeline {
     /// When the cache's folder cannot be used.
     pub fn current_key(&self, sku: &Sku, settings: &PartSettings) -> Result<Option<CacheKey>, PipelineError> {
         Ok(self.current_part(sku, settings)?.map(|current| self.key(&current, settings)))
+    }
+
+    /// The surface from the cache, or from those of other stations.
+    fn look_up_everywhere(
+        &self,
+        sku: &Sku,
+        key: &CacheKey,
+        part: &PartOrigin,
+        notices: &mut Vec<Notice>,
+    ) -> io::Result<Option<CachedSurface>> {
+        let found = self.look_up(sku, key, notices)?;
+        match (&found, &self.shared.0, &self.cache) {
+            (None, Some(others), Some(cache)) if others.fetch(cache, sku, key, part) => {
+                self.look_up(sku, key, notices)
+            }
+            _ => Ok(found),
+        }
+    }
+
+    /// Makes a part the SKU's current one; other stations get to know one that is new.
+    fn make_current(&self, sku: &Sku, part: &CurrentPart, is_new: bool) -> io::Result<()> {
+        let Some(cache) = &self.cache else { return Ok(()) };
+        match &self.shared.0 {
+            Some(others) if is_new => others.make_current(cache, sku, part),
+            _ => cache.make_current(sku, part),
+        }
     }
 
     fn look_up(
@@ -300,6 +339,8 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         mark_area_mm2: None,
         sides: Vec::new(),
         bodies: Vec::new(),
+        faces: Vec::new(),
+        round_faces: Vec::new(),
         materials: Vec::new(),
         skipped: Vec::new(),
         scan: None,

@@ -1,9 +1,10 @@
 //! Placing a drawing on a part: where its anchor lands, which way it is turned, and the map that follows.
 
+use super::content::{self, PlacedCode};
 use super::progress::Steps;
 use super::{Clock, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks, method};
 use crate::cache::CachedSurface;
-use crate::config::{Align, Anchor, JobSettings, ViewSource};
+use crate::config::{Align, Anchor, JobSettings, Sku, ViewSource};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::LengthTrueMap;
@@ -25,12 +26,14 @@ impl Pipeline {
     /// The settings for a part whose file may contain a marking frame, with what a person should know of it.
     pub(super) fn framed(
         settings: &JobSettings,
+        sku: &Sku,
         part: &CachedSurface,
         notices: &mut Vec<Notice>,
     ) -> JobSettings {
         let of_file = part.facts.marking_frame().filter(|_| settings.part.primitive.is_none());
         notices.extend(checks::frame_of_file(of_file.as_ref(), settings));
-        let settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
+        let mut settings = JobSettings { part: settings.part.for_part_with(of_file), ..settings.clone() };
+        settings.content.values = settings.content.values_of(sku.as_str());
         let frame = settings.part.view_source.frame();
         notices.extend(checks::flat_side(&part.facts, &settings.part));
         notices.extend(frame.and_then(|frame| checks::frame_on_surface(frame, part, &settings.part)));
@@ -50,13 +53,18 @@ impl Pipeline {
     ) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let method = method(settings);
-        let rejected = |reason: Reason, facts: &PatternFacts| {
+        let rejected = |reason: Reason, facts: &PatternFacts, placed: &Pattern| {
+            let reason = checks::suggesting_place(reason, placed, part, settings);
             PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
         };
         let find = |pattern: &PlacedPattern| {
             let place = pattern.placing.place;
             LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method).map_err(|error| {
-                rejected(checks::map_reason(&error, place, part, &pattern.ink), &pattern.facts)
+                rejected(
+                    checks::map_reason(&error, place, part, &pattern.ink),
+                    &pattern.facts,
+                    &pattern.placed,
+                )
             })
         };
         let map = find(&pattern)?;
@@ -66,7 +74,7 @@ impl Pipeline {
         let PlacedPattern { facts, mut placing, placed, .. } = pattern;
         placing.turn(turn);
         let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
-        checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts))?;
+        checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts, &placed))?;
         let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
         let pattern = PlacedPattern { facts, placing, placed, ink };
         let map = find(&pattern)?;
@@ -83,21 +91,31 @@ impl Pipeline {
     ) -> Result<PlacedPattern, PipelineError> {
         steps.at(Step::Read);
         let rejected = |reason: Reason| PipelineError::from(reason.in_file(input.name));
-        let options = PatternOptions { pace: self.pace, ..settings.pattern.options() };
-        let PatternReading { pattern, facts } =
+        let content = Some(settings.content.values.clone());
+        let options = PatternOptions { pace: self.pace, content, ..settings.pattern.options() };
+        let PatternReading { mut pattern, facts } =
             pattern::read(input.bytes, &options).map_err(|error| match error {
                 PatternReadError::TakesLong => PipelineError::TakesLong,
                 error => rejected(error.reason()),
             })?;
+        content::check_fields(&facts).map_err(rejected)?;
+        let mut notices = Vec::new();
+        let codes = content::draw_codes(&mut pattern, &settings.content, &mut notices).map_err(rejected)?;
         clock.lap("read pattern");
         steps.at(Step::Place);
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-        let placing = Placing::new(&pattern, settings);
+        let placing = Placing { codes, notices, ..Placing::new(&pattern, settings) };
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
-        let length = checks::reach(&placed, is_ink, part)
-            .map_err(|reason| rejected(checks::doubting_unit(reason, &facts)))?;
+        let length = checks::reach(&placed, is_ink, part).map_err(|reason| {
+            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            rejected(checks::doubting_unit(reason, &facts))
+        })?;
         checks::lost_ink(&facts, settings).map_err(rejected)?;
+        checks::beside_part(&placed, is_ink, placing.place, part).map_err(|reason| {
+            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            rejected(checks::doubting_unit(reason, &facts))
+        })?;
         self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
         let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
         checks::anything_inked(&ink, &placed, settings).map_err(rejected)?;
@@ -115,6 +133,10 @@ pub(super) struct Placing {
     pub(super) motion: Affine,
     /// The turn along the axis of a cylinder or cone, rad, in addition to that of the settings.
     aligned: f64,
+    /// The codes of the drawing, before the motion.
+    pub(super) codes: Vec<PlacedCode>,
+    /// What is unusual about them.
+    pub(super) notices: Vec<Notice>,
 }
 
 impl Placing {
@@ -132,7 +154,14 @@ impl Placing {
                 (frame.place().coords() + place.filter(|_| is_used).unwrap_or_default()).into()
             }
         };
-        Self { anchor, place, motion: Affine::rigid(anchor, settings.placement.rotate, place), aligned: 0.0 }
+        Self {
+            anchor,
+            place,
+            motion: Affine::rigid(anchor, settings.placement.rotate, place),
+            aligned: 0.0,
+            codes: Vec::new(),
+            notices: Vec::new(),
+        }
     }
 
     /// The turn after which the drawing's x, before `rotate_deg`, is along the direction round the axis of the map, rad.
@@ -143,6 +172,11 @@ impl Placing {
     /// Turns the placed drawing about its anchor by this angle, rad.
     pub(super) fn turn(&mut self, angle: f64) {
         self.aligned += angle;
+    }
+
+    /// The motion with the turn along the axis.
+    pub(super) fn whole_motion(&self) -> Affine {
+        Affine::rigid(self.place, self.aligned, self.place).after(&self.motion)
     }
 
     /// The direction of the drawing's x in the placed drawing, rad.

@@ -303,7 +303,14 @@ impl<'a> Stage<'a> {
             .flat_map(|angle| self.along.iter().map(|along| self.unrolled.point(*angle, *along)))
             .collect();
         let extents = Extents::of(dots.iter().map(|dot| dot.coords()));
-        Ink { pieces: Vec::new(), dots, squares: Vec::new(), side: quality::SQUARE, extents }
+        Ink {
+            pieces: Vec::new(),
+            dots,
+            squares: Vec::new(),
+            blocks: Vec::new(),
+            side: quality::SQUARE,
+            extents,
+        }
     }
 
     /// Whether all ink can be marked at an angle.
@@ -508,8 +515,14 @@ fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
     if each.iter().any(|ink| ink.side != side) {
         each = sampled(side);
     }
-    let mut all =
-        Ink { pieces: Vec::new(), dots: Vec::new(), squares: Vec::new(), side, extents: Extents::EMPTY };
+    let mut all = Ink {
+        pieces: Vec::new(),
+        dots: Vec::new(),
+        squares: Vec::new(),
+        blocks: Vec::new(),
+        side,
+        extents: Extents::EMPTY,
+    };
     for ink in each {
         for corner in [ink.extents.min, ink.extents.max].into_iter().filter(|_| !ink.extents.is_empty()) {
             all.extents.include(corner);
@@ -517,6 +530,7 @@ fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
         all.pieces.extend(ink.pieces);
         all.dots.extend(ink.dots);
         all.squares.extend(ink.squares);
+        all.blocks.extend(ink.blocks);
     }
     all
 }

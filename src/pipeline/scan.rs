@@ -6,11 +6,12 @@ use super::causes::NOISE_REACH;
 use super::checks;
 use super::landmarks::Lift;
 use crate::config::PartSettings;
-use crate::formats::mesh::{NormalsUsed, PartFacts, ScanFacts, ScanSurface, Shape};
+use crate::formats::mesh::{NormalsUsed, PartFacts, RoundFacts, ScanFacts, ScanSurface, Shape, SolidPart};
 use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading::{self, WildNormals};
+use crate::geometry::solid::rays::{SeenFace, SeenSolid};
 use crate::geometry::space::{View, ViewPoint};
 use crate::geometry::surface::fit::{FitError, FitOptions, FittedSurface};
 use crate::geometry::surface::scan::{ScanError, SmoothedScan};
@@ -52,6 +53,7 @@ pub fn surface_of(
             noisy_mesh(mesh, facts, settings, fit)
         }
         Shape::Mesh(mesh) => FittedSurface::of_part(&FacingPart::new(mesh, &view), fit),
+        Shape::Solid(part) => return exact_faces(part, &view, facts, settings, fit),
         Shape::Scan(cloud) => {
             let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge)
                 .map_err(|error| scan_reason(&error, settings))?;
@@ -64,6 +66,37 @@ pub fn surface_of(
         Some(at) if is_on(&surface, view.point(at.into())) => Err(one_sided(at)),
         _ => Ok(surface),
     }
+}
+
+/// The surface of exact faces.
+fn exact_faces(
+    part: &SolidPart,
+    view: &View,
+    facts: &mut PartFacts,
+    settings: &PartSettings,
+    fit: &FitOptions,
+) -> Result<FittedSurface, Reason> {
+    let facing = FacingPart::of_solid(&part.solid, &part.mesh, view);
+    if let Some(face) = facing.faces().and_then(SeenSolid::unread) {
+        return Err(face_unread(face));
+    }
+    let known = facing.faces().map(SeenSolid::round_forms).unwrap_or_default();
+    facts.round_faces = known.iter().copied().map(RoundFacts::from).collect();
+    let surface =
+        FittedSurface::of_part(&facing, fit).map_err(|error| checks::fit_reason(&error, settings))?;
+    Ok(surface.with_known(known))
+}
+
+/// The reason for a face that the laser sees and that cannot be read.
+fn face_unread(face: &SeenFace) -> Reason {
+    let kind = face.unread().unwrap_or_default();
+    Reason::new(
+        "step-face-unread",
+        format!("The laser sees face #{} of the STEP file, which cannot be read: {kind}.", face.id()),
+        "Turn another side to the laser (`--facing`), set `converter = \"freecad\"` under [part] where FreeCAD is installed, or open the \
+         file in FreeCAD (File > Open), select the body and export it as GLB (File > Export), which isomark reads.",
+    )
+    .at(Place { item: Some(format!("#{}", face.id())), ..Place::default() })
 }
 
 /// Whether a point of the view is on the sampled surface.
@@ -231,7 +264,7 @@ fn scan_reason(error: &ScanError, settings: &PartSettings) -> Reason {
             )
             .with_number("points", *points as f64, "", None)
         }
-        ScanError::Solve(_) => Reason::new(
+        _ => Reason::new(
             "scan-not-smoothed",
             format!("The scan could not be smoothed: {what}."),
             "Set `smoothing = \"low-pass\"` for this part, or scan it again.",

@@ -120,6 +120,13 @@ const CODES: &[Code] = &[
          wrong, or a firewall blocks it. The drawing waits and isomark tries again.",
         "Start BeamServer, correct `delivery.address`, and allow the port in the firewall.",
     ]),
+    notice([
+        "build-empty",
+        "The 3MF file has no build items.",
+        "The build of a 3MF file lists the objects to produce and their places. This one is empty, so isomark reads all \
+         objects where they were modelled.",
+        "Check the part in the preview. If objects are missing or in the wrong place, export the part again.",
+    ]),
     both([
         "cache-damaged",
         "A stored surface is damaged and is not used.",
@@ -143,6 +150,36 @@ const CODES: &[Code] = &[
          apply clipping, so lines outside it are marked, too.",
         "Explode the clipped blocks in the drawing program, trim what must not be marked, and export again.",
     ]),
+    reason([
+        "code-content",
+        "The content of a code cannot be encoded.",
+        "The content is empty, longer than the code holds, contains a character that the code lacks, or is not a row of GS1 elements such as `(01)04012345678901(21)17`. The message states which.",
+        "Shorten or correct `content` of the code under [content], or choose another `kind`: a Data Matrix and a QR code hold any character.",
+    ]),
+    notice([
+        "code-distorted",
+        "Cells of a code change by more than 10 % on the part.",
+        "The report states the largest change of a side or diagonal of a cell on the part. On parts that are curved in two directions some change cannot be avoided. Readers decode codes with up to about 10 % of distortion.",
+        "Draw a smaller placeholder, place it where the part is flatter, and test the mark with your reader.",
+    ]),
+    notice([
+        "code-finer-than-spot",
+        "The cells of a code are finer than the laser's spot.",
+        "A cell is narrower than `spot_mm` under [optics], so neighbouring cells run together and the code cannot be read.",
+        "Draw a larger placeholder, or shorten the content of the code.",
+    ]),
+    notice([
+        "code-layer-missing",
+        "The drawing has no placeholder for a code of the settings.",
+        "`codes` under [content] names a layer, and the drawing has nothing on it. The drawing is marked without this code.",
+        "Draw a closed rectangle on this layer, or remove the code from the settings.",
+    ]),
+    notice([
+        "code-outlines",
+        "A code is marked as the outlines of its cells.",
+        "The outlines of inked cells are contours. A reader needs them filled.",
+        "Give `spacing_mm` under [fill] (`--fill 0.05`), or hatch the contours in the marking software.",
+    ]),
     notice([
         "code-page-unknown",
         "The drawing names a code page that isomark does not know.",
@@ -150,6 +187,18 @@ const CODES: &[Code] = &[
          ASCII as UTF-8 or Windows-1252, so accents and other scripts may be wrong. Lines and curves are not \
          affected.",
         "Export the drawing as DXF R2007 or newer. If texts are marked, check them in the preview.",
+    ]),
+    reason([
+        "code-placeholder",
+        "A path on the layer of a code is not a closed rectangle.",
+        "The layers that `codes` under [content] names are for placeholders: closed rectangles in any direction, each of which is replaced by a code. Anything else on these layers would be lost or marked over the code.",
+        "Draw one closed rectangle for each code on this layer, and everything else on other layers.",
+    ]),
+    reason([
+        "code-too-many",
+        "The codes of the drawing have too many modules.",
+        "All codes of a drawing together have at most 2,000,000 modules.",
+        "Draw fewer placeholders, or shorten the content of the codes.",
     ]),
     notice([
         "colours-replaced",
@@ -172,6 +221,12 @@ const CODES: &[Code] = &[
         "The `.bin` file beside a `.gltf` is shorter than the part states, or is still being written. The part \
          waits for `watch.incomplete_s` and is then rejected.",
         "Copy the named file again, or export the part as `.glb`, which is one file.",
+    ]),
+    reason([
+        "content-missing",
+        "A field of the drawing has no value.",
+        "The drawing contains a field such as `{serial:06}`, `{date}`, `{shift}` or `{csv:LOT}`, and there is no value for it, or the value does not fit its format. The message names the field, its text, layer and handle.",
+        "Give the value with `--content`, `--date` or a list. To mark the text of the field itself, double its braces: `{{serial}}`.",
     ]),
     notice([
         "contours-closed",
@@ -273,6 +328,13 @@ const CODES: &[Code] = &[
          may help.",
         "Check that the named file or folder exists, that you may read or write it, and that the disk has free \
          space.",
+    ]),
+    notice([
+        "extension-ignored",
+        "The file requires extensions that change only its look.",
+        "A glTF file lists the extensions that a program must know. Those named in the message change materials, lights, \
+         motion or descriptions, not the shape, so isomark ignores them.",
+        "Nothing to do.",
     ]),
     notice([
         "extra-point",
@@ -415,6 +477,83 @@ const CODES: &[Code] = &[
          lists the sides and where a drawing fits. If the flat side is meant, name it in the same way.",
     ]),
     reason([
+        "fleet-answer",
+        "The fleet's database gave an error that trying again does not resolve.",
+        "The server refused a statement or a value. The message contains its text. The tables may have been changed by hand, or the server \
+         is of an untested version.",
+        "Run `isomark fleet check` and look at the log of the server. Stations work without the fleet.",
+    ]),
+    reason([
+        "fleet-away",
+        "The fleet's database does not answer.",
+        "The server is stopped, restarts or is full, or the network does not reach it. A station reports this once, works alone with what \
+         it knows, and connects again by itself.",
+        "Check that the server runs and has free disk space, and that this computer reaches it. Nothing is to be done at the stations.",
+    ]),
+    reason([
+        "fleet-certificate",
+        "The certificates for the connection to the fleet cannot be read.",
+        "`certificate` under [fleet], or `--certificate`, names a file with the certificates of the authority that signed the \
+         server's, as PEM. The file is missing, contains no certificate, or is damaged.",
+        "Give the certificate of the authority as a PEM file, or remove the setting if the system trusts the authority.",
+    ]),
+    reason([
+        "fleet-check",
+        "`isomark fleet check` found something wrong.",
+        "Each line of its output is one check; those that begin with `wrong` contain a remedy.",
+        "Follow the remedies in the lines that begin with `wrong`, and check again.",
+    ]),
+    reason([
+        "fleet-newer",
+        "The tables of the fleet are newer than this program, or were made by another one.",
+        "Another computer with a newer isomark upgraded the tables. This program does not write into tables that it does not know. A \
+         station works alone until it is updated.",
+        "Update isomark on this computer.",
+    ]),
+    reason([
+        "fleet-older",
+        "The tables of the fleet are missing or too old.",
+        "A new version of isomark may need new tables. Only the owner of the database makes them.",
+        "Run `isomark fleet init URL` as the owner of the database; stations connect again by themselves.",
+    ]),
+    reason([
+        "fleet-outbox",
+        "The messages of the station to its fleet cannot be read.",
+        "What a station has to send waits in `fleet/outbox` in its state folder. The folder cannot be read or written. Parts that are \
+         dropped wait until it can.",
+        "Check the rights of the state folder and the free space on its disk. The station tries again by itself.",
+    ]),
+    reason([
+        "fleet-password",
+        "The password for the fleet cannot be read.",
+        "It is on the first line of the file that `password_file` under [fleet] names, or in the environment variable that \
+         `password_variable` names.",
+        "Write the password there, readable for the user that runs isomark. A station tries again by itself.",
+    ]),
+    reason([
+        "fleet-refused",
+        "The fleet's database refuses the connection.",
+        "User or password are wrong, pg_hba.conf does not permit the login, the database does not exist, or the server is not the one that \
+         its certificate names. Connections to other computers are encrypted and verified.",
+        "Check user, password, name of the host and certificate. For a server without TLS on a trusted network, add \
+         `?sslmode=disable` to the URL.",
+    ]),
+    reason([
+        "fleet-rights",
+        "The login may not do this in the fleet's database.",
+        "Each login needs one of the roles isomark_station, isomark_worker, isomark_office or isomark_viewer. A station's name belongs to \
+         the login that first used it.",
+        "Run `GRANT isomark_station TO laser1` with the name of the login, as the owner of the database; or give the station \
+         another `name` under [fleet].",
+    ]),
+    reason([
+        "fleet-url",
+        "The address of the fleet cannot be used.",
+        "It has the form `postgresql://user@host:port/database`, with `?sslmode=disable` or other parameters of PostgreSQL. It never \
+         contains a password, because settings are logged.",
+        "Correct the URL; give the password in a file or an environment variable.",
+    ]),
+    reason([
         "focus-too-many-steps",
         "The drawing would be cut into too many steps of focus.",
         "The height of the drawing divided by `step_mm` under [focus] (or `focus_depth_mm` under \
@@ -520,6 +659,21 @@ const CODES: &[Code] = &[
         "Nothing to do if the part looks right. Export it again if the file was edited or joined by another tool.",
     ]),
     notice([
+        "gltf-repaired",
+        "The glTF file is not valid, and was read without what is wrong.",
+        "The message lists what was repaired or ignored: scenes without nodes, and invalid animations, materials, textures, \
+         images, skins and cameras. None of them changes the shape.",
+        "Check the part in the preview. Update the program that wrote the file.",
+    ]),
+    notice([
+        "hairlines-centred",
+        "Lines that are narrower than the beam are marked without their width.",
+        "The edges of such a line are closer together than the beam is wide, so marking both would mark the same line twice. \
+         isomark marks the centre line once. The message gives the number, the width below which this is done, and the \
+         first of the lines.",
+        "Nothing to do. To mark the widths, set a smaller `hairline_mm` under [pattern] (`--hairline`).",
+    ]),
+    notice([
         "hole-bridged",
         "Small holes in the mesh, where triangles are missing, were bridged.",
         "Exporters and repair tools sometimes lose a triangle. isomark continues the surface across a hole of at most \
@@ -613,6 +767,31 @@ const CODES: &[Code] = &[
         "Measure the crosses on a second, higher plate, and fill in more cells of the table.",
     ]),
     reason([
+        "list-empty",
+        "The list has no row that can be marked.",
+        "A list has the names of its columns in the first row, and a product in each other row.",
+        "Add a row for each product.",
+    ]),
+    reason([
+        "list-removed",
+        "A list was removed from the hot folder too early.",
+        "A drawing with a list beside it becomes one drawing for each row. The list was removed, or renamed, before all rows were drawings.",
+        "Drop the drawing and a list with the missing rows again.",
+    ]),
+    reason([
+        "list-too-long",
+        "The list has more rows than a station takes at once.",
+        "A station takes up to 10,000 rows at once, whose drawings have up to 1 GB together. `isomark correct --list` has no limit below a \
+         million rows.",
+        "Split the list.",
+    ]),
+    reason([
+        "list-unreadable",
+        "The list of products cannot be read.",
+        "The file is not CSV in UTF-8, a row has more or fewer values than there are columns, a quote is not closed, or a value contains control characters. The message names the line and the column.",
+        "Correct this row, or set `bad_rows = \"skip\"` under [content] to leave such rows out.",
+    ]),
+    reason([
         "log-is-folder",
         "The log file is a folder.",
         "`log.file` in the station's file must name a file.",
@@ -694,6 +873,13 @@ const CODES: &[Code] = &[
         "The `.bin` file (or the binary part of the `.glb`) was cut while it was copied, or belongs to another \
          version of the part.",
         "Copy the files again after the export has ended, or export the part as `.glb`.",
+    ]),
+    reason([
+        "mesh-compression-invalid",
+        "Compressed geometry of a glTF file cannot be decoded.",
+        "The data of `EXT_meshopt_compression` or `KHR_draco_mesh_compression` are damaged, incomplete or do not contain what \
+         their description states. The reason gives the place and the problem.",
+        "Export the part again. If that does not help, export it without compression.",
     ]),
     reason([
         "mesh-coordinate-not-finite",
@@ -807,6 +993,13 @@ const CODES: &[Code] = &[
         "Export the part from CAD, or export a finer or smoother mesh.",
     ]),
     reason([
+        "mesh-package-invalid",
+        "The content of a 3MF file cannot be read.",
+        "An entry of the package is missing, damaged, encrypted or not valid 3MF, or its components contain themselves. The \
+         reason gives the entry, the place in it and the problem.",
+        "Export the part as 3MF again, or as GLB.",
+    ]),
+    reason([
         "mesh-reference-broken",
         "An entry of the glTF file refers to another one that does not exist.",
         "The file is damaged, or was edited by hand.",
@@ -843,15 +1036,15 @@ const CODES: &[Code] = &[
     reason([
         "mesh-version-unsupported",
         "The file is not glTF 2.",
-        "isomark reads glTF version 2 only.",
-        "Export the part as glTF 2 (`.glb`) or OBJ.",
+        "isomark reads glTF version 2 only. Files of version 1 were written until about 2017.",
+        "Export the part as glTF 2 (`.glb`) or OBJ, or convert it: `gltf-pipeline -i old.gltf -o new.glb`.",
     ]),
     reason([
         "mesh-wrong-format",
         "The content of the file does not match its extension.",
-        "The file was probably renamed, or something else was saved under this name. The reason gives the first \
-         bytes.",
-        "Export the part as GLB, glTF, OBJ, STL or PLY and keep the extension that the program writes.",
+        "The file was probably renamed, or something else was saved under this name. The reason names the format that \
+         was found, or gives the first bytes.",
+        "Export the part as GLB, glTF, OBJ, STL, PLY or 3MF and keep the extension that the program writes.",
     ]),
     reason([
         "name-character",
@@ -1008,6 +1201,13 @@ const CODES: &[Code] = &[
          missing in the mark.",
         "Check the list. Convert what must be marked to curves in the drawing program.",
     ]),
+    notice([
+        "obj-normals-absent",
+        "Faces of the OBJ file name normals that the file does not contain.",
+        "The program that wrote the file left out normals, or numbered them wrongly. The corners without a normal are read; \
+         the shape between the vertices is estimated there.",
+        "Export the part with its normals, or as GLB, if the curvature must be exact.",
+    ]),
     reason([
         "off-surface",
         "The drawing is not completely on the part.",
@@ -1079,9 +1279,8 @@ const CODES: &[Code] = &[
     reason([
         "part-format-unknown",
         "The file is a part in a format that isomark does not read.",
-        "CAD formats such as STEP or IGES contain exact surfaces, which isomark does not read; it reads meshes \
-         and scans.",
-        "Export the part as GLB, glTF, OBJ, STL or PLY, or a scan as PLY or list of points.",
+        "isomark reads STEP files, meshes and scans, but not other formats of CAD programs, such as IGES or their own ones.",
+        "Export the part as STEP, GLB, glTF, OBJ, STL, PLY or 3MF, or a scan as PLY or list of points.",
     ]),
     reason([
         "part-not-needed",
@@ -1358,9 +1557,15 @@ const CODES: &[Code] = &[
         "Make the drawing narrower, or check its unit and the part's diameter.",
     ]),
     reason([
+        "row-name-taken",
+        "A row of a list cannot get its name in the hot folder.",
+        "Each row becomes a drawing that is named after the list's drawing and the serial number. A file in the hot folder has this name.",
+        "Move that file out of the hot folder; isomark then continues by itself.",
+    ]),
+    reason([
         "scan-empty",
         "The scan contains no points.",
-        "The file is empty, or all its points are marked as missing.",
+        "The file is empty, or all its points are marked as missing, at infinity or too far away.",
         "Check that the scanner has seen the part, and export the scan again.",
     ]),
     notice([
@@ -1382,6 +1587,13 @@ const CODES: &[Code] = &[
         "Points far from the surface of their neighbours are not used. More than a tenth of the scan was dropped.",
         "Check the surface in the preview. Scan again without reflections, dust spray or the table in view, if \
          something is missing.",
+    ]),
+    notice([
+        "scan-points-far",
+        "The scan contains points at infinity or very far away.",
+        "A coordinate is infinite, or farther than 100 m from the origin. Such points are no measurements of a part. \
+         They were left out; the message gives their number and, for those at infinity, the place of the first.",
+        "Check the part's unit, and export the scan again if the scanner saw something there.",
     ]),
     notice([
         "scan-points-missing",
@@ -1420,6 +1632,12 @@ const CODES: &[Code] = &[
         "Neighbouring points jump in height everywhere. Usually the unit or `facing` is wrong, the points are too \
          far apart, or the order of the columns is wrong.",
         "Check the part's unit and `facing`, or scan with closer points.",
+    ]),
+    reason([
+        "serial-used-up",
+        "All serial numbers are used.",
+        "`last` under [serial] is the last number that may be used. The list has more rows than there are numbers from `start` on.",
+        "Give a new range, `start` and `last` under [serial], or a shorter list.",
     ]),
     reason([
         "settings-being-saved",
@@ -1491,6 +1709,13 @@ const CODES: &[Code] = &[
          mounted again, so isomark waits.",
         "Mount the share or disk. If the folder is meant to be on the local disk from now on, remove the file \
          that the remedy names.",
+    ]),
+    reason([
+        "sheet-unclear",
+        "It is not clear which sheet of the drawing is to be marked.",
+        "`space = \"paper\"` under [pattern] reads a sheet in paper space of a DXF. Several sheets have content, or none, or \
+         none has the name in the settings. The reason lists the sheets with content.",
+        "Name the sheet: `space = \"paper:NAME\"` (`--space paper:NAME`), or set `space = \"model\"`.",
     ]),
     reason([
         "sidecar-late",
@@ -1578,6 +1803,37 @@ const CODES: &[Code] = &[
         "Under the ink the surface is inclined to the beam by more than `incidence_warn_deg` under [optics]. \
          Marks get paler and wider there. The message gives the place.",
         "Make the drawing narrower, place it where the part faces the laser, or turn the part.",
+    ]),
+    notice([
+        "step-converted",
+        "FreeCAD converted the faces of the STEP file.",
+        "The laser sees a face on a surface that isomark does not read, and the settings request a conversion. FreeCAD wrote all faces \
+         as B-splines: planes, cylinders and other surfaces of STEP exactly, offsets and the like approximately. A cylinder or cone is \
+         recognised from its shape, no longer from the numbers of the file.",
+        "Compare the size of the part, and mark a test piece. With `converter = \"none\"` under [part] such parts are rejected.",
+    ]),
+    both([
+        "step-face-unread",
+        "A face of the STEP file is on a surface that isomark does not read.",
+        "isomark computes what the laser meets on the exact surfaces of a STEP file: planes, cylinders, cones, spheres, tori, \
+         surfaces of revolution and extrusion, and B-splines. It never leaves out a face silently. A part is rejected only if the \
+         laser sees such a face; otherwise a warning names it.",
+        "Turn another side to the laser (`--facing`), set `converter = \"freecad\"` under [part] where FreeCAD is installed, or open \
+         the file in FreeCAD and export the body as GLB.",
+    ]),
+    notice([
+        "step-files-missing",
+        "Components of the STEP assembly are in other files.",
+        "Some CAD programs write an assembly as several STEP files: one with the structure, and one for each component. isomark \
+         reads one file. The surface that the laser meets is wrong where a missing component covers the part.",
+        "Export the assembly as one STEP file, unless the laser does not meet the missing components.",
+    ]),
+    reason([
+        "step-invalid",
+        "The STEP file contradicts itself, or uses something that isomark does not read.",
+        "A record is missing, of another kind than its use requires, contains itself, or has an invalid number. The message \
+         gives the line and the number of the record.",
+        "Open the file in FreeCAD and export the body as STEP again, or as GLB.",
     ]),
     reason([
         "still-settling",
@@ -1737,7 +1993,7 @@ const CODES: &[Code] = &[
         "The file is neither a part nor a drawing.",
         "The hot folder accepts parts, scans, DXF drawings and pictures, and the files that belong to them. The \
          extension decides.",
-        "Export the part as GLB, glTF, OBJ, STL, PLY or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
+        "Export the part as GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
     ]),
     reason([
         "usage",

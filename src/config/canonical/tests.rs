@@ -1,9 +1,12 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::*;
-use crate::config::{Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark, TilesAs};
+use crate::config::{
+    BadRows, Converter, Field, FieldOrigin, IncidenceLimits, Losses, OutsideMark, SerialSettings,
+    ShiftSettings, TilesAs,
+};
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
-use crate::formats::pattern::DrawingUnit;
+use crate::formats::pattern::{DrawingUnit, Space};
 use crate::geometry::sensitivity::PoseUncertainty;
 use crate::geometry::space::{FlatPoint, MarkingFrame, ViewPoint};
 
@@ -25,6 +28,8 @@ pattern.picture_inverted true
 pattern.joining_mm 3fa999999999999a
 pattern.strict true
 pattern.strokes band
+pattern.hairline_mm 3fb999999999999a
+pattern.space paper 7:sheet a
 placement.place_mm 4029000000000000 c008000000000000
 placement.anchor_mm 3ff0000000000000 4000000000000000
 placement.rotate_rad bfe0000000000000
@@ -47,6 +52,11 @@ fill.angle_rad 3fe0000000000000
 fill.second_angle_rad 4000000000000000
 fill.border_mm 3fb999999999999a
 fill.layers 1 4:text
+content.code 2:dm data-matrix 11:{serial:06} 2 true true
+content.serial 17
+content.date 2026-11-23T14:05:00
+content.shift 4:late
+content.csv 3:LOT 2:A7
 focus.steps layers
 focus.step_mm 3ff8000000000000
 focus.overlap_mm 3fc999999999999a
@@ -79,6 +89,7 @@ pub(crate) fn everything() -> JobSettings {
             normals: NormalsChoice::Auto,
             bridge: None,
             smoothing: Smoothing::LowPass { wavelength: 2.5 },
+            converter: Converter::None,
             primitive: Primitive::new(60.0, 85.0, 120.0, Vector3::y()),
         },
         pattern: PatternSettings {
@@ -90,6 +101,8 @@ pub(crate) fn everything() -> JobSettings {
             strict: true,
             losses: Losses::Warn,
             strokes: StrokesChoice::Band,
+            hairline: 0.1,
+            space: Space::Paper(Some("Sheet A".into())),
         },
         placement: Placement {
             place: Some(ViewPoint::new(12.5, -3.0)),
@@ -121,6 +134,25 @@ pub(crate) fn everything() -> JobSettings {
             second_angle: Some(2.0),
             border: 0.1,
             layers: Some(vec!["TEXT".into()]),
+        },
+        content: ContentSettings {
+            values: crate::formats::pattern::Content {
+                serial: Some(17),
+                date: Some("2026-11-23T14:05".parse().unwrap()),
+                row: [("LOT".to_owned(), "A7".to_owned())].into(),
+                ..Default::default()
+            },
+            serial: SerialSettings { start: 5, step: 2, last: Some(99) },
+            shifts: vec![ShiftSettings { name: "late".into(), from: 840 }],
+            codes: vec![CodeSettings {
+                layer: "DM".into(),
+                kind: crate::formats::code::Kind::DataMatrix,
+                content: "{serial:06}".into(),
+                quiet_zone: Some(2),
+                is_inverted: true,
+                is_rectangular: true,
+            }],
+            bad_rows: BadRows::Skip,
         },
         focus: FocusSettings { steps: FocusSteps::Layers, step: Some(1.5), overlap: 0.2 },
         rotary: Rotary {
@@ -154,7 +186,8 @@ fn the_text_of_every_setting_is_pinned() {
     let part = EVERYTHING.split("pattern.").next().unwrap();
     assert_eq!(surface(&everything().part, &FitOptions::default()), part);
     assert_eq!(surface(&PartSettings::default(), &FitOptions::default()), "");
-    let fit = FitOptions { tolerance: 0.003, first_spans: 36, most_spans: 128 };
+    let mut fit = FitOptions::default();
+    (fit.tolerance, fit.first_spans, fit.most_spans) = (0.003, 36, 128);
     assert_eq!(
         surface(&PartSettings::default(), &fit),
         "fit.tolerance_mm 3f689374bc6a7efa\nfit.first_spans 36\nfit.most_spans 128\n"
@@ -214,6 +247,8 @@ fn the_names_in_the_text_are_pinned() {
     assert_eq!(line(frame, ""), text);
     let text = line(|settings, _| settings.part.smoothing = Smoothing::None, "");
     assert_eq!(text, "part.smoothing none\n");
+    let text = line(|settings, _| settings.part.converter = Converter::FreeCad, "");
+    assert_eq!(text, "part.converter freecad\n");
     let text = line(|settings, _| settings.placement.anchor = Anchor::Origin, "");
     assert_eq!(text, "placement.anchor origin\n");
     let text = line(|settings, _| settings.pattern.ink_layers = Some(Vec::new()), "");

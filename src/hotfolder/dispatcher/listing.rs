@@ -36,7 +36,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let backend = self.backend();
         self.keep_state();
         for sku in self.executor.learned_elsewhere(|sku| self.threads.are_busy_with(sku)) {
-            tracing::warn!("{sku} has a new part: another station that shares the cache learned it");
+            tracing::warn!("{sku} has a new part: another station learned it");
             self.reprocessing.check(sku);
         }
         self.reprocessing.check_unreadable();

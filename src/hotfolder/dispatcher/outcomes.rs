@@ -9,7 +9,7 @@ use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
 use crate::hotfolder::jobs::{Outcome, Work, filing};
 use crate::hotfolder::seen::{
-    Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_sidecar, sidecar_of,
+    Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, sidecar_of,
 };
 use crate::hotfolder::state::status::FinishedAs;
 use crate::hotfolder::state::with_slashes;
@@ -70,6 +70,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.tally.repeated += 1;
                 self.status.finished(&running.drop, &running.work, FinishedAs::Repeated);
                 self.done(path);
+            }
+            Outcome::Listed => {
+                self.done(path);
+                // With `--once`, the station ends when no drop is left.
+                (self.rounds.next, self.rounds.rests_until) = (Moment::ZERO, Moment::ZERO);
             }
             Outcome::Rejected(reason) => {
                 self.tally.rejected += 1;
@@ -186,7 +191,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.reprocessing.check(sku.clone());
             }
             Outcome::TakesLong => self.reprocessing.takes_long(name),
-            Outcome::Learned { .. } | Outcome::Changed | Outcome::Incomplete { .. } => {
+            Outcome::Learned { .. } | Outcome::Listed | Outcome::Changed | Outcome::Incomplete { .. } => {
                 self.reprocessing.forget(name);
             }
         }
@@ -219,6 +224,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 let remedy = "Drop the drawing again. The settings file stays in the hot folder until then. Next time drop the \
                               settings first.";
                 Reason::new("sidecar-late", what, remedy)
+            } else if is_list(path) {
+                let what = "The list waits for the drawing of the same name.";
+                let remedy = "Drop the drawing, such as can@logo.dxf for can@logo.csv, or remove the list. A scan has a name without @.";
+                Reason::new("waits-for-pattern", what, remedy)
             } else if is_sidecar(path) {
                 let what = "The settings wait for the drawing of the same name.";
                 Reason::new("waits-for-pattern", what, "Drop the drawing, or remove the file.")

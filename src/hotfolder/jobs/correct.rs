@@ -8,7 +8,7 @@ use super::finish::{Ready, is_missing_for_server};
 use super::intake::Read;
 use super::resume::{Inputs, Original, Resume};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
-use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near};
+use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near, nearest_first};
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, Delivery, JobError};
 use crate::hotfolder::beamserver;
@@ -59,7 +59,7 @@ impl<C: Corrector> Executor<'_, C> {
             let read = &*slot.insert(self.read(task, Some(pattern))?);
             return self.finish(&Ready { task, sku, pattern, name, read }, unfiled);
         }
-        self.expect_surface(task, sku)?;
+        self.expect_surface(task, sku, name)?;
         let read = &*slot.insert(self.read(task, Some(pattern))?);
         let mut drawing = self.prepare(Ready { task, sku, pattern, name, read }, started)?;
         let before = match self.resume(&drawing)? {
@@ -91,8 +91,8 @@ impl<C: Corrector> Executor<'_, C> {
         self.finish(&drawing.ready, unfiled)
     }
 
-    /// Makes the drawing wait if there is no surface.
-    fn expect_surface(&self, task: &Task, sku: &Sku) -> Result<(), EarlyEnd> {
+    /// Makes the drawing of this name wait if there is no surface.
+    pub(super) fn expect_surface(&self, task: &Task, sku: &Sku, name: &str) -> Result<(), EarlyEnd> {
         // A primitive is given in the settings, so a rejected part file does not affect it.
         let is_from_file = task.settings.part.primitive.is_none();
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
@@ -112,6 +112,15 @@ impl<C: Corrector> Executor<'_, C> {
                     .collect::<Vec<_>>()
                     .join(" or ");
                 remedy += &format!(" If the drawing is for another product, begin its name with {names}.");
+            } else if !name.contains('@') {
+                remedy += &format!(
+                    " If the drawing is for another product, name it in the form SKU@name.dxf, such as {}@{name}.",
+                    nearest_first(sku.key(), &known)
+                        .into_iter()
+                        .find(|name| *name != sku.key())
+                        .unwrap_or("mouse")
+                );
+                remedy += &known_names(sku, &known);
             }
             return Err(EarlyEnd::Outcome(Outcome::NoSurface(Reason::new("waits-for-part", what, remedy))));
         }
@@ -335,6 +344,17 @@ impl Correction<'_> {
 }
 
 /// Whether the last result needs no import by BeamServer.
+/// The known SKUs whose names are nearest to that of an unknown one, as a sentence.
+fn known_names(unknown: &Sku, known: &[String]) -> String {
+    let others: Vec<&str> =
+        nearest_first(unknown.key(), known).into_iter().filter(|name| *name != unknown.key()).collect();
+    if others.is_empty() {
+        return String::new();
+    }
+    let more = if others.len() > NEAR_NAMES { ", ..." } else { "" };
+    format!(" Known SKUs: {}{more}.", others[..others.len().min(NEAR_NAMES)].join(", "))
+}
+
 fn is_imported(task: &Task, last: &Delivered) -> bool {
     task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done
 }

@@ -99,6 +99,9 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 Err(JobError::Rejected(reason.clone()).into())
             }
             (None, Work::Learn(sku)) => self.learn(&task, sku, &mut read),
+            (None, Work::Correct { sku, name }) if unfiled.is_none() && self.is_listed(&task) => {
+                self.list(&task, sku, name, &mut read)
+            }
             (None, Work::Correct { sku, name } | Work::CorrectAgain { sku, name }) => {
                 self.correct(&task, sku, name, unfiled, &mut read)
             }
@@ -158,6 +161,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             last_chance: task.last_chance,
             settling: &task.settling,
             sidecar: task.place_of_sidecar(),
+            list: task.place_of_list(),
         };
         intake::read(&intake, |name, bytes| guarded(|| Ok(self.corrector.completeness(name, bytes))))
     }

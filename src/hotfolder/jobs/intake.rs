@@ -25,6 +25,8 @@ pub(crate) struct Read {
     pub(crate) absent: Vec<PathBuf>,
     /// A pattern's own settings: the file and its text.
     pub(crate) sidecar: Option<(PathBuf, String)>,
+    /// The list of products of a pattern: its name and its bytes.
+    pub(crate) list: Option<(String, Vec<u8>)>,
 }
 
 impl Read {
@@ -49,6 +51,8 @@ pub(crate) struct Intake<'a> {
     pub(crate) settling: &'a BTreeSet<PathBuf>,
     /// The path of the settings beside a pattern, if it may have some.
     pub(crate) sidecar: Option<PathBuf>,
+    /// The path of the list beside a pattern, if it may have one.
+    pub(crate) list: Option<PathBuf>,
 }
 
 /// Reads a drop, if it is complete and was not changed or removed during the reading.
@@ -125,6 +129,14 @@ fn with_companions(
         Some(path) => read_sidecar(path)?,
         None => None,
     };
+    let list = match intake.list.clone() {
+        Some(path) if intake.settling.contains(&path) => {
+            missing = Some((list_settles(&file.name), true));
+            None
+        }
+        Some(path) => read_list(path)?,
+        None => None,
+    };
     match missing {
         None => {
             file.siblings = read_needed(intake.path, named)?;
@@ -133,7 +145,10 @@ fn with_companions(
             }
             let text = sidecar.as_ref().map(|(beside, text)| (beside.path.clone(), text.clone()));
             companions.extend(sidecar.map(|(beside, _)| beside));
-            Ok(Read { file, stamp, companions, absent, sidecar: text })
+            let rows =
+                list.as_ref().map(|(name, beside)| (name.clone(), beside.bytes.clone().unwrap_or_default()));
+            companions.extend(list.map(|(_, beside)| beside));
+            Ok(Read { file, stamp, companions, absent, sidecar: text, list: rows })
         }
         Some((reason, false)) if intake.last_chance => Err(JobError::Rejected(reason).into()),
         Some((reason, _)) => {
@@ -190,6 +205,22 @@ fn read_sidecar(path: PathBuf) -> Result<Option<(Beside, String)>, JobError> {
     }
 }
 
+fn read_list(path: PathBuf) -> Result<Option<(String, Beside)>, JobError> {
+    match folders::look(&path).map_err(folder_trouble)? {
+        Some(Found::File(stamp)) if stamp.size > LARGEST_DROP => {
+            Err(JobError::Rejected(too_large(stamp.size)))
+        }
+        Some(Found::File(_)) => {
+            let Some((bytes, stamp)) = folders::read_whole(&path).map_err(|error| unreadable(&error))? else {
+                return Err(JobError::Retry(unsteady()));
+            };
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Ok(Some((name, Beside { path, stamp, bytes: Some(bytes) })))
+        }
+        Some(Found::Folder | Found::Other(_)) | None => Ok(None),
+    }
+}
+
 fn unsteady() -> Reason {
     let what = "The file changed while it was read.";
     Reason::new("file-unsteady", what, "Wait: isomark reads it again.")
@@ -218,6 +249,11 @@ fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
     let what = format!("{part} needs {}, which is incomplete.", companion.name);
     let reason = Reason::new("companion-short", what, format!("Copy {} again.", companion.name));
     reason.with_number("size", size as f64, "bytes", Some(companion.bytes as f64))
+}
+
+fn list_settles(pattern: &str) -> Reason {
+    let what = format!("A program may still be writing the list beside {pattern}.");
+    Reason::new("sidecar-settling", what, "Wait: isomark reads it again.")
 }
 
 fn sidecar_settles(pattern: &str) -> Reason {

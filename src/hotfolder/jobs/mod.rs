@@ -14,6 +14,7 @@ mod executor;
 mod surfaces;
 mod finish;
 mod correct;
+mod list;
 mod outdated;
 
 pub(crate) use basis::is_comparable;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::hotfolder::api::{Delivery, JobError, PictureKind};
-use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, sidecar_of};
+use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, list_of, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
 use crate::reason::Reason;
 
@@ -48,6 +48,18 @@ impl Task {
             Work::Correct { .. } => existing.or_else(|| self.sidecar.clone()),
             Work::CorrectAgain { .. } => existing,
             Work::Learn(_) | Work::Reject(_) => None,
+        }
+    }
+
+    /// The path of the list of products beside a dropped pattern.
+    pub(crate) fn place_of_list(&self) -> Option<PathBuf> {
+        match self.work {
+            Work::Correct { .. } => {
+                let lower = list_of(&self.path)?;
+                let spellings = ["csv", "CSV", "Csv"].map(|ending| lower.with_extension(ending));
+                Some(spellings.into_iter().find(|path| folders::is_file(path)).unwrap_or(lower))
+            }
+            Work::CorrectAgain { .. } | Work::Learn(_) | Work::Reject(_) => None,
         }
     }
 }
@@ -120,6 +132,8 @@ pub(crate) enum Outcome {
     Uncertain,
     /// A drawing was not delivered again.
     Repeated,
+    /// The drawings of all rows of a list are in the hot folder.
+    Listed,
     /// The drop is in the rejected folder.
     Rejected(Reason),
     /// The file was changed or removed: check it again.

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::settle::{Ending, Settle};
-use super::{Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, is_sidecar, meaning};
+use super::{
+    Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, is_list, is_sidecar, meaning,
+};
 use crate::config::{Sku, fold};
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::is_picture;
@@ -130,6 +132,8 @@ impl Drops {
             *self.parts.entry(sku).or_default() += 1;
         }
         let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
+            // A list is short, and is written at once.
+            _ if is_list(relative) => Ending::Short,
             Some(format) if !format.has_end_mark() => Ending::Unmarked,
             // The length is not enough: some programs reserve the full length before they write.
             Some(MeshFormat::Stl | MeshFormat::Ply) => Ending::Short,

@@ -2,11 +2,12 @@
 //!
 //! | in the hot folder | is |
 //! |---|---|
-//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and has no meaning |
+//! | `<sku>.glb`, `.gltf`, `.obj`, `.stl`, `.ply`, `.3mf`, `.xyz`, `.csv`, `.txt`, `.asc`, `.pts` | a part or a scan of it; an `@…` before the extension is allowed and has no meaning, except in a `.csv` |
 //! | `<sku>.dxf`, `<sku>@<anything>.dxf`, or `.svg`, `.png`, `.bmp` | a pattern, delivered under this name, as `.dxf` |
 //! | `<sku>/<anything>.glb` and so on | a part or a scan |
 //! | `<sku>/<anything>.dxf`, `.svg`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one with the same name |
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they are filed with that part |
+//! | `<sku>@<anything>.csv` | the list of products for the drawing `<sku>@<anything>.dxf`, `.svg`, … beside it |
 //! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.svg`, `.png` or `.bmp` in the same folder, filed with it |
 //!
 //! Extensions may be written in any case. Files with temporary and system names are never touched ([`is_ignored`]).
@@ -26,6 +27,9 @@ pub const CURRENT_PART: &str = "current-part.txt";
 
 /// Extension of the settings beside a pattern.
 pub(crate) const SIDECAR: &str = "toml";
+
+/// Extension of the list of products beside a pattern.
+const LIST: &str = "csv";
 
 /// The longest file name that is accepted, in bytes: file systems allow 255, and results need a suffix.
 const LONGEST_NAME: usize = 230;
@@ -103,6 +107,17 @@ pub(crate) fn is_sidecar(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
 }
 
+/// Whether the file is a list of products for the drawing beside it: its name has an `@`, as that of a drawing.
+pub(crate) fn is_list(path: &Path) -> bool {
+    let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(LIST));
+    is_csv && path.file_stem().is_some_and(|stem| stem.to_string_lossy().contains('@'))
+}
+
+/// The path of the list of a pattern: `<sku>@<name>.csv` beside `<sku>@<name>.dxf`.
+pub(crate) fn list_of(pattern: &Path) -> Option<PathBuf> {
+    Some(pattern.with_extension(LIST)).filter(|path| is_list(path))
+}
+
 /// The path of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
 pub(crate) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
     pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
@@ -146,7 +161,7 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     let extension = extension.to_lowercase();
     // A name with `@` is meant as a drawing for a SKU, not as a texture.
     let is_companion = COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@');
-    if is_companion || extension == SIDECAR {
+    if is_companion || extension == SIDECAR || is_list(Path::new(name)) {
         return Ok(Meaning::Companion);
     }
     let is_part = MeshFormat::from_name(name).is_some();
@@ -282,7 +297,7 @@ mod tests {
     fn invalid_names_get_a_reason() {
         let long = format!("{}.dxf", "x".repeat(240));
         for (relative, code) in [
-            ("can.step", "unknown-kind"),
+            ("can.iges", "unknown-kind"),
             ("can@logo.jpg", "unknown-kind"),
             ("can@logo.svgz", "unknown-kind"),
             ("can", "unknown-kind"),
@@ -296,9 +311,9 @@ mod tests {
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
-        let unread = meaning(Path::new("can.STEP")).unwrap_err();
-        assert_eq!(unread.what, "A .step file is in a format that isomark does not read.");
-        assert!(unread.remedy.contains(".glb, .gltf, .obj, .stl"));
+        let unread = meaning(Path::new("can.IGES")).unwrap_err();
+        assert_eq!(unread.what, "A .iges file is in a format that isomark does not read.");
+        assert!(unread.remedy.contains(".step, .glb, .gltf, .obj, .stl"));
         let unknown = meaning(Path::new("can.pdf")).unwrap_err();
         assert_eq!(unknown.what, "A .pdf file is neither a part nor a drawing.");
         assert!(unknown.remedy.contains(".glb, .gltf, .obj, .stl") && unknown.remedy.contains(".dxf"));

@@ -20,6 +20,7 @@
 //! path and its [`Stamp`]: another file with its name is another drop.
 
 mod line;
+mod listing;
 mod new_journal;
 mod order;
 mod results;
@@ -43,8 +44,9 @@ use crate::hotfolder::clock::Uptime;
 use crate::hotfolder::seen::folders::is_still_at;
 use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 
-pub(crate) use line::{Certainty, Import, Job, StampRecord};
-use line::{JOURNAL, Line, Parsed, Record, parse, written};
+pub(crate) use line::{Certainty, Import, Job, Listing, StampRecord};
+use line::{JOURNAL, Line, Parsed, Record, Series, parse, written};
+pub(crate) use listing::NewListing;
 use new_journal::NewJournal;
 pub(crate) use order::JournalPositions;
 pub(crate) use results::Delivered;
@@ -89,6 +91,9 @@ pub(crate) struct Journal {
     changed: Option<BTreeSet<Arc<str>>>,
     refused: BTreeMap<String, Refused>,
     at_work: BTreeMap<DropId, AtWork>,
+    listings: BTreeMap<DropId, Listing>,
+    /// The serial numbers of each SKU, by its key.
+    serials: BTreeMap<String, Series>,
 }
 
 /// A drop that a thread is processing, or was processing when the station crashed.
@@ -129,6 +134,8 @@ impl Journal {
             changed: None,
             refused: BTreeMap::new(),
             at_work: BTreeMap::new(),
+            listings: BTreeMap::new(),
+            serials: BTreeMap::new(),
         };
         let (mut damaged, mut read) = (0, 0);
         let mut line = Vec::new();
@@ -200,7 +207,12 @@ impl Journal {
     }
 
     fn live(&self) -> usize {
-        self.open.len() + self.results.len() + self.refused.len() + self.at_work.len()
+        self.open.len()
+            + self.results.len()
+            + self.refused.len()
+            + self.at_work.len()
+            + self.listings.len()
+            + self.serials.len()
     }
 
     fn file(&mut self) -> io::Result<&mut std::fs::File> {
@@ -516,6 +528,8 @@ impl Journal {
             }
             Record::Cancelled { drop } => {
                 self.open.remove(&drop);
+                // A list that was filed, but not noted as such.
+                self.listings.remove(&drop);
             }
             Record::Filing { drop, sku, stamp, to, job, certainty, hot } => {
                 let result = job.map(|job| (job, certainty));
@@ -537,6 +551,18 @@ impl Journal {
                     changed.insert(name);
                 }
             }
+            Record::Listing { drop, listing } => self.apply_listing(drop, listing),
+            Record::Naming { drop, named } => {
+                self.listings.entry(drop).and_modify(|listing| listing.named = named);
+            }
+            Record::Listed { drop } => {
+                self.listings.remove(&drop);
+                self.open.remove(&drop);
+                self.at_work.remove(&drop);
+            }
+            Record::Serials { sku, start, step, used } => {
+                self.serials.insert(sku, Series { start, step, used });
+            }
             Record::Learned { drop, sku, .. } => {
                 self.open.remove(&drop);
                 self.at_work.remove(&drop);
@@ -545,6 +571,7 @@ impl Journal {
                 }
             }
             Record::Rejected { drop, to, part_of, .. } => {
+                self.listings.remove(&drop);
                 self.open.remove(&drop);
                 self.at_work.remove(&drop);
                 if let Some(Ok(sku)) = part_of.map(|sku| sku.parse::<Sku>()) {
@@ -592,6 +619,7 @@ impl Journal {
             }
         }
         records.extend(self.open.iter().flat_map(|(drop, open)| open.records(drop)));
+        records.extend(self.listing_records());
         records.into_iter().map(|record| Line { at: at.clone(), record }).collect()
     }
 

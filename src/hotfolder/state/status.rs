@@ -12,6 +12,7 @@ use crate::config::{Sku, Station};
 use crate::files::write_whole_unsynced;
 use crate::hotfolder::api::{Waiting, WaitsFor};
 use crate::hotfolder::clock;
+use crate::hotfolder::fleet::Figures;
 use crate::hotfolder::jobs::Work;
 use crate::hotfolder::seen::{Drops, Moment};
 use crate::reason::Reason;
@@ -269,6 +270,20 @@ impl Status {
     pub fn read(state: &Path) -> std::io::Result<Option<Self>> {
         let Some(bytes) = crate::files::read_if_there(&state.join(FILE))? else { return Ok(None) };
         Ok(Some(serde_json::from_slice(&bytes)?))
+    }
+
+    /// What the fleet of the station shows of it, without what is wrong with the fleet itself.
+    pub(crate) fn figures(&self, of_fleet: Option<&str>) -> Figures {
+        let trouble = self.troubles.iter().find(|trouble| Some(trouble.as_str()) != of_fleet);
+        Figures {
+            waiting: (self.waiting.count + self.incomplete.count) as u64,
+            delivered: self.done.delivered,
+            learned: self.done.learned,
+            rejected: self.done.rejected,
+            outdated: self.outdated.count as u64,
+            uncertain: self.uncertain.count as u64,
+            trouble: trouble.cloned(),
+        }
     }
 
     /// The status at a later time, with the current state of the station: a running one writes its status every few

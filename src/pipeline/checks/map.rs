@@ -20,6 +20,8 @@ use crate::reason::{Notice, Place, Reason};
 const NOTABLE_UNCERTAIN: f64 = 0.05;
 /// A surface is unknown if so much of the length of a drawing is uncertain.
 const UNKNOWN_SHARE: f64 = 0.1;
+/// CAD programs, as files name them.
+const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
 /// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
@@ -61,31 +63,26 @@ pub(in crate::pipeline) fn map_reason(
             )
             .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() });
         }
-        MapError::Isometric(error) => Reason::new(
-            "map-not-found",
-            format!("No length-true map was found for the drawing: {error}."),
-            "Place the drawing where the part is less steep, or make it smaller.",
-        ),
         MapError::Cylinder(error) => {
             let remedy = match error {
                 CylinderError::TooFewPoints { .. } => PLACE_ON_PART,
-                CylinderError::NoAxis { .. } => OTHER_METHOD,
                 CylinderError::AnchorBeside { .. } => PLACE_ANCHOR,
+                _ => OTHER_METHOD,
             };
             Reason::new("no-cylinder", format!("The part cannot be unrolled as a cylinder: {error}."), remedy)
         }
         MapError::Cone(error) => {
             let remedy = match error {
                 ConeError::TooFewPoints { .. } => PLACE_ON_PART,
-                ConeError::NoApex { .. } => OTHER_METHOD,
                 ConeError::AnchorBeside { .. } | ConeError::ApexInDrawing { .. } => PLACE_ANCHOR,
+                _ => OTHER_METHOD,
             };
             Reason::new("no-cone", format!("The part cannot be unrolled as a cone: {error}."), remedy)
         }
         MapError::MappingDomain(error) => {
             let remedy = match error {
                 MappingDomainError::Outside { .. } => PLACE_ON_PART,
-                MappingDomainError::AnchorNotMet { .. } => OTHER_METHOD,
+                _ => OTHER_METHOD,
             };
             Reason::new(
                 "no-mapping-domain",
@@ -96,7 +93,7 @@ pub(in crate::pipeline) fn map_reason(
         MapError::Floater(error) => {
             let remedy = match error {
                 FloaterError::NoOutline { .. } | FloaterError::Outside { .. } => PLACE_ON_PART,
-                FloaterError::Unsolved { .. } => OTHER_METHOD,
+                _ => OTHER_METHOD,
             };
             Reason::new(
                 "no-parametrisation",
@@ -104,6 +101,11 @@ pub(in crate::pipeline) fn map_reason(
                 remedy,
             )
         }
+        _ => Reason::new(
+            "map-not-found",
+            format!("No length-true map was found for the drawing: {error}."),
+            "Place the drawing where the part is less steep, or make it smaller.",
+        ),
     };
     reason.at(Place { coordinate: Some(middle.coords().iter().copied().collect()), ..Place::default() })
 }
@@ -179,9 +181,7 @@ pub(in crate::pipeline) fn uncertain(
             Some(_) => {
                 "Scan with less noise, more points and without outliers, or use a model of the part from CAD."
             }
-            None => {
-                "Export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm."
-            }
+            None => finer_facets(facts),
         };
         return Err(Reason::new(
             "surface-unknown",
@@ -195,21 +195,15 @@ pub(in crate::pipeline) fn uncertain(
         .with_number("uncertain length", uncertain.length_error, "mm", Some(limit)));
     }
     if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
-        let (cause, remedy) = match (&facts.scan, facts.normals_used) {
-            (Some(_), _) => ("the points of the scan scatter", "scan with less noise or more points"),
-            (_, Some(NormalsUsed::File)) => {
-                ("the part's facets are coarse", "export the part with a deviation of at most 0.05 mm")
-            }
-            _ => (
-                "the part's facets are coarse",
-                "export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm",
-            ),
+        let (cause, remedy) = match &facts.scan {
+            Some(_) => ("the points of the scan scatter", "Scan with less noise or more points."),
+            None => ("the part's facets are coarse", finer_facets(facts)),
         };
         notices.push(Notice::warning(
             "facets-coarse",
             format!(
                 "{:.3} mm of the reported length error of {:.3} mm is uncertain, because {cause}: under the drawing the \
-                 surface may be wrong by {:.3} mm and {:.2} degrees; {remedy}",
+                 surface may be wrong by {:.3} mm and {:.2} degrees. {remedy}",
                 uncertain.length_error,
                 after.length_error,
                 uncertain.max_height,
@@ -218,6 +212,28 @@ pub(in crate::pipeline) fn uncertain(
         ));
     }
     Ok(())
+}
+
+/// What determines the surface between the vertices of a mesh better, in the program that wrote the file; for both kinds of
+/// programs where the file does not name it.
+fn finer_facets(facts: &PartFacts) -> &'static str {
+    let has_normals = facts.normals_used == Some(NormalsUsed::File);
+    match facts.producer.as_deref() {
+        Some(producer) if producer.contains("Blender") => {
+            "In Blender, apply the Subdivision modifier and export the part again, or export the part from CAD as glTF with its \
+             normals."
+        }
+        Some(producer) if CAD.iter().any(|name| producer.contains(name)) && has_normals => {
+            "Export the part with a deviation of at most 0.05 mm."
+        }
+        Some(producer) if CAD.iter().any(|name| producer.contains(name)) => {
+            "Export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm."
+        }
+        _ => {
+            "Export the part from CAD as glTF with its normals, or with a deviation of at most 0.05 mm; in Blender, apply the \
+             Subdivision modifier."
+        }
+    }
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.

@@ -83,6 +83,41 @@ impl StampRecord {
     }
 }
 
+/// A list of products, from the moment when its serial numbers are reserved until all its drawings are in the hot folder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Listing {
+    /// The drawing's.
+    pub(super) stamp: StampRecord,
+    /// The SKU's name.
+    pub(crate) sku: String,
+    /// Hash of the list and the settings beside it.
+    pub(crate) list: String,
+    /// The first number of the SKU's series.
+    pub(super) start: u64,
+    /// The distance of two numbers.
+    pub(super) step: u64,
+    /// How many serial numbers were used before.
+    pub(crate) used: u64,
+    /// Number of rows; each has a serial number.
+    pub(crate) rows: u64,
+    /// The date of all rows.
+    pub(crate) date: String,
+    /// How many drawings were about to get their names in the hot folder, or have them.
+    #[serde(default)]
+    pub(crate) named: u64,
+}
+
+/// The serial numbers of a SKU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Series {
+    /// The first number.
+    pub(super) start: u64,
+    /// The distance of two numbers.
+    pub(super) step: u64,
+    /// How many are used.
+    pub(super) used: u64,
+}
+
 /// A step that cannot be undone.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "did", rename_all = "kebab-case")]
@@ -158,6 +193,18 @@ pub(super) enum Record {
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
     },
+    /// Serial numbers are reserved for the rows of a list.
+    Listing {
+        drop: DropId,
+        #[serde(flatten)]
+        listing: Listing,
+    },
+    /// The first drawings of a list are in the hot folder under hidden names and are about to be renamed.
+    Naming { drop: DropId, named: u64 },
+    /// All drawings of a list are in the hot folder.
+    Listed { drop: DropId },
+    /// How many serial numbers of a SKU are used.
+    Serials { sku: String, start: u64, step: u64, used: u64 },
     /// A part is done.
     Learned { drop: DropId, sku: String, original: String },
     /// A drop was rejected; `part_of` names the SKU of a part.

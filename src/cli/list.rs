@@ -1,0 +1,118 @@
+//! `isomark correct --list`: one corrected drawing for each row of a list.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::job::Job;
+use super::named_files::{file_trouble, name_of, read_file, write_file, write_file_if};
+use super::outcome::{Failure, Outcome, tell};
+use crate::config::BadRows;
+use crate::formats::list::{List, Row};
+use crate::pipeline::{ListJob, PatternInput, PipelineError};
+use crate::reason::Reason;
+
+/// Least digits of the number in the names of the drawings.
+const DIGITS: usize = 4;
+
+/// Writes the drawing of every row into `folder`, as `<list>-0001.dxf` and so on.
+pub(super) fn run(job: &Job, list: &Path, folder: &Path) -> Outcome {
+    let bytes = read_file(list)?;
+    let (file, stem) = (name_of(list)?, list.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    fs_err::create_dir_all(folder).map_err(|error| file_trouble("create", folder, &error))?;
+    let mut listed = Listed { job, list: ListJob::new(&file, &job.sku, &job.drawing, &job.settings, 0) };
+    let mut left_out = BTreeSet::new();
+    let mut rows = 0u64;
+    let list = List::new(&bytes).map_err(|error| Failure::rejected(listed.list.unreadable(&error)))?;
+    for (row, index) in list.zip(0..) {
+        rows = index + 1;
+        let checked = row.map_err(|error| listed.list.unreadable(&error));
+        if let Err(reason) = checked.and_then(|row| listed.list.check(&row)) {
+            listed.leave_out(&reason, index)?;
+            left_out.insert(index);
+        }
+    }
+    if rows == left_out.len() as u64 {
+        return Err(Failure::rejected(listed.list.empty()));
+    }
+    let digits = DIGITS.max(rows.ilog10() as usize + 1);
+    let mut written = 0;
+    let list = List::new(&bytes).map_err(|error| Failure::rejected(listed.list.unreadable(&error)))?;
+    for (row, index) in list.zip(0..) {
+        let Some(row) = row.ok().filter(|_| !left_out.contains(&index)) else { continue };
+        let out = folder.join(format!("{stem}-{:0digits$}.dxf", row.number));
+        match listed.write(&out, &row) {
+            Ok(()) => written += 1,
+            Err(WriteError::Failed(failure)) => return Err(failure),
+            Err(WriteError::Rejected(reason)) => {
+                if job.settings.content.bad_rows == BadRows::Refuse && written > 0 {
+                    tell(&format!("{written} drawings of the rows before row {} are written", row.number));
+                }
+                listed.leave_out(&listed.list.refused(&row, reason), index)?;
+                left_out.insert(index);
+            }
+        }
+    }
+    let drawings = if written == 1 { "1 drawing".to_owned() } else { format!("{written} drawings") };
+    let without = match left_out.len() {
+        0 => String::new(),
+        1 => "; 1 row is left out".to_owned(),
+        many => format!("; {many} rows are left out"),
+    };
+    tell(&format!("{file}: {drawings} in {}{without}", folder.display()));
+    Ok(())
+}
+
+struct Listed<'j> {
+    job: &'j Job<'j>,
+    list: ListJob<'j>,
+}
+
+enum WriteError {
+    Rejected(Reason),
+    Failed(Failure),
+}
+
+impl Listed<'_> {
+    fn write(&self, out: &Path, row: &Row) -> Result<(), WriteError> {
+        let settings = &self.list.settings_of(row).map_err(WriteError::Rejected)?;
+        let Job { sku, pipeline, learned, pattern, drawing, verify, .. } = self.job;
+        let name = name_of(pattern).map_err(WriteError::Failed)?;
+        let input = PatternInput { name: &name, bytes: drawing, previous: None };
+        let mut corrected = match pipeline.correct(sku, learned, input, settings, false) {
+            Ok(corrected) => corrected,
+            Err(PipelineError::Rejected(reason)) => return Err(WriteError::Rejected(reason)),
+            Err(error) => return Err(WriteError::Failed(error.into())),
+        };
+        let dxf = std::mem::take(&mut corrected.dxf);
+        let written = match corrected.is_to_be_read_back(*verify) {
+            true => write_file_if(out, &dxf, |file| corrected.read_back(file)),
+            false => write_file(out, &dxf),
+        };
+        written.map_err(WriteError::Failed)
+    }
+
+    /// Reports a row that is not marked, with its serial number; or ends with its reason.
+    fn leave_out(&self, reason: &Reason, index: u64) -> Outcome {
+        if self.job.settings.content.bad_rows == BadRows::Refuse {
+            return Err(Failure::rejected(reason.clone()));
+        }
+        tell(&reason.to_string());
+        if let Some(number) = self.list.serial(index + 1) {
+            tell(&format!("the serial number {number} is void: its row is left out"));
+        }
+        Ok(())
+    }
+}
+
+/// Where the drawings of a list go.
+pub(super) fn folder(list: &Path, given: Option<&PathBuf>) -> Result<PathBuf, Failure> {
+    given.cloned().ok_or_else(|| {
+        Failure::usage(
+            format!(
+                "`--list {}` writes a drawing for each row, and no folder is given for them.",
+                list.display()
+            ),
+            "Name the folder with `--out-dir`.",
+        )
+    })
+}

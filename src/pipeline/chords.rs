@@ -1,0 +1,28 @@
+//! The chords of marked polylines: how a map bends a drawing, and by how much its curves get shorter.
+
+use super::fill;
+use crate::config::{JobSettings, Vertices};
+use crate::geometry::correction::{AboveLens, Bent, Projection, Subdivision};
+use crate::geometry::mapping::quality::Shortening;
+use crate::geometry::pattern::Pattern;
+
+/// The placed drawing through a projection, divided as the settings demand.
+pub(super) fn bend(
+    projection: &Projection<'_>,
+    placed: &Pattern,
+    settings: &JobSettings,
+) -> Result<Bent, AboveLens> {
+    let subdivision = match settings.correction.vertices {
+        Vertices::Adaptive => Subdivision::Adaptive,
+        Vertices::Keep => Subdivision::Keep,
+    };
+    projection.bend(placed, fill::tolerance(settings), subdivision)
+}
+
+/// The shortening of those paths of a bent drawing that are ink.
+pub(super) fn of_ink(placed: &Pattern, bent: &Bent, settings: &JobSettings) -> Vec<Shortening> {
+    let ink = placed.paths.iter().zip(&bent.shortening).filter(|(path, _)| {
+        placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
+    });
+    ink.map(|(_, shortening)| *shortening).filter(|shortening| shortening.lost > 0.0).collect()
+}

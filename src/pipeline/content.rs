@@ -1,0 +1,434 @@
+//! Content that differs from product to product: checks the fields of a drawing, draws codes into their placeholders, and
+//! measures them on the part.
+
+use nalgebra::{Matrix2, Point3, Vector2};
+
+use crate::config::{CodeSettings, ContentSettings, JobSettings, is_same_layer};
+use crate::formats::code::{self, Modules};
+use crate::formats::pattern::{self, Content, FieldUse, FoundField, PatternFacts, filled};
+use crate::geometry::mapping::LengthTrueMap;
+use crate::geometry::pattern::{Affine, Path, Pattern, Segment, Shape, Source};
+use crate::geometry::space::FlatPoint;
+use crate::geometry::surface::fit::FittedSurface;
+use crate::reason::{Notice, Place, Reason};
+use crate::report::{CodeReport, ContentReport};
+
+/// Most modules of all codes of a drawing.
+const MOST_MODULES: usize = 2_000_000;
+/// Sides and angles of a placeholder may differ from those of a rectangle by this share.
+const SQUARENESS: f64 = 1e-3;
+/// A cell that changes by more than this on the part may not be read.
+const NOTABLE_DISTORTION: f64 = 10.0;
+/// Most steps along a bar in which its width is measured.
+const MOST_STEPS: usize = 50;
+/// Longest text in a message, letters.
+const SHOWN: usize = 60;
+
+/// A code in its placeholder.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedCode {
+    report: CodeReport,
+    /// From modules, from the lower left of the code without its quiet zone, to mm of the drawing.
+    frame: Affine,
+    is_linear: bool,
+}
+
+/// Refuses a drawing with a field that has no value.
+///
+/// # Errors
+/// The first such field, with its text, layer and handle.
+pub(super) fn check_fields(facts: &PatternFacts) -> Result<(), Reason> {
+    match facts.fields.iter().find(|field| field.value.is_none()) {
+        Some(field) => Err(without_value(field)),
+        None => Ok(()),
+    }
+}
+
+fn without_value(FieldUse { field, why, entity, handle, layer, .. }: &FieldUse) -> Reason {
+    let item = handle.as_ref().map_or_else(|| entity.clone(), |handle| format!("{entity} {handle}"));
+    no_value(field, why.as_deref()).at(Place {
+        item: Some(item),
+        layer: Some(layer.clone()),
+        ..Place::default()
+    })
+}
+
+fn no_value(field: &str, why: Option<&str>) -> Reason {
+    let name = field.trim_matches(['{', '}']);
+    let remedy = match name.split(':').next().unwrap_or_default() {
+        "serial" => {
+            "Give it with `isomark correct --content serial=17`, as `serial` under [content] in the settings beside the drawing, or with \
+             `--list`; in a station, drop a list beside the drawing".to_owned()
+        }
+        "date" => "Give a known format, and the date with `isomark correct --date` or as `date` under [content]".to_owned(),
+        "shift" => {
+            "Give it with `isomark correct --content shift=NAME`, or as `shift` under [content], or `shifts` and a date"
+                .to_owned()
+        }
+        "csv" => {
+            let column = name.split_once(':').map_or("COLUMN", |(_, column)| column);
+            format!(
+                "Give it with `isomark correct --content \"csv.{column}=VALUE\"`, or in this column of the list"
+            )
+        }
+        _ => "Write the field without a format".to_owned(),
+    };
+    Reason::new(
+        "content-missing",
+        format!("The field `{}` has no value: {}.", short(field), short(why.unwrap_or("none is given"))),
+        format!("{remedy}; doubled braces, `{{{field}}}`, mark its text."),
+    )
+}
+
+fn short(text: &str) -> String {
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// Checks the values of one product for these fields and for the codes of the settings, without a drawing.
+///
+/// # Errors
+/// The first field without a value, or the first code that cannot be encoded.
+pub fn check_values<'f>(
+    fields: impl Iterator<Item = &'f str>,
+    layers: &[String],
+    settings: &ContentSettings,
+    values: &Content,
+) -> Result<(), Reason> {
+    for field in fields {
+        filled(field, values).map_err(|field| refused_field(&field))?;
+    }
+    let is_drawn = |code: &&CodeSettings| layers.iter().any(|layer| is_same_layer(layer, &code.layer));
+    for code in settings.codes.iter().filter(is_drawn) {
+        encoded(code, values)?;
+    }
+    Ok(())
+}
+
+fn refused_field(field: &FoundField) -> Reason {
+    no_value(&field.field, field.value.as_ref().err().map(String::as_str))
+}
+
+/// The content and the modules of a code.
+fn encoded(settings: &CodeSettings, values: &Content) -> Result<(String, Modules), Reason> {
+    let at = || Place {
+        item: Some("content.codes".into()),
+        layer: Some(settings.layer.clone()),
+        ..Place::default()
+    };
+    let content = filled(&settings.content, values).map_err(|field| refused_field(&field).at(at()))?;
+    let modules = code::encode(settings.kind, &content, settings.is_rectangular).map_err(|error| {
+        Reason::new(
+            "code-content",
+            format!("The {} code of `{}` cannot be made: {error}.", settings.kind, short(&content)),
+            "Shorten or correct `content` of this code (`codes` under [content]), or choose another `kind`.",
+        )
+        .at(at())
+    })?;
+    Ok((content, modules))
+}
+
+/// The facts of a drawing, with the fields of its texts under these settings.
+///
+/// # Errors
+/// When the drawing cannot be read.
+pub fn drawing_facts(bytes: &[u8], settings: &JobSettings) -> Result<PatternFacts, Reason> {
+    let content = Some(settings.content.values.clone());
+    let options = pattern::PatternOptions { content, ..settings.pattern.options() };
+    pattern::read(bytes, &options).map(|reading| reading.facts).map_err(|error| error.reason())
+}
+
+/// Replaces the rectangles on the layers of codes by the outlines of their inked cells.
+///
+/// # Errors
+/// When a code cannot be encoded, a path on such a layer is not a rectangle, or there are too many codes.
+pub(super) fn draw_codes(
+    pattern: &mut Pattern,
+    settings: &ContentSettings,
+    notices: &mut Vec<Notice>,
+) -> Result<Vec<PlacedCode>, Reason> {
+    let mut placed = Vec::new();
+    let mut region = pattern.paths.iter().filter_map(|path| path.region).max().map_or(0, |last| last + 1);
+    let mut budget = MOST_MODULES;
+    for code in &settings.codes {
+        let is_of_code = |path: &Path| {
+            pattern.layers.get(path.layer).is_some_and(|layer| is_same_layer(&layer.name, &code.layer))
+        };
+        if !pattern.paths.iter().any(is_of_code) {
+            let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
+            let message = format!(
+                "no {} code is marked: the drawing has nothing on the layer {}; its layers are {}",
+                code.kind,
+                code.layer,
+                layers.join(", ")
+            );
+            notices.push(Notice::warning("code-layer-missing", message));
+            continue;
+        }
+        let (content, modules) = encoded(code, &settings.values)?;
+        let mut paths = Vec::with_capacity(pattern.paths.len());
+        for path in &pattern.paths {
+            if !is_of_code(path) {
+                paths.push(path.clone());
+                continue;
+            }
+            let rectangle = Rectangle::of(&path.shape).ok_or_else(|| not_a_rectangle(path, code))?;
+            let [columns, rows] = modules.size();
+            budget = budget.checked_sub(columns * rows).ok_or_else(too_many)?;
+            let one = one_code(&rectangle, path, code, &content, &modules, region, &mut paths);
+            region = region.saturating_add(1);
+            placed.push(one);
+        }
+        pattern.paths = paths;
+    }
+    Ok(placed)
+}
+
+fn too_many() -> Reason {
+    Reason::new(
+        "code-too-many",
+        "The codes of the drawing have more modules than can be marked.",
+        "Draw fewer placeholders, or shorten the content of the codes.",
+    )
+    .with_number("modules", MOST_MODULES as f64, "", Some(MOST_MODULES as f64))
+}
+
+fn not_a_rectangle(path: &Path, code: &CodeSettings) -> Reason {
+    let Source { entity, handle, .. } = &path.source;
+    let item = handle.as_ref().map_or_else(|| entity.clone(), |handle| format!("{entity} {handle}"));
+    Reason::new(
+        "code-placeholder",
+        format!(
+            "The layer {} is for placeholders of codes, and a path on it is not a closed rectangle.",
+            code.layer
+        ),
+        "Draw one closed rectangle for each code on this layer, and everything else on other layers.",
+    )
+    .at(Place { item: Some(item), layer: Some(code.layer.clone()), ..Place::default() })
+}
+
+/// A placeholder: its lower left corner as the code is read, and its sides, mm.
+struct Rectangle {
+    corner: Vector2<f64>,
+    sides: [Vector2<f64>; 2],
+}
+
+impl Rectangle {
+    /// The rectangle that a path draws, with sides in any direction; `None` for another shape.
+    fn of(shape: &Shape) -> Option<Self> {
+        let Shape::Closed(segments) = shape else { return None };
+        let mut corners: Vec<Vector2<f64>> = Vec::new();
+        let mut ends = Vec::with_capacity(segments.len());
+        for segment in segments {
+            let Segment::Line { from, to } = segment else { return None };
+            ends.push((from.coords(), to.coords()));
+        }
+        // Points on a straight side are no corners.
+        for (index, (from, to)) in ends.iter().enumerate() {
+            let (before, _) = ends[(index + ends.len() - 1) % ends.len()];
+            let (one, other) = (from - before, to - from);
+            if one.perp(&other).abs() > SQUARENESS * one.norm() * other.norm() {
+                corners.push(*from);
+            }
+        }
+        let [a, b, c, d] = corners[..] else { return None };
+        let (u, v) = (b - a, d - a);
+        let tolerance = SQUARENESS * u.norm().min(v.norm());
+        let is_rectangle = u.norm() > 0.0
+            && v.norm() > 0.0
+            && (a + c - b - d).norm() <= tolerance
+            && u.dot(&v).abs() <= SQUARENESS * u.norm() * v.norm();
+        is_rectangle.then_some(())?;
+        Some(Self { corner: a, sides: [u, v] })
+    }
+
+    /// The same with its first side along the code: the longer one if `is_long`, otherwise the one that is nearest to the
+    /// drawing's x. It points to the right, or upwards.
+    fn oriented(&self, is_long: bool) -> Self {
+        let [u, v] = self.sides;
+        let first_is_longer = u.norm() >= v.norm();
+        let first_is_nearer = u.x.abs() * v.norm() >= v.x.abs() * u.norm() * (1.0 - SQUARENESS);
+        let (mut along, mut across) = match if is_long { first_is_longer } else { first_is_nearer } {
+            true => (u, v),
+            false => (v, u),
+        };
+        let mut corner = self.corner;
+        if along.x < -SQUARENESS * along.norm() || along.x.abs() <= SQUARENESS * along.norm() && along.y < 0.0
+        {
+            corner += along;
+            along = -along;
+        }
+        if along.perp(&across) < 0.0 {
+            corner += across;
+            across = -across;
+        }
+        Self { corner, sides: [along, across] }
+    }
+}
+
+/// Draws one code and returns its place.
+fn one_code(
+    rectangle: &Rectangle,
+    path: &Path,
+    settings: &CodeSettings,
+    content: &str,
+    modules: &Modules,
+    region: u32,
+    paths: &mut Vec<Path>,
+) -> PlacedCode {
+    let is_linear = settings.kind.is_linear();
+    let [columns, rows] = modules.size();
+    let Rectangle { corner, sides: [along, across] } =
+        rectangle.oriented(is_linear || settings.is_rectangular);
+    let quiet = settings.quiet_zone.unwrap_or(settings.kind.quiet_zone());
+    let margin = [quiet, if is_linear { 0 } else { quiet }];
+    let (width, height) = (along.norm(), across.norm());
+    let whole = [columns + 2 * margin[0], rows + 2 * margin[1]].map(|count| count as f64);
+    let (cell_x, cell_y) = match is_linear {
+        true => (width / whole[0], height),
+        false => {
+            let cell = (width / whole[0]).min(height / whole[1]);
+            (cell, cell)
+        }
+    };
+    let (x, y) = (along / width, across / height);
+    let middle = corner + (along + across) / 2.0;
+    let size = Vector2::new(columns as f64 * cell_x, rows as f64 * cell_y);
+    let frame = Affine {
+        linear: Matrix2::from_columns(&[x * cell_x, y * cell_y]),
+        offset: middle - x * (size.x / 2.0) - y * (size.y / 2.0),
+    };
+    let (drawn, shift) = match settings.is_inverted {
+        true => (modules.with_margin(margin).inverted(), margin.map(|count| count as f64)),
+        false => (modules.clone(), [0.0; 2]),
+    };
+    for corners in code::outlines(&drawn) {
+        let point = |[column, row]: [usize; 2]| {
+            frame.point(FlatPoint::new(column as f64 - shift[0], row as f64 - shift[1]))
+        };
+        let next = corners.iter().cycle().skip(1);
+        let sides =
+            corners.iter().zip(next).map(|(from, to)| Segment::Line { from: point(*from), to: point(*to) });
+        paths.push(Path {
+            layer: path.layer,
+            color: path.color,
+            shape: Shape::Closed(sides.collect()),
+            region: Some(region),
+            source: Source { is_stroke: true, ..path.source.clone() },
+        });
+    }
+    let report = CodeReport {
+        kind: settings.kind,
+        content: content.to_owned(),
+        layer: settings.layer.clone(),
+        handle: path.source.handle.clone(),
+        modules: [columns, rows],
+        quiet_zone: quiet,
+        inverted: settings.is_inverted,
+        cell_mm: cell_x,
+        cell_on_part_mm: None,
+        max_distortion_percent: None,
+    };
+    PlacedCode { report, frame, is_linear }
+}
+
+/// What the report states about content: the values, if the drawing uses any, and its codes as they are on the part. `motion`
+/// places the drawing; without a map the codes are not measured.
+pub(super) fn report(
+    codes: &[PlacedCode],
+    facts: &PatternFacts,
+    motion: &Affine,
+    on_part: Option<(&LengthTrueMap, &FittedSurface)>,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) -> Option<ContentReport> {
+    if codes.is_empty() && facts.fields.is_empty() {
+        return None;
+    }
+    let measured = |code: &PlacedCode| {
+        let mut report = code.report.clone();
+        if let Some((sides, distortion)) = on_part.and_then(|on_part| measured(code, motion, on_part)) {
+            report.cell_on_part_mm = Some(sides);
+            report.max_distortion_percent = Some(distortion * 100.0);
+        }
+        report
+    };
+    let reports: Vec<CodeReport> = codes.iter().map(measured).collect();
+    for code in &reports {
+        let name = format!("the {} code `{}` on layer {}", code.kind, short(&code.content), code.layer);
+        if let Some(distortion) = code.max_distortion_percent.filter(|percent| *percent > NOTABLE_DISTORTION)
+        {
+            let message = format!(
+                "cells of {name} change by up to {distortion:.1} % on the part: readers may not decode it; make it smaller, or \
+                 place it where the part is flatter"
+            );
+            notices.push(Notice::warning("code-distorted", message));
+        }
+        let smallest = code.cell_on_part_mm.map_or(code.cell_mm, |[smallest, _]| smallest);
+        if let Some(spot) = settings.optics.spot.filter(|spot| smallest < *spot) {
+            let message = format!(
+                "cells of {name} are {smallest:.3} mm wide, and the laser's spot is {spot} mm: they run together; draw a larger \
+                 placeholder or shorten the content"
+            );
+            notices.push(Notice::warning("code-finer-than-spot", message));
+        }
+        if settings.fill.spacing.is_none() || !settings.fill.includes(&code.layer) {
+            let message = format!(
+                "{name} is marked as the outlines of its cells: fill it with `[fill]` (`--fill`), or with a hatch of the marking \
+                 software"
+            );
+            notices.push(Notice::note("code-outlines", message));
+        }
+    }
+    Some(ContentReport::new(&settings.content.values, reports))
+}
+
+/// Smallest and largest side of a cell on the part, mm, and the largest change of a side or diagonal as a share; `None` beside
+/// the part.
+fn measured(
+    code: &PlacedCode,
+    motion: &Affine,
+    (map, surface): (&LengthTrueMap, &FittedSurface),
+) -> Option<([f64; 2], f64)> {
+    let frame = motion.after(&code.frame);
+    let [columns, rows] = code.report.modules;
+    let (width, height) = (frame.linear.column(0).norm(), frame.linear.column(1).norm());
+    // A bar is measured in steps about as high as it is wide.
+    let parts = if code.is_linear { ((height / width) as usize).clamp(1, MOST_STEPS) } else { 1 };
+    let step = height / parts as f64;
+    let point = |column: usize, row: usize| {
+        let at = map.point(frame.point(FlatPoint::new(column as f64, row as f64 / parts as f64)));
+        Some(Point3::new(at.x, at.y, surface.sampled_height(at)?))
+    };
+    let row_of = |row: usize| (0..=columns).map(|column| point(column, row)).collect::<Option<Vec<_>>>();
+    let (mut sides, mut worst) = ([f64::INFINITY, 0.0f64], 0.0f64);
+    let mut note = |one: &Point3<f64>, other: &Point3<f64>, drawn: f64, is_side: bool| {
+        let length = (one - other).norm();
+        worst = worst.max((length / drawn - 1.0).abs());
+        if is_side {
+            sides = [sides[0].min(length), sides[1].max(length)];
+        }
+    };
+    let mut below = row_of(0)?;
+    for row in 0..=rows * parts {
+        for ends in below.windows(2) {
+            note(&ends[0], &ends[1], width, true);
+        }
+        if row == rows * parts {
+            break;
+        }
+        let above = row_of(row + 1)?;
+        for column in 0..=columns {
+            note(&below[column], &above[column], step, !code.is_linear);
+            if column < columns {
+                let diagonal = width.hypot(step);
+                note(&below[column], &above[column + 1], diagonal, false);
+                note(&below[column + 1], &above[column], diagonal, false);
+            }
+        }
+        below = above;
+    }
+    Some((sides, worst))
+}
