@@ -29,7 +29,7 @@ fn profiles() -> String {
         .split_once("[profile.dev]")
         .map(|(_, rest)| format!("[profile.dev]{rest}"))
         .unwrap()
-        .split_once("[lints")
+        .split_once("[workspace.lints")
         .unwrap()
         .0
         .to_owned()

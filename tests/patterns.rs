@@ -22,8 +22,8 @@ const DRAWINGS: [(&str, f64, f64, f64, usize, usize, usize); 32] = [
     // 443.630 by ezdxf, which swaps the axes of an insert rotated by 90 degrees inside one scaled by (-1, 2).
     // Calculated by hand, its outline is 16.472 mm long, not 13.472.
     ("ez-blocks-nested", 74.0, 36.0, 446.630, 38, 19, 0),
-    // The two ticks of the dimension are bands of 0.2475 x 0.02625 mm at 45 degrees.
-    ("ez-dimension-mpolygon", 100.0968, 14.6304, 174.803, 10, 6, 3),
+    // The two ticks of the dimension are 0.2475 mm long at 45 degrees and 0.02625 mm wide: marked once, along their centres.
+    ("ez-dimension-mpolygon", 100.0875, 14.6304, 174.203, 10, 4, 3),
     // Without the two copies of a line of 10 mm and the line without length.
     ("ez-defects", 100_000.0, 20.0, 100_117.6, 7, 4, 2),
     ("ez-guilloche", 31.3106, 31.2088, 3537.438, 24, 24, 0),

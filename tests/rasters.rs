@@ -447,6 +447,7 @@ fn isomark(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, String
         .current_dir(folder)
         .env("XDG_CACHE_HOME", folder.join("cache"))
         .env("LOCALAPPDATA", folder.join("cache"))
+        .env("LOCALAPPDATA", folder.join("cache"))
         .env_remove("RUST_LOG")
         .output()
         .unwrap();

@@ -13,10 +13,12 @@ use std::time::{Duration, Instant};
 use fs_err as fs;
 use isomark::config::{JobSettings, LiveSettings, Sku, Station};
 use isomark::formats::Pace;
+use isomark::formats::list::Products;
 use isomark::hotfolder::{
     self, Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
     PictureKind, StationError, StopSignal, Tally,
 };
+use isomark::pipeline::ListJob;
 use isomark::reason::{Place, Reason};
 
 #[cfg(unix)]
@@ -73,6 +75,19 @@ impl StandIn {
 }
 
 impl Corrector for StandIn {
+    fn products(
+        &self,
+        sku: &Sku,
+        pattern: &DroppedFile,
+        (name, list): (&str, &[u8]),
+        settings: &JobSettings,
+        used: u64,
+        most: u64,
+    ) -> Result<Products, JobError> {
+        let job = ListJob::new(name, sku, &pattern.bytes, settings, used);
+        job.products(list, most).map_err(JobError::Rejected)
+    }
+
     fn completeness(&self, _: &str, bytes: &[u8]) -> Completeness {
         let text = String::from_utf8_lossy(bytes);
         if !text.ends_with("EOF\n") {
@@ -340,7 +355,7 @@ fn drops_present_at_the_start_are_processed_and_counted() {
     line.drop("a.dxf", "pattern");
     line.drop("a.glb", "part");
     line.drop("b.dxf", "pattern");
-    line.drop("c.step", "unknown");
+    line.drop("c.iges", "unknown");
     line.drop("d.bin", "lonely");
     line.drop(".hidden.dxf", "not ours");
     fs::write(line.path("hot/e.glb"), "half a pa").unwrap();

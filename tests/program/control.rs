@@ -215,7 +215,13 @@ fn a_drawing_for_an_unknown_product_names_similar_ones() {
         .find(|drop| drop["drop"] == "saddle.dxf")
         .unwrap()
         .clone();
-    assert!(!saddle.to_string().contains("another product"), "{saddle}");
+    // Names that are not similar are listed, not suggested as the beginning of its name.
+    let saddle = saddle.to_string();
+    assert!(!saddle.contains("begin its name"), "{saddle}");
+    assert!(
+        saddle.contains("in the form SKU@name.dxf") && saddle.contains("Known SKUs: can, trough, thorough."),
+        "{saddle}"
+    );
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! `isomark evaluate`, and primitives in place of parts.
 
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::pattern::{Pattern, Segment};
 use serde_json::Value;
 
 use crate::desk::{Desk, Output, assert_near, drawing, notices, number, numbers, part};
@@ -46,8 +48,8 @@ fn every_method_is_measured_on_the_mouse_or_has_a_reason_why_not() {
         let words = row.get("reason").map_or(&row["note"], |reason| &reason["what"]);
         assert!(words.as_str().is_some_and(|words| words.contains(method)), "{row:#}");
     }
-    // The same values as in the report of the job, whose chords are exact with this tolerance.
-    let options = "--place 0,8 --method floater --tolerance 0.001";
+    // The same values as in the report of the job, which divides curves by the same tolerance.
+    let options = "--place 0,8 --method floater";
     let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), options);
     let quality = &row(&evaluation, "floater", "uniform")["quality"];
     assert_eq!(&report["quality"]["after"], quality);
@@ -83,6 +85,42 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
     }
     let cylinder = rows.iter().find(|row| row.starts_with("cylinder")).unwrap();
     assert!(cylinder.contains("0.000"), "{out}");
+}
+
+/// The marked polyline of a circle is shorter than the circle, also where nothing corrects it.
+#[test]
+fn the_chords_of_curves_are_part_of_all_errors() {
+    let desk = Desk::new();
+    // A can of 400 mm is nearly flat under a small circle, but not so flat that nothing is bent.
+    let (circle, can) = (drawing("circle"), "--cylinder 400,200 --axis x");
+    let length_error = |report: &Value| number(report, "/quality/before/length_error_mm");
+    let report = |tolerance: &str| {
+        let options = format!("{can} --method none --tolerance {tolerance}");
+        desk.correct_to("out.dxf", &[&circle], &options)
+    };
+    let (fine, coarse) = (report("0.0001"), report("0.1"));
+    let drawn = pattern(&std::fs::read(&circle).unwrap());
+    let perimeter: f64 = drawn.paths.iter().flat_map(|path| path.shape.segments()).map(length).sum();
+    let marked = pattern(&desk.read("out.dxf"));
+    let polygon: f64 = marked.paths.iter().flat_map(|path| path.shape.segments()).map(length).sum();
+    let lost = perimeter - polygon;
+    let gained = length_error(&coarse) - length_error(&fine);
+    assert!(lost > 0.05 && gained > 0.95 * lost && gained < 1.1 * lost, "{gained} mm for {lost} mm");
+    assert_eq!(coarse["quality"]["before"], coarse["quality"]["after"]);
+    let evaluation = evaluated(&desk, &[&circle], can);
+    let corrected = desk.correct_to("out.dxf", &[&circle], &format!("{can} --method cylinder"));
+    assert!(number(&corrected, "/output/shortening_mm") > 0.005, "{corrected:#}");
+    assert_eq!(row(&evaluation, "none", "")["quality"], corrected["quality"]["before"]);
+    assert_eq!(row(&evaluation, "cylinder", "")["quality"], corrected["quality"]["after"]);
+}
+
+fn pattern(bytes: &[u8]) -> Pattern {
+    read(bytes, &PatternOptions::default()).unwrap().pattern
+}
+
+fn length(segment: &Segment) -> f64 {
+    let point = |step: u32| segment.point(f64::from(step) / 4096.0);
+    (0..4096).map(|step| point(step).distance(point(step + 1))).sum()
 }
 
 #[test]

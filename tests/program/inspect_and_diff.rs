@@ -17,17 +17,20 @@ fn json(text: &str) -> Value {
 #[test]
 fn a_part_in_an_unsupported_format_is_refused_as_a_part() {
     let desk = Desk::new();
-    for name in ["can.step", "can.STP", "can.3mf", "can.FCStd", "can.iges"] {
-        let bytes: &[u8] = if name.ends_with("3mf") { b"PK\x03\x04abc" } else { b"ISO-10303-21;\nHEADER;\n" };
+    for name in ["can.igs", "can.IGES", "can.amf", "can.FCStd", "can.brep"] {
+        let bytes: &[u8] = if name.ends_with("amf") { b"PK\x03\x04abc" } else { b"CAD\n" };
         desk.write(name, bytes);
-        let words =
-            ["cannot be read as a part: isomark does not read this format", name, ".glb, .gltf, .obj, .stl"];
+        let words = [
+            "cannot be read as a part: isomark does not read this format",
+            name,
+            ".step, .glb, .gltf, .obj, .stl",
+        ];
         desk.isomark(&["inspect", name]).refused(1, &words);
         desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
     }
     // A drawing is recognised by its bytes.
-    desk.write("abc.step", std::fs::read(drawing("abc")).unwrap());
-    assert!(desk.isomark(&["inspect", "abc.step"]).out.contains(": drawing"));
+    desk.write("abc.iges", std::fs::read(drawing("abc")).unwrap());
+    assert!(desk.isomark(&["inspect", "abc.iges"]).out.contains(": drawing"));
 }
 
 #[test]

@@ -29,6 +29,24 @@ fn text(layer: &str) -> String {
     format!("0\nTEXT\n5\n7E\n8\n{layer}\n10\n0\n20\n0\n40\n3\n1\nLOT \\U+682A 7\n")
 }
 
+#[test]
+fn a_drawing_from_the_corner_of_a_page_names_the_place_where_it_fits() {
+    let desk = desk("");
+    let far = String::from_utf8(desk.read("logo.dxf")).unwrap();
+    let far = far.replace("\n10\n10\n20\n", "\n10\n110\n20\n").replace("\n10\n0\n20\n", "\n10\n100\n20\n");
+    desk.write("logo.dxf", far);
+    let refused = correct(&desk, "");
+    refused.refused(1, &["--place 0,0", "place_mm = [0, 0]", "seem to be those of a page"]);
+    assert_eq!(correct(&desk, "--place 0,0").code, 0);
+    // A place that was given is not doubted, and a drawing larger than the part fits nowhere.
+    let placed = correct(&desk, "--place 300,0");
+    assert!(placed.code == 1 && !placed.err.contains("--place 0,0"), "{}", placed.err);
+    let large = desk.text("logo.dxf").replace("\n110\n", "\n400\n");
+    desk.write("logo.dxf", large);
+    let large = correct(&desk, "");
+    assert!(large.code == 1 && !large.err.contains("--place 0,0"), "{}", large.err);
+}
+
 fn desk(entities: &str) -> Desk {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);

@@ -47,3 +47,4 @@ mod names;
 mod fill;
 mod rotary;
 mod plan;
+mod step;

@@ -422,13 +422,13 @@ fn an_evaluation_without_any_map_is_refused() {
 #[test]
 fn files_of_other_kinds() {
     let desk = Desk::new();
-    desk.write("part.step", "ISO-10303-21;");
-    correct(&desk, "part.step", &drawing("abc"), "").refused(
+    desk.write("part.iges", "S 1");
+    correct(&desk, "part.iges", &drawing("abc"), "").refused(
         1,
         &[
-            "part.step",
+            "part.iges",
             "does not read",
-            "remedy: Export the part or scan as .glb, .gltf, .obj, .stl, .ply",
+            "remedy: Export the part or scan as .step, .glb, .gltf, .obj, .stl, .ply",
             "FreeCAD",
         ],
     );

@@ -22,6 +22,7 @@ const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
     ("--height", "pattern.height_mm", "20000", &["0.01", "10000"]),
     ("--threshold", "pattern.threshold_percent", "100", &["1", "99"]),
     ("--joining", "pattern.joining_mm", "2", &["0", "1"]),
+    ("--hairline", "pattern.hairline_mm", "2", &["0", "1"]),
     ("--low-pass", "part.low_pass_mm", "0", &["0.1", "1000"]),
     ("--bridge", "part.bridge_mm", "101", &["0", "100"]),
     ("--roll", "part.roll_deg", "-400", &["-360", "360"]),
@@ -39,6 +40,7 @@ const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
     ("--smoothing", "part.smoothing", "much", &[]),
     ("--losses", "pattern.losses", "ignore", &[]),
     ("--strokes", "pattern.strokes", "outline", &[]),
+    ("--space", "pattern.space", "attic", &[]),
     ("--facing", "part.facing", "up", &[]),
     ("--frame", "part.frame", "0,0,0", &[]),
     ("--axis", "part.axis", "z", &[]),
@@ -72,6 +74,10 @@ const OTHERS: &[&str] = &[
     "--reverse",
     "--cylinder",
     "--cone",
+    "--content",
+    "--date",
+    "--list",
+    "--out-dir",
 ];
 
 fn correct(desk: &Desk, options: &[&str]) -> Output {

@@ -223,10 +223,22 @@ fn drops_in_any_order_give_the_bytes_of_the_command() {
 }
 
 #[test]
+fn a_drawing_for_an_unknown_sku_names_the_form_and_the_known_skus() {
+    let station = Station::running();
+    station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
+    station.waits_for_empty_hot();
+    station.copy_into(&drawing("abc"), "abcdefghijk.dxf");
+    station.waits_for("the form of names", |station| {
+        let log = station.log();
+        log.contains("in the form SKU@name.dxf, such as can@abcdefghijk.dxf. Known SKUs: can, mouse.")
+    });
+}
+
+#[test]
 fn a_drawing_waits_for_its_part_and_the_log_reports_it() {
     let station = Station::running();
     station.copy_into(&drawing("abc"), "mouse@date.dxf");
-    station.waits_for("a log line", |station| station.log().contains("Drop the part as mouse.glb"));
+    station.waits_for("a log line", |station| station.log().contains("Drop the part as mouse.step"));
     assert!(station.import().is_empty());
     station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
     station.waits_for_empty_hot();

@@ -244,7 +244,7 @@ fn an_unreadable_folder_does_not_stop_the_listing() {
     let closed = station.path("hot/closed");
     fs::create_dir(&closed).unwrap();
     fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o000)).unwrap();
-    fs::write(station.path("hot/trough.step"), "ISO-10303-21;").unwrap();
+    fs::write(station.path("hot/trough.iges"), "S 1").unwrap();
     assert!(station.once().contains("1 rejected"));
     fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o755)).unwrap();
 }

@@ -14,6 +14,8 @@ use isomark::pipeline::{PatternInput, Pipeline, PipelineError};
 use isomark::reason::{Notice, Reason};
 use nalgebra::{Point3, Vector3};
 
+use super::profiles::Profile;
+
 fn obj(mesh: &TriMesh, normals: &[Vector3<f64>]) -> Vec<u8> {
     let mut text = String::new();
     for at in mesh.positions() {
@@ -109,6 +111,22 @@ fn a_ridge_is_named_with_its_angle_and_not_taken_for_curvature() {
         }
         let refused = marked(obj(&roof, &[]), NormalsChoice::Auto, 0.0005).unwrap_err();
         assert!(refused.code == "surface-not-met" && refused.what.contains("a ridge"), "{refused:?}");
+    }
+}
+
+#[test]
+fn coarse_facets_are_named_with_the_remedy_in_the_program_that_wrote_the_file() {
+    let waist = obj(&Profile::waist(20.0, 20.0, 20.0, 24.0).revolved(30.0, 1.0, 22.5), &[]);
+    for (comment, remedies) in [
+        ("# Blender 4.2.1 LTS\n", ["apply the Subdivision modifier", "In Blender,"]),
+        ("# FreeCAD v0.21\n", ["a deviation of at most 0.05 mm", "glTF from CAD"]),
+        ("", ["a deviation of at most 0.05 mm", "in Blender, apply the Subdivision modifier"]),
+    ] {
+        let bytes = [comment.as_bytes(), &waist].concat();
+        let notices = marked(bytes, NormalsChoice::Auto, 5.0).unwrap();
+        let text = text(&notices, "facets-coarse");
+        assert!(remedies.iter().all(|remedy| text.contains(remedy)), "{comment}: {text}");
+        assert_eq!(text.contains("Blender"), !comment.contains("FreeCAD"), "{comment}: {text}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Extruded profiles of tangent arcs and other curves, tessellated as CAD programs do: every piece of the profile is cut
+//! Extruded and revolved profiles of tangent arcs and other curves, tessellated as CAD programs do: every piece of the profile is cut
 //! evenly, by its deviation and by its angle, and every border of a piece is a vertex.
 
 use isomark::geometry::mesh::TriMesh;
@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 /// A piece of a profile in x and z, mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Piece {
-    /// Centre, radius, and the angles from the z axis at both ends, rad.
+    /// Centre, radius (negative where the profile is concave), and the angles from the z axis of the normals at both ends, rad.
     Arc([f64; 2], f64, [f64; 2]),
     /// Both ends.
     Line([[f64; 2]; 2]),
@@ -41,14 +41,14 @@ impl Piece {
         }
     }
 
-    /// The shares at which the piece is cut, without the last.
-    fn cuts(&self, deviation: f64) -> Vec<f64> {
+    /// The shares at which the piece is cut, without the last; facets meet at `turn` at most, rad.
+    fn cuts(&self, deviation: f64, turn: f64) -> Vec<f64> {
         let is_fine = |count: u32| {
             (0..count).all(|step| {
                 let at = |part: f64| self.at((f64::from(step) + part) / f64::from(count));
                 let ([from, first], [to, last], [middle, _]) = (at(0.0), at(1.0), at(0.5));
                 let along = (to - from).normalize();
-                (middle - from).perp(&along).abs() <= deviation && first.dot(&last) >= LARGEST_TURN.cos()
+                (middle - from).perp(&along).abs() <= deviation && first.dot(&last) >= turn.cos() - 1e-9
             })
         };
         let count = (1..1000).find(|&count| is_fine(count)).unwrap();
@@ -126,11 +126,100 @@ impl Profile {
         ]
     }
 
+    /// A concave arc of radius `hollow` to both sides up to `angle`, degrees, then convex ones of radius `side` up to `half` mm.
+    pub(super) fn waist(hollow: f64, side: f64, angle: f64, half: f64) -> Self {
+        let turn = angle.to_radians();
+        let center = [(hollow + side) * turn.sin(), hollow - (hollow + side) * turn.cos()];
+        let last = ((half - center[0]) / side).min(0.97).asin();
+        let pieces = vec![
+            Piece::Arc([-center[0], center[1]], side, [-last, turn]),
+            Piece::Arc([0.0, hollow], -hollow, [turn, -turn]),
+            Piece::Arc(center, side, [-turn, last]),
+        ];
+        Self { name: format!("waist {hollow}/{side} {angle} deg"), pieces }
+    }
+
+    /// A neck, a concave arc, a shoulder of the same `radius` that turns by `angle`, degrees, and a body, along ±`half` mm.
+    pub(super) fn bottle(radius: f64, angle: f64, half: f64) -> Self {
+        let turn = angle.to_radians();
+        let [reach, rise] = [radius * turn.sin(), radius * (1.0 - turn.cos())];
+        let pieces = vec![
+            Piece::Line([[-half, 0.0], [-2.0 * reach, 0.0]]),
+            Piece::Arc([-2.0 * reach, -radius], radius, [0.0, turn]),
+            Piece::Arc([0.0, radius - 2.0 * rise], -radius, [turn, 0.0]),
+            Piece::Line([[0.0, -2.0 * rise], [half, -2.0 * rise]]),
+        ];
+        Self { name: format!("bottle {radius} {angle} deg"), pieces }
+    }
+
+    /// Two flat sides that meet at an edge beside the middle and slope by `slope` degrees on both sides of it.
+    pub(super) fn ridge(slope: f64, half: f64) -> Self {
+        let (top, fall) = (0.13, slope.to_radians().tan());
+        let pieces = vec![
+            Piece::Line([[-half, -(half + top) * fall], [top, 0.0]]),
+            Piece::Line([[top, 0.0], [half, -(half - top) * fall]]),
+        ];
+        Self { name: format!("ridge {slope} deg"), pieces }
+    }
+
+    /// Profiles of turned products: waists, bottle necks, barrels.
+    pub(super) fn revolved_ones() -> Vec<Self> {
+        vec![
+            Self::waist(20.0, 20.0, 20.0, 24.0),
+            Self::waist(30.0, 12.0, 15.0, 24.0),
+            Self::bottle(20.0, 25.0, 24.0),
+            Self::bottle(30.0, 15.0, 24.0),
+            Self::oval(60.0, 20.0, 10.0, 24.0),
+            Self::oval(100.0, 30.0, 6.0, 24.0),
+        ]
+    }
+
+    /// The profile along y turned about an axis that is parallel to y, `radius` mm below z = 0, without normals: 150 degrees of
+    /// it, in facets that meet at `turn` degrees at most and deviate by at most `deviation` mm.
+    pub(super) fn revolved(&self, radius: f64, deviation: f64, turn: f64) -> TriMesh {
+        let turn = turn.to_radians();
+        let cuts = self.pieces.iter().flat_map(|piece| {
+            piece.cuts(deviation, turn).into_iter().map(|share| piece.at(share)[0]).collect::<Vec<_>>()
+        });
+        let points: Vec<_> = cuts.chain(self.pieces.last().map(|piece| piece.at(1.0)[0])).collect();
+        let reach = 75f64.to_radians();
+        let sector = turn.min(2.0 * (1.0 - deviation / radius).acos());
+        let sectors = (2.0 * reach / sector).ceil() as u32;
+        let width = sectors + 1;
+        let positions = points.iter().flat_map(|at| {
+            (0..=sectors).map(move |column| {
+                let angle = reach * (2.0 * f64::from(column) / f64::from(sectors) - 1.0);
+                let out = radius + at.y;
+                Point3::new(out * angle.sin(), at.x, out * angle.cos() - radius)
+            })
+        });
+        let rows = u32::try_from(points.len()).unwrap() - 1;
+        let cells = (0..rows).flat_map(|row| (0..sectors).map(move |column| row * width + column));
+        let triangles = cells.flat_map(|at| {
+            let above = at + width;
+            [[at, at + 1, above + 1], [at, above + 1, above]]
+        });
+        TriMesh::new(positions.collect(), Vec::new(), triangles.collect()).unwrap()
+    }
+
+    /// Whether each arc is cut at least once.
+    pub(super) fn shows_its_arcs(&self, deviation: f64, turn: f64) -> bool {
+        let arcs = self.pieces.iter().filter(|piece| matches!(piece, Piece::Arc(..)));
+        arcs.into_iter().all(|arc| arc.cuts(deviation, turn.to_radians()).len() > 1)
+    }
+
+    /// The height of the [revolved](Self::revolved) profile.
+    pub(super) fn revolved_height(&self, radius: f64, x: f64, y: f64) -> f64 {
+        ((radius + self.height(y)).powi(2) - x * x).max(0.0).sqrt() - radius
+    }
+
     pub(super) fn height(&self, x: f64) -> f64 {
         let ends = |piece: &Piece| [piece.at(0.0)[0], piece.at(1.0)[0]];
         let piece = self.pieces.iter().find(|piece| x <= ends(piece)[1].x);
         match *piece.or(self.pieces.last()).unwrap() {
-            Piece::Arc([cx, cz], radius, _) => cz + (radius * radius - (x - cx).powi(2)).max(0.0).sqrt(),
+            Piece::Arc([cx, cz], radius, _) => {
+                cz + radius.signum() * (radius * radius - (x - cx).powi(2)).max(0.0).sqrt()
+            }
             Piece::Line([from, to]) => from[1] + (to[1] - from[1]) * (x - from[0]) / (to[0] - from[0]),
             Piece::Lame([a, b], power, _) => b * (1.0 - (x / a).abs().powf(power)).max(0.0).powf(1.0 / power),
         }
@@ -139,7 +228,7 @@ impl Profile {
     /// The strip from y = −20 to 20 mm with exact normals, cut into rows along y. `is_merged`: facets share vertices.
     pub(super) fn strip(&self, deviation: f64, rows: u32, is_merged: bool) -> TriMesh {
         let cuts = self.pieces.iter().flat_map(|piece| {
-            piece.cuts(deviation).into_iter().map(|share| piece.at(share)).collect::<Vec<_>>()
+            piece.cuts(deviation, LARGEST_TURN).into_iter().map(|share| piece.at(share)).collect::<Vec<_>>()
         });
         let points: Vec<_> = cuts.chain(self.pieces.last().map(|piece| piece.at(1.0))).collect();
         let count = u32::try_from(points.len()).unwrap();

@@ -1,0 +1,471 @@
+//! Content that differs from product to product: fields in texts, codes that an independent reader decodes on the part, and
+//! lists of products.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    unreachable_pub,
+    missing_docs,
+    reason = "helpers of tests may panic"
+)]
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::pattern::Pattern;
+use serde_json::{Value, json};
+
+#[path = "program/desk.rs"]
+#[allow(dead_code, reason = "each test uses only some of these functions")]
+mod desk;
+mod schemas;
+
+use desk::{Desk, notices, number};
+
+const PLATE: &str = "v -100 -100 5\nv 100 -100 5\nv 100 100 5\nv -100 100 5\nf 1 2 3 4\n";
+const AS_DRAWN: &[&str] = &["--part-unit", "mm", "--part-up", "z"];
+
+/// Decodes contours that are filled by the even-odd rule: dark on light, or light on dark.
+const READER: &str = r#"
+import sys, json
+import zxingcpp
+from PIL import Image, ImageDraw, ImageChops
+job = json.load(sys.stdin)
+points = [p for polygon in job['polygons'] for p in polygon]
+left, right = min(p[0] for p in points), max(p[0] for p in points)
+low, high = min(p[1] for p in points), max(p[1] for p in points)
+scale, margin = job['pixels_per_mm'], job['margin_mm']
+size = (round((right - left + 2 * margin) * scale), round((high - low + 2 * margin) * scale))
+ink = Image.new('1', size, 0)
+for polygon in job['polygons']:
+    one = Image.new('1', size, 0)
+    ImageDraw.Draw(one).polygon([((x - left + margin) * scale, (high + margin - y) * scale) for x, y in polygon], fill=1)
+    ink = ImageChops.logical_xor(ink, one)
+picture = ink.convert('L')
+if not job['is_light']:
+    picture = ImageChops.invert(picture)
+print(json.dumps([[str(found.format), found.text] for found in zxingcpp.read_barcodes(picture)]))
+"#;
+
+/// What an independent reader decodes; `None` if it is not available.
+fn decoded(polygons: &[Vec<[f64; 2]>], pixels_per_mm: f64, is_light: bool) -> Option<Vec<String>> {
+    let has_reader = Command::new("python3")
+        .args(["-c", "import zxingcpp, PIL"])
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success());
+    if !has_reader {
+        assert!(std::env::var("CI").is_err(), "python3 with zxing-cpp and pillow is required in CI");
+        eprintln!("SKIPPED: python3 with zxing-cpp and pillow is not installed, no code was decoded");
+        return None;
+    }
+    let job = json!({ "polygons": polygons, "pixels_per_mm": pixels_per_mm, "margin_mm": 4.0, "is_light": is_light });
+    let mut reader = Command::new("python3")
+        .args(["-c", READER])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    reader.stdin.take().unwrap().write_all(job.to_string().as_bytes()).unwrap();
+    let output = reader.wait_with_output().unwrap();
+    assert!(output.status.success());
+    let found: Vec<[String; 2]> = serde_json::from_slice(&output.stdout).unwrap();
+    Some(found.into_iter().map(|[_, text]| text).collect())
+}
+
+/// A drawing of entities.
+fn dxf(entities: &str) -> String {
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{entities}\
+         0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+/// A rectangle round the origin, turned.
+fn rectangle(layer: &str, [width, height]: [f64; 2], turned_deg: f64) -> String {
+    let (sin, cos) = turned_deg.to_radians().sin_cos();
+    let corner =
+        |x: f64, y: f64| format!("10\n{}\n20\n{}\n", (x * cos - y * sin) * 0.5, (x * sin + y * cos) * 0.5);
+    let corners =
+        corner(-width, -height) + &corner(width, -height) + &corner(width, height) + &corner(-width, height);
+    format!("0\nLWPOLYLINE\n5\n2F\n8\n{layer}\n90\n4\n70\n1\n{corners}")
+}
+
+fn text(layer: &str, text: &str) -> String {
+    format!("0\nTEXT\n5\n31\n8\n{layer}\n10\n-30\n20\n20\n40\n5\n1\n{text}\n")
+}
+
+fn codes(kind: &str, content: &str, more: &str) -> String {
+    format!("content.codes=[{{ layer = 'DM', kind = '{kind}', content = '{content}'{more} }}]")
+}
+
+fn run(desk: &Desk, inputs: &[&str], options: &[&str]) -> desk::Output {
+    desk.isomark(&[&["correct"], inputs, &["--json", "--out", "out.dxf"], options].concat())
+}
+
+fn corrected(desk: &Desk, inputs: &[&str], options: &[&str]) -> (Value, Pattern) {
+    let output = run(desk, inputs, options);
+    assert_eq!(output.code, 0, "{}", output.err);
+    let pattern = read(&desk.read("out.dxf"), &PatternOptions::default().strictly(true)).unwrap().pattern;
+    (serde_json::from_str(&output.out).unwrap(), pattern)
+}
+
+fn polygons(pattern: &Pattern, place: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<Vec<[f64; 2]>> {
+    let polygon = |path: &isomark::geometry::pattern::Path| {
+        path.shape.flattened(1e-3).into_iter().map(|point| place([point.x, point.y])).collect()
+    };
+    pattern.paths.iter().map(polygon).collect()
+}
+
+/// The same letters written without fields give the same drawing.
+#[test]
+fn fields_are_replaced_by_the_values_of_the_product() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let mtext = |text: &str| format!("0\nMTEXT\n5\n32\n8\nMARK\n10\n-30\n20\n0\n40\n5\n71\n1\n1\n{text}\n");
+    let options = ["--content", "serial=417", "--content", "csv.LOT=A7^%%c", "--date", "2026-11-23T14:05"];
+    let shifts = ["--set", "content.shifts=[{name='early',from='06:00'},{name='late',from='14:00'}]"];
+    let options = [AS_DRAWN, &options, &shifts, &["--set", "output.comments=false"]].concat();
+    for (with_fields, plain) in [
+        (text("MARK", "{serial:06}/{sku}"), text("MARK", "000417/plate")),
+        (text("MARK", "{date} {date:%d.%m.%y} {shift}"), text("MARK", "2026-11-23 23.11.26 late")),
+        (text("MARK", "{csv:LOT} {lot} {{serial}}"), text("MARK", "A7^ %%%%%%c {lot} %%123serial%%125")),
+        (mtext(r"{\C1;No} \{serial:06\}"), mtext(r"{\C1;No} 000417")),
+        (mtext(r"{serial:04x}\PA"), mtext(r"01a1\PA")),
+    ] {
+        desk.write("fields.dxf", dxf(&with_fields));
+        let (report, _) = corrected(&desk, &["plate.obj", "fields.dxf"], &options);
+        let made = desk.read("out.dxf");
+        desk.write("plain.dxf", dxf(&plain));
+        let (without, _) = corrected(&desk, &["plate.obj", "plain.dxf"], &options);
+        assert!(made == desk.read("out.dxf"), "{with_fields}");
+        assert_eq!(report["content"]["serial"], 417);
+        assert_eq!(report["content"]["date"], "2026-11-23T14:05:00");
+        assert_eq!(report["content"]["shift"], "late");
+        assert!(without.get("content").is_none());
+    }
+    let svg = |text: &str| {
+        format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' width='60mm' height='20mm' viewBox='0 0 60 20'><text x='2' y='15' \
+             font-size='6'>{text}</text></svg>"
+        )
+    };
+    desk.write("fields.svg", svg("{serial:06} {csv:LOT}"));
+    corrected(&desk, &["plate.obj", "fields.svg"], &options);
+    let made = desk.read("out.dxf");
+    desk.write("fields.svg", svg("000417 A7^%%c"));
+    corrected(&desk, &["plate.obj", "fields.svg"], &options);
+    assert!(made == desk.read("out.dxf"));
+}
+
+#[test]
+fn a_field_without_a_value_refuses_the_drawing_by_name() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    for (field, given, words) in [
+        ("{serial:06}", "", "no serial number is given"),
+        ("{serial:02}", "serial=417", "417 has more than 2 digits"),
+        ("{csv:LOT}", "csv.Lot=A7", "there is no column `LOT`; the columns are Lot"),
+        ("{shift}", "", "no shift is given"),
+        ("{date:%Q}", "", "the format `%Q` is not known"),
+    ] {
+        desk.write("fields.dxf", dxf(&text("MARK", &format!("No {field}"))));
+        let given: &[&str] = if given.is_empty() { &[] } else { &["--content", given] };
+        let output =
+            run(&desk, &["plate.obj", "fields.dxf"], &[AS_DRAWN, given, &["--losses", "warn"]].concat());
+        output.refused(1, &["content-missing", field, words, "layer MARK", "TEXT 31"]);
+        assert!(!desk.path("out.dxf").exists());
+    }
+    for (option, words) in [
+        (["--content", "serial"], "gives no value"),
+        (["--content", "serial=x"], "gives no whole number"),
+        (["--content", "lot=A7"], "names no field"),
+        (["--content", "csv.=A7"], "names no field"),
+        (["--date", "23.11.2026"], "is not a date"),
+    ] {
+        run(&desk, &["plate.obj", "fields.dxf"], &[AS_DRAWN, &option].concat()).refused(2, &[words]);
+    }
+}
+
+/// Every kind of code, on a plate, in rectangles in any direction, dark or light.
+#[test]
+fn an_independent_reader_decodes_every_code() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let gs1 = "(01)09501101020917(10)AB{serial:04}(21)7";
+    for (kind, content, size, turned, more, expected) in [
+        ("data-matrix", "SN{serial:06}", [12.0, 12.0], 0.0, "", "SN000417"),
+        ("data-matrix", "SN{serial:06}", [12.0, 20.0], 30.0, "", "SN000417"),
+        ("data-matrix", "SN{serial:06}", [12.0, 12.0], -75.0, ", invert = true, quiet_zone = 3", "SN000417"),
+        ("data-matrix", "Größe {csv:LOT}", [30.0, 10.0], 0.0, ", rectangular = true", "Größe A7"),
+        ("gs1-data-matrix", gs1, [15.0, 15.0], 0.0, "", "(01)09501101020917(10)AB0417(21)7"),
+        ("qr", "https://example.com/{serial}", [20.0, 20.0], 10.0, "", "https://example.com/417"),
+        (
+            "qr",
+            "https://example.com/{serial}",
+            [20.0, 20.0],
+            0.0,
+            ", invert = true",
+            "https://example.com/417",
+        ),
+        ("code-128", "Lot {csv:LOT}-{serial:08}", [50.0, 10.0], 0.0, "", "Lot A7-00000417"),
+        ("code-128", "{serial:08}", [10.0, 50.0], 0.0, "", "00000417"),
+        ("gs1-128", gs1, [80.0, 10.0], 0.0, "", "(01)09501101020917(10)AB0417(21)7"),
+    ] {
+        desk.write("code.dxf", dxf(&rectangle("DM", size, turned)));
+        let set = codes(kind, content, more);
+        let options =
+            [AS_DRAWN, &["--set", &set, "--content", "serial=417", "--content", "csv.LOT=A7"]].concat();
+        let (report, pattern) = corrected(&desk, &["plate.obj", "code.dxf"], &options);
+        let code = &report["content"]["codes"][0];
+        assert_eq!((code["kind"].as_str(), code["handle"].as_str()), (Some(kind), Some("2F")));
+        assert!(number(code, "/max_distortion_percent") < 1e-6, "{code}");
+        let side = number(code, "/cell_mm");
+        assert!((number(code, "/cell_on_part_mm/0") - side).abs() < 1e-9);
+        // Within its placeholder.
+        let [modules, quiet] = ["/modules/0", "/quiet_zone"].map(|pointer| number(code, pointer));
+        assert!((modules + 2.0 * quiet) * side <= size[0].max(size[1]) + 1e-9);
+        assert!(notices(&report).contains(&"code-outlines"));
+        let is_light = more.contains("invert");
+        if let Some(found) = decoded(&polygons(&pattern, |at| at), 30.0, is_light) {
+            assert_eq!(found, [expected], "{kind} {content}");
+        }
+    }
+}
+
+/// On a cylinder the code is decoded unrolled, where its modules are exactly square, and as a camera above it sees it.
+#[test]
+fn a_code_on_a_cylinder_is_decoded_unrolled_and_from_above() {
+    let desk = Desk::new();
+    let radius = 15.0;
+    for (kind, size) in [("data-matrix", [12.0, 12.0]), ("qr", [14.0, 14.0]), ("code-128", [20.0, 8.0])] {
+        desk.write("code.dxf", dxf(&rectangle("DM", size, 0.0)));
+        let set = codes(kind, "SN{serial:06}", "");
+        let options = ["--cylinder", "30,60", "--place", "2,0", "--set", &set, "--content", "serial=17"];
+        let (report, pattern) = corrected(&desk, &["code.dxf"], &options);
+        let code = &report["content"]["codes"][0];
+        assert!(number(code, "/max_distortion_percent") < 0.5, "{code}");
+        let unrolled = polygons(&pattern, |[x, y]| [radius * (x / radius).asin(), y]);
+        // All corners are on the grid of the modules, to the tolerance of the drawing.
+        let cell = number(code, "/cell_mm");
+        let columns = number(code, "/modules/0");
+        let left = 2.0 - columns * cell / 2.0;
+        for [x, _] in unrolled.iter().flatten() {
+            let off = (x - left) / cell - ((x - left) / cell).round();
+            if kind == "code-128" {
+                assert!(off.abs() * cell < 0.01, "{x} is {off} cells beside the grid");
+            }
+        }
+        for seen in [unrolled, polygons(&pattern, |at| at)] {
+            if let Some(found) = decoded(&seen, 30.0, false) {
+                assert_eq!(found, ["SN000017"], "{kind}");
+            }
+        }
+    }
+}
+
+/// On a part that is curved in two directions: as seen along its normal, and from above.
+#[test]
+fn a_code_on_the_mouse_is_decoded_along_its_normal_and_from_above() {
+    let desk = Desk::new();
+    desk.write("code.dxf", dxf(&rectangle("DM", [14.0, 14.0], 20.0)));
+    let set = codes("data-matrix", "MOUSE {serial:06}", "");
+    let mouse = format!("{}/examples/parts/mouse.glb", env!("CARGO_MANIFEST_DIR"));
+    let options =
+        ["--place", "0,20", "--set", &set, "--content", "serial=17", "--xyz", "on-part.csv", "--fill", "0.1"];
+    let (report, pattern) = corrected(&desk, &[&mouse, "code.dxf"], &options);
+    let code = &report["content"]["codes"][0];
+    assert!(number(code, "/max_distortion_percent") < 10.0, "{code}");
+    assert!(number(code, "/max_distortion_percent") > 0.0, "{code}");
+    assert!(!notices(&report).contains(&"code-outlines"));
+    let mut contours = pattern.clone();
+    contours.paths.retain(|path| pattern.layers[path.layer].name == "DM");
+    let above = polygons(&contours, |at| at);
+    // The points on the part, along the normal of the plane through three corners.
+    let points: Vec<nalgebra::Vector3<f64>> = on_part(&desk.text("on-part.csv"));
+    let middle = points.iter().sum::<nalgebra::Vector3<f64>>() / points.len() as f64;
+    let spread = points
+        .iter()
+        .map(|point| (point - middle) * (point - middle).transpose())
+        .sum::<nalgebra::Matrix3<f64>>();
+    let axes = spread.symmetric_eigen();
+    let least = (0..3).min_by(|a, b| axes.eigenvalues[*a].total_cmp(&axes.eigenvalues[*b])).unwrap();
+    let normal = axes.eigenvectors.column(least) * axes.eigenvectors.column(least).z.signum();
+    let x = (nalgebra::Vector3::x() - normal * normal.x).normalize();
+    let y = normal.cross(&x);
+    let height = |at: [f64; 2]| {
+        let near = |point: &&nalgebra::Vector3<f64>| (point.x - at[0]).hypot(point.y - at[1]);
+        points.iter().min_by(|a, b| near(a).total_cmp(&near(b))).unwrap().z
+    };
+    let along_normal = polygons(&contours, |at| {
+        let point = nalgebra::Vector3::new(at[0], at[1], height(at)) - middle;
+        [point.dot(&x), point.dot(&y)]
+    });
+    for seen in [above, along_normal] {
+        if let Some(found) = decoded(&seen, 30.0, false) {
+            assert_eq!(found, ["MOUSE 000017"]);
+        }
+    }
+}
+
+/// The points of a list of points on the part.
+fn on_part(list: &str) -> Vec<nalgebra::Vector3<f64>> {
+    let mut lines = list.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let place = ["x_mm", "y_mm", "z_mm"].map(|name| names.iter().position(|other| *other == name).unwrap());
+    let point = |line: &str| {
+        let values: Vec<&str> = line.split(',').collect();
+        nalgebra::Vector3::from(place.map(|index| values[index].parse::<f64>().unwrap()))
+    };
+    lines.map(point).collect()
+}
+
+#[test]
+fn codes_that_cannot_be_marked_are_refused_or_warned_of() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let line = "0\nLINE\n5\n30\n8\nMARK\n10\n-30\n20\n-30\n11\n30\n21\n-30\n";
+    let check = |entities: &str, set: &str, more: &[&str]| {
+        desk.write("code.dxf", dxf(&format!("{line}{entities}")));
+        run(&desk, &["plate.obj", "code.dxf"], &[AS_DRAWN, &["--set", set], more].concat())
+    };
+    let placeholder = rectangle("DM", [12.0, 12.0], 0.0);
+    let matrix = codes("data-matrix", "SN17", "");
+    let circle = "0\nCIRCLE\n5\n33\n8\nDM\n10\n0\n20\n0\n40\n5\n";
+    check(circle, &matrix, &[]).refused(1, &["code-placeholder", "CIRCLE 33", "closed rectangle"]);
+    check(&rectangle("DM", [12.0, 0.0], 0.0), &matrix, &[]).refused(1, &[]);
+    check(&placeholder, &codes("data-matrix", &"x".repeat(3000), ""), &[])
+        .refused(1, &["code-content", "longer than"]);
+    check(&placeholder, &codes("gs1-data-matrix", "17", ""), &[])
+        .refused(1, &["code-content", "application identifier"]);
+    check(&placeholder, &codes("code-128", "ä", ""), &[]).refused(1, &["code-content", "no character 'ä'"]);
+    check(&placeholder, &codes("qr", "{serial}", ""), &[]).refused(1, &["content-missing", "{serial}"]);
+    check(&placeholder, &codes("data-matrix", "", ""), &[]).refused(2, &["content of a code is empty"]);
+    check(&placeholder, &codes("datamatrix", "1", ""), &[]).refused(2, &["Did you mean `data-matrix`?"]);
+    check(&placeholder, &codes("qr", "1", ", rectangular = true"), &[]).refused(2, &["no rectangular form"]);
+    let report = |output: desk::Output| serde_json::from_str::<Value>(&output.out).unwrap();
+    let missing = report(check("", &matrix, &[]));
+    assert!(notices(&missing).contains(&"code-layer-missing"));
+    let fine = report(check(&placeholder, &matrix, &["--set", "optics.spot_mm=2"]));
+    assert!(notices(&fine).contains(&"code-finer-than-spot"));
+    // Close to the edge of a ball, or with a plain projection, cells are stretched.
+    desk.write("code.dxf", dxf(&rectangle("DM", [12.0, 12.0], 0.0)));
+    let options = ["--cylinder", "30,60", "--place", "7,0", "--method", "none", "--set", &matrix];
+    let (distorted, _) = corrected(&desk, &["code.dxf"], &options);
+    assert!(notices(&distorted).contains(&"code-distorted"), "{:?}", notices(&distorted));
+    // The last column of modules of 1 mm is from x = 11 to 12 mm, where a plain projection stretches it to this arc.
+    let stretch = number(&distorted, "/content/codes/0/max_distortion_percent");
+    let arc = 15.0 * ((12.0f64 / 15.0).asin() - (11.0f64 / 15.0).asin());
+    assert!((stretch - (arc - 1.0) * 100.0).abs() < 0.2, "{stretch}");
+}
+
+const LIST: &str = "LOT,Name\nA7,one\nA8,two\nA9,three\n";
+
+fn listed(desk: &Desk, list: &str, options: &[&str]) -> desk::Output {
+    desk.write("batch.csv", list);
+    let inputs = ["correct", "plate.obj", "label.dxf", "--list", "batch.csv", "--out-dir", "out"];
+    desk.isomark(&[&inputs[..], AS_DRAWN, options].concat())
+}
+
+fn names(desk: &Desk) -> Vec<String> {
+    let Ok(folder) = fs_err::read_dir(desk.path("out")) else { return Vec::new() };
+    let mut names: Vec<String> =
+        folder.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Each drawing of a list is the one that its values give alone.
+#[test]
+fn a_list_gives_a_drawing_for_each_row() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{serial:04} {csv:LOT}")));
+    let output = listed(&desk, LIST, &["--set", "serial.start=10", "--set", "serial.step=5"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    assert!(output.err.contains("batch.csv: 3 drawings in out"), "{}", output.err);
+    assert_eq!(names(&desk), ["batch-0001.dxf", "batch-0002.dxf", "batch-0003.dxf"]);
+    for (number, serial, lot) in [(1, 10, "A7"), (2, 15, "A8"), (3, 20, "A9")] {
+        let [serial, lot] = [format!("serial={serial}"), format!("csv.LOT={lot}")];
+        corrected(
+            &desk,
+            &["plate.obj", "label.dxf"],
+            &[AS_DRAWN, &["--content", &serial, "--content", &lot]].concat(),
+        );
+        assert!(desk.read("out.dxf") == desk.read(&format!("out/batch-{number:04}.dxf")));
+    }
+}
+
+#[test]
+fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{serial:04} {csv:LOT}")));
+    for (list, words) in [
+        (
+            "LOT,Name\nA7,one\n,two\n",
+            &["content-missing", "Row 2", "the column `LOT` is empty", "line 3"][..],
+        ),
+        ("Lot\nA7\n", &["content-missing", "Row 1", "there is no column `LOT`; the columns are Lot"]),
+        ("LOT\nA7\n\"A8\nA9\n", &["list-unreadable", "column LOT", "line 3", "quote may be missing"]),
+        ("LOT,Name\nA7\n", &["list-unreadable", "no value for this column", "column Name", "line 2"]),
+        ("LOT\n\u{2}\n", &["list-unreadable", "control character U+0002"]),
+        ("LOT,LOT\n1,2\n", &["list-unreadable", "two columns are named `LOT`"]),
+        ("LOT\n", &["list-empty"]),
+        ("", &["list-unreadable", "the list is empty"]),
+    ] {
+        listed(&desk, list, &[]).refused(1, words);
+        assert_eq!(names(&desk), [""; 0]);
+    }
+    listed(&desk, LIST, &["--set", "serial.last=2"]).refused(1, &["serial-used-up", "Row 3", "line 4"]);
+    assert_eq!(names(&desk), [""; 0]);
+    let skipped = listed(&desk, "LOT,Name\nA7,one\n,two\nA9,three\n", &["--set", "content.bad_rows=skip"]);
+    assert_eq!(skipped.code, 0, "{}", skipped.err);
+    for words in ["Row 2", "the serial number 2 is void", "2 drawings in out; 1 row is left out"] {
+        assert!(skipped.err.contains(words), "{}", skipped.err);
+    }
+    assert_eq!(names(&desk), ["batch-0001.dxf", "batch-0003.dxf"]);
+    listed(&desk, LIST, &["--content", "serial=7"]).refused(2, &["`--list` those of many", "serial.start"]);
+    desk.isomark(&["correct", "plate.obj", "label.dxf", "--list", "batch.csv"]).refused(2, &["--out-dir"]);
+}
+
+/// A name from a list never becomes a path.
+#[test]
+fn values_of_a_list_name_no_files() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{csv:LOT}")));
+    let output = listed(&desk, "LOT\n../../x\nC:\\x\n", &[]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    assert_eq!(names(&desk), ["batch-0001.dxf", "batch-0002.dxf"]);
+}
+
+/// The settings beside a drawing give its values, so every product of a station has the number that was given for it.
+#[test]
+fn a_station_takes_the_values_beside_the_drawing() {
+    let desk = Desk::new();
+    assert_eq!(desk.isomark(&["init", "line"]).code, 0);
+    let mouse = format!("{}/examples/parts/mouse.glb", env!("CARGO_MANIFEST_DIR"));
+    desk.write("line/hot/plate.glb", fs_err::read(mouse).unwrap());
+    let station = ["watch", "line/station.toml", "--once"];
+    assert_eq!(desk.isomark(&station).code, 0);
+    let label = dxf(&("0\nTEXT\n8\nMARK\n10\n-10\n20\n10\n40\n3\n1\n{serial:04}\n".to_owned()
+        + &rectangle("DM", [12.0, 12.0], 0.0)));
+    desk.write("line/hot/plate@0017.dxf", &label);
+    desk.write("line/hot/plate@0018.dxf", &label);
+    let code =
+        "codes = [{ layer = \"DM\", kind = \"data-matrix\", content = \"{csv.LOT}{csv:LOT}-{serial:04}\" }]";
+    let values = format!("[content]\nserial = 17\ndate = \"2026-11-23\"\ncsv = {{ LOT = \"A7\" }}\n{code}\n");
+    desk.write("line/hot/plate@0017.toml", values);
+    let output = desk.isomark(&station);
+    assert_eq!(output.code, 1, "{}", output.err);
+    let report =
+        serde_json::from_slice::<Value>(&desk.read("line/reports/plate/plate@0017.dxf.report.json")).unwrap();
+    assert_eq!(report["content"]["serial"], 17);
+    assert_eq!(report["content"]["codes"][0]["content"], "{csv.LOT}A7-0017");
+    assert!(desk.path("line/import/plate@0017.dxf").exists());
+    assert!(!desk.path("line/import/plate@0018.dxf").exists());
+    let reason = desk.text("line/rejected/plate@0018.dxf.reason.txt");
+    assert!(reason.contains("`{serial:04}` has no value"), "{reason}");
+}
