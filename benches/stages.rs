@@ -1,11 +1,12 @@
 //! Each stage of the pipeline on the mouse of the reference cases, with minimum times for comparison.
 
+use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use divan::Bencher;
 use isomark::cache::Cache;
 use isomark::config::{JobSettings, Sku};
-use isomark::formats::mesh::PartFile;
+use isomark::formats::mesh::{self, MeshFormat, MeshOptions, PartFile};
 use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
 use isomark::geometry::correction::{Projection, Subdivision};
 use isomark::geometry::height_field::{FacingPart, Grid};
@@ -22,6 +23,8 @@ use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use isomark::pipeline::{PatternInput, Pipeline};
 
 const LETTERS: &[u8] = include_bytes!("../examples/patterns/letters.dxf");
+/// Read when it is needed: packages of the crate leave out the tests.
+const STEP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/parts/mandarin/part.step");
 const ANCHOR: FlatPoint = FlatPoint::new(0.0, 8.0);
 
 fn main() {
@@ -77,6 +80,19 @@ fn floor_of_read_pattern(bencher: Bencher) {
 #[divan::bench]
 fn read_pattern(bencher: Bencher) {
     bencher.bench(|| pattern::read(black_box(LETTERS), &PatternOptions::default()));
+}
+
+#[divan::bench]
+fn floor_of_read_step(bencher: Bencher) {
+    let step = std::fs::read(STEP).expect("the sample of the tests is there");
+    bencher.bench(|| black_box(&step).iter().filter(|byte| **byte == b';').count());
+}
+
+#[divan::bench]
+fn read_step(bencher: Bencher) {
+    let (step, options) =
+        (std::fs::read(STEP).expect("the sample of the tests is there"), MeshOptions::default());
+    bencher.bench(|| mesh::read(black_box(&step), MeshFormat::Step, &options, &BTreeMap::new()));
 }
 
 #[divan::bench(args = ["ink", "uniform"])]
