@@ -38,7 +38,7 @@ FILES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE-MIT", "LICENSE
          "examples/distortion_trade.svg", "examples/mark-on-part.png",
          "packaging/README.md", "plugins/README.md", "plugins/codes.md", "plugins/blender/README.md",
          "plugins/blender/panel.png", "plugins/blender/isomark/LICENSE", "plugins/freecad/README.md",
-         "plugins/freecad/panel.png")
+         "plugins/freecad/panel.png", "plugins/fleet/README.md")
 # Files whose line ends depend on the settings of git.
 TEXTS = {"", ".md", ".toml", ".json", ".py", ".svg", ".xml", ".service"}
 # The time of every file in a package: the earliest that a zip can state.

@@ -67,6 +67,8 @@ def texts(root, crate):
     if paths:
         return [path.read_text(encoding="utf-8", errors="replace") for path in paths]
     # The sources contain no text of their licence, only its name.
+    if (crate["license"] or "").strip() == "Apache-2.0":
+        return [(root / "LICENSE-APACHE").read_text(encoding="utf-8")]
     if "MIT" not in re.split(r" OR |/", crate["license"] or ""):
         raise Failure(f"{crate['name']} {crate['version']} ({crate['license']}): its sources contain no licence file. "
                       f"Add the text of that licence to packaging/licenses.py")
