@@ -62,7 +62,7 @@ mod on_part;
 mod progress;
 mod rotary;
 
-pub use content::{check_values, drawing_facts};
+pub use content::{Variable, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
 pub use focus::StepDrawing;
 pub use list::ListJob;

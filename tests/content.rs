@@ -360,6 +360,100 @@ fn codes_that_cannot_be_marked_are_refused_or_warned_of() {
     assert!((stretch - (arc - 1.0) * 100.0).abs() < 0.2, "{stretch}");
 }
 
+/// A drawing with blocks.
+fn dxf_with_blocks(blocks: &str, entities: &str) -> String {
+    dxf(entities).replace(
+        "0\nSECTION\n2\nENTITIES",
+        &format!("0\nSECTION\n2\nBLOCKS\n{blocks}0\nENDSEC\n0\nSECTION\n2\nENTITIES"),
+    )
+}
+
+/// An insert of the block CODE, turned, with more groups.
+fn insert([x, y]: [f64; 2], scale: f64, turned_deg: f64, more: &str) -> String {
+    format!(
+        "0\nINSERT\n5\n40\n8\nLABEL\n2\nCODE\n10\n{x}\n20\n{y}\n41\n{scale}\n42\n{scale}\n50\n{turned_deg}\n{more}"
+    )
+}
+
+/// The rectangle in the definition of a block becomes a code wherever the block is inserted; other rectangles and the attributes of
+/// the inserts are drawn as they are.
+#[test]
+fn the_rectangle_of_a_block_becomes_a_code_in_every_insert() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let block = format!(
+        "0\nBLOCK\n8\n0\n2\nCODE\n70\n0\n10\n0\n20\n0\n{}0\nENDBLK\n",
+        rectangle("0", [12.0, 12.0], 0.0)
+    );
+    let frame = rectangle("LABEL", [70.0, 30.0], 0.0);
+    let attribute =
+        |kind: &str, text: &str| format!("0\n{kind}\n5\n41\n8\nLABEL\n10\n-5\n20\n-12\n40\n3\n1\n{text}\n");
+    let with_attribute = insert([-20.0, 0.0], 1.0, 0.0, "66\n1\n")
+        + &attribute("ATTRIB", "{serial:04}")
+        + "2\nSERIAL\n0\nSEQEND\n";
+    let inserts = with_attribute + &insert([15.0, 0.0], 1.25, 30.0, "");
+    desk.write("code.dxf", dxf_with_blocks(&block, &(frame.clone() + &inserts)));
+    let set = "content.codes=[{block = 'Code', kind = 'data-matrix', content = 'SN{serial:06}'}]";
+    let options =
+        [AS_DRAWN, &["--set", set, "--content", "serial=417", "--set", "output.comments=false"]].concat();
+    let (report, pattern) = corrected(&desk, &["plate.obj", "code.dxf"], &options);
+    let codes = report["content"]["codes"].as_array().unwrap();
+    assert_eq!(codes.len(), 2);
+    for (code, size) in codes.iter().zip([12.0, 15.0]) {
+        assert_eq!((code["layer"].as_str(), code["block"].as_str()), (Some("LABEL"), Some("Code")));
+        let modules = number(code, "/modules/0") + 2.0 * number(code, "/quiet_zone");
+        assert!((number(code, "/cell_mm") * modules - size).abs() < 1e-9, "{code}");
+    }
+    // The cells are what the inserts add to the frame and the text of the attribute.
+    desk.write("code.dxf", dxf(&(frame + &attribute("TEXT", "0417"))));
+    let (_, plain) = corrected(&desk, &["plate.obj", "code.dxf"], &options);
+    let cells: Vec<Vec<[f64; 2]>> = polygons(&pattern, |at| at)
+        .into_iter()
+        .filter(|polygon| !polygons(&plain, |at| at).contains(polygon))
+        .collect();
+    assert_eq!(pattern.paths.len() - plain.paths.len(), cells.len());
+    for middle in [-20.0, 15.0] {
+        let one: Vec<_> = cells.iter().filter(|cell| (cell[0][0] - middle).abs() < 12.0).cloned().collect();
+        if let Some(found) = decoded(&one, 30.0, false) {
+            assert_eq!(found, ["SN000417"], "{middle}");
+        }
+    }
+    // In an SVG, a copy of an element is what an insert of a block is in a DXF.
+    desk.write(
+        "code.svg",
+        "<svg xmlns='http://www.w3.org/2000/svg' width='60mm' height='20mm' viewBox='0 0 60 20'><defs><rect id='Code' \
+         width='12' height='12'/></defs><rect x='1' y='1' width='58' height='18' fill='none' stroke='black'/>\
+         <use href='#Code' x='4' y='4'/></svg>",
+    );
+    let (report, pattern) = corrected(&desk, &["plate.obj", "code.svg"], &options);
+    assert_eq!(report["content"]["codes"].as_array().unwrap().len(), 1);
+    let cells: Vec<_> = polygons(&pattern, |at| at)
+        .into_iter()
+        .filter(|cell| cell[0][0] < -10.0 && cell[0][0] > -28.0)
+        .collect();
+    if let Some(found) = decoded(&cells, 30.0, false) {
+        assert_eq!(found, ["SN000417"]);
+    }
+}
+
+#[test]
+fn blocks_of_codes_that_cannot_be_used_are_named() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let block = "0\nBLOCK\n8\n0\n2\nCODE\n70\n0\n10\n0\n20\n0\n0\nCIRCLE\n5\n33\n8\n0\n10\n0\n20\n0\n40\n5\n0\nENDBLK\n";
+    desk.write("code.dxf", dxf_with_blocks(block, &insert([0.0, 0.0], 1.0, 0.0, "")));
+    let code = |place: &str| format!("content.codes=[{{{place}kind = 'qr', content = '1'}}]");
+    let check = |place: &str| {
+        let set = code(place);
+        run(&desk, &["plate.obj", "code.dxf"], &[AS_DRAWN, &["--set", &set]].concat())
+    };
+    check("block = 'CODE', ").refused(1, &["code-placeholder", "The block CODE", "CIRCLE 33"]);
+    check("block = 'CODE', layer = 'LABEL', ").refused(2, &["both a layer and a block"]);
+    check("").refused(2, &["no layer and no block"]);
+    let missing: Value = serde_json::from_str(&check("block = 'DMX', ").out).unwrap();
+    assert!(notices(&missing).contains(&"code-layer-missing"), "{missing}");
+}
+
 const LIST: &str = "LOT,Name\nA7,one\nA8,two\nA9,three\n";
 
 fn listed(desk: &Desk, list: &str, options: &[&str]) -> desk::Output {

@@ -20,7 +20,7 @@ use std::fmt::Write;
 use super::choices::{
     Align, Converter, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
 };
-use super::content::{CodeSettings, ContentSettings};
+use super::content::{CodeSettings, ContentSettings, Placeholder};
 use super::fill::{FillSettings, FocusSettings};
 use super::settings::{
     Anchor, CorrectionSettings, JobSettings, Optics, Output, PartSettings, PatternSettings, Placement,
@@ -310,11 +310,15 @@ impl Text {
             codes,
         } = settings;
         for code in codes {
-            let CodeSettings { layer, kind, content, quiet_zone, is_inverted, is_rectangular } = code;
-            let texts = [layer.to_lowercase(), content.clone()].map(|text| format!("{}:{text}", text.len()));
+            let CodeSettings { placeholder, kind, content, quiet_zone, is_inverted, is_rectangular } = code;
+            let (key, place) = match placeholder {
+                Placeholder::Layer(name) => ("content.code", name),
+                Placeholder::Block(name) => ("content.code_in_block", name),
+            };
+            let texts = [place.to_lowercase(), content.clone()].map(|text| format!("{}:{text}", text.len()));
             let quiet = quiet_zone.unwrap_or(kind.quiet_zone());
             let line = format!("{} {kind} {} {quiet} {is_inverted} {is_rectangular}", texts[0], texts[1]);
-            self.word("content.code", Some(line));
+            self.word(key, Some(line));
         }
         self.word("content.serial", values.serial);
         self.word("content.date", values.date);

@@ -1,6 +1,7 @@
 //! The settings of content that differs from product to product: serial numbers, shifts, codes and lists.
 
 use super::choices::BadRows;
+use super::layers::is_same_layer;
 use crate::formats::code::Kind;
 use crate::formats::pattern::{Content, Moment};
 
@@ -76,12 +77,42 @@ pub struct ShiftSettings {
     pub from: u32,
 }
 
+/// The rectangles that a code replaces.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Placeholder {
+    /// Those on a layer.
+    Layer(String),
+    /// Those in the definition of a block; in an SVG, those that a copy (`use`) of the element with this name draws.
+    Block(String),
+}
+
+impl Placeholder {
+    /// Whether it means this layer or block. Capital and small letters are equal.
+    #[must_use]
+    pub fn is_at(&self, layer: &str, block: Option<&str>) -> bool {
+        match self {
+            Self::Layer(name) => is_same_layer(name, layer),
+            Self::Block(name) => block.is_some_and(|block| is_same_layer(name, block)),
+        }
+    }
+}
+
+impl std::fmt::Display for Placeholder {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Layer(name) => write!(out, "the layer {name}"),
+            Self::Block(name) => write!(out, "the block {name}"),
+        }
+    }
+}
+
 /// A code in placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CodeSettings {
-    /// The layer whose rectangles are its placeholders.
-    pub layer: String,
+    /// Where its rectangles are.
+    pub placeholder: Placeholder,
     /// Its kind.
     pub kind: Kind,
     /// Its content, with fields such as `{serial:06}`.

@@ -6,8 +6,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::BadRows;
-use super::content::{CodeSettings, ShiftSettings};
+use super::content::{CodeSettings, Placeholder, ShiftSettings};
 use super::error::ConfigError;
+use super::layers::is_same_layer;
 use super::settings::JobSettings;
 use super::text::SettingsText;
 use crate::formats::code::Kind;
@@ -42,7 +43,8 @@ pub(super) struct SerialKeys {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CodeKeys {
-    layer: String,
+    layer: Option<String>,
+    block: Option<String>,
     kind: Kind,
     content: Spanned<String>,
     quiet_zone: Option<Spanned<usize>>,
@@ -73,10 +75,28 @@ impl ContentKeys {
             }
             content.codes.clear();
             for code in codes.into_inner() {
-                let is_again = |other: &CodeSettings| super::layers::is_same_layer(&other.layer, &code.layer);
+                let placeholder = match (code.layer, code.block) {
+                    (Some(layer), None) => Placeholder::Layer(layer),
+                    (None, Some(block)) => Placeholder::Block(block),
+                    (given, _) => {
+                        let how_many = if given.is_some() {
+                            "both a layer and a block"
+                        } else {
+                            "no layer and no block"
+                        };
+                        let what = format!("A code of `content.codes` names {how_many}.");
+                        let remedy = "Give `layer` or `block`, for the rectangles that become the code.";
+                        return Err(contradiction(&span, what, remedy));
+                    }
+                };
+                let is_again = |other: &CodeSettings| match (&other.placeholder, &placeholder) {
+                    (Placeholder::Layer(one), Placeholder::Layer(other))
+                    | (Placeholder::Block(one), Placeholder::Block(other)) => is_same_layer(one, other),
+                    _ => false,
+                };
                 if content.codes.iter().any(is_again) {
-                    let what = format!("`content.codes` names the layer {} twice.", code.layer);
-                    return Err(contradiction(&span, what, "Give each code a layer of its own."));
+                    let what = format!("`content.codes` names {placeholder} twice.");
+                    return Err(contradiction(&span, what, "Give each code a layer or a block of its own."));
                 }
                 if code.content.get_ref().is_empty() {
                     let what = "The content of a code is empty.".into();
@@ -90,7 +110,7 @@ impl ContentKeys {
                 let quiet =
                     quiet.map(|quiet| text.count("content.codes.quiet_zone", quiet, QUIET)).transpose()?;
                 content.codes.push(CodeSettings {
-                    layer: code.layer,
+                    placeholder,
                     kind: code.kind,
                     content: code.content.into_inner(),
                     quiet_zone: quiet,

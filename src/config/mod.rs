@@ -38,7 +38,7 @@ pub use choices::{
     Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs,
     UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
-pub use content::{CodeSettings, ContentSettings, SerialSettings, ShiftSettings};
+pub use content::{CodeSettings, ContentSettings, Placeholder, SerialSettings, ShiftSettings};
 pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
 pub use fill::{FillSettings, FocusSettings};

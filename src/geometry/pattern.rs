@@ -1,5 +1,7 @@
 //! The drawing to be marked, free of any file format: layers, paths and segments in mm.
 
+use std::sync::Arc;
+
 use nalgebra::Vector2;
 
 use super::space::{Extents, FlatPoint};
@@ -89,6 +91,8 @@ pub struct Source {
     /// Whether the path is one of several strokes that the entity draws, as letters and hatch patterns do. Such strokes
     /// are not pieces of an exploded line, so their ends are not joined.
     pub is_stroke: bool,
+    /// The innermost block whose definition contains the entity, or the element that a copy in an SVG shows.
+    pub block: Option<Arc<str>>,
 }
 
 /// A smooth piece of a path, mm, with a parameter from 0 to 1.

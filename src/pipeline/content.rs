@@ -1,9 +1,12 @@
 //! Content that differs from product to product: checks the fields of a drawing, draws codes into their placeholders, and
 //! measures them on the part.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use nalgebra::{Matrix2, Point3, Vector2};
 
-use crate::config::{CodeSettings, ContentSettings, JobSettings, is_same_layer};
+use crate::config::{CodeSettings, ContentSettings, JobSettings, Placeholder};
 use crate::formats::code::{self, Modules};
 use crate::formats::pattern::{self, Content, FieldUse, FoundField, PatternFacts, filled};
 use crate::geometry::mapping::LengthTrueMap;
@@ -93,14 +96,16 @@ fn short(text: &str) -> String {
 /// The first field without a value, or the first code that cannot be encoded.
 pub fn check_values<'f>(
     fields: impl Iterator<Item = &'f str>,
-    layers: &[String],
+    places: &BTreeSet<(String, Option<Arc<str>>)>,
     settings: &ContentSettings,
     values: &Content,
 ) -> Result<(), Reason> {
     for field in fields {
         filled(field, values).map_err(|field| refused_field(&field))?;
     }
-    let is_drawn = |code: &&CodeSettings| layers.iter().any(|layer| is_same_layer(layer, &code.layer));
+    let is_drawn = |code: &&CodeSettings| {
+        places.iter().any(|(layer, block)| code.placeholder.is_at(layer, block.as_deref()))
+    };
     for code in settings.codes.iter().filter(is_drawn) {
         encoded(code, values)?;
     }
@@ -115,7 +120,10 @@ fn refused_field(field: &FoundField) -> Reason {
 fn encoded(settings: &CodeSettings, values: &Content) -> Result<(String, Modules), Reason> {
     let at = || Place {
         item: Some("content.codes".into()),
-        layer: Some(settings.layer.clone()),
+        layer: match &settings.placeholder {
+            Placeholder::Layer(layer) => Some(layer.clone()),
+            _ => None,
+        },
         ..Place::default()
     };
     let content = filled(&settings.content, values).map_err(|field| refused_field(&field).at(at()))?;
@@ -130,14 +138,30 @@ fn encoded(settings: &CodeSettings, values: &Content) -> Result<(String, Modules
     Ok((content, modules))
 }
 
-/// The facts of a drawing, with the fields of its texts under these settings.
+/// What a drawing has that depends on the product.
+#[derive(Debug, Default)]
+#[non_exhaustive]
+pub struct Variable {
+    /// The fields in its texts.
+    pub fields: Vec<String>,
+    /// The layers and blocks of its paths.
+    pub places: BTreeSet<(String, Option<Arc<str>>)>,
+}
+
+/// What a drawing has that depends on the product, under these settings.
 ///
 /// # Errors
 /// When the drawing cannot be read.
-pub fn drawing_facts(bytes: &[u8], settings: &JobSettings) -> Result<PatternFacts, Reason> {
+pub fn variable(bytes: &[u8], settings: &JobSettings) -> Result<Variable, Reason> {
     let content = Some(settings.content.values.clone());
     let options = pattern::PatternOptions { content, ..settings.pattern.options() };
-    pattern::read(bytes, &options).map(|reading| reading.facts).map_err(|error| error.reason())
+    let reading = pattern::read(bytes, &options).map_err(|error| error.reason())?;
+    let layers = &reading.pattern.layers;
+    let place = |path: &Path| Some((layers.get(path.layer)?.name.clone(), path.source.block.clone()));
+    Ok(Variable {
+        places: reading.pattern.paths.iter().filter_map(place).collect(),
+        fields: reading.facts.fields.into_iter().map(|field| field.field).collect(),
+    })
 }
 
 /// Replaces the rectangles on the layers of codes by the outlines of their inked cells.
@@ -154,16 +178,21 @@ pub(super) fn draw_codes(
     let mut budget = MOST_MODULES;
     for code in &settings.codes {
         let is_of_code = |path: &Path| {
-            pattern.layers.get(path.layer).is_some_and(|layer| is_same_layer(&layer.name, &code.layer))
+            let layer = pattern.layers.get(path.layer).map_or("", |layer| layer.name.as_str());
+            code.placeholder.is_at(layer, path.source.block.as_deref())
         };
         if !pattern.paths.iter().any(is_of_code) {
-            let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
-            let message = format!(
-                "no {} code is marked: the drawing has nothing on the layer {}; its layers are {}",
-                code.kind,
-                code.layer,
-                layers.join(", ")
-            );
+            let message = match &code.placeholder {
+                Placeholder::Layer(layer) => {
+                    let layers: Vec<&str> = pattern.layers.iter().map(|layer| layer.name.as_str()).collect();
+                    format!(
+                        "the drawing has nothing on the layer {layer}; its layers are {}",
+                        layers.join(", ")
+                    )
+                }
+                Placeholder::Block(block) => format!("the drawing has no insert of the block {block}"),
+            };
+            let message = format!("no {} code is marked: {message}", code.kind);
             notices.push(Notice::warning("code-layer-missing", message));
             continue;
         }
@@ -174,10 +203,11 @@ pub(super) fn draw_codes(
                 paths.push(path.clone());
                 continue;
             }
-            let rectangle = Rectangle::of(&path.shape).ok_or_else(|| not_a_rectangle(path, code))?;
+            let layer = pattern.layers.get(path.layer).map_or("", |layer| layer.name.as_str());
+            let rectangle = Rectangle::of(&path.shape).ok_or_else(|| not_a_rectangle(path, layer, code))?;
             let [columns, rows] = modules.size();
             budget = budget.checked_sub(columns * rows).ok_or_else(too_many)?;
-            let one = one_code(&rectangle, path, code, &content, &modules, region, &mut paths);
+            let one = one_code(&rectangle, (path, layer), code, &content, &modules, region, &mut paths);
             region = region.saturating_add(1);
             placed.push(one);
         }
@@ -195,18 +225,28 @@ fn too_many() -> Reason {
     .with_number("modules", MOST_MODULES as f64, "", Some(MOST_MODULES as f64))
 }
 
-fn not_a_rectangle(path: &Path, code: &CodeSettings) -> Reason {
+fn not_a_rectangle(path: &Path, layer: &str, code: &CodeSettings) -> Reason {
     let Source { entity, handle, .. } = &path.source;
     let item = handle.as_ref().map_or_else(|| entity.clone(), |handle| format!("{entity} {handle}"));
-    Reason::new(
-        "code-placeholder",
-        format!(
-            "The layer {} is for placeholders of codes, and a path on it is not a closed rectangle.",
-            code.layer
+    let (what, remedy) = match &code.placeholder {
+        Placeholder::Block(block) => (
+            format!(
+                "The block {block} is the placeholder of a code, and a path in it is not a closed rectangle."
+            ),
+            "Draw only closed rectangles in this block, one for each code. Attributes of the block are drawn as texts.",
         ),
-        "Draw one closed rectangle for each code on this layer, and everything else on other layers.",
-    )
-    .at(Place { item: Some(item), layer: Some(code.layer.clone()), ..Place::default() })
+        Placeholder::Layer(name) => (
+            format!(
+                "The layer {name} is for placeholders of codes, and a path on it is not a closed rectangle."
+            ),
+            "Draw one closed rectangle for each code on this layer, and everything else on other layers.",
+        ),
+    };
+    Reason::new("code-placeholder", what, remedy).at(Place {
+        item: Some(item),
+        layer: Some(layer.into()),
+        ..Place::default()
+    })
 }
 
 /// A placeholder: its lower left corner as the code is read, and its sides, mm.
@@ -271,7 +311,7 @@ impl Rectangle {
 /// Draws one code and returns its place.
 fn one_code(
     rectangle: &Rectangle,
-    path: &Path,
+    (path, layer): (&Path, &str),
     settings: &CodeSettings,
     content: &str,
     modules: &Modules,
@@ -322,7 +362,11 @@ fn one_code(
     let report = CodeReport {
         kind: settings.kind,
         content: content.to_owned(),
-        layer: settings.layer.clone(),
+        layer: layer.into(),
+        block: match &settings.placeholder {
+            Placeholder::Block(block) => Some(block.clone()),
+            Placeholder::Layer(_) => None,
+        },
         handle: path.source.handle.clone(),
         modules: [columns, rows],
         quiet_zone: quiet,

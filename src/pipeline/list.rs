@@ -1,12 +1,9 @@
 //! The products of a list: their values, their serial numbers, and what cannot be marked.
 
-use super::content::{check_values, drawing_facts};
+use super::content::{Variable, check_values, variable};
 use crate::config::{BadRows, JobSettings, Sku};
 use crate::formats::list::{LeftOut, List, ListError, Product, Products, Row};
 use crate::reason::{Place, Reason};
-
-/// The fields of the drawing, and its layers.
-type Fields = (Vec<String>, Vec<String>);
 
 /// A list with the drawing and the settings of its products.
 #[derive(Debug)]
@@ -21,14 +18,14 @@ pub struct ListJob<'a> {
     pub settings: &'a JobSettings,
     /// How many serial numbers were used before the first row.
     pub used: u64,
-    fields: Option<Fields>,
+    known: Option<Variable>,
 }
 
 impl<'a> ListJob<'a> {
     /// The job of a list whose first row gets the serial number with this index.
     #[must_use]
     pub fn new(file: &'a str, sku: &'a Sku, drawing: &'a [u8], settings: &'a JobSettings, used: u64) -> Self {
-        Self { file, sku, drawing, settings, used, fields: None }
+        Self { file, sku, drawing, settings, used, known: None }
     }
 
     /// The serial number of a row; `None` beyond the last one.
@@ -66,17 +63,13 @@ impl<'a> ListJob<'a> {
     /// When a field has no value, a code cannot be encoded, or the drawing cannot be read.
     pub fn check(&mut self, row: &Row) -> Result<(), Reason> {
         let settings = self.settings_of(row)?;
-        let (fields, layers) = match &self.fields {
+        let Variable { fields, places } = match &self.known {
             Some(known) => known,
-            None => {
-                let facts = drawing_facts(self.drawing, &settings)?;
-                let fields = facts.fields.into_iter().map(|field| field.field).collect();
-                self.fields.insert((fields, facts.layers.into_keys().collect()))
-            }
+            None => self.known.insert(variable(self.drawing, &settings)?),
         };
         let content = &settings.content;
         let values = content.values_of(self.sku.as_str());
-        check_values(fields.iter().map(String::as_str), layers, content, &values)
+        check_values(fields.iter().map(String::as_str), places, content, &values)
             .map_err(|reason| self.refused(row, reason))
     }
 

@@ -40,6 +40,9 @@ pub struct CodeReport {
     pub content: String,
     /// Its layer.
     pub layer: String,
+    /// The block whose rectangle it replaces, if the settings name one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block: Option<String>,
     /// The handle of its placeholder, if the file has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub handle: Option<String>,

@@ -226,7 +226,7 @@ fn drops_in_any_order_give_the_bytes_of_the_command() {
 fn a_drawing_for_an_unknown_sku_names_the_form_and_the_known_skus() {
     let station = Station::running();
     station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
-    station.waits_for_empty_hot();
+    station.waits_for("the part", |station| station.log().contains("is now the part of mouse"));
     station.copy_into(&drawing("abc"), "abcdefghijk.dxf");
     station.waits_for("the form of names", |station| {
         let log = station.log();

@@ -145,7 +145,7 @@ pub(crate) fn everything() -> JobSettings {
             serial: SerialSettings { start: 5, step: 2, last: Some(99) },
             shifts: vec![ShiftSettings { name: "late".into(), from: 840 }],
             codes: vec![CodeSettings {
-                layer: "DM".into(),
+                placeholder: Placeholder::Layer("DM".into()),
                 kind: crate::formats::code::Kind::DataMatrix,
                 content: "{serial:06}".into(),
                 quiet_zone: Some(2),

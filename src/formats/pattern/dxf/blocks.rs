@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
@@ -70,7 +71,8 @@ pub(super) fn unfold(
         hairline: options.hairline,
         is_paper: sheet.is_some(),
     };
-    let ground = Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7) };
+    let ground =
+        Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7), block: None };
     // Entities outside blocks are needed only once, so they are read one by one to save memory.
     for index in reader.structure.drawn.iter().cloned().flatten() {
         if let Some(sheet) = &sheet
@@ -106,6 +108,8 @@ struct Context {
     layer: Option<String>,
     /// The colour that replaces BYBLOCK.
     color: Color,
+    /// The block whose definition is drawn.
+    block: Option<Arc<str>>,
 }
 
 /// What is missing in the pattern because an entity was skipped.
@@ -129,6 +133,7 @@ struct Look<'l> {
     color: Color,
     /// Whether the entity draws several strokes, see [`Source::is_stroke`].
     is_stroke: bool,
+    block: Option<&'l Arc<str>>,
 }
 
 struct Unfolding<'u> {
@@ -178,7 +183,8 @@ impl<'u> Unfolding<'u> {
                 self.skip(index, record, layer, why.into(), Missing::Hidden);
                 return Ok(());
             }
-            of_insert = self.inside(insert, context, context.placement, layer);
+            // An attribute belongs to the insert, not to the definition of its block.
+            of_insert = self.inside(insert, context, context.placement, (layer, context.block.clone()));
             context = &of_insert;
         }
         let (layer, entry) = layer_of(structure, record, context);
@@ -211,7 +217,13 @@ impl<'u> Unfolding<'u> {
             };
             return self.insert(index, record, insert, context, (layer, missing));
         }
-        self.item(index, record, item, context, Look { layer, color, is_stroke: false })
+        self.item(
+            index,
+            record,
+            item,
+            context,
+            Look { layer, color, is_stroke: false, block: context.block.as_ref() },
+        )
     }
 
     fn item(
@@ -332,6 +344,7 @@ impl<'u> Unfolding<'u> {
         let copies = insert.columns.saturating_mul(insert.rows);
         self.check_cost(Cost::Copies, copies, record)?;
         self.open_blocks.push(key);
+        let name: Arc<str> = block.name.as_str().into();
         let base = Placement {
             linear: nalgebra::Matrix3::identity(),
             offset: -Vector3::new(block.base[0], block.base[1], block.base[2]),
@@ -342,7 +355,7 @@ impl<'u> Unfolding<'u> {
             let mut placement = insert.placement;
             placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
             let placement = context.placement.after(&placement.after(&base));
-            let inner = self.inside(record, context, placement, layer);
+            let inner = self.inside(record, context, placement, (layer, Some(name.clone())));
             // Empty blocks are counted, too, because a large array of them would take very long.
             self.spend(Cost::Copies, 1, record)?;
             let items = self.items;
@@ -362,12 +375,18 @@ impl<'u> Unfolding<'u> {
     }
 
     /// The context that an insert gives to its content and its attributes.
-    fn inside(&self, insert: &Record, context: &Context, placement: Placement, layer: &str) -> Context {
+    fn inside(
+        &self,
+        insert: &Record,
+        context: &Context,
+        placement: Placement,
+        (layer, block): (&str, Option<Arc<str>>),
+    ) -> Context {
         let color = match own_color(insert, context) {
             Color::ByLayer => self.structure.entry(layer).map_or(Color::Aci(7), |entry| entry.color),
             own => own,
         };
-        Context { placement, layer: Some(layer.to_owned()), color }
+        Context { placement, layer: Some(layer.to_owned()), color, block }
     }
 
     fn shape(
@@ -414,7 +433,7 @@ impl<'u> Unfolding<'u> {
         &mut self,
         shape: Shape,
         region: Option<u32>,
-        Look { layer, color, is_stroke }: Look<'_>,
+        Look { layer, color, is_stroke, block }: Look<'_>,
         record: &Record,
     ) {
         let names = &mut self.result.layer_names;
@@ -427,7 +446,8 @@ impl<'u> Unfolding<'u> {
             }
         };
         let entity = self.structure.kind(record).to_owned();
-        let source = Source { entity, handle: self.structure.handle(self.scan, record), is_stroke };
+        let handle = self.structure.handle(self.scan, record);
+        let source = Source { entity, handle, is_stroke, block: block.cloned() };
         self.result.paths.push(Path { layer, color, shape, region, source });
     }
 

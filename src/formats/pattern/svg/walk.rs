@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use i_overlay::core::fill_rule::FillRule;
 use nalgebra::{Matrix2, Vector2};
@@ -86,6 +87,8 @@ pub(super) struct Context {
     pub(super) opacity: f64,
     /// The areas that everything is cut to.
     pub(super) clips: Rc<[Rc<Polygons>]>,
+    /// The name of the element that a `use` copies here.
+    pub(super) block: Option<Arc<str>>,
 }
 
 impl Context {
@@ -219,6 +222,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             layer: NO_LAYER.into(),
             opacity: 1.0,
             clips: Rc::new([]),
+            block: None,
         };
         let style = self.style(root, &outer)?;
         if !style.displayed {
@@ -360,8 +364,15 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(node, &layer, "it is scaled to nothing".into(), Missing::Nothing);
             return Ok(None);
         }
-        let mut context =
-            Context { map, opacity, layer, viewport: outer.viewport, clips: outer.clips.clone(), style };
+        let mut context = Context {
+            map,
+            opacity,
+            layer,
+            viewport: outer.viewport,
+            clips: outer.clips.clone(),
+            block: outer.block.clone(),
+            style,
+        };
         if let Some(why) = self.hides(&context.style) {
             if self.has_ink(node) {
                 self.skip(node, &context.layer, why.into(), Missing::Ink);
@@ -446,7 +457,8 @@ impl<'a, 'd> Walk<'a, 'd> {
         let [x, y] = [("x", context.viewport.x), ("y", context.viewport.y)]
             .map(|(name, whole)| self.length(node, name, whole, context).unwrap_or(0.0));
         let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
-        let mut context = Context { map: context.map.after(&shift), ..context.clone() };
+        let mut context =
+            Context { map: context.map.after(&shift), block: Some(id.into()), ..context.clone() };
         context.style.context_paints = [context.style.fill, context.style.stroke];
         self.open.push(target.id());
         let done = match target.tag_name().name() {
@@ -880,6 +892,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             entity: node.tag_name().name().into(),
             handle: Some(self.lines.handle(node)),
             is_stroke,
+            block: context.block.clone(),
         };
         self.drawn.paths.push(Path { layer, color, shape, region, source });
     }
