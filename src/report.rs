@@ -8,10 +8,12 @@ use serde::{Deserialize, Serialize};
 mod content;
 mod fill;
 mod focus;
+mod list;
 
 pub use content::{CodeReport, ContentReport};
 pub use fill::FillReport;
 pub use focus::{FocusReport, FocusStepReport};
+pub use list::{ListGap, ListReport, ListRow};
 
 use crate::cache::PartOrigin;
 use crate::diff::DrawingDiff;

@@ -476,8 +476,11 @@ fn a_list_gives_a_drawing_for_each_row() {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
     desk.write("label.dxf", dxf(&text("MARK", "{serial:04} {csv:LOT}")));
-    let output = listed(&desk, LIST, &["--set", "serial.start=10", "--set", "serial.step=5"]);
+    let output = listed(&desk, LIST, &["--set", "serial.start=10", "--set", "serial.step=5", "--json"]);
     assert_eq!(output.code, 0, "{}", output.err);
+    let report = schemas::document(&output.out);
+    let third = json!({ "row": 3, "line": 4, "serial": 20, "drawing": "batch-0003.dxf" });
+    assert_eq!((&report["rows"][2], &report["list"]), (&third, &"batch.csv".into()));
     assert!(output.err.contains("batch.csv: 3 drawings in out"), "{}", output.err);
     assert_eq!(names(&desk), ["batch-0001.dxf", "batch-0002.dxf", "batch-0003.dxf"]);
     for (number, serial, lot) in [(1, 10, "A7"), (2, 15, "A8"), (3, 20, "A9")] {

@@ -13,6 +13,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use fs_err as fs;
+use serde_json::json;
 
 mod schemas;
 
@@ -117,6 +118,11 @@ impl Station {
         }
     }
 
+    /// The report of a list.
+    fn report_of_list(&self, name: &str) -> serde_json::Value {
+        schemas::document(fs::read(self.path(&format!("reports/trough/{name}.list.json"))).unwrap())
+    }
+
     /// The drawing of a product as the command line makes it, with the date that the station gave it.
     fn expected(&self, name: &str, serial: u64, lot: &str) -> Vec<u8> {
         let report =
@@ -163,6 +169,17 @@ fn each_row_is_a_drawing_with_the_next_serial_number() {
         assert!(found.1 == expected, "{serial}: another drawing than that of the command line");
     }
     assert!(station.names("hot").is_empty(), "{log}");
+    // The drawings of the rows come together with their settings.
+    assert!(!log.contains("The settings wait"), "{log}");
+    let report = station.report_of_list("trough@plate.csv");
+    assert_eq!((&report["drawing"], &report["left_out"]), (&"trough@plate.dxf".into(), &json!([])));
+    for (row, index) in report["rows"].as_array().unwrap().iter().zip(0u64..) {
+        let expected =
+            json!({ "row": index + 1, "line": index + 2, "serial": index + 10, "drawing": name(index + 10) });
+        assert_eq!(*row, expected);
+    }
+    let settings = fs::read_to_string(station.path("archive/trough/trough@plate-000011.toml")).unwrap();
+    assert!(settings.starts_with("# Row 2 of trough@plate.csv, line 3.\n"), "{settings}");
     let archived = station.names("archive/trough");
     for original in ["trough@plate.csv", "trough@plate.dxf"] {
         assert!(archived.iter().any(|name| name == original), "{archived:?}");
@@ -224,6 +241,14 @@ fn bad_rows_reject_the_list_or_are_left_out_with_their_numbers() {
     let log = station.once();
     assert_eq!(station.names("import"), ["trough@plate-000001.dxf", "trough@plate-000003.dxf"], "{log}");
     assert!(log.contains("Row 2") && log.contains("the serial number 2 of trough is void"), "{log}");
+    let report = station.report_of_list("trough@plate.csv");
+    let left_out = &report["left_out"][0];
+    assert_eq!(
+        (&left_out["serial"], &left_out["reason"]["place"]["line"]),
+        (&2.into(), &3.into()),
+        "{report}"
+    );
+    assert_eq!(report["rows"].as_array().unwrap().len(), 2);
 }
 
 #[test]

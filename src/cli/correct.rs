@@ -39,7 +39,7 @@ pub(super) struct CorrectArguments {
         long,
         value_name = "LIST.csv",
         help_heading = "Variable content",
-        conflicts_with_all = ["out", "report", "preview", "on_part", "report_html", "frame_drawing", "xyz", "step_files", "json"]
+        conflicts_with_all = ["out", "report", "preview", "on_part", "report_html", "frame_drawing", "xyz", "step_files"]
     )]
     list: Option<PathBuf>,
     /// The folder for the drawings of a list; it is created if need be, and drawings in it are replaced.
@@ -234,7 +234,7 @@ impl CorrectArguments {
             ));
         }
         let job = self.job.prepare(self.overrides()?, useless_to_a_job)?;
-        list::run(&job, list, &folder)
+        list::run(&job, list, &folder, self.json)
     }
 
     /// Writes each step of focus into a file of its own, if that is asked for.

@@ -5,29 +5,34 @@ use std::path::{Path, PathBuf};
 
 use super::job::Job;
 use super::named_files::{file_trouble, name_of, read_file, write_file, write_file_if};
-use super::outcome::{Failure, Outcome, tell};
+use super::outcome::{Failure, Outcome, print_json, tell};
 use crate::config::BadRows;
-use crate::formats::list::{List, Row};
+use crate::formats::list::{LeftOut, List, Product, Row};
 use crate::pipeline::{ListJob, PatternInput, PipelineError};
 use crate::reason::Reason;
+use crate::report::ListReport;
 
 /// Least digits of the number in the names of the drawings.
 const DIGITS: usize = 4;
 
 /// Writes the drawing of every row into `folder`, as `<list>-0001.dxf` and so on.
-pub(super) fn run(job: &Job, list: &Path, folder: &Path) -> Outcome {
+pub(super) fn run(job: &Job, list: &Path, folder: &Path, is_json: bool) -> Outcome {
     let bytes = read_file(list)?;
     let (file, stem) = (name_of(list)?, list.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     fs_err::create_dir_all(folder).map_err(|error| file_trouble("create", folder, &error))?;
-    let mut listed = Listed { job, list: ListJob::new(&file, &job.sku, &job.drawing, &job.settings, 0) };
+    let date = job.settings.content.values.date.map(|date| date.to_string());
+    let report = ListReport::new(job.sku.as_str(), &file, &name_of(job.pattern)?, date);
+    let list = ListJob::new(&file, &job.sku, &job.drawing, &job.settings, 0);
+    let mut listed = Listed { job, list, report };
     let mut left_out = BTreeSet::new();
     let mut rows = 0u64;
-    let list = List::new(&bytes).map_err(|error| Failure::rejected(listed.list.unreadable(&error)))?;
-    for (row, index) in list.zip(0..) {
+    let rows_of =
+        |list: &ListJob| List::new(&bytes).map_err(|error| Failure::rejected(list.unreadable(&error)));
+    for (row, index) in rows_of(&listed.list)?.zip(0..) {
         rows = index + 1;
         let checked = row.map_err(|error| listed.list.unreadable(&error));
         if let Err(reason) = checked.and_then(|row| listed.list.check(&row)) {
-            listed.leave_out(&reason, index)?;
+            listed.leave_out(reason, index)?;
             left_out.insert(index);
         }
     }
@@ -35,36 +40,43 @@ pub(super) fn run(job: &Job, list: &Path, folder: &Path) -> Outcome {
         return Err(Failure::rejected(listed.list.empty()));
     }
     let digits = DIGITS.max(rows.ilog10() as usize + 1);
-    let mut written = 0;
-    let list = List::new(&bytes).map_err(|error| Failure::rejected(listed.list.unreadable(&error)))?;
-    for (row, index) in list.zip(0..) {
+    for (row, index) in rows_of(&listed.list)?.zip(0..) {
         let Some(row) = row.ok().filter(|_| !left_out.contains(&index)) else { continue };
         let out = folder.join(format!("{stem}-{:0digits$}.dxf", row.number));
         match listed.write(&out, &row) {
-            Ok(()) => written += 1,
+            Ok(()) => listed.note(row, &out)?,
             Err(WriteError::Failed(failure)) => return Err(failure),
             Err(WriteError::Rejected(reason)) => {
+                let written = listed.report.rows.len();
                 if job.settings.content.bad_rows == BadRows::Refuse && written > 0 {
                     tell(&format!("{written} drawings of the rows before row {} are written", row.number));
                 }
-                listed.leave_out(&listed.list.refused(&row, reason), index)?;
+                listed.leave_out(listed.list.refused(&row, reason), index)?;
                 left_out.insert(index);
             }
         }
     }
-    let drawings = if written == 1 { "1 drawing".to_owned() } else { format!("{written} drawings") };
+    let drawings = match listed.report.rows.len() {
+        1 => "1 drawing".to_owned(),
+        written => format!("{written} drawings"),
+    };
     let without = match left_out.len() {
         0 => String::new(),
         1 => "; 1 row is left out".to_owned(),
         many => format!("; {many} rows are left out"),
     };
     tell(&format!("{file}: {drawings} in {}{without}", folder.display()));
+    if is_json {
+        let json = listed.report.to_json().map_err(|error| Failure::environment(&error.into()))?;
+        print_json(&json);
+    }
     Ok(())
 }
 
 struct Listed<'j> {
     job: &'j Job<'j>,
     list: ListJob<'j>,
+    report: ListReport,
 }
 
 enum WriteError {
@@ -91,13 +103,23 @@ impl Listed<'_> {
         written.map_err(WriteError::Failed)
     }
 
+    /// Adds a row whose drawing is written to the report.
+    fn note(&mut self, row: Row, out: &Path) -> Outcome {
+        if let Some(serial) = self.list.serial(row.number) {
+            self.report.add(&Product { row, serial }, name_of(out)?);
+        }
+        Ok(())
+    }
+
     /// Reports a row that is not marked, with its serial number; or ends with its reason.
-    fn leave_out(&self, reason: &Reason, index: u64) -> Outcome {
+    fn leave_out(&mut self, reason: Reason, index: u64) -> Outcome {
         if self.job.settings.content.bad_rows == BadRows::Refuse {
-            return Err(Failure::rejected(reason.clone()));
+            return Err(Failure::rejected(reason));
         }
         tell(&reason.to_string());
-        if let Some(number) = self.list.serial(index + 1) {
+        let left_out = LeftOut { serial: self.list.serial(index + 1), reason };
+        self.report.leave_out(&left_out);
+        if let Some(number) = left_out.serial {
             tell(&format!("the serial number {number} is void: its row is left out"));
         }
         Ok(())

@@ -14,7 +14,7 @@ use crate::formats::pattern::PatternFacts;
 use crate::hotfolder::status::Status;
 use crate::pipeline::Evaluation;
 use crate::reason::{Code, CodeKind, ReasonFile};
-use crate::report::{Report, RotaryTable};
+use crate::report::{ListReport, Report, RotaryTable};
 
 const COMMAND: &str = "cargo test --lib write_generated_files -- --ignored";
 
@@ -41,6 +41,7 @@ fn schema_of(name: &str) -> Value {
         "registration" => document::<register::RegistrationDocument>(name),
         "lens" => document::<calibrate::LensDocument>(name),
         "rotary" => document::<RotaryTable>(name),
+        "list" => document::<ListReport>(name),
         "plan" => document::<super::plan::Document>(name),
         "codes" => document::<explain::Document>(name),
         _ => panic!("no type makes the document {name}"),

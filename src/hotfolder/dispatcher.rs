@@ -150,6 +150,7 @@ pub fn run(
         pulse(Pulse::Ready);
         dispatcher.work_until_done(pulse);
         pulse(Pulse::Stopping);
+        dispatcher.log_unclaimed(Moment::MAX);
         if mode == Mode::UntilStopped || stop.is_raised() || dispatcher.stopped.is_some() {
             keeper.end();
         }
@@ -260,6 +261,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     self.list();
                 }
                 self.look_at_parked();
+                self.log_unclaimed(self.now());
                 self.take_requests();
                 has_more_to_check = self.look_for_outdated();
                 self.hand_out();

@@ -61,7 +61,8 @@ pub fn document(text: impl AsRef<[u8]>) -> Value {
 pub fn is_document(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let is_in_state = path.parent().is_some_and(|folder| folder.ends_with("state"));
-    name.ends_with(".report.json") || name.ends_with(".reason.json") || (name == "status.json" && is_in_state)
+    [".report.json", ".reason.json", ".list.json"].iter().any(|ending| name.ends_with(ending))
+        || (name == "status.json" && is_in_state)
 }
 
 /// Checks every document that a station left below a folder, unless the test has failed already.

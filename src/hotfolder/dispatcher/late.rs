@@ -8,6 +8,8 @@ use crate::hotfolder::seen::Moment;
 
 /// Settings that arrive within this time after the delivery of their pattern are reported as too late.
 const LATE_SIDECAR: Duration = Duration::from_secs(10);
+/// Companions that are taken along within this time are not logged: they arrive together with their drop.
+const TOGETHER: Duration = Duration::from_secs(2);
 /// How long the system may take to report a file that the station itself put back.
 const HEARD_BY: Duration = Duration::from_secs(5);
 
@@ -22,6 +24,8 @@ pub(super) struct Late {
     sidecars: BTreeMap<PathBuf, Moment>,
     /// Files that the station itself moved into the hot folder: until when an event for them is expected.
     put_back: BTreeMap<PathBuf, Moment>,
+    /// Companions that nothing has taken along yet: when that is logged, and the words.
+    unclaimed: BTreeMap<PathBuf, (Moment, String)>,
 }
 
 impl Late {
@@ -54,6 +58,19 @@ impl Late {
     /// Whether these settings are too late for their pattern.
     pub(super) fn take_sidecar(&mut self, path: &Path) -> bool {
         self.sidecars.remove(path).is_some()
+    }
+
+    /// Logs these words if nothing takes the companion along for a while.
+    pub(super) fn log_if_unclaimed(&mut self, path: &Path, words: String, now: Moment) {
+        self.unclaimed.insert(path.into(), (now + TOGETHER, words));
+    }
+
+    /// The companions whose time is over, with the words for the log.
+    pub(super) fn take_unclaimed(&mut self, now: Moment) -> Vec<(PathBuf, String)> {
+        let (due, later): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.unclaimed).into_iter().partition(|(_, (due, _))| *due <= now);
+        self.unclaimed = later;
+        due.into_iter().map(|(path, (_, words))| (path, words)).collect()
     }
 
     /// Expects an event for a file that the station itself put into the hot folder.

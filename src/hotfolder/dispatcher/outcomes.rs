@@ -218,6 +218,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         self.drops.companion_arrived(path);
         self.lanes.stale = true;
         let is_late = self.late.take_sidecar(path);
+        let now = self.now();
         if let Some(drop) = self.drops.get_mut(path) {
             let reason = if is_late {
                 let what = "The settings arrived too late: their drawing was delivered without them.";
@@ -239,7 +240,16 @@ impl<C: Corrector> Dispatcher<'_, C> {
             match drop.wait(Block::Unclaimed, reason) {
                 false => {}
                 true if is_late => tracing::warn!("{message}"),
-                true => tracing::info!("{message}"),
+                true => self.late.log_if_unclaimed(path, message, now),
+            }
+        }
+    }
+
+    /// Logs the companions that nothing has taken along until this moment.
+    pub(super) fn log_unclaimed(&mut self, now: Moment) {
+        for (path, words) in self.late.take_unclaimed(now) {
+            if self.drops.get(&path).is_some_and(|drop| drop.block == Block::Unclaimed) {
+                tracing::info!("{words}");
             }
         }
     }

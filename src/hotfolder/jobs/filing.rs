@@ -3,6 +3,7 @@
 //! ```text
 //! import/<name>.dxf                       the corrected drawing, and never anything else
 //! reports/<sku>/<name>.report.json        of the latest drawing or part with that name
+//! reports/<sku>/<name>.list.json          of the latest list with that name
 //! reports/<sku>/<name>.preview.svg        and .on-part.glb, .report.html
 //! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
 //! archive/<sku>/current-part.txt          which archived part the surface comes from
@@ -107,6 +108,9 @@ pub(crate) fn delivered_before(folders: &FolderPaths, name: &str) -> io::Result<
 
 /// The suffix of a report's name.
 pub(crate) const REPORT: &str = "report.json";
+
+/// The suffix of the name of a list's report.
+pub(crate) const LIST_REPORT: &str = "list.json";
 
 /// The path of a file named after a drop in the SKU's reports folder.
 pub(crate) fn report_path(folders: &FolderPaths, sku: &Sku, name: &str, ending: &str) -> PathBuf {

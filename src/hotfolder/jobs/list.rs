@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use super::filing::{self, LIST_REPORT};
 use super::intake::Read;
 use super::{EarlyEnd, Executor, Outcome, Task};
 use crate::config::{JobSettings, Sku, with_row};
-use crate::files::{TEMPORARY_END, TEMPORARY_START, sync_folder, write_flushed, write_whole};
+use crate::files::{TEMPORARY_END, TEMPORARY_START, sync_folder, write_flushed, write_whole_or_not};
 use crate::formats::Pace;
-use crate::formats::list::{Product, Products};
+use crate::formats::list::{Product, Products, Row};
 use crate::formats::pattern::Moment;
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
@@ -18,6 +19,7 @@ use crate::hotfolder::seen::{delivered_as, folders, meaning, sidecar_of};
 use crate::hotfolder::state::{Listing, NewListing};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
+use crate::report::ListReport;
 
 /// Largest number of rows: more files make a hot folder slow.
 const MOST_ROWS: u64 = 10_000;
@@ -36,6 +38,8 @@ const DIGITS: usize = 6;
 struct Rows<'a> {
     task: &'a Task,
     read: &'a Read,
+    /// The name of the list.
+    name: &'a str,
     listing: Listing,
     tag: String,
 }
@@ -69,7 +73,10 @@ impl<C: Corrector> Executor<'_, C> {
         let Some((name, bytes)) = &read.list else {
             return match begun {
                 Some(listing) if listing.named == listing.rows => self.file_list(task, sku, pattern, slot),
-                _ => Err(JobError::Rejected(list_is_gone()).into()),
+                _ => {
+                    remove_hidden(task, self.journal().tag());
+                    Err(JobError::Rejected(list_is_gone()).into())
+                }
             };
         };
         let list = identity(bytes, read, &settings);
@@ -105,7 +112,7 @@ impl<C: Corrector> Executor<'_, C> {
                 break (products, listing);
             }
         };
-        let mut rows = Rows { task, read, listing, tag: self.journal().tag().to_owned() };
+        let mut rows = Rows { task, read, name, listing, tag: self.journal().tag().to_owned() };
         for (batch, number) in products.rows.chunks(BATCH).zip(0u64..) {
             let end = number * BATCH as u64 + batch.len() as u64;
             if rows.listing.named < end {
@@ -117,6 +124,7 @@ impl<C: Corrector> Executor<'_, C> {
             }
             rows.name(batch)?;
         }
+        self.report_list(task, (sku, pattern), (name, &products), &rows)?;
         let (first, last) = (products.rows.first(), products.rows.last());
         if let (Some(first), Some(last)) = (first, last) {
             tracing::info!(
@@ -179,6 +187,26 @@ impl<C: Corrector> Executor<'_, C> {
         Ok(Some(listing))
     }
 
+    /// Writes which row got which serial number and drawing.
+    fn report_list(
+        &self,
+        task: &Task,
+        (sku, pattern): (&Sku, &str),
+        (name, products): (&str, &Products),
+        rows: &Rows<'_>,
+    ) -> Result<(), JobError> {
+        let mut report = ListReport::new(sku.as_str(), name, pattern, Some(rows.listing.date.clone()));
+        for product in &products.rows {
+            let place = rows.place(product);
+            let drawing = place.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            report.add(product, drawing);
+        }
+        products.left_out.iter().for_each(|row| report.leave_out(row));
+        let json = report.to_json().map_err(|error| folder_trouble(error.into()))?;
+        filing::write_report(&task.station.folders, sku, name, LIST_REPORT, json.as_bytes())
+            .map_err(folder_trouble)
+    }
+
     /// Files the drawing and its list. The list is hidden first: beside the next drawing of this name it would be another list.
     fn file_list(
         &self,
@@ -220,14 +248,10 @@ impl Rows<'_> {
 
     /// The hidden file that gets the name of a row.
     fn hidden(&self, product: &Product) -> PathBuf {
-        let drop = blake3::hash(self.task.drop.to_string().as_bytes()).to_hex();
-        let (tag, drop) = (&self.tag, &drop[..8]);
-        self.task
-            .path
-            .with_file_name(format!("{TEMPORARY_START}{tag}-{drop}-{}{TEMPORARY_END}", product.serial))
+        hidden(self.task, &self.tag, &product.serial.to_string())
     }
 
-    /// Writes the settings and the hidden drawings of rows that have no names yet.
+    /// Writes the hidden drawings of rows that have no names yet.
     fn write(&self, batch: &[Product]) -> Result<(), JobError> {
         let folder = self.task.path.parent().unwrap_or(Path::new(""));
         for product in batch {
@@ -235,7 +259,6 @@ impl Rows<'_> {
             if place.exists() {
                 return Err(JobError::Retry(name_is_taken(&place)));
             }
-            self.write_settings(product)?;
             write_flushed(&self.hidden(product), &self.read.file.bytes).map_err(folder_trouble)?;
         }
         sync_folder(folder).map_err(folder_trouble)
@@ -245,19 +268,25 @@ impl Rows<'_> {
         let text = self.read.sidecar.as_ref().map_or("", |(_, text)| text);
         let row = with_row(text, product.serial, &self.listing.date, &product.row.values);
         let row = row.ok_or_else(|| JobError::Rejected(too_large_a_number(product)))?;
+        let Row { number, line, .. } = product.row;
+        let text = format!("# Row {number} of {}, line {line}.\n{row}", on_one_line(self.name));
         let Some(place) = sidecar_of(&self.place(product)) else { return Ok(()) };
         let (folder, name) = (place.parent().unwrap_or(Path::new("")), place.file_name().unwrap_or_default());
-        write_whole(folder, &name.to_string_lossy(), row.as_bytes()).map_err(folder_trouble)
+        write_whole_or_not(folder, &name.to_string_lossy(), text.as_bytes()).map_err(folder_trouble)
     }
 
     /// Gives the hidden drawings of rows their names; those that have none left got theirs before.
     fn name(&self, batch: &[Product]) -> Result<(), JobError> {
-        for product in batch {
-            let hidden = self.hidden(product);
-            if folders::is_file(&hidden) {
-                self.write_settings(product)?;
-                fs::rename(&hidden, self.place(product)).map_err(folder_trouble)?;
-            }
+        let folder = self.task.path.parent().unwrap_or(Path::new(""));
+        let without_name = |product: &&Product| folders::is_file(&self.hidden(product));
+        let left: Vec<&Product> = batch.iter().filter(without_name).collect();
+        for product in &left {
+            self.write_settings(product)?;
+        }
+        // A drawing must not appear without its settings, also after a power cut.
+        sync_folder(folder).map_err(folder_trouble)?;
+        for product in left {
+            fs::rename(self.hidden(product), self.place(product)).map_err(folder_trouble)?;
         }
         Ok(())
     }
@@ -274,6 +303,23 @@ fn place(drawing: &Path, serial: u64) -> PathBuf {
 fn hidden(task: &Task, tag: &str, what: &str) -> PathBuf {
     let drop = blake3::hash(task.drop.to_string().as_bytes()).to_hex();
     task.path.with_file_name(format!("{TEMPORARY_START}{tag}-{}-{what}{TEMPORARY_END}", &drop[..8]))
+}
+
+/// Removes the hidden drawings of rows that get no names.
+fn remove_hidden(task: &Task, tag: &str) {
+    let first = hidden(task, tag, "");
+    let start = first.file_name().unwrap_or_default().to_string_lossy();
+    let start = start.trim_end_matches(TEMPORARY_END);
+    let Some(entries) = first.parent().and_then(|folder| fs::read_dir(folder).ok()) else { return };
+    for entry in entries.filter_map(Result::ok) {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with(start)
+            && name.ends_with(TEMPORARY_END)
+            && let Err(error) = fs::remove_file(entry.path())
+        {
+            tracing::warn!("a hidden drawing of {} remains: {error}", task.drop);
+        }
+    }
 }
 
 /// Refuses names that no drop may have, and numbers that no settings may have.

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use fs_err as fs;
 
-use super::filing::{REPORT, current_part_note, noted_part};
+use super::filing::{LIST_REPORT, REPORT, current_part_note, noted_part};
 use super::recovery::sweep_own;
 use super::rejected::{self, REASON};
 use crate::config::{FolderPaths, Retention, Sku, Station};
@@ -346,7 +346,7 @@ impl<'a> Pass<'a> {
     fn look_at_reports<'j>(&mut self, journal: &impl Fn() -> MutexGuard<'j, Journal>) {
         let pictures = PictureKind::ALL.map(PictureKind::ending);
         let endings: Vec<String> =
-            pictures.iter().chain([&REPORT]).map(|ending| format!(".{ending}")).collect();
+            pictures.iter().chain([&REPORT, &LIST_REPORT]).map(|ending| format!(".{ending}")).collect();
         for (path, is_folder) in entries(&self.folders.reports) {
             for (file, is_folder) in is_folder.then(|| entries(&path)).into_iter().flatten() {
                 if self.ends() {
