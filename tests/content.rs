@@ -454,6 +454,73 @@ fn blocks_of_codes_that_cannot_be_used_are_named() {
     assert!(notices(&missing).contains(&"code-layer-missing"), "{missing}");
 }
 
+/// The area that closed polygons enclose by the even-odd rule.
+fn enclosed(polygons: &[Vec<[f64; 2]>]) -> f64 {
+    let sides = |polygon: &[[f64; 2]]| -> Vec<[[f64; 2]; 2]> {
+        polygon.iter().zip(polygon.iter().cycle().skip(1)).map(|(from, to)| [*from, *to]).collect()
+    };
+    let is_inside = |[x, y]: [f64; 2], polygon: &[[f64; 2]]| {
+        let is_crossed = |[[x1, y1], [x2, y2]]: &[[f64; 2]; 2]| {
+            (*y1 > y) != (*y2 > y) && x < (x2 - x1) * (y - y1) / (y2 - y1) + x1
+        };
+        sides(polygon).iter().filter(|side| is_crossed(side)).count() % 2 == 1
+    };
+    let area = |(index, polygon): (usize, &Vec<[f64; 2]>)| {
+        let sides = sides(polygon);
+        // Contours meet at corners only, so the middle of a side is on no other contour.
+        let [from, to] = sides[0];
+        let middle = [(from[0] + to[0]) / 2.0, (from[1] + to[1]) / 2.0];
+        let around = polygons.iter().enumerate().filter(|(other, _)| *other != index);
+        let is_hole = around.filter(|(_, polygon)| is_inside(middle, polygon)).count() % 2 == 1;
+        let area = sides.iter().map(|[[x1, y1], [x2, y2]]| x1 * y2 - x2 * y1).sum::<f64>().abs() / 2.0;
+        if is_hole { -area } else { area }
+    };
+    polygons.iter().enumerate().map(area).sum()
+}
+
+/// The lines of a fill cover the dark cells of codes and the letters of outline fonts, also in tiles round the part: their length is
+/// the area by their distance.
+#[test]
+fn codes_and_letters_of_outline_fonts_are_filled() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let style = "0\nSECTION\n2\nTABLES\n0\nTABLE\n2\nSTYLE\n0\nSTYLE\n2\nARIAL\n70\n0\n40\n0\n41\n1\n50\n0\n71\n0\n3\narial.ttf\n0\n\
+                 ENDTAB\n0\nENDSEC\n";
+    let letters = dxf("0\nTEXT\n5\n31\n8\nDM\n10\n-15\n20\n-3\n40\n8\n7\nARIAL\n1\nAB8\n");
+    let letters = letters.replacen("0\nSECTION\n2\nENTITIES", &format!("{style}0\nSECTION\n2\nENTITIES"), 1);
+    let set = codes("data-matrix", "SN{serial:06}", "");
+    let with_code = ["--set", &set, "--content", "serial=417"];
+    let placed = |x: f64| {
+        let [left, right] = [x - 6.0, x + 6.0].map(|x| format!("10\n{x}\n"));
+        rectangle("DM", [12.0, 12.0], 0.0).replace("10\n-6\n", &left).replace("10\n6\n", &right)
+    };
+    let filled = |drawing: &str, options: &[&str]| {
+        desk.write("job.dxf", drawing);
+        let fill = ["--fill", "0.1", "--set", "fill.angle_deg=30"];
+        let output = run(&desk, &[], &[&["job.dxf"], options, &fill].concat());
+        assert_eq!(output.code, 0, "{}", output.err);
+        let report: Value = serde_json::from_str(&output.out).unwrap();
+        number(&report, "/fill/length_mm") * 0.1
+    };
+    let plain = |drawing: &str, options: &[&str]| {
+        desk.write("job.dxf", drawing);
+        enclosed(&polygons(&corrected(&desk, &["plate.obj", "job.dxf"], options).1, |at| at))
+    };
+    let code = dxf(&placed(0.0));
+    let of_code = plain(&code, &[AS_DRAWN, &with_code].concat());
+    let of_letters = plain(&letters, AS_DRAWN);
+    assert!(of_code > 30.0 && of_letters > 30.0, "{of_code} {of_letters}");
+    let round = dxf(&[-60.0, -20.0, 20.0, 60.0].map(placed).concat());
+    let cylinder = ["--cylinder", "66,120", "--place", "0,0"];
+    for (name, found, expected) in [
+        ("code", filled(&code, &[&cylinder, &with_code[..]].concat()), of_code),
+        ("letters", filled(&letters, &cylinder), of_letters),
+        ("round", filled(&round, &[&cylinder, &with_code[..], &["--rotary"]].concat()), 4.0 * of_code),
+    ] {
+        assert!((found / expected - 1.0).abs() < 0.02, "{name}: lines for {found} mm2 in {expected} mm2");
+    }
+}
+
 const LIST: &str = "LOT,Name\nA7,one\nA8,two\nA9,three\n";
 
 fn listed(desk: &Desk, list: &str, options: &[&str]) -> desk::Output {

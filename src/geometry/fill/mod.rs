@@ -19,7 +19,7 @@ use super::correction::{AboveLens, Projection};
 use super::ink::{bounding_paths, squares_inside};
 use super::mapping::Method;
 use super::normal_equations::SolveError;
-use super::pattern::{Color, Pattern, Shape};
+use super::pattern::{Color, Path, Pattern, Shape};
 use super::space::{Extents, FieldPoint, FlatPoint};
 use super::surface::knots::UniformKnots;
 
@@ -153,8 +153,14 @@ pub fn open_lines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<Op
 /// The places where contours on filled layers cross themselves, mm, one for each contour.
 pub fn self_crossings(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<FlatPoint> {
     let groups = bounding_paths(pattern, is_filled);
-    let outlines = groups.values().flatten().filter(|path| !path.source.is_stroke);
+    let outlines = groups.values().flatten().filter(|path| bounds_an_area(path));
     outlines.filter_map(|path| crossing(&path.shape.flattened(CONTOUR * 10.0))).collect()
+}
+
+/// Whether a closed path bounds something that can be filled: strokes of letters and patterns are lines, unless they bound a region, as
+/// the letters of outline fonts and the cells of codes do.
+fn bounds_an_area(path: &Path) -> bool {
+    path.region.is_some() || !path.source.is_stroke
 }
 
 /// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
@@ -172,7 +178,7 @@ pub fn fill(
     let mut layers: Vec<(usize, Vec<Outline>)> = Vec::new();
     let mut contours = std::collections::BTreeMap::new();
     for ((layer, region), mut paths) in groups {
-        paths.retain(|path| !path.source.is_stroke);
+        paths.retain(|path| bounds_an_area(path));
         if paths.is_empty() {
             continue;
         }
