@@ -42,6 +42,8 @@ const LONGEST_TROUBLE: usize = 1000;
 const OUTBOX: &str = "fleet/outbox";
 /// How long the job of a dropped part waits for a fit of the fleet.
 const FETCH: Duration = Duration::from_secs(1);
+/// A database that takes longer for a sign of life is too slow to wait for its fits.
+const SLOW: Duration = Duration::from_millis(250);
 /// Fits that the fleet did not have and that are wished for; more are not remembered.
 const WISHES: usize = 10_000;
 /// The channel of the database on which changes are announced.
@@ -73,7 +75,7 @@ struct Shared {
     news: BTreeSet<Sku>,
     /// Whether the database answers.
     answers: bool,
-    /// Whether the last fetch got no answer in time.
+    /// Whether the last sign of life or fetch took long.
     is_slow: bool,
     cache: PathBuf,
     /// Fits that were asked for without waiting, until they arrive.
@@ -363,13 +365,14 @@ impl Member {
         answer: Option<&SyncSender<bool>>,
     ) -> Result<(), FleetError> {
         let Wish { cache, sku, part } = wish;
+        let started = Instant::now();
         let fetched = fits::fetch(session, cache, sku, key, part).await?;
         if let Some(answer) = answer {
             let _ = answer.try_send(fetched == Fetched::Kept);
         }
         {
             let mut shared = self.shared();
-            shared.is_slow = false;
+            shared.is_slow = started.elapsed() > FETCH;
             if fetched == Fetched::Kept && shared.wishes.remove(key).is_some() {
                 shared.news.insert(sku.clone());
             }
@@ -403,6 +406,7 @@ impl Member {
         let trouble: Option<String> =
             figures.trouble.as_ref().map(|text| on_one_line(text).chars().take(LONGEST_TROUBLE).collect());
         let program = super::program();
+        let started = Instant::now();
         let row = session
             .row(
                 "SELECT isomark.beat($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
@@ -429,6 +433,7 @@ impl Member {
             )
         });
         let mut shared = self.shared();
+        shared.is_slow = started.elapsed() > SLOW;
         if let Some(text) = &complaint
             && shared.complaint.is_none()
         {
@@ -454,7 +459,7 @@ impl Member {
     fn is_there(&self, address: &Address) {
         let was_away = {
             let mut shared = self.shared();
-            (shared.answers, shared.is_slow) = (true, false);
+            shared.answers = true;
             // The fleet may have the fits now that it did not have.
             for (key, wish) in &shared.wishes {
                 let _ = self.orders.send(Order::Fetch(wish.clone(), key.clone(), None));

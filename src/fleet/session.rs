@@ -13,8 +13,8 @@ use super::address::Address;
 use super::error::FleetError;
 use super::tls::Verified;
 
-/// How long to wait for a connection, with encryption and login.
-const LOGIN: Duration = Duration::from_secs(10);
+/// How long to wait for a connection, with encryption and login: some ten messages, each of which may take two seconds.
+const LOGIN: Duration = Duration::from_secs(30);
 /// What every session sets. The server gives up before the program does, so that nothing keeps its locks.
 const LIMITS: &str = "SET statement_timeout = '12s'; SET lock_timeout = '8s'; \
                       SET idle_in_transaction_session_timeout = '20s'; SET search_path = pg_catalog, pg_temp";

@@ -1,5 +1,7 @@
 //! The database is away, slow or refuses: stations go on, keep what they have to send, and send it in order afterwards.
 
+use std::time::Duration;
+
 use fs_err as fs;
 
 use crate::fits::{current, hash};
@@ -130,4 +132,90 @@ fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
     learns(&cut_off, 1.3, 2);
     proxy.pass();
     everywhere(1.3);
+}
+
+/// Each answer takes 2 s: the station is in the fleet, and no drop waits for it. The server's log shows that it was not asked.
+#[test]
+fn drops_do_not_wait_for_a_slow_database() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    server.login("laser2", "station");
+    let other = Station::of("laser2", &server.url("laser2"));
+    for (index, sku) in ["a", "b", "c", "d"].into_iter().enumerate() {
+        other.drop_in(&format!("{sku}.obj"), &trough(1.0 + index as f64 * 0.1));
+    }
+    let fits = || server.sql("isomark", "SELECT count(*) FROM isomark.fit");
+    waits_for("the fits", || fits() == "4", || other.log());
+    drop(other);
+    server.cut();
+    server.set("log_statement = 'all'\n");
+    server.run();
+    let proxy = Proxy::to(server.port);
+    proxy.delay(Duration::from_secs(2));
+    let station = Station::of("laser1", &proxy.url("laser1"));
+    station.waits_for_fleet(1);
+    for (index, sku) in ["a", "b", "c"].into_iter().enumerate() {
+        works(&station, sku, 1.0 + index as f64 * 0.1);
+    }
+    let asked = || fs::read_to_string(server.path("log")).unwrap().contains("FROM isomark.fit WHERE key");
+    assert!(!asked(), "{}", station.log());
+    assert_eq!(station.logged("already known"), 0, "each part was fitted here: {}", station.log());
+    // What the station learned is announced all the same, and once the network is fast again, fits are fetched.
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    assert_eq!(station.troubles(), "[]");
+    proxy.delay(Duration::ZERO);
+    let beat = || server.sql("isomark", "SELECT beat FROM isomark.station WHERE name = 'laser1'");
+    // The first one may have been under way.
+    for _ in 0..2 {
+        let before = beat();
+        waits_for("a sign of life", || beat() != before, || station.log());
+    }
+    station.drop_in("d.obj", &trough(1.3));
+    station.waits_for("the fetched fit", |station| station.logged("already known") == 1);
+}
+
+#[test]
+fn a_password_is_changed_while_the_station_runs() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    let station = Station::of("laser1", &server.url("laser1"));
+    station.waits_for_fleet(1);
+    let end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE usename = 'laser1'";
+    server.sql("isomark", "ALTER ROLE laser1 PASSWORD 'Another-8-Zebra'");
+    // The connection that is open stays.
+    works(&station, "a", 1.0);
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    server.sql("isomark", end);
+    station.waits_for("the old password", |station| station.troubles().contains("refuses the connection"));
+    works(&station, "b", 1.1);
+    station.desk.write("password.txt", "Another-8-Zebra\n");
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    station.waits_for("no trouble", |station| station.troubles() == "[]");
+    assert_eq!(learned_in_order(&server), "a b");
+    assert_eq!(station.logged("refuses the connection"), 1, "once: {}", station.log());
+    assert_eq!(station.logged("Another-8-Zebra"), 0);
+}
+
+/// As a server answers whose disk is full: PostgreSQL, appendix A, 53100. It still answers questions.
+#[test]
+fn a_full_database_is_waited_for() {
+    let Some((server, _desk)) = server_with_tables() else { return };
+    server.login("laser1", "station");
+    let station = Station::of("laser1", &server.url("laser1"));
+    station.waits_for_fleet(1);
+    server.sql(
+        "isomark",
+        "CREATE FUNCTION public.full() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN \
+         RAISE EXCEPTION 'could not extend file: No space left on device' USING ERRCODE = '53100'; END $$; \
+         CREATE TRIGGER is_full BEFORE INSERT ON isomark.part_version EXECUTE FUNCTION public.full(); \
+         CREATE TRIGGER is_full BEFORE INSERT ON isomark.fit EXECUTE FUNCTION public.full()",
+    );
+    works(&station, "a", 1.0);
+    station.waits_for("the trouble", |station| station.troubles().contains("No space left on device"));
+    works(&station, "b", 1.1);
+    assert_eq!(outbox(&station), 4);
+    server
+        .sql("isomark", "DROP TRIGGER is_full ON isomark.part_version; DROP TRIGGER is_full ON isomark.fit");
+    station.waits_for("an empty outbox", |station| outbox(station) == 0);
+    assert_eq!(learned_in_order(&server), "a b");
 }
