@@ -16,6 +16,7 @@ mod diff;
 mod evaluate;
 mod explain;
 mod fleet;
+mod release;
 mod inspect;
 mod schema;
 mod job;

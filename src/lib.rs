@@ -156,7 +156,7 @@
 //! | [`pipeline`] | all stages: read, sample, fit, map, bend, check, write | all above except `files` |
 //! | [`Part`], [`Drawing`], [`Settings`], [`Corrector`] | the front door, in `front` | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `reason`, `report`, `report_html`, `geometry` |
 //! | [`hotfolder`] | the station: folders, queue, journal | `pipeline`, `config`, `files`, `formats`, `cache`, `preview`, `report`, `report_html`, `diff`, `printable`, `reason` |
-//! | [`fleet`] | what stations share, in a database | `cache`, `config`, `files`, `hotfolder`, `printable`, `reason` |
+//! | [`fleet`] | what stations share, in a database | `cache`, `config`, `diff`, `files`, `hotfolder`, `printable`, `reason` |
 //! | [`cli`] | the command line | all above |
 //!
 //! There are no circular dependencies. `tests/layering.rs` reads the sources and checks this, including external

@@ -72,7 +72,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "pipeline",
         ],
     ),
-    ("fleet", &["printable", "reason", "config", "files", "cache", "hotfolder"]),
+    ("fleet", &["printable", "reason", "config", "files", "cache", "diff", "hotfolder"]),
     (
         "cli",
         &[

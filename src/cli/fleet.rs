@@ -5,9 +5,16 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::outcome::{Exit, Failure, Outcome, print, print_json, tell};
+use super::release;
 use crate::config::{FleetSettings, PasswordSource, Station};
-use crate::fleet::{self, Address, FleetError, FleetStatus, Prune, SharedFits, StationState};
+use crate::fleet::{
+    self, Address, FleetError, FleetStatus, Prune, SharedFits, SkuSettings, SkuSettingsState,
+    StationSettings, StationState,
+};
 use crate::printable::on_one_line;
+
+/// SKUs that are named for each station whose settings are not as released.
+const SETTINGS: usize = 5;
 
 #[derive(Debug, Args)]
 pub(super) struct FleetArguments {
@@ -30,6 +37,8 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Releases the settings of a SKU to the stations of a fleet, which write them into their folder `skus`.
+    Release(release::ReleaseArguments),
     /// Removes fits that stations share. They make them again when they are needed.
     #[command(group = clap::ArgGroup::new("which").required(true).multiple(true))]
     Prune {
@@ -54,7 +63,7 @@ fn parse_amount(text: &str) -> Result<f64, String> {
 
 /// Where a fleet is.
 #[derive(Debug, Args)]
-struct Place {
+pub(super) struct Place {
     /// The address of the database, such as `postgresql://laser1@db.shop.local/isomark`, or the settings of a station that
     /// belongs to the fleet.
     #[arg(value_name = "URL|STATION.TOML")]
@@ -70,14 +79,21 @@ struct Place {
 
 impl FleetArguments {
     pub(super) fn json(&self) -> bool {
-        matches!(self.verb, Verb::Status { json: true, .. })
+        match &self.verb {
+            Verb::Status { json, .. } => *json,
+            Verb::Release(arguments) => arguments.json,
+            _ => false,
+        }
     }
 }
 
 impl From<FleetError> for Failure {
     fn from(error: FleetError) -> Self {
         let exit = match error {
-            FleetError::Url(_) | FleetError::Password(_) | FleetError::Certificate(_) => Exit::Usage,
+            FleetError::Url(_)
+            | FleetError::Password(_)
+            | FleetError::Certificate(_)
+            | FleetError::UnknownStation { .. } => Exit::Usage,
             _ => Exit::Environment,
         };
         Self::new(exit, error.reason())
@@ -85,15 +101,22 @@ impl From<FleetError> for Failure {
 }
 
 impl Place {
-    fn address(&self) -> Result<Address, Failure> {
-        let given = self.password_file.clone().map(PasswordSource::File);
+    /// The station that is named in place of a URL.
+    pub(super) fn station(&self) -> Result<Option<Station>, Failure> {
         // Also a URL of another kind of database is no file.
-        if FleetSettings::is_url(&self.fleet) || self.fleet.contains("://") {
+        match FleetSettings::is_url(&self.fleet) || self.fleet.contains("://") {
+            true => Ok(None),
+            false => Ok(Some(Station::load(self.fleet.as_ref())?)),
+        }
+    }
+
+    pub(super) fn address(&self) -> Result<Address, Failure> {
+        let given = self.password_file.clone().map(PasswordSource::File);
+        let Some(station) = self.station()? else {
             let variable = FleetSettings::VARIABLE;
             let usual = std::env::var_os(variable).map(|_| PasswordSource::Variable(variable.into()));
             return Ok(Address::new(&self.fleet, given.or(usual), self.certificate.clone())?);
-        }
-        let station = Station::load(self.fleet.as_ref())?;
+        };
         let Some(mut settings) = station.fleet else {
             let what = format!("The station of {} belongs to no fleet.", on_one_line(&self.fleet));
             return Err(Failure::usage(what, "Give `url` under [fleet] in its settings, or the URL here."));
@@ -109,6 +132,7 @@ pub(super) fn run(arguments: &FleetArguments) -> Outcome {
         Verb::Init(place) => init(&place.address()?),
         Verb::Check(place) => check(&place.address()?),
         Verb::Status { place, json } => status(&place.address()?, *json),
+        Verb::Release(arguments) => release::run(arguments),
         Verb::Prune { place, unused_days, max_gb, fit } => {
             let max_bytes = max_gb.map(|gigabytes| (gigabytes * 1e9) as i64);
             let which = Prune { unused_days: *unused_days, max_bytes, key: fit.clone() };
@@ -179,6 +203,30 @@ fn shown_fits(fits: SharedFits) -> String {
     format!("{}, {:.1} MB", count_of_fits(fits.count), fits.bytes as f64 / 1e6)
 }
 
+/// Which of the released settings a station uses, and the first ones that it does not.
+fn shown_settings(settings: &StationSettings) -> String {
+    let StationSettings { count, current, skus, .. } = settings;
+    let mut text = format!("settings: {current} of {count} as released");
+    let others = skus.iter().filter(|sku| sku.state != SkuSettingsState::Current);
+    for SkuSettings { sku, released, version, state, note, .. } in others.take(SETTINGS) {
+        let sku = on_one_line(sku);
+        text += &match (state, version) {
+            (SkuSettingsState::Behind, Some(version)) => {
+                format!("; {sku}: version {version}, {released} is not received yet")
+            }
+            (SkuSettingsState::Behind, None) => format!("; {sku}: version {released} is not received yet"),
+            (SkuSettingsState::Local, _) => {
+                format!("; {sku}: a local change is used in place of version {released}")
+            }
+            _ => format!(
+                "; {sku}: version {released} cannot be used: {}",
+                on_one_line(note.as_deref().unwrap_or("no reason was given"))
+            ),
+        };
+    }
+    text
+}
+
 fn words(status: &FleetStatus, address: &Address) -> String {
     let count = status.stations.len();
     let stations = if count == 1 { "1 station".to_owned() } else { format!("{count} stations") };
@@ -205,6 +253,9 @@ fn words(status: &FleetStatus, address: &Address) -> String {
         text += &format!(" ({})\n", on_one_line(&station.program));
         if let Some(trouble) = &station.trouble {
             text += &format!("    {}\n", on_one_line(trouble));
+        }
+        if let Some(settings) = status.settings.iter().find(|settings| settings.station == station.name) {
+            text += &format!("    {}\n", shown_settings(settings));
         }
     }
     text

@@ -38,6 +38,7 @@ fn schema_of(name: &str) -> Value {
         "diff" => document::<diff::Document<'_>>(name),
         "status" => document::<Status>(name),
         "fleet" => document::<crate::fleet::FleetStatus>(name),
+        "releases" => document::<crate::fleet::Releases>(name),
         "registration" => document::<register::RegistrationDocument>(name),
         "lens" => document::<calibrate::LensDocument>(name),
         "rotary" => document::<RotaryTable>(name),

@@ -12,7 +12,7 @@ use super::service::ServiceManager;
 use super::set::SetArguments;
 use crate::cache::Cache;
 use crate::config::{LiveSettings, PageSettings};
-use crate::fleet::Member;
+use crate::fleet::{Member, SkuFiles};
 use crate::hotfolder::{self, Mode, PipelineCorrector, Pulse, StationError, StopSignal, Tally, WaitsFor};
 use crate::pipeline::Pipeline;
 use crate::printable::on_one_line;
@@ -53,9 +53,18 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
         pipeline = pipeline.observed(progress.observer());
     }
     let mode = if arguments.once { Mode::Once } else { Mode::UntilStopped };
-    // A station that runs once works for itself.
+    let station = settings.station();
+    let files = station.fleet.as_ref().map(|fleet| Arc::new(SkuFiles::new(fleet, station)));
+    let settings = match &files {
+        Some(files) => settings.released_by(files.clone()),
+        None => settings,
+    };
+    // A station that runs once works for itself, with the settings that it received before.
     let fleet = settings.station().fleet.clone().filter(|_| !arguments.once);
-    let member = fleet.map(|fleet| Arc::new(Member::new(fleet, &settings.station().folders)));
+    let member = fleet.zip(files).map(|(fleet, files)| {
+        let (member, station) = (Member::new(fleet, &settings.station().folders, files), settings.station());
+        Arc::new(if station.page.is_some() { member.showing_fleet() } else { member })
+    });
     if let Some(member) = &member {
         pipeline = pipeline.sharing(member.clone());
     }

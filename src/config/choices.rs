@@ -152,6 +152,17 @@ choices! {
 }
 
 choices! {
+    /// What is done with a local change of settings that the office released.
+    LocalSettings, "local_settings" {
+        /// The change is kept beside the file, and the release is used.
+        #[default]
+        Refuse = "refuse",
+        /// The change is used.
+        Allow = "allow",
+    }
+}
+
+choices! {
     /// How `floater` weights a vertex's neighbours.
     FloaterWeights, "floater weights" {
         /// All equally, as in the thesis.

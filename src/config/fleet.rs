@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::choices::LocalSettings;
 use super::error::ConfigError;
 use super::page::{PasswordSource, password_source};
 use super::text::SettingsText;
@@ -21,6 +22,8 @@ pub struct FleetSettings {
     pub certificate: Option<PathBuf>,
     /// The station's name in the fleet.
     pub name: String,
+    /// What is done with a local change of settings that the office released.
+    pub local_settings: LocalSettings,
 }
 
 impl FleetSettings {
@@ -56,6 +59,7 @@ pub(super) struct FleetKeys {
     password_variable: Option<Spanned<String>>,
     certificate: Option<Spanned<PathBuf>>,
     name: Option<Spanned<String>>,
+    local_settings: LocalSettings,
 }
 
 impl FleetKeys {
@@ -95,7 +99,8 @@ impl FleetKeys {
             return Err(wrong(&url, "`fleet.url` is not the address of a database.", remedy));
         }
         let name = self.name.map_or_else(|| station.to_owned(), Spanned::into_inner);
-        Ok(Some(FleetSettings { url: url.into_inner(), password, certificate, name }))
+        let local_settings = self.local_settings;
+        Ok(Some(FleetSettings { url: url.into_inner(), password, certificate, name, local_settings }))
     }
 }
 

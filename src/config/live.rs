@@ -4,10 +4,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::error::ConfigError;
 use super::overrides::Overrides;
+use super::released::ReleasedSettings;
 use super::settings::JobSettings;
 use super::sku::Sku;
 use super::station::{Station, read};
@@ -24,6 +26,8 @@ pub struct LiveSettings {
     /// The text of its file, followed by that of the lens table.
     station_text: String,
     skus: BTreeMap<Sku, SkuFile>,
+    /// What is released for SKUs elsewhere.
+    released: Option<Arc<dyn ReleasedSettings>>,
     /// Texts that are not used, or not yet.
     new_texts: BTreeMap<PathBuf, NewText>,
     /// The files are read only once.
@@ -114,6 +118,7 @@ impl LiveSettings {
             overrides,
             station_text,
             skus: BTreeMap::new(),
+            released: None,
             new_texts: BTreeMap::new(),
             at_once: false,
             complaints: BTreeMap::new(),
@@ -126,6 +131,12 @@ impl LiveSettings {
     #[must_use]
     pub fn at_once(self) -> Self {
         Self { at_once: true, ..self }
+    }
+
+    /// The same settings, where files of SKUs are released elsewhere, too.
+    #[must_use]
+    pub fn released_by(self, released: Arc<dyn ReleasedSettings>) -> Self {
+        Self { released: Some(released), ..self }
     }
 
     /// The station as it is used now.
@@ -245,10 +256,16 @@ impl LiveSettings {
         let Some(file) = file else {
             return match self.skus.get(sku) {
                 Some(last) => self.station.settings.overridden_by(&last.file, &last.text),
-                None => Ok(self.station.settings.clone()),
+                None => match self.released.as_ref().and_then(|released| released.instead(sku, None)) {
+                    Some(text) => {
+                        let file = self.station.folders.skus.join(format!("{sku}.toml"));
+                        self.station.settings.overridden_by(&file, &text)
+                    }
+                    None => Ok(self.station.settings.clone()),
+                },
             };
         };
-        let text = read(&file)?;
+        let mut text = read(&file)?;
         let old = self.skus.get(sku).filter(|old| old.file == file);
         if old.is_some_and(|old| old.text == text) {
             self.new_texts.remove(&file);
@@ -256,6 +273,11 @@ impl LiveSettings {
             let held_text = old.is_some_and(|old| !old.text.trim().is_empty());
             if !self.is_settled(&file, &text, held_text) {
                 return Err(ConfigError::BeingSaved { file });
+            }
+            let released = self.released.as_ref();
+            if let Some(released) = released.and_then(|released| released.instead(sku, Some((&file, &text))))
+            {
+                text = released;
             }
         }
         let settings = self.station.settings.overridden_by(&file, &text)?;
@@ -279,12 +301,13 @@ impl LiveSettings {
         let still = if emptied { EMPTIED } else { self.station.watch.settle };
         let modified = std::fs::metadata(file).and_then(|metadata| metadata.modified());
         let age = modified.ok().and_then(|modified| modified.elapsed().ok()).unwrap_or_default();
+        let is_whole = self.released.as_ref().is_some_and(|released| released.is_whole(text));
         let new = || NewText { text: text.into(), since: Instant::now(), settled: false };
         let seen = self.new_texts.entry(file.into()).or_insert_with(new);
         if seen.text != text {
             *seen = new();
         }
-        seen.settled |= self.at_once || age.max(seen.since.elapsed()) >= still;
+        seen.settled |= self.at_once || is_whole || age.max(seen.since.elapsed()) >= still;
         seen.settled
     }
 
@@ -315,7 +338,7 @@ impl LiveSettings {
 ///
 /// # Errors
 /// When the folder is missing or cannot be listed: its files may still exist.
-fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
+pub(crate) fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: folder.into(), source };
     let mut files = BTreeMap::<Sku, PathBuf>::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {

@@ -23,6 +23,7 @@ mod fleet;
 mod layers;
 mod page;
 mod station;
+mod released;
 mod lens_table;
 mod edit;
 mod keys;
@@ -35,8 +36,8 @@ mod suggest;
 
 pub use choices::{
     Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps,
-    Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice, TilesAs,
-    UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice,
+    TilesAs, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use content::{CodeSettings, ContentSettings, Placeholder, SerialSettings, ShiftSettings};
 pub use edit::{NewValue, edited};
@@ -45,9 +46,12 @@ pub use fill::{FillSettings, FocusSettings};
 pub use fleet::FleetSettings;
 pub(crate) use layers::is_same_layer;
 pub use lens_table::LENS_TABLE_COLUMNS;
+#[cfg(feature = "station")]
+pub(crate) use live::sku_files;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
+pub use released::ReleasedSettings;
 #[cfg(feature = "station")]
 pub(crate) use row::with_row;
 pub use settings::{

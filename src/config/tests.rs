@@ -528,6 +528,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("fixture.y_mm", "+3", &[]),
     ("fixture.z_mm", ".5", &[]),
     ("fleet.certificate", "plant-ca.pem", FLEET),
+    ("fleet.local_settings", "allow", FLEET),
     ("fleet.name", "laser 2", FLEET),
     ("fleet.password_file", "secret.txt", FLEET),
     ("fleet.password_variable", "SECRET", FLEET),

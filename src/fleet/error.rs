@@ -4,6 +4,7 @@ use std::error::Error as _;
 
 use tokio_postgres::error::SqlState;
 
+use crate::config::near;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -51,6 +52,14 @@ pub enum FleetError {
     /// A migration in the database differs from the one of the same number in this program.
     #[error("The fleet's database has another migration {0} than this isomark.")]
     Foreign(i32),
+    /// No station of the fleet has this name.
+    #[error("No station of the fleet has the name \"{name}\".")]
+    UnknownStation {
+        /// The name as given.
+        name: String,
+        /// The names that are known.
+        known: Vec<String>,
+    },
     /// The outbox in the state folder cannot be used.
     #[error("The messages to the fleet cannot be read: {0}.")]
     Outbox(String),
@@ -108,6 +117,19 @@ impl FleetError {
                 what,
                 "Update isomark on this computer. Until then it works without the fleet.",
             ),
+            Self::UnknownStation { name, known } => {
+                let what = format!("No station of the fleet has the name \"{}\".", on_one_line(name));
+                let remedy = match near(name, known).first() {
+                    Some(near) => {
+                        format!("Did you mean \"{}\"? `isomark fleet status` lists all.", on_one_line(near))
+                    }
+                    None => {
+                        "List them with `isomark fleet status`; a station is known after its first start."
+                            .into()
+                    }
+                };
+                Reason::new("fleet-station-unknown", what, remedy)
+            }
             Self::Outbox(_) => Reason::new(
                 "fleet-outbox",
                 what,

@@ -16,12 +16,15 @@ use tokio_postgres::types::Type;
 use super::address::Address;
 use super::error::FleetError;
 use super::fits::{self, Fetched, SharedPart};
+use super::incoming::{self, Incoming};
 use super::migrations;
+use super::office;
 use super::outbox::{self, Entry, Outbox};
 use super::session::{Heard, Session};
+use super::sku_files::SkuFiles;
 use crate::cache::{Cache, CacheKey, CurrentPart, PartOrigin, SharedSurfaces};
-use crate::config::{FleetSettings, FolderPaths, Sku};
-use crate::hotfolder::{Figures, Fleet};
+use crate::config::{FleetSettings, FolderPaths, Sku, Station};
+use crate::hotfolder::{Figures, Fleet, FleetSeen, timestamp_now};
 use crate::printable::on_one_line;
 
 /// The time between two signs of life, unless the figures change.
@@ -59,6 +62,10 @@ pub struct Member {
     shared: Mutex<Shared>,
     /// Held while a part becomes the current one, so that none of the fleet replaces one that is to be announced.
     outbox: Mutex<Outbox>,
+    /// The files with the settings of SKUs.
+    files: Arc<SkuFiles>,
+    /// Whether the stations of the fleet are read for the status.
+    shows_fleet: bool,
 }
 
 /// What the thread of the fleet and the rest of the station share.
@@ -78,6 +85,10 @@ struct Shared {
     /// Whether the last sign of life or fetch took long.
     is_slow: bool,
     cache: PathBuf,
+    /// The settings of the station changed: a release that could not be used may be valid now.
+    has_other_settings: bool,
+    /// The fleet, as it was read last.
+    seen: FleetSeen,
     /// Fits that were asked for without waiting, until they arrive.
     wishes: BTreeMap<CacheKey, Wish>,
 }
@@ -117,14 +128,22 @@ impl Drop for Running {
 impl Member {
     /// The part of a station with these settings and folders; nothing is read or connected yet.
     #[must_use]
-    pub fn new(settings: FleetSettings, folders: &FolderPaths) -> Self {
+    pub fn new(settings: FleetSettings, folders: &FolderPaths, files: Arc<SkuFiles>) -> Self {
         let (orders, received) = unbounded_channel();
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let process = format!("{} {}", std::process::id(), now.as_nanos());
         let process = blake3::hash(process.as_bytes()).to_hex()[..16].to_owned();
         let outbox = Mutex::new(Outbox::new(&folders.state.join(OUTBOX)));
-        let shared = Mutex::new(Shared { cache: folders.cache.clone(), ..Shared::default() });
-        Self { settings, process, orders, received: Mutex::new(Some(received)), shared, outbox }
+        let seen = FleetSeen { name: settings.name.clone(), ..FleetSeen::default() };
+        let shared = Mutex::new(Shared { cache: folders.cache.clone(), seen, ..Shared::default() });
+        let received = Mutex::new(Some(received));
+        Self { settings, process, orders, received, shared, outbox, files, shows_fleet: false }
+    }
+
+    /// The same, which also reads the other stations for the status.
+    #[must_use]
+    pub fn showing_fleet(self) -> Self {
+        Self { shows_fleet: true, ..self }
     }
 
     /// Starts the thread, once the station holds its lock. It takes part in the fleet until [`Running`] is dropped. Without a
@@ -170,6 +189,7 @@ impl Member {
     }
 
     async fn take_part(&self, orders: &mut UnboundedReceiver<Order>) {
+        self.files.tidy();
         let mut pause = FIRST_PAUSE;
         loop {
             let error = match self.connected(orders, &mut pause).await {
@@ -201,20 +221,29 @@ impl Member {
         self.beat(&session, &self.figures(), true, false).await?;
         self.send_announcements(&session).await?;
         self.read_all_parts(&session).await?;
+        self.look_at_fleet(&session).await?;
         *pause = FIRST_PAUSE;
         self.is_there(&address);
         let mut last = (Instant::now(), self.figures());
+        let mut releases = Incoming::new();
         loop {
             let (figures, now) = (self.figures(), Instant::now());
             if now >= last.0 + BEAT || (last.1 != figures && now >= last.0 + SHORTEST_BEAT) {
                 self.beat(&session, &figures, true, true).await?;
+                self.look_at_fleet(&session).await?;
                 last = (Instant::now(), figures);
             }
             // Other work comes between two entries of the outbox.
             let first = self.outbox().first().map_err(|error| FleetError::Outbox(error.to_string()))?;
-            let patience = if first.is_some() { Duration::ZERO } else { SHORTEST_BEAT };
+            self.report_settings(&session, &mut releases).await?;
+            let has_work = first.is_some() || releases.has_work();
+            let patience = if has_work { Duration::ZERO } else { SHORTEST_BEAT };
             match timeout(patience, orders.recv()).await {
                 Err(_) => {
+                    if releases.has_work() {
+                        let changed = releases.step(&session, &self.settings.name, &self.files).await?;
+                        self.shared().news.extend(changed);
+                    }
                     if let Some((number, entry)) = first {
                         self.send(&session, number, &entry).await?;
                     }
@@ -223,7 +252,10 @@ impl Member {
                 Ok(Some(Order::Fetch(wish, key, answer))) => {
                     self.fetch_now(&session, &wish, &key, answer.as_ref()).await?;
                 }
-                Ok(Some(Order::Heard(Heard::Notified(text)))) => self.hear(&session, &text).await?,
+                Ok(Some(Order::Heard(Heard::Notified(text)))) => match text.strip_prefix("settings ") {
+                    Some(sku) => releases.ask(sku),
+                    None => self.hear(&session, &text).await?,
+                },
                 Ok(Some(Order::Heard(Heard::Closed(error)))) => return Err(error),
                 Ok(Some(Order::End) | None) => {
                     // The last word is a courtesy: without it the station becomes silent.
@@ -232,6 +264,17 @@ impl Member {
                 }
             }
         }
+    }
+
+    /// Reports what was found in the files of SKUs outside this thread.
+    async fn report_settings(&self, session: &Session, releases: &mut Incoming) -> Result<(), FleetError> {
+        let reports = self.files.take_reports();
+        let reports = reports.into_iter().map(|(sku, report)| (sku.key().to_owned(), report)).collect();
+        incoming::send(session, &self.settings.name, reports).await?;
+        if std::mem::take(&mut self.shared().has_other_settings) {
+            releases.ask_for_all();
+        }
+        Ok(())
     }
 
     fn figures(&self) -> Figures {
@@ -443,6 +486,17 @@ impl Member {
         Ok(())
     }
 
+    /// Reads the stations of the fleet, if the status shows them.
+    async fn look_at_fleet(&self, session: &Session) -> Result<(), FleetError> {
+        if !self.shows_fleet {
+            return Ok(());
+        }
+        let (count, stations) = office::stations_for_page(session).await?;
+        let mut shared = self.shared();
+        shared.seen = FleetSeen { count, stations, at: Some(timestamp_now()), ..shared.seen.clone() };
+        Ok(())
+    }
+
     /// Reports once why the fleet is away.
     fn is_away(&self, error: &FleetError) {
         let text = format!("{} The station works without the fleet.", error.reason().on_one_line());
@@ -481,14 +535,28 @@ impl Fleet for Member {
         std::mem::take(&mut self.shared().news).into_iter().collect()
     }
 
-    fn follow(&self, folders: &FolderPaths) {
-        self.shared().cache = folders.cache.clone();
+    fn follow(&self, station: &Station) {
+        self.files.follow(station);
+        let mut shared = self.shared();
+        shared.cache = station.folders.cache.clone();
+        shared.has_other_settings = true;
     }
 
     fn trouble(&self) -> Option<String> {
         let shared = self.shared();
         let away = shared.trouble.as_ref().map(|(_, text)| text.clone());
         away.or_else(|| shared.complaint.clone()).or_else(|| shared.wrong.clone())
+    }
+
+    fn notices(&self) -> Vec<String> {
+        self.files.notices()
+    }
+
+    fn seen(&self) -> Option<FleetSeen> {
+        let shared = self.shared();
+        let trouble = shared.trouble.as_ref().map(|(_, text)| text.clone());
+        let seen = FleetSeen { available: shared.answers, trouble, ..shared.seen.clone() };
+        self.shows_fleet.then_some(seen)
     }
 }
 

@@ -13,6 +13,7 @@ use super::session::Session;
 const MIGRATIONS: &[(&str, &str)] = &[
     ("stations", include_str!("migrations/0001_stations.sql")),
     ("fits", include_str!("migrations/0002_fits.sql")),
+    ("releases", include_str!("migrations/0003_releases.sql")),
 ];
 const ROLES: &str = include_str!("roles.sql");
 /// The key of the advisory lock: "isomark" in ASCII.

@@ -1,7 +1,7 @@
 //! The fleet: stations that share what they know through a PostgreSQL database, each still able to work alone.
 //!
 //! ```text
-//! station ──figures──▶ Member ──one thread, one connection──▶ PostgreSQL ◀── isomark fleet init, check, status, prune
+//! station ──figures──▶ Member ──one thread, one connection──▶ PostgreSQL ◀── isomark fleet init, check, status, prune, release
 //! pipeline ──fetch, wish──▶  │  ──fits and current parts──▶ cache of the station
 //!          ──offer, announce──▶ Outbox, files in the state folder
 //! ```
@@ -14,8 +14,24 @@
 //! | `migrations` | the tables, in numbered steps; `roles.sql` has the rights |
 //! | `fits` | fitted surfaces and the current part of each SKU |
 //! | `outbox` | what a station has to send, in files |
+//! | `releases`, `incoming` | settings that the office released, and how a station receives them |
+//! | `sku_files`, `released_text` | the files of a station with these settings, and local changes of them |
+//! | `releasing` | how the office releases settings, and what the stations do with them |
 //! | `office` | what people do at a terminal: set up, check, look |
 //! | `member` | the thread of a station |
+//!
+//! # Settings that the office released
+//!
+//! ```text
+//! isomark fleet release ──▶ PostgreSQL ──NOTIFY──▶ Incoming ──▶ SkuFiles ──▶ skus/<sku>.toml, and a copy in the state folder
+//!                                                                  ▲                │
+//!                              what is used in place of a change ──┴─ LiveSettings ◀┘
+//! ```
+//!
+//! A station compares the list of releases with its files whenever it connects, so nothing that it missed matters. The copies
+//! decide what is a local change, also without the database; [`SkuFiles`] answers before the settings are used.
+//!
+//! # One thread
 //!
 //! One thread of a station does everything in the database. Only a part that is dropped waits for it, at most
 //! a moment and only while it answers: fetching a fit is faster than making it. The rest of the station reads and writes memory and
@@ -35,16 +51,25 @@ mod session;
 mod migrations;
 mod outbox;
 mod fits;
+mod released_text;
+mod sku_files;
+mod releases;
+mod incoming;
+mod releasing;
 mod office;
 mod member;
 
 pub use address::Address;
 pub use error::FleetError;
 pub use member::{Member, Running};
-pub use office::{
-    Checked, FleetStatus, Initialised, Prune, SCHEMA, SharedFits, StationRow, StationState, check, init,
-    prune, status,
+pub use office::{Checked, FleetStatus, Initialised, Prune, SCHEMA, SharedFits, check, init, prune, status};
+pub use releasing::{
+    NewRelease, ReleaseRow, Released, Releases, SkuSettings, SkuSettingsState, StationSettings, history,
+    release,
 };
+pub use sku_files::SkuFiles;
+
+pub use crate::hotfolder::{StationRow, StationState};
 
 /// This program, as the tables name it.
 fn program() -> String {

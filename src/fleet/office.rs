@@ -3,14 +3,15 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
-use tokio::runtime::Builder;
 use tokio_postgres::Row;
 use tokio_postgres::types::Type;
 
 use super::address::Address;
 use super::error::FleetError;
 use super::migrations;
-use super::session::Session;
+use super::releasing::{self, StationSettings};
+use super::session::{Session, Value, run};
+use crate::hotfolder::{StationRow, StationState};
 
 /// Name and version of the JSON form of a fleet's status; `plugins/README.md` states what is stable.
 pub const SCHEMA: &str = "isomark.fleet/1";
@@ -25,6 +26,8 @@ const OLDEST_SERVER: i32 = 150_000;
 const AT_A_TIME: i64 = 200;
 /// The most stations that are listed.
 const STATIONS: i64 = 10_000;
+/// The most stations that the page of a station lists.
+const STATIONS_ON_PAGE: i64 = 200;
 
 /// What [`init`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +62,8 @@ pub struct FleetStatus {
     pub stations: Vec<StationRow>,
     /// The fits that stations share.
     pub fits: SharedFits,
+    /// What each station does with the settings that the office released; absent for a station without any.
+    pub settings: Vec<StationSettings>,
 }
 
 /// The fits that the stations of a fleet share.
@@ -81,58 +86,6 @@ pub struct Prune {
     pub max_bytes: Option<i64>,
     /// The one with this key.
     pub key: Option<String>,
-}
-
-/// A station as its fleet knows it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[non_exhaustive]
-pub struct StationRow {
-    /// Its name in the fleet.
-    pub name: String,
-    /// Whether it is alive.
-    pub state: StationState,
-    /// The time since its last sign of life, s.
-    pub silent_for_s: f64,
-    /// The time since its start, s.
-    pub up_for_s: f64,
-    /// Its program with the version.
-    pub program: String,
-    /// Drops that wait or are incomplete.
-    pub waiting: i64,
-    /// Drawings that it delivered since its start.
-    pub delivered: i64,
-    /// Parts that it learned since its start.
-    pub learned: i64,
-    /// Drops that it rejected since its start.
-    pub rejected: i64,
-    /// Its delivered drawings that are outdated.
-    pub outdated: i64,
-    /// Its drawings that may not have been delivered.
-    pub uncertain: i64,
-    /// Its first problem with folders and settings, if any.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub trouble: Option<String>,
-}
-
-/// Whether a station is alive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum StationState {
-    /// It gives signs of life.
-    Alive,
-    /// It gave none for 45 s: it crashed, or the database was away from it.
-    Silent,
-    /// It was stopped.
-    Stopped,
-}
-
-/// Runs work with the database to its end.
-fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
-    let runtime = Builder::new_current_thread().enable_io().enable_time().build();
-    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
 }
 
 /// Makes or upgrades the tables and rights of a fleet. Safe to run twice, and from two computers at the same time.
@@ -218,22 +171,38 @@ pub fn status(address: &Address) -> Result<FleetStatus, FleetError> {
     run(async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
-        let rows = session
-            .rows(
-                "SELECT name, runs, extract(epoch FROM now() - beat)::float8, extract(epoch FROM now() - since)::float8, \
-                 program, waiting, delivered, learned, rejected, outdated, uncertain, trouble \
-                 FROM isomark.station ORDER BY name COLLATE \"C\" LIMIT $1",
-                &[(&STATIONS, Type::INT8)],
-            )
-            .await?;
-        let stations = rows.iter().map(station).collect::<Result<_, _>>()?;
+        let by_name = "ORDER BY name COLLATE \"C\" LIMIT $1";
+        let stations = stations(&session, by_name, &[(&STATIONS, Type::INT8)]).await?;
         Ok(FleetStatus {
             schema: SCHEMA.into(),
             tables: migrations::VERSION,
             stations,
             fits: fits(&session).await?,
+            settings: releasing::by_station(&session).await?,
         })
     })
+}
+
+async fn stations(
+    session: &Session,
+    which: &str,
+    values: &[Value<'_>],
+) -> Result<Vec<StationRow>, FleetError> {
+    let statement = format!(
+        "SELECT name, runs, extract(epoch FROM now() - beat)::float8, extract(epoch FROM now() - since)::float8, \
+         program, waiting, delivered, learned, rejected, outdated, uncertain, trouble FROM isomark.station {which}"
+    );
+    let rows = session.rows(&statement, values).await?;
+    Ok(rows.iter().map(station).collect::<Result<_, _>>()?)
+}
+
+/// How many stations there are, and the first ones, those first that need somebody.
+pub(super) async fn stations_for_page(session: &Session) -> Result<(u64, Vec<StationRow>), FleetError> {
+    let which = "ORDER BY runs AND beat >= now() - make_interval(secs => $1), trouble IS NULL, name COLLATE \"C\" LIMIT $2";
+    let values = [(&LONGEST_SILENCE as _, Type::FLOAT8), (&STATIONS_ON_PAGE as _, Type::INT8)];
+    let first = stations(session, which, &values).await?;
+    let count = session.row("SELECT count(*) FROM isomark.station", &[]).await?.try_get::<_, i64>(0)?;
+    Ok((u64::try_from(count).unwrap_or(0), first))
 }
 
 async fn fits(session: &Session) -> Result<SharedFits, FleetError> {

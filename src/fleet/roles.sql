@@ -34,3 +34,12 @@ GRANT SELECT, INSERT (key, sku, part, body, body_blake3, mesh, mesh_blake3, stat
     ON isomark.fit TO isomark_station, isomark_worker;
 GRANT DELETE ON isomark.fit TO isomark_office;
 GRANT EXECUTE ON FUNCTION isomark.learned(text, text, text, text, boolean, text, float8) TO isomark_station, isomark_office;
+
+-- Everybody sees what was released and which station has it. The settings themselves are for stations and the office; only the
+-- office releases them.
+GRANT SELECT ON isomark.current_release, isomark.station_release
+    TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT SELECT (sku, version, name, station, blake3, author, login, at) ON isomark.release TO isomark_worker, isomark_viewer;
+GRANT SELECT ON isomark.release TO isomark_station, isomark_office;
+GRANT EXECUTE ON FUNCTION isomark.release(text, text, text, bytea, text, text) TO isomark_office;
+GRANT EXECUTE ON FUNCTION isomark.received(text, text[], bigint[], text[], text[]) TO isomark_station;

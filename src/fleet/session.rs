@@ -3,6 +3,7 @@
 use std::future::{Future, poll_fn};
 use std::time::Duration;
 
+use tokio::runtime::Builder;
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
@@ -118,4 +119,10 @@ async fn within<T>(
         Ok(done) => Ok(done?),
         Err(_) => Err(FleetError::Away(format!("no answer within {} s", limit.as_secs()))),
     }
+}
+
+/// Runs work with the database to its end, for a command.
+pub(super) fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
+    let runtime = Builder::new_current_thread().enable_io().enable_time().build();
+    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
 }

@@ -27,6 +27,7 @@ use crate::config::{
 use crate::diff;
 use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
+use crate::hotfolder::fleet::Fleet;
 use crate::hotfolder::jobs::{Executor, Keeper, Reprocessing, Unfiled, filing};
 use crate::hotfolder::page::Page;
 use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, StopSignal, Watcher};
@@ -500,6 +501,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         let kept = self.keeper.kept();
         let of_fleet = self.fleet_trouble();
+        let fleet = self.executor.corrector.fleet();
+        let of_settings = fleet.map(Fleet::notices).unwrap_or_default();
         let troubles = self
             .rounds
             .troubles
@@ -510,6 +513,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             .map(str::to_owned)
             .chain(self.page.and_then(Page::trouble))
             .chain(of_fleet.clone())
+            .chain(of_settings.clone())
             .collect();
         let view = crate::hotfolder::state::status::View {
             drops: &self.drops,
@@ -523,6 +527,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 .collect(),
             kept,
             troubles,
+            fleet: fleet.and_then(Fleet::seen),
             now,
             alive,
         };

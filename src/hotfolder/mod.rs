@@ -122,9 +122,11 @@ pub use api::{
     Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
     PictureKind, Pulse, ReadBack, Sketch, Tally, Waiting, WaitsFor,
 };
+#[cfg(feature = "fleet")]
+pub(crate) use clock::now as timestamp_now;
 pub use dispatcher::run;
 pub use error::StationError;
-pub use fleet::{Figures, Fleet};
+pub use fleet::{Figures, Fleet, FleetSeen, StationRow, StationState};
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use pipeline_corrector::PipelineCorrector;
 #[cfg(feature = "cli")]

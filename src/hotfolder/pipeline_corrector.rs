@@ -228,7 +228,7 @@ impl Corrector for PipelineCorrector {
         let mut pipeline = self.pipeline.lock().unwrap_or_else(PoisonError::into_inner);
         *pipeline = pipeline.clone().with_cache(Some(Cache::new(&station.folders.cache)));
         if let Some(fleet) = &self.fleet {
-            fleet.follow(&station.folders);
+            fleet.follow(station);
         }
     }
 

@@ -539,12 +539,26 @@ const CODES: &[Code] = &[
          `?sslmode=disable` to the URL.",
     ]),
     reason([
+        "fleet-release-too-large",
+        "The settings are too large to be released.",
+        "`isomark fleet release` accepts settings of a SKU of at most 1 MiB and 5000 lines. Every station keeps them and compares each \
+         version with the one before.",
+        "Remove what is not needed. The file contains only the settings that differ from those of the station.",
+    ]),
+    reason([
         "fleet-rights",
         "The login may not do this in the fleet's database.",
         "Each login needs one of the roles isomark_station, isomark_worker, isomark_office or isomark_viewer. A station's name belongs to \
          the login that first used it.",
         "Run `GRANT isomark_station TO laser1` with the name of the login, as the owner of the database; or give the station \
          another `name` under [fleet].",
+    ]),
+    reason([
+        "fleet-station-unknown",
+        "No station of the fleet has this name.",
+        "`--station` of `isomark fleet release` names a station as `isomark fleet status` lists it: by `name` under [fleet], or by the \
+         name under [station]. Nobody would receive settings for another name.",
+        "Correct the name. A new station is known after its first start.",
     ]),
     reason([
         "fleet-url",

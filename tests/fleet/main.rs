@@ -15,6 +15,9 @@ mod desk;
 #[path = "../schemas/mod.rs"]
 mod schemas;
 
+#[path = "../browser/mod.rs"]
+mod browser;
+
 mod server;
 mod station;
 mod proxy;
@@ -22,6 +25,9 @@ mod proxy;
 mod away;
 mod fits;
 mod kills;
+mod load;
+mod page;
+mod settings;
 mod stations;
 mod tables;
 mod encryption;

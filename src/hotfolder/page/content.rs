@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use super::access::Secrets;
+use super::fleet;
+use super::pieces::{heading, more, time};
 use super::records::{Action, Record};
 use crate::hotfolder::state::status::{
     Finished, FinishedAs, Rejection, State, Status, UncertainDrawing, Waits,
 };
-use crate::printable::on_one_line;
 use crate::reason::Reason;
 use crate::report_html::{BASE_STYLE, Markup, compact, hash, safe};
 
@@ -17,7 +18,8 @@ const SCRIPT: &str = include_str!("page.js");
 const ROWS: usize = 50;
 
 /// The sections of the page, by the identities of their elements.
-pub(super) const PIECES: [&str; 6] = ["now", "trouble", "finished", "waiting", "uncertain", "rejected"];
+pub(super) const PIECES: [&str; 7] =
+    ["now", "trouble", "finished", "waiting", "uncertain", "rejected", "fleet"];
 
 /// The rejected folder, as it was found last.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -64,6 +66,7 @@ impl Content {
             content.waiting(status, secrets),
             content.uncertain(status, secrets),
             content.rejected(status, rejected, secrets),
+            fleet::fleet(status),
         ];
         content.pieces = pieces.into_iter().map(Markup::finished).collect();
         content
@@ -331,10 +334,6 @@ fn troubles(status: &Status) -> Markup {
     body
 }
 
-fn heading(body: &mut Markup, id: &str, text: &str) {
-    let _ = writeln!(body, "<h2 id=\"h-{id}\" tabindex=\"-1\">{text}</h2>");
-}
-
 fn row(body: &mut Markup, id: &str, name: &str, news: &str, content: impl FnOnce(&mut Markup)) {
     let _ =
         write!(body, "<li id=\"r-{id}\" data-news=\"{}\"><b class=\"name\">{}</b>", safe(news), safe(name));
@@ -396,19 +395,6 @@ fn explained(body: &mut Markup, drop: &str, reason: &Reason) {
     body.raw("<p><b>To do:</b> ").text(&reason.remedy).raw("</p>");
 }
 
-/// A time; the script shows it in the time zone of the browser.
-fn time(body: &mut Markup, at: &str) {
-    let shown = on_one_line(at).replace('T', " ").replace('Z', " UTC");
-    let _ = write!(body, "<time datetime=\"{}\">{}</time>", safe(at), safe(&shown));
-}
-
-fn more(body: &mut Markup, count: usize, listed: usize) {
-    let rest = count.saturating_sub(listed);
-    if rest > 0 {
-        let _ = writeln!(body, "<p class=\"quiet\">and {rest} more</p>");
-    }
-}
-
 /// The constant frame of the page, with its content security policy.
 pub(super) struct Frame {
     script: String,
@@ -434,17 +420,17 @@ impl Frame {
         let piece = |index: usize| {
             let (id, piece) = (PIECES[index], content.pieces.get(index).map_or("", String::as_str));
             match id {
-                "now" | "trouble" | "uncertain" => format!("<div id=\"p-{id}\">{piece}</div>\n"),
+                "now" | "trouble" | "uncertain" | "fleet" => format!("<div id=\"p-{id}\">{piece}</div>\n"),
                 _ => format!("<section id=\"p-{id}\" aria-labelledby=\"h-{id}\">{piece}</section>\n"),
             }
         };
-        let [first, second, third] =
-            [0..2, 2..3, 3..PIECES.len()].map(|range| range.map(piece).collect::<String>());
+        let [first, second, third, last] =
+            [0..2, 2..3, 3..6, 6..PIECES.len()].map(|range| range.map(piece).collect::<String>());
         let body = format!(
             "<header><h1>{}</h1><p id=\"link\" class=\"quiet\" hidden></p></header>\n\
              <p id=\"lost\" class=\"lost\" role=\"alert\"></p>\n<main>\n<p id=\"done\" class=\"done\" role=\"status\">{}</p>\n\
              <p id=\"live\" class=\"apart\" role=\"status\"></p>\n{first}<div class=\"columns\">\n{second}<div>\n{third}</div>\n\
-             </div>\n</main>\n",
+             </div>\n{last}</main>\n",
             safe(station),
             done.map(safe).unwrap_or_default(),
         );
@@ -509,7 +495,7 @@ mod tests {
         let secrets = Secrets::new(None).unwrap();
         let rejected = InRejected { count: Some(9), drops: ["1".to_owned()].into() };
         let content = Content::of(&status, State::Running, &rejected, &secrets);
-        let [_, _, _, waiting, _, rejected] = &content.pieces[..] else { panic!("six pieces") };
+        let [_, _, _, waiting, _, rejected, _] = &content.pieces[..] else { panic!("seven pieces") };
         assert!(waiting.contains("and 650 more") && waiting.len() < 200_000, "{}", waiting.len());
         assert!(
             rejected.contains("8 older rejected drops are") && rejected.contains("since: 19"),

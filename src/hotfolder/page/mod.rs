@@ -14,7 +14,7 @@
 //! | `server` | all connections: how many, and which one is closed for a new one |
 //! | `answers` | requests to answers |
 //! | `board` | the newest state as HTML, for all clients |
-//! | `content` | that HTML |
+//! | `content`, `fleet`, `pieces` | that HTML |
 //! | `records` | the files and actions behind the links and buttons |
 //! | `page.css`, `page.js` | style and script |
 //!
@@ -31,6 +31,8 @@ mod socket;
 mod server;
 mod answers;
 mod board;
+mod pieces;
+mod fleet;
 mod content;
 mod records;
 

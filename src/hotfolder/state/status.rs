@@ -12,7 +12,7 @@ use crate::config::{Sku, Station};
 use crate::files::write_whole_unsynced;
 use crate::hotfolder::api::{Waiting, WaitsFor};
 use crate::hotfolder::clock;
-use crate::hotfolder::fleet::Figures;
+use crate::hotfolder::fleet::{Figures, FleetSeen};
 use crate::hotfolder::jobs::Work;
 use crate::hotfolder::seen::{Drops, Moment};
 use crate::reason::Reason;
@@ -79,6 +79,9 @@ pub struct Status {
     /// What is kept for how long; absent before the first pass over the folders.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kept: Option<Kept>,
+    /// The fleet of the station; absent for a station without one, or without a page.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fleet: Option<FleetSeen>,
 }
 
 /// How long reports, archived originals and rejected drops are kept, and the result of the last pass over the folders.
@@ -326,6 +329,7 @@ pub(crate) struct View<'a> {
     pub(crate) uncertain: Vec<UncertainDrawing>,
     pub(crate) kept: Option<Kept>,
     pub(crate) troubles: Vec<String>,
+    pub(crate) fleet: Option<FleetSeen>,
     pub(crate) now: Moment,
     pub(crate) alive: bool,
 }
@@ -449,6 +453,7 @@ impl StatusBoard {
             finished: self.finished.iter().cloned().collect(),
             rejections: self.rejections.iter().cloned().collect(),
             kept: view.kept.clone(),
+            fleet: view.fleet.clone(),
         }
     }
 
