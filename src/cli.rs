@@ -17,6 +17,8 @@ mod evaluate;
 mod explain;
 mod fleet;
 mod release;
+mod fleet_jobs;
+mod send;
 mod inspect;
 mod schema;
 mod job;
@@ -84,6 +86,8 @@ enum Command {
     Cache(cache::CacheArguments),
     /// Sets up, checks and shows a fleet: stations that share what they know through a PostgreSQL database.
     Fleet(fleet::FleetArguments),
+    /// Sends drawings to a line of a fleet, as if they were dropped at one of its stations.
+    Send(send::SendArguments),
     /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
     Demo(demo::DemoArguments),
 }
@@ -119,6 +123,7 @@ pub fn main() -> ExitCode {
         Command::Schema(arguments) => (schema::run(&arguments), false),
         Command::Cache(arguments) => (cache::run(&arguments), false),
         Command::Fleet(arguments) => (fleet::run(&arguments), arguments.json()),
+        Command::Send(arguments) => (send::run(&arguments), arguments.json),
         Command::Demo(arguments) => (demo::run(&arguments), false),
     };
     match outcome {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::fleet_jobs::words_of_jobs;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, tell};
 use super::release;
 use crate::config::{FleetSettings, PasswordSource, Station};
@@ -67,14 +68,14 @@ pub(super) struct Place {
     /// The address of the database, such as `postgresql://laser1@db.shop.local/isomark`, or the settings of a station that
     /// belongs to the fleet.
     #[arg(value_name = "URL|STATION.TOML")]
-    fleet: String,
+    pub(super) fleet: String,
     /// The password of the user in the URL is on the first line of this file. Default: in the environment variable
     /// ISOMARK_FLEET_PASSWORD, if there is one.
     #[arg(long, value_name = "FILE")]
-    password_file: Option<PathBuf>,
+    pub(super) password_file: Option<PathBuf>,
     /// The certificates (PEM) of the authority that signed the server's. Default: those that the system trusts.
     #[arg(long, value_name = "FILE")]
-    certificate: Option<PathBuf>,
+    pub(super) certificate: Option<PathBuf>,
 }
 
 impl FleetArguments {
@@ -111,11 +112,16 @@ impl Place {
     }
 
     pub(super) fn address(&self) -> Result<Address, Failure> {
+        self.address_and_station().map(|(address, _)| address)
+    }
+
+    /// The address, and the name of the station if its settings are given.
+    pub(super) fn address_and_station(&self) -> Result<(Address, Option<String>), Failure> {
         let given = self.password_file.clone().map(PasswordSource::File);
         let Some(station) = self.station()? else {
             let variable = FleetSettings::VARIABLE;
             let usual = std::env::var_os(variable).map(|_| PasswordSource::Variable(variable.into()));
-            return Ok(Address::new(&self.fleet, given.or(usual), self.certificate.clone())?);
+            return Ok((Address::new(&self.fleet, given.or(usual), self.certificate.clone())?, None));
         };
         let Some(mut settings) = station.fleet else {
             let what = format!("The station of {} belongs to no fleet.", on_one_line(&self.fleet));
@@ -123,7 +129,7 @@ impl Place {
         };
         settings.password = given.or(settings.password);
         settings.certificate = self.certificate.clone().or(settings.certificate);
-        Ok(Address::of(&settings)?)
+        Ok((Address::of(&settings)?, Some(settings.name)))
     }
 }
 
@@ -258,5 +264,5 @@ fn words(status: &FleetStatus, address: &Address) -> String {
             text += &format!("    {}\n", shown_settings(settings));
         }
     }
-    text
+    text + &words_of_jobs(&status.jobs)
 }

@@ -36,6 +36,7 @@ documents! {
     "status": "the state of a station",
     "fleet": "the stations of a fleet",
     "releases": "the versions of the settings of a SKU in a fleet",
+    "sent": "drawings that were sent to a line of a fleet",
     "lens": "a measured lens",
     "registration": "where a part stands under the laser",
     "rotary": "the tiles of a mark round the part, with the angles of the rotary axis",

@@ -6,8 +6,10 @@ use std::time::SystemTime;
 
 use clap::Args;
 
+use super::fleet::Place;
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
+use super::send::take_over;
 use super::set::SetArguments;
 use crate::config::{FolderPaths, Sku, Station, fold};
 use crate::hotfolder::status::{
@@ -47,6 +49,22 @@ pub(super) struct RetryArguments {
     /// Corrects delivered drawings again if their part or settings changed; of one SKU, or of all.
     #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
+    /// Puts jobs that another station of the fleet has taken and will not finish back into the queue of their line: the job with this
+    /// number, or all of this station. They may have been marked. Give the URL of the fleet, or the settings of any of its stations.
+    #[arg(long, value_name = "JOB|STATION", conflicts_with_all = ["drops", "rejected", "uncertain", "outdated"])]
+    take_over: Option<String>,
+    /// With `--take-over`: into the queue of this line.
+    #[arg(long, value_name = "LINE", requires = "take_over")]
+    to: Option<String>,
+    /// With `--take-over`: also if the station gave a sign of life in the last 45 s.
+    #[arg(long, requires = "take_over")]
+    force: bool,
+    /// With `--take-over`: the password of the user in the URL is on the first line of this file.
+    #[arg(long, value_name = "FILE", requires = "take_over")]
+    password_file: Option<PathBuf>,
+    /// With `--take-over`: the certificates (PEM) of the authority that signed the server's.
+    #[arg(long, value_name = "FILE", requires = "take_over")]
+    certificate: Option<PathBuf>,
     #[command(flatten)]
     set: SetArguments,
 }
@@ -91,6 +109,14 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
 }
 
 pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
+    if let Some(target) = &arguments.take_over {
+        let place = Place {
+            fleet: arguments.station.to_string_lossy().into_owned(),
+            password_file: arguments.password_file.clone(),
+            certificate: arguments.certificate.clone(),
+        };
+        return take_over(&place, target, arguments.to.as_deref(), arguments.force);
+    }
     let folders = folders_of(&arguments.station, &arguments.set)?;
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();

@@ -39,6 +39,7 @@ fn schema_of(name: &str) -> Value {
         "status" => document::<Status>(name),
         "fleet" => document::<crate::fleet::FleetStatus>(name),
         "releases" => document::<crate::fleet::Releases>(name),
+        "sent" => document::<super::send::SentDocument>(name),
         "registration" => document::<register::RegistrationDocument>(name),
         "lens" => document::<calibrate::LensDocument>(name),
         "rotary" => document::<RotaryTable>(name),

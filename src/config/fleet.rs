@@ -24,6 +24,8 @@ pub struct FleetSettings {
     pub name: String,
     /// What is done with a local change of settings that the office released.
     pub local_settings: LocalSettings,
+    /// The groups of stations whose jobs it takes, besides its own.
+    pub lines: Vec<String>,
 }
 
 impl FleetSettings {
@@ -31,6 +33,13 @@ impl FleetSettings {
     pub const VARIABLE: &'static str = "ISOMARK_FLEET_PASSWORD";
     /// The greatest number of characters in a station's name.
     pub const LONGEST_NAME: usize = 100;
+    /// The most lines of a station.
+    const LINES: usize = 100;
+
+    /// What a name for a station or a line must be.
+    pub(super) fn name_remedy() -> String {
+        format!("Give a name on one line, with at most {} characters.", Self::LONGEST_NAME)
+    }
 
     /// Whether a URL contains a password, which would be logged with the settings and shown in lists of processes.
     #[must_use]
@@ -51,6 +60,13 @@ impl FleetSettings {
     }
 }
 
+/// Whether a text is a name for a station or a line.
+pub(super) fn is_name(text: &str) -> bool {
+    !text.trim().is_empty()
+        && !text.chars().any(char::is_control)
+        && text.chars().count() <= FleetSettings::LONGEST_NAME
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct FleetKeys {
@@ -60,6 +76,7 @@ pub(super) struct FleetKeys {
     certificate: Option<Spanned<PathBuf>>,
     name: Option<Spanned<String>>,
     local_settings: LocalSettings,
+    lines: Option<Spanned<Vec<String>>>,
 }
 
 impl FleetKeys {
@@ -78,15 +95,22 @@ impl FleetKeys {
             what: what.into(),
             remedy: remedy.into(),
         };
-        if let Some(name) = &self.name {
-            let (given, longest) = (name.get_ref(), FleetSettings::LONGEST_NAME);
-            if given.trim().is_empty()
-                || given.chars().any(char::is_control)
-                || given.chars().count() > longest
-            {
-                let remedy = format!("Give a name on one line, with at most {longest} characters.");
-                return Err(wrong(name, "`fleet.name` is not a name for the station.", &remedy));
-            }
+        if let Some(name) = self.name.as_ref().filter(|name| !is_name(name.get_ref())) {
+            let remedy = FleetSettings::name_remedy();
+            return Err(wrong(name, "`fleet.name` is not a name for the station.", &remedy));
+        }
+        if let Some(lines) = &self.lines
+            && (lines.get_ref().len() > FleetSettings::LINES
+                || !lines.get_ref().iter().all(|line| is_name(line)))
+        {
+            return Err(ConfigError::Contradiction {
+                spot: text.spot(&lines.span()),
+                what: format!(
+                    "`fleet.lines` has more than {} lines, or one without a name.",
+                    FleetSettings::LINES
+                ),
+                remedy: FleetSettings::name_remedy(),
+            });
         }
         let Some(url) = self.url else { return Ok(None) };
         if FleetSettings::has_password(url.get_ref()) {
@@ -99,8 +123,17 @@ impl FleetKeys {
             return Err(wrong(&url, "`fleet.url` is not the address of a database.", remedy));
         }
         let name = self.name.map_or_else(|| station.to_owned(), Spanned::into_inner);
-        let local_settings = self.local_settings;
-        Ok(Some(FleetSettings { url: url.into_inner(), password, certificate, name, local_settings }))
+        let mut lines = self.lines.map(Spanned::into_inner).unwrap_or_default();
+        lines.sort();
+        lines.dedup();
+        Ok(Some(FleetSettings {
+            url: url.into_inner(),
+            password,
+            certificate,
+            name,
+            local_settings: self.local_settings,
+            lines,
+        }))
     }
 }
 

@@ -20,6 +20,7 @@ mod settings;
 mod fill;
 mod fill_keys;
 mod fleet;
+mod route;
 mod layers;
 mod page;
 mod station;
@@ -52,6 +53,7 @@ pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
 pub use released::ReleasedSettings;
+pub use route::Route;
 #[cfg(feature = "station")]
 pub(crate) use row::with_row;
 pub use settings::{

@@ -18,8 +18,9 @@ use super::keys::{
 };
 use super::overrides::Overrides;
 use super::page::{PageKeys, PageSettings};
+use super::route::{Route, RouteKeys};
 use super::settings::{JobSettings, ViewSource};
-use super::sku::fold;
+use super::sku::{Sku, fold};
 use super::text::SettingsText;
 use crate::reason::Reason;
 
@@ -45,6 +46,8 @@ pub struct Station {
     pub page: Option<PageSettings>,
     /// The fleet that the station belongs to, if any.
     pub fleet: Option<FleetSettings>,
+    /// Which drawings are for other lines; the first rule that fits applies.
+    pub routes: Vec<Route>,
     /// The table of a measured lens, if the lens is one.
     pub lens_table: Option<PathBuf>,
     /// The settings of every SKU without its own file.
@@ -324,8 +327,10 @@ impl Station {
             refuse_half_absolute(&text, path)?;
             Ok(normal(&base.join(path.get_ref())))
         };
+        let fleet = keys.fleet.check(&text, name.get_ref(), resolved)?;
         Ok(Self {
-            fleet: keys.fleet.check(&text, name.get_ref(), resolved)?,
+            routes: keys.route.check(&text, fleet.as_ref())?,
+            fleet,
             name: name.into_inner(),
             file: file.into(),
             watch: keys.watch.check(&text)?,
@@ -337,6 +342,16 @@ impl Station {
             lens_table,
             settings,
         })
+    }
+}
+
+impl Station {
+    /// The line that a drawing is for; `None` for this station.
+    #[must_use]
+    pub fn line_for(&self, sku: &Sku, name: &str) -> Option<&str> {
+        let route = self.routes.iter().find(|route| route.is_for(sku, name))?;
+        let own = self.fleet.as_ref().map(|fleet| fleet.name.as_str());
+        (own != Some(route.line.as_str())).then_some(route.line.as_str())
     }
 }
 
@@ -477,6 +492,8 @@ struct StationKeys {
     page: PageKeys,
     #[serde(default)]
     fleet: FleetKeys,
+    #[serde(default)]
+    route: RouteKeys,
 }
 
 /// The tables of a station that matter to a job without one.

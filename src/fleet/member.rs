@@ -14,9 +14,11 @@ use tokio::time::{Instant, timeout, timeout_at};
 use tokio_postgres::types::Type;
 
 use super::address::Address;
+use super::desk::{Desk, Earlier};
 use super::error::FleetError;
 use super::fits::{self, Fetched, SharedPart};
 use super::incoming::{self, Incoming};
+use super::jobs;
 use super::migrations;
 use super::office;
 use super::outbox::{self, Entry, Outbox};
@@ -24,8 +26,10 @@ use super::session::{Heard, Session};
 use super::sku_files::SkuFiles;
 use crate::cache::{Cache, CacheKey, CurrentPart, PartOrigin, SharedSurfaces};
 use crate::config::{FleetSettings, FolderPaths, Sku, Station};
+use crate::hotfolder::line::{Answer, Claim, JobNews, LineJob, Lines, Offered, OurJobs, Wake};
 use crate::hotfolder::{Figures, Fleet, FleetSeen, timestamp_now};
 use crate::printable::on_one_line;
+use crate::reason::Reason;
 
 /// The time between two signs of life, unless the figures change.
 const BEAT: Duration = Duration::from_secs(10);
@@ -47,6 +51,8 @@ const OUTBOX: &str = "fleet/outbox";
 const FETCH: Duration = Duration::from_secs(1);
 /// A database that takes longer for a sign of life is too slow to wait for its fits.
 const SLOW: Duration = Duration::from_millis(250);
+/// How long a drop waits for the queue of another line.
+const OFFER: Duration = Duration::from_secs(2);
 /// Fits that the fleet did not have and that are wished for; more are not remembered.
 const WISHES: usize = 10_000;
 /// The channel of the database on which changes are announced.
@@ -66,6 +72,8 @@ pub struct Member {
     files: Arc<SkuFiles>,
     /// Whether the stations of the fleet are read for the status.
     shows_fleet: bool,
+    /// Jobs for other lines.
+    desk: Desk,
 }
 
 /// What the thread of the fleet and the rest of the station share.
@@ -108,6 +116,10 @@ enum Order {
     Send,
     /// A fit is needed; the answer is whether the cache has it now.
     Fetch(Wish, CacheKey, Option<SyncSender<bool>>),
+    /// A drop is for another line.
+    Offer(Arc<LineJob>, SyncSender<Offered>),
+    /// The station has other jobs than before.
+    Jobs,
     End,
 }
 
@@ -136,8 +148,17 @@ impl Member {
         let outbox = Mutex::new(Outbox::new(&folders.state.join(OUTBOX)));
         let seen = FleetSeen { name: settings.name.clone(), ..FleetSeen::default() };
         let shared = Mutex::new(Shared { cache: folders.cache.clone(), seen, ..Shared::default() });
-        let received = Mutex::new(Some(received));
-        Self { settings, process, orders, received, shared, outbox, files, shows_fleet: false }
+        Self {
+            settings,
+            process,
+            orders,
+            received: Mutex::new(Some(received)),
+            shared,
+            outbox,
+            files,
+            shows_fleet: false,
+            desk: Desk::default(),
+        }
     }
 
     /// The same, which also reads the other stations for the status.
@@ -222,8 +243,11 @@ impl Member {
         self.send_announcements(&session).await?;
         self.read_all_parts(&session).await?;
         self.look_at_fleet(&session).await?;
+        jobs::serve(&session, &self.settings).await?;
+        self.desk.begin();
         *pause = FIRST_PAUSE;
         self.is_there(&address);
+        self.desk.note(JobNews::Available);
         let mut last = (Instant::now(), self.figures());
         let mut releases = Incoming::new();
         loop {
@@ -232,11 +256,14 @@ impl Member {
                 self.beat(&session, &figures, true, true).await?;
                 self.look_at_fleet(&session).await?;
                 last = (Instant::now(), figures);
+                // A job may be free without a word: the server ended the connection of its taker.
+                self.desk.look_again();
             }
+            let has_more = jobs::work(&session, &self.settings, &self.desk).await?;
             // Other work comes between two entries of the outbox.
             let first = self.outbox().first().map_err(|error| FleetError::Outbox(error.to_string()))?;
             self.report_settings(&session, &mut releases).await?;
-            let has_work = first.is_some() || releases.has_work();
+            let has_work = first.is_some() || releases.has_work() || has_more;
             let patience = if has_work { Duration::ZERO } else { SHORTEST_BEAT };
             match timeout(patience, orders.recv()).await {
                 Err(_) => {
@@ -248,7 +275,8 @@ impl Member {
                         self.send(&session, number, &entry).await?;
                     }
                 }
-                Ok(Some(Order::Send)) => {}
+                Ok(Some(Order::Send | Order::Jobs)) => {}
+                Ok(Some(Order::Offer(job, answer))) => self.offer_now(&session, &job, &answer).await?,
                 Ok(Some(Order::Fetch(wish, key, answer))) => {
                     self.fetch_now(&session, &wish, &key, answer.as_ref()).await?;
                 }
@@ -302,8 +330,30 @@ impl Member {
                     None => Ok(()),
                 }
             }
+            Some(("job", line)) => {
+                if line == self.settings.name || self.settings.lines.iter().any(|of_it| of_it == line) {
+                    self.desk.look();
+                }
+                Ok(())
+            }
             _ => Ok(()),
         }
+    }
+
+    /// Sends a job to its line, and answers.
+    async fn offer_now(
+        &self,
+        session: &Session,
+        job: &LineJob,
+        answer: &SyncSender<Offered>,
+    ) -> Result<(), FleetError> {
+        let offered = match jobs::offer(session, Some(&self.settings.name), job).await {
+            Ok((_, offered)) => offered,
+            Err(error) if error.is_final() => Offered::Refused(error.reason()),
+            Err(error) => return Err(error),
+        };
+        self.desk.end_offer(&job.id, offered, answer);
+        Ok(())
     }
 
     /// Announces the parts that were learned while the database was away, before those of others are taken.
@@ -508,6 +558,8 @@ impl Member {
         shared.trouble = Some((kind, text));
         shared.answers = false;
         shared.complaint = None;
+        drop(shared);
+        self.desk.has_answer();
     }
 
     fn is_there(&self, address: &Address) {
@@ -524,6 +576,68 @@ impl Member {
         let name = on_one_line(&self.settings.name);
         tracing::info!("the fleet at {address} is available{again}; this station is {name} there");
     }
+}
+
+impl Lines for Member {
+    fn own_name(&self) -> &str {
+        &self.settings.name
+    }
+
+    fn cannot_offer(&self) -> Option<Reason> {
+        (!self.shared().answers).then(no_answer)
+    }
+
+    fn offer(&self, job: &Arc<LineJob>) -> Offered {
+        match self.desk.begin_offer(&job.id) {
+            Earlier::Answered(answer) => return answer,
+            Earlier::IsBeingSent => return Offered::NotNow(no_answer()),
+            Earlier::None => {}
+        }
+        let (answer, answered) = sync_channel(1);
+        let is_sent = self.orders.send(Order::Offer(job.clone(), answer)).is_ok();
+        match if is_sent { answered.recv_timeout(OFFER) } else { Err(RecvTimeoutError::Disconnected) } {
+            Ok(answer) => {
+                self.desk.forget_offer(&job.id);
+                answer
+            }
+            // It may be sent meanwhile; then the next attempt finds the answer.
+            Err(RecvTimeoutError::Timeout) => Offered::NotNow(no_answer()),
+            Err(RecvTimeoutError::Disconnected) => {
+                self.desk.forget_offer(&job.id);
+                Offered::NotNow(no_answer())
+            }
+        }
+    }
+
+    fn wake_with(&self, wake: Wake) {
+        self.desk.wake_with(wake);
+    }
+
+    fn exchange(&self, ours: OurJobs) -> Vec<JobNews> {
+        let (news, is_new) = self.desk.exchange(ours);
+        if is_new {
+            let _ = self.orders.send(Order::Jobs);
+        }
+        news
+    }
+
+    fn answer(&self, claim: &Claim, answer: Answer) {
+        self.desk.answer(claim, answer);
+    }
+
+    fn has_checked(&self) -> bool {
+        self.desk.has_checked()
+    }
+}
+
+/// Why no job can be sent now; the status shows what is wrong with the fleet.
+fn no_answer() -> Reason {
+    let what = "The fleet's database does not answer.";
+    Reason::new(
+        "line-away",
+        what,
+        "Wait: it goes on by itself. `isomark status` shows what is wrong with the fleet.",
+    )
 }
 
 impl Fleet for Member {

@@ -14,6 +14,7 @@ const MIGRATIONS: &[(&str, &str)] = &[
     ("stations", include_str!("migrations/0001_stations.sql")),
     ("fits", include_str!("migrations/0002_fits.sql")),
     ("releases", include_str!("migrations/0003_releases.sql")),
+    ("jobs", include_str!("migrations/0004_jobs.sql")),
 ];
 const ROLES: &str = include_str!("roles.sql");
 /// The key of the advisory lock: "isomark" in ASCII.

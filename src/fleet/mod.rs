@@ -17,6 +17,8 @@
 //! | `releases`, `incoming` | settings that the office released, and how a station receives them |
 //! | `sku_files`, `released_text` | the files of a station with these settings, and local changes of them |
 //! | `releasing` | how the office releases settings, and what the stations do with them |
+//! | `jobs` | jobs for other lines |
+//! | `desk` | what the rest of the station and the thread of the fleet give each other for them |
 //! | `office` | what people do at a terminal: set up, check, look |
 //! | `member` | the thread of a station |
 //!
@@ -56,11 +58,14 @@ mod sku_files;
 mod releases;
 mod incoming;
 mod releasing;
+mod desk;
+mod jobs;
 mod office;
 mod member;
 
 pub use address::Address;
 pub use error::FleetError;
+pub use jobs::{JobRow, Jobs, Sending, Sent, TakenOver, send, take_over};
 pub use member::{Member, Running};
 pub use office::{Checked, FleetStatus, Initialised, Prune, SCHEMA, SharedFits, check, init, prune, status};
 pub use releasing::{

@@ -8,6 +8,7 @@ use tokio_postgres::types::Type;
 
 use super::address::Address;
 use super::error::FleetError;
+use super::jobs::{self, Jobs};
 use super::migrations;
 use super::releasing::{self, StationSettings};
 use super::session::{Session, Value, run};
@@ -64,6 +65,8 @@ pub struct FleetStatus {
     pub fits: SharedFits,
     /// What each station does with the settings that the office released; absent for a station without any.
     pub settings: Vec<StationSettings>,
+    /// The jobs for other lines.
+    pub jobs: Jobs,
 }
 
 /// The fits that the stations of a fleet share.
@@ -179,6 +182,7 @@ pub fn status(address: &Address) -> Result<FleetStatus, FleetError> {
             stations,
             fits: fits(&session).await?,
             settings: releasing::by_station(&session).await?,
+            jobs: jobs::listed(&session).await?,
         })
     })
 }

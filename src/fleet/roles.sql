@@ -43,3 +43,13 @@ GRANT SELECT (sku, version, name, station, blake3, author, login, at) ON isomark
 GRANT SELECT ON isomark.release TO isomark_station, isomark_office;
 GRANT EXECUTE ON FUNCTION isomark.release(text, text, text, bytea, text, text) TO isomark_office;
 GRANT EXECUTE ON FUNCTION isomark.received(text, text[], bigint[], text[], text[]) TO isomark_station;
+-- Everybody sees the jobs for other lines, without what was sent. Stations and the office send them; stations take them; people at
+-- both take over what a station had taken.
+GRANT SELECT ON isomark.job, isomark.line TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT EXECUTE ON FUNCTION isomark.offer_job(text, text, text, text, text, bytea, bytea, bytea), isomark.take_over(text, text, boolean)
+    TO isomark_station, isomark_office;
+GRANT EXECUTE ON FUNCTION
+    isomark.serve_lines(text, text[]), isomark.next_job(text, text[]), isomark.take_job(text, text, integer),
+    isomark.end_job(text, text, integer, text, text)
+    TO isomark_station;
+GRANT DELETE ON isomark.job TO isomark_office;

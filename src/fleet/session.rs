@@ -111,6 +111,12 @@ impl Session {
     }
 }
 
+/// Runs work with the database to its end, in a command.
+pub(super) fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
+    let runtime = Builder::new_current_thread().enable_io().enable_time().build();
+    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
+}
+
 async fn within<T>(
     limit: Duration,
     work: impl Future<Output = Result<T, tokio_postgres::Error>>,
@@ -119,10 +125,4 @@ async fn within<T>(
         Ok(done) => Ok(done?),
         Err(_) => Err(FleetError::Away(format!("no answer within {} s", limit.as_secs()))),
     }
-}
-
-/// Runs work with the database to its end, for a command.
-pub(super) fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
-    let runtime = Builder::new_current_thread().enable_io().enable_time().build();
-    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
 }

@@ -6,6 +6,7 @@
 //! a quick one. It is cancelled as soon as its input turns out to be a large job; then it waits for its turn among the
 //! large jobs, which never take all threads. So a small job waits for small jobs only.
 
+mod arrivals;
 mod hand_out;
 mod lanes;
 mod late;
@@ -30,13 +31,14 @@ use crate::hotfolder::error::{StationError, guarded};
 use crate::hotfolder::fleet::Fleet;
 use crate::hotfolder::jobs::{Executor, Keeper, Reprocessing, Unfiled, filing};
 use crate::hotfolder::page::Page;
-use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, StopSignal, Watcher};
+use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, Signal, StopSignal, Watcher};
 use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
     Delivered, HotLock, Journal, Request, Shares, StationLock, StatusBoard, UncertainDrawing, requests,
 };
 use crate::reason::Reason;
 
+use arrivals::Arrivals;
 use lanes::Lanes;
 use late::Late;
 use rounds::Rounds;
@@ -87,6 +89,11 @@ pub fn run(
     let executor = Executor::new(corrector, journal, Shares::open(&state), stop.clone());
     let (sender, messages) = sync_channel(MAX_MESSAGES);
     stop.connect(sender.clone());
+    if let Some(fleet) = corrector.fleet() {
+        let sender = sender.clone();
+        // If this fails, the station has many messages, and asks for news soon.
+        fleet.wake_with(Box::new(move || drop(sender.try_send(Message::Signal(Signal::News)))));
+    }
     let count = threads(station.watch.jobs);
     let (tasks, taken) = sync_channel(count);
     // A thread keeps the memory that it once used, so the spare threads only take what the others cannot.
@@ -121,6 +128,7 @@ pub fn run(
             page_settings: station.page.clone(),
             fleet_settings: station.fleet.clone(),
             fleet_news: BTreeSet::new(),
+            arrivals: Arrivals::default(),
             keeper,
             executor: &executor,
             stop,
@@ -231,6 +239,8 @@ struct Dispatcher<'a, C> {
     fleet_settings: Option<FleetSettings>,
     /// SKUs with a job, whose part changed in the fleet.
     fleet_news: BTreeSet<Sku>,
+    /// Jobs that others sent to this line.
+    arrivals: Arrivals,
     messages: Receiver<Message>,
     threads: Threads,
     watcher: Watcher,
@@ -261,11 +271,15 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 if self.now() >= self.rounds.due() {
                     self.list();
                 }
+                self.exchange_jobs(false);
                 self.look_at_parked();
                 self.log_unclaimed(self.now());
                 self.take_requests();
                 has_more_to_check = self.look_for_outdated();
                 self.hand_out();
+            }
+            if ends {
+                self.exchange_jobs(true);
             }
             pulse(Pulse::Alive);
             if self.threads.are_idle() && (ends || (self.mode == Mode::Once && self.is_idle())) {

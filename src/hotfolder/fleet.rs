@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::line::Lines;
 use crate::config::{Sku, Station};
 
-/// The fleet of a station. No method waits for the network.
-pub trait Fleet: Send + Sync {
+/// The fleet of a station. No method waits for the network or a disk.
+pub trait Fleet: Lines {
     /// Takes the newest figures of the station.
     fn publish(&self, figures: Figures);
 

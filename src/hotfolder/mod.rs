@@ -45,7 +45,7 @@
 //!
 //! | a job ends with | and its drop |
 //! |---|---|
-//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::Rejected` | is done |
+//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
 //! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |
@@ -89,6 +89,19 @@
 //! After a crash, a row whose `naming` is noted still has its hidden drawing, which then gets its name, or had it already. All other
 //! rows are written again, with the same numbers and the same date.
 //!
+//! # A job for another line
+//!
+//! A drawing that a rule names is not corrected here: it goes into the queue of its line in the fleet, and one station of that line
+//! takes it into its own hot folder. There it is a drop like all others. Between the two, the database decides which station has it.
+//!
+//! ```text
+//! sender:  offering ──▶ in the queue, once ──▶ filing ──▶ handed-over
+//! taker:   locked in the queue ──▶ hidden files flushed ──▶ arriving ──▶ taken in the queue ──▶ arrived ──▶ the files get their names
+//! ```
+//!
+//! A hidden job becomes a drop only after the station knows that the queue has it as taken by this station, in this attempt. After a crash
+//! or a cut it asks; if another station has the job, the hidden files are removed.
+//!
 //! # After an interruption
 //!
 //! One pure function, `after_a_crash`, decides how a job continues, from its stage and the files that are found. The
@@ -103,6 +116,7 @@
 //! | `Resume::NoteDrawing`, `Resume::NotePart` | everything is done except the last line |
 
 mod clock;
+pub mod line;
 mod fleet;
 mod api;
 mod error;

@@ -759,6 +759,30 @@ const CODES: &[Code] = &[
          other drops.",
         "Keep the file and report it together with the message.",
     ]),
+    reason([
+        "job-being-checked",
+        "A job of another sender waits until the station knows that it is still its own.",
+        "The station took the job before it was started again. Meanwhile a person may have given it to another station, so the station asks the fleet first. If the fleet does not answer, the job goes on.",
+        "Nothing is to be done: it goes on after a few seconds.",
+    ]),
+    reason([
+        "job-name",
+        "A file cannot be sent to another line under its name.",
+        "Only drawings are sent, with a plain name such as can@date.dxf. Their settings and lists are sent with them; parts are known at all stations of a fleet.",
+        "Give the drawing, .dxf, .svg, .png or .bmp.",
+    ]),
+    reason([
+        "job-taken-over",
+        "A job of another sender was given to another attempt.",
+        "The station had taken the job and was silent. A person put it back into the queue of its line with `isomark retry --take-over`, so this station no longer does it.",
+        "Nothing is to be done if the drawing is marked elsewhere; `isomark fleet status` shows where the job is.",
+    ]),
+    reason([
+        "job-too-large",
+        "A drawing with its settings and its list is too large for another line.",
+        "What is sent through the fleet has at most 64 MiB.",
+        "Simplify the drawing, split its list, or drop it at its line.",
+    ]),
     notice([
         "last-line-open",
         "The last line of the file has no line break.",
@@ -779,6 +803,12 @@ const CODES: &[Code] = &[
         "The lens distances follow from how much smaller the same crosses are marked on a higher plate. That needs measurements along \
          x and along y, on plates at two or more heights.",
         "Measure the crosses on a second, higher plate, and fill in more cells of the table.",
+    ]),
+    reason([
+        "line-away",
+        "A drawing for another line waits, because the fleet does not answer.",
+        "A rule under [route] names another line for this drawing. The database of the fleet is away, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
+        "Nothing is to be done: it goes on by itself when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
     ]),
     reason([
         "list-empty",
@@ -1791,6 +1821,12 @@ const CODES: &[Code] = &[
         "`correct --sku` without a part needs a surface that was fitted before with the same part settings (unit, \
          facing, smoothing and others).",
         "Name the part before the drawing. Its surface is stored from then on.",
+    ]),
+    reason([
+        "station-alive",
+        "A job stays with a station that is alive.",
+        "`isomark retry --take-over` is for stations that will not finish what they have taken. This one gave a sign of life in the last 45 s, and may mark the drawing at any moment.",
+        "Stop the station, or wait until it is silent. If it certainly does not run, add `--force`.",
     ]),
     reason([
         "station-held",

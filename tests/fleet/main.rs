@@ -28,6 +28,8 @@ mod kills;
 mod load;
 mod page;
 mod settings;
+mod jobs;
+mod job_kills;
 mod stations;
 mod tables;
 mod encryption;

@@ -67,15 +67,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
             return self.wait(path, Block::PartUnderWay, part_under_way(sku));
         }
         let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
+        let (block, large) = (drop.block, is_large(drop));
         let mut deaths = self.lanes.deaths(drop);
         // A delivered drawing is only filed, which cannot crash because of its content.
         if deaths > 0 && self.executor.is_delivered(&id, stamp) {
             deaths = 0;
         }
-        let doomed = doomed.or_else(|| (deaths >= MAX_DEATHS).then(|| ends_isomark(deaths)));
-        let waits_for_import = matches!(drop.block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
-        let attempt =
-            Attempt { last_chance, doomed, waits_for_import, alone: deaths > 0, large: is_large(drop) };
+        if let Some(reason) = self.may_be_revoked(&id) {
+            return self.retry_later(path, Obstacle::SettingsBeingSaved, reason);
+        }
+        let revoked = self.is_revoked(&id).filter(|_| !self.executor.is_delivered(&id, stamp));
+        let doomed = doomed.or(revoked).or_else(|| (deaths >= MAX_DEATHS).then(|| ends_isomark(deaths)));
+        let waits_for_import = matches!(block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
+        let attempt = Attempt { last_chance, doomed, waits_for_import, alone: deaths > 0, large };
         self.start(path, (id, relative), work, stamp, attempt);
     }
 

@@ -56,6 +56,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         if folders_are_there {
             self.close_what_was_interrupted();
         }
+        self.name_jobs();
+        self.close_removed_jobs();
         self.release_awaited();
         self.log_settings_events();
     }
@@ -252,7 +254,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     hints.entry(path).or_insert((turn, Writer::Renamed)).1 = Writer::Renamed;
                 }
                 Message::Signal(Signal::Overflow) => overflow = true,
-                Message::Signal(Signal::Stop) => {}
+                Message::Signal(Signal::Stop | Signal::News) => {}
             }
             next = self.messages.try_recv().ok();
             turn += 1;

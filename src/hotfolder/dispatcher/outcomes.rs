@@ -71,6 +71,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.status.finished(&running.drop, &running.work, FinishedAs::Repeated);
                 self.done(path);
             }
+            Outcome::HandedOver => {
+                self.status.finished(&running.drop, &running.work, FinishedAs::HandedOver);
+                self.done(path);
+            }
             Outcome::Listed => {
                 self.done(path);
                 // With `--once`, the station ends when no drop is left.
@@ -191,7 +195,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.reprocessing.check(sku.clone());
             }
             Outcome::TakesLong => self.reprocessing.takes_long(name),
-            Outcome::Learned { .. } | Outcome::Listed | Outcome::Changed | Outcome::Incomplete { .. } => {
+            Outcome::Learned { .. }
+            | Outcome::Listed
+            | Outcome::HandedOver
+            | Outcome::Changed
+            | Outcome::Incomplete { .. } => {
                 self.reprocessing.forget(name);
             }
         }

@@ -94,11 +94,18 @@ impl<'a, C: Corrector> Executor<'a, C> {
         if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders, false) {
             return End { outcome: Outcome::Retry(reason, unfiled.map(Box::new)), went_along: Vec::new() };
         }
+        let line = match (&task.doomed, &task.work) {
+            (None, Work::Correct { sku, name }) if unfiled.is_none() => self.line_for(&task, sku, name),
+            _ => None,
+        };
         let attempt = match (&task.doomed, &task.work) {
             (Some(reason), _) | (None, Work::Reject(reason)) => {
                 Err(JobError::Rejected(reason.clone()).into())
             }
             (None, Work::Learn(sku)) => self.learn(&task, sku, &mut read),
+            (None, Work::Correct { sku, name }) if line.is_some() => {
+                self.hand_over(&task, sku, name, line.as_deref().unwrap_or_default(), &mut read)
+            }
             (None, Work::Correct { sku, name }) if unfiled.is_none() && self.is_listed(&task) => {
                 self.list(&task, sku, name, &mut read)
             }

@@ -254,6 +254,11 @@ pub(crate) fn reject(
     Ok(place.join(file_name))
 }
 
+/// The name of the file with the reason beside a rejected drop of this name.
+pub(crate) fn reason_name(name: &str) -> String {
+    format!("{}.reason.json", shortened(name))
+}
+
 /// The text beside a rejected original: the reason, and how to try again.
 fn reason_text(file_name: &OsStr, drop: &str, original: &Original, reason: &Reason) -> String {
     let beside = original.companions.iter().map(|companion| name_beside(&companion.path, file_name));

@@ -15,6 +15,7 @@ mod surfaces;
 mod finish;
 mod correct;
 mod list;
+mod hand_over;
 mod outdated;
 
 pub(crate) use basis::is_comparable;

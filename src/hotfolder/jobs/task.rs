@@ -134,6 +134,8 @@ pub(crate) enum Outcome {
     Repeated,
     /// The drawings of all rows of a list are in the hot folder.
     Listed,
+    /// The drawing is in the queue of another line.
+    HandedOver,
     /// The drop is in the rejected folder.
     Rejected(Reason),
     /// The file was changed or removed: check it again.

@@ -354,6 +354,7 @@ fn finished_row(body: &mut Markup, id: &str, finished: &Finished, has_files: boo
         FinishedAs::Repeated => ("", "Delivered before"),
         FinishedAs::Uncertain => ("warn", "Perhaps not delivered"),
         FinishedAs::Learned => ("good", "Part learned"),
+        FinishedAs::HandedOver => ("", "Handed over"),
     };
     let shown = safe(name);
     let _ = write!(body, "<li id=\"f-{id}\" data-news=\"{shown}: {word}\">");

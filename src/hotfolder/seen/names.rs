@@ -114,12 +114,12 @@ pub(crate) fn is_list(path: &Path) -> bool {
 }
 
 /// The path of the list of a pattern: `<sku>@<name>.csv` beside `<sku>@<name>.dxf`.
-pub(crate) fn list_of(pattern: &Path) -> Option<PathBuf> {
+pub fn list_of(pattern: &Path) -> Option<PathBuf> {
     Some(pattern.with_extension(LIST)).filter(|path| is_list(path))
 }
 
 /// The path of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
-pub(crate) fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
+pub fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
     pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
 }
 

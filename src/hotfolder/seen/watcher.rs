@@ -34,6 +34,8 @@ pub(crate) enum Signal {
     Renamed(PathBuf),
     /// Events were lost, so the folder must be listed.
     Overflow,
+    /// The fleet has news.
+    News,
     /// The station is to stop.
     Stop,
 }

@@ -24,6 +24,7 @@ mod listing;
 mod new_journal;
 mod order;
 mod results;
+mod routed;
 mod rewriting;
 mod stage;
 
@@ -52,6 +53,8 @@ pub(crate) use order::JournalPositions;
 pub(crate) use results::Delivered;
 use results::Results;
 pub(crate) use rewriting::keep_short;
+use routed::Routed;
+pub(crate) use routed::{Arrival, EndedJob};
 pub(crate) use stage::{OpenJob, Stage};
 
 /// Number of results that are remembered; the oldest are forgotten first. A forgotten drawing is treated as new.
@@ -94,6 +97,8 @@ pub(crate) struct Journal {
     listings: BTreeMap<DropId, Listing>,
     /// The serial numbers of each SKU, by its key.
     serials: BTreeMap<String, Series>,
+    /// Jobs for other lines and of other senders.
+    routed: Routed,
 }
 
 /// A drop that a thread is processing, or was processing when the station crashed.
@@ -136,6 +141,7 @@ impl Journal {
             at_work: BTreeMap::new(),
             listings: BTreeMap::new(),
             serials: BTreeMap::new(),
+            routed: Routed::default(),
         };
         let (mut damaged, mut read) = (0, 0);
         let mut line = Vec::new();
@@ -213,6 +219,7 @@ impl Journal {
             + self.at_work.len()
             + self.listings.len()
             + self.serials.len()
+            + self.routed.len()
     }
 
     fn file(&mut self) -> io::Result<&mut std::fs::File> {
@@ -266,6 +273,11 @@ impl Journal {
     /// The job that was started on exactly this file.
     pub(crate) fn begun(&self, drop: &DropId, stamp: Stamp) -> Option<&OpenJob> {
         self.open.get(drop).filter(|open| open.stamp.is_of(stamp))
+    }
+
+    /// Whether a job was started on this drop, and not filed.
+    pub(crate) fn has_begun(&self, drop: &DropId) -> bool {
+        self.open.contains_key(drop)
     }
 
     /// The newest results that may not have been delivered.
@@ -375,8 +387,10 @@ impl Journal {
     ) -> io::Result<()> {
         let last = self.result(&job.name).filter(|_| import == Import::Due);
         let older = last.map(|last| last.held().to_owned()).unwrap_or_default();
+        let ends =
+            self.arrival(&job.drop).filter(|arrival| arrival.is_drop).map(|arrival| arrival.claim.0.clone());
         let (job, original) = (job.clone(), original.into());
-        self.append(Record::Done { job, original, import, older, certainty }, false)
+        self.append(Record::Done { job, original, import, older, certainty, ends }, false)
     }
 
     /// Replaces the basis that an older version wrote in the results with these names, unless their drop is being
@@ -390,7 +404,7 @@ impl Journal {
             }
             let job = Job { basis, ..job };
             self.append_line(
-                Line { at, record: Record::Done { job, original, import, older, certainty } },
+                Line { at, record: Record::Done { job, original, import, older, certainty, ends: None } },
                 false,
             )?;
         }
@@ -530,6 +544,7 @@ impl Journal {
                 self.open.remove(&drop);
                 // A list that was filed, but not noted as such.
                 self.listings.remove(&drop);
+                self.routed.forget_offer(&drop);
             }
             Record::Filing { drop, sku, stamp, to, job, certainty, hot } => {
                 let result = job.map(|job| (job, certainty));
@@ -542,9 +557,12 @@ impl Journal {
                     }
                 }
             }
-            Record::Done { job, original, import, older, certainty } => {
+            Record::Done { job, original, import, older, certainty, ends } => {
                 self.open.remove(&job.drop);
                 self.at_work.remove(&job.drop);
+                if ends.is_some() {
+                    self.routed.end_of_drawing(&job.drop, at, certainty);
+                }
                 let result = Delivered { at: at.into(), original, job, import, certainty, older };
                 let name = self.results.insert(&result);
                 if let Some(changed) = &mut self.changed {
@@ -556,6 +574,7 @@ impl Journal {
                 self.listings.entry(drop).and_modify(|listing| listing.named = named);
             }
             Record::Listed { drop } => {
+                self.routed.end(&drop, at, "listed", "");
                 self.listings.remove(&drop);
                 self.open.remove(&drop);
                 self.at_work.remove(&drop);
@@ -571,6 +590,8 @@ impl Journal {
                 }
             }
             Record::Rejected { drop, to, part_of, .. } => {
+                self.routed.end(&drop, at, "rejected", &to);
+                self.routed.forget_offer(&drop);
                 self.listings.remove(&drop);
                 self.open.remove(&drop);
                 self.at_work.remove(&drop);
@@ -578,6 +599,19 @@ impl Journal {
                     self.refused.insert(sku.key().to_owned(), Refused { drop, to });
                 }
             }
+            record @ Record::HandedOver { .. } => {
+                if let Record::HandedOver { drop, .. } = &record {
+                    self.open.remove(drop);
+                    self.at_work.remove(drop);
+                }
+                self.routed.apply(at, record);
+            }
+            record @ (Record::Offering { .. }
+            | Record::Arriving { .. }
+            | Record::Arrived { .. }
+            | Record::Returned { .. }
+            | Record::JobEnded { .. }
+            | Record::JobReported { .. }) => self.routed.apply(at, record),
         }
     }
 
@@ -620,6 +654,7 @@ impl Journal {
         }
         records.extend(self.open.iter().flat_map(|(drop, open)| open.records(drop)));
         records.extend(self.listing_records());
+        records.extend(self.routed.records());
         records.into_iter().map(|record| Line { at: at.clone(), record }).collect()
     }
 

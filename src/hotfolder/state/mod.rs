@@ -11,8 +11,8 @@ pub mod status;
 pub(crate) use drop_id::{DropId, with_slashes};
 pub use holder::Holder;
 pub(crate) use journal::{
-    Certainty, Delivered, Import, Job, Journal, JournalPositions, Listing, NewListing, OpenJob, Stage,
-    StampRecord, keep_short,
+    Arrival, Certainty, Delivered, EndedJob, Import, Job, Journal, JournalPositions, Listing, NewListing,
+    OpenJob, Stage, StampRecord, keep_short,
 };
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;

@@ -250,6 +250,8 @@ pub enum FinishedAs {
     Uncertain,
     /// The part was fitted.
     Learned,
+    /// The drawing is in the queue of another line.
+    HandedOver,
 }
 
 /// A drop that was rejected.
@@ -366,7 +368,7 @@ impl StatusBoard {
                 self.minute().1 += 1;
             }
             FinishedAs::Learned => self.done.learned += 1,
-            FinishedAs::Repeated | FinishedAs::Uncertain => {}
+            FinishedAs::Repeated | FinishedAs::Uncertain | FinishedAs::HandedOver => {}
         }
         let drawing = match work {
             Work::Correct { name, .. } | Work::CorrectAgain { name, .. } => Some(name.clone()),

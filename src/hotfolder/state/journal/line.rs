@@ -192,6 +192,9 @@ pub(super) enum Record {
         older: String,
         #[serde(default, skip_serializing_if = "Certainty::is_certain")]
         certainty: Certainty,
+        /// The job of another sender that ends with this line.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ends: Option<String>,
     },
     /// Serial numbers are reserved for the rows of a list.
     Listing {
@@ -205,6 +208,38 @@ pub(super) enum Record {
     Listed { drop: DropId },
     /// How many serial numbers of a SKU are used.
     Serials { sku: String, start: u64, step: u64, used: u64 },
+    /// The drop is about to be offered to another line.
+    Offering { drop: DropId, stamp: StampRecord, line: String, job: String },
+    /// The drop is in the queue of another line, and filed.
+    HandedOver { drop: DropId, line: String, job: String },
+    /// The files of a job of another sender are in the hot folder under hidden names; with `is_drop`, under their names.
+    Arriving {
+        drop: DropId,
+        job: String,
+        attempt: i32,
+        #[serde(default)]
+        is_drop: bool,
+        #[serde(default)]
+        hot: Option<Identity>,
+    },
+    /// The job is this station's, and its files are about to get their names.
+    Arrived { drop: DropId },
+    /// The job is not this station's.
+    Returned { drop: DropId },
+    /// A job of another sender has ended.
+    JobEnded {
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        drop: Option<DropId>,
+        job: String,
+        attempt: i32,
+        outcome: String,
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        detail: String,
+        #[serde(default)]
+        is_reported: bool,
+    },
+    /// The fleet knows the end of a job.
+    JobReported { job: String, attempt: i32 },
     /// A part is done.
     Learned { drop: DropId, sku: String, original: String },
     /// A drop was rejected; `part_of` names the SKU of a part.

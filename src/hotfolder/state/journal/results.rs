@@ -40,7 +40,7 @@ impl Delivered {
     /// The line for this result.
     pub(super) fn line(self) -> Line {
         let Self { job, at, original, import, certainty, older } = self;
-        Line { at, record: Record::Done { job, original, import, older, certainty } }
+        Line { at, record: Record::Done { job, original, import, older, certainty, ends: None } }
     }
 
     /// Hash of the result that the marking software has.
