@@ -416,7 +416,7 @@ fn a_station_that_comes_back_does_not_do_what_was_taken_over() {
     // The part is known to it now, too.
     two.start();
     two.waits_for_file("rejected/trough@a.dxf");
-    assert!(two.log().contains("gave this job to another attempt"), "{}", two.log());
+    two.waits_for("the reason", |two| two.logged("gave this job to another attempt") == 1);
     assert_eq!(files(&two, "import"), Vec::<String>::new());
     let ended = "SELECT outcome, station, attempt FROM isomark.job";
     waits_for_rows(&server, ended, "delivered|laser3|2", &two);

@@ -135,7 +135,9 @@ BEGIN
     UPDATE isomark.job SET state = 'ended', outcome = its_outcome, reason = its_reason, ended = clock_timestamp()
         WHERE id = its_id AND state = 'taken' AND station = its_station AND attempt = its_attempt;
     IF NOT FOUND THEN
-        RETURN false;
+        -- The answer to the same report may have been lost.
+        RETURN EXISTS (SELECT FROM isomark.job WHERE id = its_id AND state = 'ended' AND station = its_station
+            AND attempt = its_attempt AND outcome = its_outcome);
     END IF;
     DELETE FROM isomark.job_inputs WHERE job = its_id;
     RETURN true;

@@ -36,6 +36,8 @@ pub(super) struct Arrivals {
     confirmed: BTreeSet<Claim>,
     /// Drops that are somebody else's now.
     revoked: BTreeSet<DropId>,
+    /// The leftovers of crashes were removed.
+    is_swept: bool,
 }
 
 impl<C: Corrector> Dispatcher<'_, C> {
@@ -238,11 +240,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         })
     }
 
-    /// Notes jobs whose drops somebody removed from the hot folder.
+    /// Notes jobs whose drops somebody removed from the hot folder, and removes hidden files of jobs that were never noted.
     pub(super) fn close_removed_jobs(&mut self) {
         let (hot, tag) = (self.folders().hot.clone(), self.executor.journal().tag().to_owned());
         let identity = folders::identity(&hot);
         let all = self.executor.journal().arrivals();
+        if !std::mem::replace(&mut self.arrivals.is_swept, true) {
+            sweep(&hot, &tag, &all);
+        }
         for (drop, Arrival { claim, is_drop, hot: its_hot }) in all {
             let is_there = folders::look(&hot.join(drop.file_name())).is_ok_and(|found| found.is_none());
             let [drawing, ..] = hidden(&hot, &tag, &claim.0);
@@ -297,6 +302,18 @@ fn places(drawing: &Path) -> Vec<PathBuf> {
 fn hidden(hot: &Path, tag: &str, job: &str) -> [PathBuf; 3] {
     let name = |what: &str| hot.join(format!("{TEMPORARY_START}{tag}-job-{job}-{what}{TEMPORARY_END}"));
     ["drawing", "settings", "list"].map(name)
+}
+
+/// Removes the hidden files of this station's jobs that a crash left behind before they were noted.
+fn sweep(hot: &Path, tag: &str, needed: &[(DropId, Arrival)]) {
+    let ours = format!("{TEMPORARY_START}{tag}-job-");
+    for entry in fs::read_dir(hot).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_needed = || needed.iter().any(|(_, arrival)| name[ours.len()..].starts_with(&arrival.claim.0));
+        if name.starts_with(&ours) && name.ends_with(TEMPORARY_END) && !is_needed() {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// The first digits of a job's identity.

@@ -391,3 +391,43 @@ fn every_order_of_lines_gives_one_stage() {
         assert_eq!(rewritten, expected, "rewritten: {text}");
     }
 }
+
+#[test]
+fn a_job_of_another_sender_ends_with_its_own_drop_only_and_survives_a_rewrite() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut journal = Journal::open(folder.path()).unwrap();
+    let (drop, claim, sku) = (id("a.dxf"), ("ab".repeat(32), 2), "can".parse::<Sku>().unwrap());
+    let done = |journal: &mut Journal, key: &str| {
+        journal.done(&job("a.dxf", key), "a.dxf", Import::ByFolder, Certainty::Certain).unwrap();
+    };
+    let again = |mut journal: Journal| {
+        journal.rewrite().unwrap();
+        std::mem::drop(journal);
+        Journal::open(folder.path()).unwrap()
+    };
+    journal.offering(&id("b.dxf"), STAMP, "cups", "cd").unwrap();
+    journal.arriving(&drop, &claim, false).unwrap();
+    // A drop of that name that is not the job, which is still hidden.
+    done(&mut journal, "1");
+    journal.arrived(&drop).unwrap();
+    // The lines about an older result of that name.
+    assert!(journal.remove_original(&sku, "a.dxf", || Ok(())).unwrap());
+    let mut journal = again(journal);
+    let arrival = journal.arrival(&drop).unwrap();
+    assert_eq!((&arrival.claim, arrival.is_drop), (&claim, true));
+    assert_eq!(journal.unreported_jobs(9).len(), 0);
+    done(&mut journal, "2");
+    let mut journal = again(journal);
+    assert!(journal.arrival(&drop).is_none());
+    journal.job_reported(&(claim.0.clone(), 1)).unwrap();
+    let ended = journal.unreported_jobs(9);
+    assert_eq!((ended.len(), ended[0].1.attempt, ended[0].1.outcome.as_str()), (1, 2, "delivered"));
+    journal.job_reported(&claim).unwrap();
+    let mut journal = again(journal);
+    assert_eq!(journal.unreported_jobs(9).len(), 0);
+    assert!(journal.ended_job(&claim.0).is_some(), "it is recognised if it arrives again");
+    assert_eq!(journal.offer(&id("b.dxf"), STAMP).map(|offer| offer.line.as_str()), Some("cups"));
+    assert!(journal.offer(&id("b.dxf"), Stamp { size: 8, ..STAMP }).is_none(), "another file of that name");
+    journal.handed_over(&id("b.dxf"), "cups", "cd").unwrap();
+    assert!(again(journal).offer(&id("b.dxf"), STAMP).is_none());
+}
