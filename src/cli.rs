@@ -16,6 +16,7 @@ mod diff;
 mod evaluate;
 mod explain;
 mod fleet;
+mod fleet_place;
 mod release;
 mod fleet_jobs;
 mod send;

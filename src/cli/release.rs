@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::fleet::Place;
+use super::fleet_place::Place;
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use crate::config::{ConfigError, JobSettings};

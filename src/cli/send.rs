@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use clap::Args;
 use serde::Serialize;
 
-use super::fleet::Place;
+use super::fleet_place::Place;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, tell};
 use crate::fleet::{self, Sending};
 use crate::hotfolder::line::{Inputs, check_name};

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::fleet::Place;
+use super::fleet_place::Place;
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use super::send::take_over;

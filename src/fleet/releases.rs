@@ -16,6 +16,9 @@ pub(super) const LARGEST: usize = 1 << 20;
 /// Rows of the list that are read at a time.
 const PAGE: i64 = 500;
 
+/// Which one of two releases of a SKU a station uses: its own one. If both were removed, the newer row states that.
+const ORDER: &str = "c.sku, c.blake3 IS NULL, c.blake3 IS NOT NULL AND c.station = '', c.version DESC";
+
 /// A row of the list of releases for a station.
 #[derive(Debug, Clone)]
 pub(super) struct Listed {
@@ -35,11 +38,12 @@ pub(super) type Received = Result<Release, (String, i64, String)>;
 pub(super) async fn page(session: &Session, station: &str, after: &str) -> Result<Vec<Listed>, FleetError> {
     let rows = session
         .rows(
+            &format!(
             "SELECT DISTINCT ON (c.sku) left(c.sku, 300), c.version, left(c.blake3, 100), h.version, left(h.state, 100) \
              FROM isomark.current_release AS c \
              LEFT JOIN isomark.station_release AS h ON h.station = $1 AND h.sku = c.sku \
-             WHERE c.station IN ('', $1) AND c.sku > $2 \
-             ORDER BY c.sku, c.blake3 IS NULL, c.station = '' LIMIT $3",
+             WHERE c.station IN ('', $1) AND c.sku > $2 ORDER BY {ORDER} LIMIT $3"
+            ),
             &[(&station, Type::TEXT), (&after, Type::TEXT), (&PAGE, Type::INT8)],
         )
         .await?;
@@ -64,12 +68,13 @@ pub(super) async fn fetch(
     let largest = LARGEST as i32;
     let rows = session
         .rows(
+            &format!(
             "SELECT DISTINCT ON (c.sku) left(c.sku, 300), c.version, r.body IS NULL, \
              CASE WHEN octet_length(r.body) <= $3 THEN r.body END, left(r.blake3, 100), left(r.name, 300), left(r.station, 300), \
              left(r.author, 300), r.login::text, to_char(r.at AT TIME ZONE 'UTC', 'YYYY-MM-DD\"T\"HH24:MI:SS\"Z\"') \
              FROM isomark.current_release AS c JOIN isomark.release AS r ON r.sku = c.sku AND r.version = c.version \
-             WHERE c.station IN ('', $1) AND c.sku = ANY ($2) \
-             ORDER BY c.sku, c.blake3 IS NULL, c.station = ''",
+             WHERE c.station IN ('', $1) AND c.sku = ANY ($2) ORDER BY {ORDER}"
+            ),
             &[(&station, Type::TEXT), (&skus, Type::TEXT_ARRAY), (&largest, Type::INT4)],
         )
         .await?;

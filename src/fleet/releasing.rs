@@ -264,43 +264,52 @@ pub fn history(address: &Address, sku: &Sku) -> Result<Releases, FleetError> {
     })
 }
 
+/// What each station should use, and what it does: `compared`, for the statements below. Nothing is sorted, because there may be
+/// millions of rows. Removed settings matter as long as a station uses some.
+const COMPARED: &str = "WITH wanted AS (SELECT s.name AS station, c.sku, c.version, c.blake3 IS NULL AS removed \
+     FROM isomark.station AS s CROSS JOIN isomark.current_release AS c WHERE c.station = '' AND NOT EXISTS \
+     (SELECT FROM isomark.current_release AS o WHERE o.station = s.name AND o.sku = c.sku AND o.blake3 IS NOT NULL) \
+     UNION ALL SELECT c.station, c.sku, c.version, c.blake3 IS NULL FROM isomark.current_release AS c \
+     JOIN isomark.station AS s ON s.name = c.station WHERE c.blake3 IS NOT NULL OR NOT EXISTS \
+     (SELECT FROM isomark.current_release AS a WHERE a.station = '' AND a.sku = c.sku)), \
+     compared AS (SELECT w.station, w.sku, w.version AS released, h.version, left(h.note, 500) AS note, CASE \
+     WHEN h.version IS DISTINCT FROM w.version THEN 'behind' WHEN h.state = 'used' THEN 'current' ELSE h.state END AS state \
+     FROM wanted AS w LEFT JOIN isomark.station_release AS h ON h.station = w.station AND h.sku = w.sku \
+     WHERE NOT w.removed OR EXISTS (SELECT FROM isomark.release AS r \
+     WHERE r.sku = h.sku AND r.version = h.version AND r.blake3 IS NOT NULL))";
+
 /// What each station does with the releases for it.
 pub(super) async fn by_station(session: &Session) -> Result<Vec<StationSettings>, FleetError> {
-    let rows = session
-        .rows(
-            "WITH wanted AS (SELECT DISTINCT ON (s.name, c.sku) s.name AS station, c.sku, c.version, c.blake3 IS NULL AS removed \
-             FROM isomark.station AS s JOIN isomark.current_release AS c ON c.station IN ('', s.name) \
-             ORDER BY s.name, c.sku, c.blake3 IS NULL, c.station = ''), \
-             compared AS (SELECT w.station, w.sku, w.version AS released, h.version, left(h.note, 500) AS note, \
-             CASE WHEN h.version IS DISTINCT FROM w.version THEN 'behind' WHEN h.state = 'used' THEN 'current' ELSE h.state END \
-             AS state FROM wanted AS w LEFT JOIN isomark.station_release AS h ON h.station = w.station AND h.sku = w.sku \
-             WHERE NOT w.removed OR h.version < w.version), \
-             placed AS (SELECT *, count(*) OVER p AS count, count(*) FILTER (WHERE state = 'current') OVER p AS current, \
-             row_number() OVER (PARTITION BY station ORDER BY state = 'current', sku) AS place \
-             FROM compared WINDOW p AS (PARTITION BY station)) \
-             SELECT station, count, current, left(sku, 300), released, version, state, note FROM placed \
-             WHERE place <= $1 ORDER BY station COLLATE \"C\", place",
-            &[(&SKUS, Type::INT8)],
-        )
-        .await?;
+    let counts = format!(
+        "{COMPARED} SELECT station, count(*), count(*) FILTER (WHERE state = 'current') FROM compared GROUP BY station"
+    );
     let mut stations: BTreeMap<String, StationSettings> = BTreeMap::new();
-    for row in &rows {
+    for row in &session.rows(&counts, &[]).await? {
         let station: String = row.try_get(0)?;
         let (count, current) = (row.try_get(1)?, row.try_get(2)?);
-        let sku = SkuSettings {
-            sku: row.try_get(3)?,
-            released: row.try_get(4)?,
-            version: row.try_get(5)?,
-            state: match row.try_get(6)? {
+        let settings = StationSettings { station: station.clone(), count, current, skus: Vec::new() };
+        stations.insert(station, settings);
+    }
+    let listed = format!(
+        "{COMPARED}, last AS (SELECT sku FROM isomark.current_release ORDER BY sku OFFSET $1 - 1 LIMIT 1), \
+         placed AS (SELECT *, row_number() OVER (PARTITION BY station ORDER BY state = 'current', sku) AS place FROM compared \
+         WHERE state <> 'current' OR NOT EXISTS (SELECT FROM last) OR sku <= (SELECT sku FROM last)) \
+         SELECT station, left(sku, 300), released, version, state, note FROM placed WHERE place <= $1 ORDER BY station, place"
+    );
+    for row in &session.rows(&listed, &[(&SKUS, Type::INT8)]).await? {
+        let Some(settings) = stations.get_mut(row.try_get::<_, &str>(0)?) else { continue };
+        settings.skus.push(SkuSettings {
+            sku: row.try_get(1)?,
+            released: row.try_get(2)?,
+            version: row.try_get(3)?,
+            state: match row.try_get(4)? {
                 "current" => SkuSettingsState::Current,
                 "local" => SkuSettingsState::Local,
                 "refused" => SkuSettingsState::Refused,
                 _ => SkuSettingsState::Behind,
             },
-            note: row.try_get(7)?,
-        };
-        let new = || StationSettings { station: station.clone(), count, current, skus: Vec::new() };
-        stations.entry(station.clone()).or_insert_with(new).skus.push(sku);
+            note: row.try_get(5)?,
+        });
     }
     Ok(stations.into_values().collect())
 }

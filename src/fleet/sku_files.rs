@@ -226,7 +226,7 @@ impl SkuFiles {
                 self.settled(&mut inner, sku, file, version, copy.as_deref().unwrap_or_default()).map(Some)
             }
             // Removed, and nothing was ever received.
-            (None, None) if !file.is_some_and(is_released) => {
+            (None, None) if !is_released(&path_of(&inner, sku, file)) => {
                 Ok(Some(Report { version, state: ReportState::Used, note: None }))
             }
             _ => Ok(None),
@@ -246,12 +246,10 @@ impl SkuFiles {
                 if let Err(why) = valid.and_then(|()| checked(&inner.settings, sku, &text)) {
                     return Ok(refused(&mut inner, sku.key(), *version, why));
                 }
-                let before = match file {
-                    Some(file) => read_if_there(file)?,
-                    None => None,
-                };
+                let before = read_if_there(&path_of(&inner, sku, file))?;
+                let is_known = self.copy(sku)?.as_deref() == Some(&*text);
                 let report = self.settled(&mut inner, sku, file, *version, &text);
-                if let Ok(Report { state: ReportState::Used, .. }) = &report {
+                if !is_known && matches!(&report, Ok(Report { state: ReportState::Used, .. })) {
                     let before = String::from_utf8_lossy(before.as_deref().unwrap_or_default()).into_owned();
                     let before = parsed(&before).map_or(&*before, |(_, settings)| settings);
                     tracing::info!(
@@ -283,7 +281,7 @@ impl SkuFiles {
         version: i64,
         text: &str,
     ) -> io::Result<Report> {
-        let path = file.map_or_else(|| inner.folder.join(format!("{sku}.toml")), Path::to_path_buf);
+        let path = path_of(inner, sku, file);
         let found = found(&path, text)?;
         let report = |state| Ok(Report { version, state, note: None });
         if self.copy(sku)?.as_deref() != Some(text) {
@@ -313,18 +311,17 @@ impl SkuFiles {
     /// Removes the file whose release was removed.
     fn removed(&self, inner: &mut Inner, release: &Release, file: Option<&Path>) -> io::Result<Report> {
         let Release { sku, version, about, .. } = release;
-        let copy = self.copy(sku)?;
-        // Without its copy it is a local file, also after a crash at this place.
-        let was_released = copy.is_some() || file.is_some_and(is_released);
+        let (copy, path) = (self.copy(sku)?, path_of(inner, sku, file));
         let mut notice = None;
-        if let (Some(path), true) = (file, was_released) {
-            match found(path, copy.as_deref().unwrap_or_default())? {
+        // Without its copy it is a local file, also after a crash at this place.
+        if copy.is_some() || is_released(&path) {
+            match found(&path, copy.as_deref().unwrap_or_default())? {
                 Found::Nothing => {}
-                Found::Untouched => fs::remove_file(path)?,
+                Found::Untouched => fs::remove_file(&path)?,
                 Found::Changed(_) if self.local == LocalSettings::Allow => {}
                 Found::Changed(bytes) => {
-                    notice = Some(Notice::Kept { kept: keep_beside(path, &bytes)?, file: path.into() });
-                    fs::remove_file(path)?;
+                    notice = Some(Notice::Kept { kept: keep_beside(&path, &bytes)?, file: path.clone() });
+                    fs::remove_file(&path)?;
                 }
             }
             tracing::info!("received settings: {}", on_one_line(about));
@@ -397,6 +394,11 @@ fn checked(station: &JobSettings, sku: &Sku, settings: &str) -> Result<(), Strin
         Ok(Err(error)) => Err(on_one_line(&error.to_string())),
         Err(_) => Err("they cannot be read.".into()),
     }
+}
+
+/// The file of a SKU: the one that was found, or the one that is made.
+fn path_of(inner: &Inner, sku: &Sku, file: Option<&Path>) -> PathBuf {
+    file.map_or_else(|| inner.folder.join(format!("{sku}.toml")), Path::to_path_buf)
 }
 
 /// What is in a file for which this text was released last, or is released now.

@@ -118,6 +118,12 @@ fn figures_of_a_large_fleet() {
         started.elapsed().as_secs_f64()
     );
     println!("database: {}", sum("pg_size_pretty(pg_database_size(datname))"));
+    for table in ["release", "current_release", "station_release"] {
+        let size = format!(
+            "SELECT round(pg_total_relation_size('isomark.{table}') / greatest(count(*), 1)) FROM isomark.{table}"
+        );
+        println!("isomark.{table}: {} bytes for each row, with its indexes", server.sql("isomark", &size));
+    }
     let words = Instant::now();
     let status = crate::tables::fleet(&stations[0].desk, &["status", &server.url("owner")]);
     assert_eq!(status.code, 0, "{status:?}");
