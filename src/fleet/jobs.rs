@@ -220,8 +220,8 @@ async fn mark_taken(session: &Session, settings: &FleetSettings, claim: &Claim) 
 
 /// The job of a row, or why it is refused: the row comes from another computer.
 fn arriving(row: &Row, claim: &Claim) -> Result<Result<Arriving, String>, FleetError> {
-    let (name, sender): (String, String) = (row.try_get(2)?, row.try_get(3)?);
-    let hash: &str = row.try_get(4)?;
+    let text = |column: usize| row.try_get::<_, Option<&str>>(column).map(Option::unwrap_or_default);
+    let (name, sender, hash) = (text(2)?.to_owned(), text(3)?.to_owned(), text(4)?);
     let (drawing, settings, list): (Option<Vec<u8>>, _, _) =
         (row.try_get(5)?, row.try_get(6)?, row.try_get(7)?);
     let is_hash =

@@ -7,6 +7,7 @@
 //! large jobs, which never take all threads. So a small job waits for small jobs only.
 
 mod arrivals;
+mod claims;
 mod hand_out;
 mod lanes;
 mod late;
@@ -38,7 +39,7 @@ use crate::hotfolder::state::{
 };
 use crate::reason::Reason;
 
-use arrivals::Arrivals;
+use claims::Arrivals;
 use lanes::Lanes;
 use late::Late;
 use rounds::Rounds;

@@ -109,7 +109,7 @@ BEGIN
             WHERE j.line = of_it AND j.state = 'waiting' AND j.id <> ALL (its_busy)
             ORDER BY j.number LIMIT 1 FOR UPDATE SKIP LOCKED;
         IF FOUND THEN
-            RETURN QUERY SELECT j.id, j.attempt + 1, j.line, j.name, j.sender, j.inputs_blake3, i.drawing, i.settings, i.list
+            RETURN QUERY SELECT j.id, least(j.attempt, 2147483646) + 1, j.line, j.name, j.sender, j.inputs_blake3, i.drawing, i.settings, i.list
                 FROM isomark.job AS j LEFT JOIN isomark.job_inputs AS i ON i.job = j.id WHERE j.id = found_id;
             RETURN;
         END IF;

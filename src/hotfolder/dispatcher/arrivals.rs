@@ -1,7 +1,6 @@
 //! Jobs that others sent to this line: takes them into the hot folder, each once, and reports how they ended. The page of
 //! [`hotfolder`](crate::hotfolder) describes the protocol.
 
-use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -28,17 +27,6 @@ const MOST: usize = 64;
 const REPORTS: usize = 20;
 /// The largest file with a reason, bytes.
 const LARGEST_REASON: u64 = 1 << 20;
-
-/// What is known about the jobs of others besides the journal.
-#[derive(Default)]
-pub(super) struct Arrivals {
-    /// Jobs that are this station's, and whose names are taken.
-    confirmed: BTreeSet<Claim>,
-    /// Drops that are somebody else's now.
-    revoked: BTreeSet<DropId>,
-    /// The leftovers of crashes were removed.
-    is_swept: bool,
-}
 
 impl<C: Corrector> Dispatcher<'_, C> {
     /// Tells the fleet what the station has, and does what it says.
@@ -145,7 +133,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
     pub(super) fn name_jobs(&mut self) {
         let (hot, tag) = (self.folders().hot.clone(), self.executor.journal().tag().to_owned());
         let all = self.executor.journal().arrivals();
-        self.arrivals.confirmed.retain(|claim| all.iter().any(|(_, arrival)| arrival.claim == *claim));
+        let is_open = |claim: &Claim| all.iter().any(|(_, arrival)| arrival.claim == *claim);
+        self.arrivals.confirmed.retain(is_open);
+        self.arrivals.revoked.retain(|_, claim| is_open(claim));
         for (drop, arrival) in all {
             let is_ours = arrival.is_drop || self.arrivals.confirmed.contains(&arrival.claim);
             let [drawing, settings, list] = hidden(&hot, &tag, &arrival.claim.0);
@@ -215,14 +205,16 @@ impl<C: Corrector> Dispatcher<'_, C> {
             if let Some(waiting) = self.drops.get_mut(&path) {
                 waiting.block = Block::Free;
             }
-            self.arrivals.revoked.insert(drop);
+            self.arrivals.revoked.insert(drop, claim.clone());
             self.lanes.stale = true;
         }
     }
 
     /// Why a drop is not processed: the job is somebody else's now.
-    pub(super) fn is_revoked(&mut self, drop: &DropId) -> Option<Reason> {
-        self.arrivals.revoked.remove(drop).then(|| {
+    pub(super) fn is_revoked(&self, drop: &DropId) -> Option<Reason> {
+        let claim = self.arrivals.revoked.get(drop)?;
+        let is_it = self.executor.journal().arrival(drop).is_some_and(|arrival| arrival.claim == *claim);
+        is_it.then(|| {
             let what = "A person gave this job to another attempt, so this station no longer does it.";
             let remedy =
                 "Nothing, if the drawing is marked elsewhere. `isomark fleet status` shows where the job is.";

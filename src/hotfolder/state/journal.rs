@@ -20,6 +20,7 @@
 //! path and its [`Stamp`]: another file with its name is another drop.
 
 mod line;
+mod line_jobs;
 mod listing;
 mod new_journal;
 mod order;
