@@ -16,6 +16,7 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use isomark::pipeline::surface_of;
+use isomark::reason::Reason;
 use nalgebra::{Point3, Vector3};
 
 use super::fitted;
@@ -53,7 +54,7 @@ fn noise(index: usize, salt: u64) -> f64 {
 
 /// What the letters cannot show: 0.002 mm in 182 mm of lines, 0.002 mm² in 127 mm², 0.002°; and 0.05 % of a piece, which is
 /// 0.0001 mm long.
-const SLACK: [f64; 5] = [0.002, 0.002, 0.002, 0.05, 0.05];
+pub(super) const SLACK: [f64; 5] = [0.002, 0.002, 0.002, 0.05, 0.05];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
@@ -152,18 +153,26 @@ fn meshed(height: Height, kind: Kind, edge: f64, with_normals: bool) -> TriMesh 
 }
 
 pub(super) fn judged(surface: &FittedSurface, height: impl Fn(f64, f64) -> f64) -> [Distortion; 2] {
+    judged_if_on(surface, height).unwrap()
+}
+
+/// The same; `None` where the letters are not on the part.
+pub(super) fn judged_if_on(
+    surface: &FittedSurface,
+    height: impl Fn(f64, f64) -> f64,
+) -> Option<[Distortion; 2]> {
     let bytes = include_bytes!("../../examples/patterns/letters.dxf");
     let pattern = read(bytes, &PatternOptions::default()).unwrap().pattern;
     let anchor = FlatPoint::new(0.0, 2.0);
     let pattern = pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.3, anchor));
     let method = Method::Isometric(IsometricOptions::INK);
-    let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).unwrap();
+    let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).ok()?;
     let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
     let height_of = |at| surface.sampled_height(at);
     let reported =
-        quality::measure_at_most(&ink, |at| map.point(at), height_of, |at| surface.uncertainty(at)).unwrap();
+        quality::measure_at_most(&ink, |at| map.point(at), height_of, |at| surface.uncertainty(at)).ok()?;
     let truth = |at: ViewPoint| Some(height(at.x, at.y));
-    [reported, quality::measure(&ink, |at| map.point(at), truth).unwrap()]
+    Some([reported, quality::measure(&ink, |at| map.point(at), truth).ok()?])
 }
 
 /// Reported and true results: their names, the values, and how many times the true value is reported.
@@ -413,7 +422,12 @@ fn results_on_scans_and_noisy_meshes_are_upper_estimates() {
 }
 
 pub(super) fn surface_in(text: &str, format: MeshFormat) -> FittedSurface {
+    surface_of_file(text, format).unwrap()
+}
+
+/// The surface of a file in mm, z up; the reason if it is refused.
+pub(super) fn surface_of_file(text: &str, format: MeshFormat) -> Result<FittedSurface, Reason> {
     let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
     let mut reading = mesh::read(text.as_bytes(), format, &options, &BTreeMap::new()).unwrap();
-    surface_of(&reading.shape, &mut reading.facts, &PartSettings::default(), &FitOptions::default()).unwrap()
+    surface_of(&reading.shape, &mut reading.facts, &PartSettings::default(), &FitOptions::default())
 }

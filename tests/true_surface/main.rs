@@ -9,6 +9,7 @@ mod bounds;
 mod edges;
 mod exact_maps;
 mod forms;
+mod generated;
 mod causes;
 mod choice;
 mod holes;
@@ -18,6 +19,7 @@ mod waves;
 mod shading;
 mod skins;
 mod steep_scans;
+mod sweep;
 mod winding;
 
 use isomark::geometry::height_field::FacingPart;

@@ -13,6 +13,8 @@ pub(super) enum Piece {
     Line([[f64; 2]; 2]),
     /// Half axes, exponent, and x at both ends.
     Lame([f64; 2], f64, [f64; 2]),
+    /// Coefficients of the powers of x from 0 to 4, and x at both ends.
+    Quartic([f64; 5], [f64; 2]),
 }
 
 /// The largest angle between two facets of one piece, rad, as in OpenCASCADE.
@@ -38,6 +40,13 @@ impl Piece {
                     |value: f64, half: f64| (value / half).abs().powf(power - 1.0) * value.signum() / half;
                 [Vector2::new(x, z), Vector2::new(by(x, a), by(z, b)).normalize()]
             }
+            Self::Quartic(factors, ends) => {
+                let (mut z, mut slope, x) = (0.0, 0.0, between(ends));
+                for factor in factors.into_iter().rev() {
+                    (slope, z) = (slope * x + z, z * x + factor);
+                }
+                [Vector2::new(x, z), Vector2::new(-slope, 1.0).normalize()]
+            }
         }
     }
 
@@ -45,10 +54,13 @@ impl Piece {
     fn cuts(&self, deviation: f64, turn: f64) -> Vec<f64> {
         let is_fine = |count: u32| {
             (0..count).all(|step| {
+                // An S within a facet shows in its quarters.
                 let at = |part: f64| self.at((f64::from(step) + part) / f64::from(count));
-                let ([from, first], [to, last], [middle, _]) = (at(0.0), at(1.0), at(0.5));
+                let ([from, first], [to, _]) = (at(0.0), at(1.0));
                 let along = (to - from).normalize();
-                (middle - from).perp(&along).abs() <= deviation && first.dot(&last) >= turn.cos() - 1e-9
+                [0.25, 0.5, 0.75, 1.0].map(at).into_iter().all(|[point, normal]| {
+                    (point - from).perp(&along).abs() <= deviation && first.dot(&normal) >= turn.cos() - 1e-9
+                })
             })
         };
         let count = (1..1000).find(|&count| is_fine(count)).unwrap();
@@ -64,6 +76,33 @@ pub(super) struct Profile {
 }
 
 impl Profile {
+    pub(super) fn new(name: String, pieces: Vec<Piece>) -> Self {
+        Self { name, pieces }
+    }
+
+    /// The profile moved along z so that it is at z = 0 in the middle.
+    pub(super) fn levelled(mut self) -> Self {
+        let down = self.height(0.0);
+        for piece in &mut self.pieces {
+            match piece {
+                Piece::Arc(center, ..) => center[1] -= down,
+                Piece::Line(ends) => ends.iter_mut().for_each(|end| end[1] -= down),
+                Piece::Quartic(factors, _) => factors[0] -= down,
+                // It has a fixed centre.
+                Piece::Lame(..) => {}
+            }
+        }
+        self
+    }
+
+    /// Points and normals at which the profile is cut, from left to right; facets meet at `turn` at most, rad.
+    pub(super) fn cut(&self, deviation: f64, turn: f64) -> Vec<[Vector2<f64>; 2]> {
+        let cuts = self.pieces.iter().flat_map(|piece| {
+            piece.cuts(deviation, turn).into_iter().map(|share| piece.at(share)).collect::<Vec<_>>()
+        });
+        cuts.chain(self.pieces.last().map(|piece| piece.at(1.0))).collect()
+    }
+
     /// A crown of radius `top` to both sides up to `angle`, degrees, then radius `side` up to `half` mm from the middle.
     pub(super) fn oval(top: f64, side: f64, angle: f64, half: f64) -> Self {
         let turn = angle.to_radians();
@@ -178,10 +217,7 @@ impl Profile {
     /// it, in facets that meet at `turn` degrees at most and deviate by at most `deviation` mm.
     pub(super) fn revolved(&self, radius: f64, deviation: f64, turn: f64) -> TriMesh {
         let turn = turn.to_radians();
-        let cuts = self.pieces.iter().flat_map(|piece| {
-            piece.cuts(deviation, turn).into_iter().map(|share| piece.at(share)[0]).collect::<Vec<_>>()
-        });
-        let points: Vec<_> = cuts.chain(self.pieces.last().map(|piece| piece.at(1.0)[0])).collect();
+        let points: Vec<_> = self.cut(deviation, turn).into_iter().map(|[at, _]| at).collect();
         let reach = 75f64.to_radians();
         let sector = turn.min(2.0 * (1.0 - deviation / radius).acos());
         let sectors = (2.0 * reach / sector).ceil() as u32;
@@ -222,15 +258,13 @@ impl Profile {
             }
             Piece::Line([from, to]) => from[1] + (to[1] - from[1]) * (x - from[0]) / (to[0] - from[0]),
             Piece::Lame([a, b], power, _) => b * (1.0 - (x / a).abs().powf(power)).max(0.0).powf(1.0 / power),
+            Piece::Quartic(factors, _) => factors.into_iter().rev().fold(0.0, |sum, factor| sum * x + factor),
         }
     }
 
     /// The strip from y = −20 to 20 mm with exact normals, cut into rows along y. `is_merged`: facets share vertices.
     pub(super) fn strip(&self, deviation: f64, rows: u32, is_merged: bool) -> TriMesh {
-        let cuts = self.pieces.iter().flat_map(|piece| {
-            piece.cuts(deviation, LARGEST_TURN).into_iter().map(|share| piece.at(share)).collect::<Vec<_>>()
-        });
-        let points: Vec<_> = cuts.chain(self.pieces.last().map(|piece| piece.at(1.0))).collect();
+        let points = self.cut(deviation, LARGEST_TURN);
         let count = u32::try_from(points.len()).unwrap();
         let nodes = (0..=rows).flat_map(|row| {
             let y = -20.0 + 40.0 * f64::from(row) / f64::from(rows);
