@@ -100,7 +100,7 @@ struct Facet {
 /// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
-/// one: the vertex then votes for a surface.
+/// one: the vertex then votes for a surface. So does a vertex at the border of a curved face whose normal leaves the facets there.
 pub fn only_shade(mesh: &TriMesh) -> bool {
     if mesh.normals().is_empty() {
         return false;
@@ -134,7 +134,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             (estimate(part), Some(triangles))
         }
     };
-    let (mut shading, mut surface) = (0usize, 0usize);
+    let mut shading = 0usize;
+    let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     for there in &averages {
         let triangle = there.corner / 3;
         let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())
@@ -225,6 +226,34 @@ fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Opti
     Some((TriMesh::new(positions, normals, triangles).ok()?, numbers))
 }
 
+/// The different normals at a place, each with the facets that share it.
+fn normals_at<'a>(mesh: &TriMesh, facets: &'a [Facet]) -> Vec<(Vector3<f64>, Vec<&'a Facet>)> {
+    let normal =
+        |facet: &Facet| mesh.normals()[mesh.triangles()[facet.corner / 3][facet.corner % 3] as usize];
+    let mut found: Vec<(Vector3<f64>, Vec<&Facet>)> = Vec::new();
+    for facet in facets {
+        let file = normal(facet);
+        if file != Vector3::zeros() && !found.iter().any(|(other, _)| is_within(*other, file, SAME)) {
+            let shared = facets.iter().filter(|other| is_within(normal(other), file, SAME));
+            found.push((file, shared.collect()));
+        }
+    }
+    found
+}
+
+/// Number of normals at a place that are further from all facets that share them than these are from one another, as at the end
+/// of a curved face: no average of these facets is.
+fn count_leaving(mesh: &TriMesh, facets: &[Facet]) -> usize {
+    let leaves = |(file, shared): &(Vector3<f64>, Vec<&Facet>)| {
+        let [first, others @ ..] = shared.as_slice() else { return false };
+        let spread = others.iter().map(|facet| angle(facet.normal, first.normal)).fold(0.0, f64::max);
+        let off = shared.iter().map(|facet| angle(facet.normal, *file)).fold(f64::INFINITY, f64::min);
+        let reach = shared.iter().map(|facet| facet.reach).fold(0.0, f64::max);
+        off > COPLANAR.max(2.0 * spread) && off * reach / 4.0 > MIN_BULGE
+    };
+    normals_at(mesh, facets).iter().filter(|there| leaves(there)).count()
+}
+
 /// A normal of the file, and the averages that it could be.
 struct Averages {
     /// A corner that has the normal: 3·triangle + 0, 1 or 2.
@@ -243,16 +272,8 @@ struct Averages {
 impl Averages {
     /// For each different normal at a place, if the facets that share it are not coplanar.
     fn at(mesh: &TriMesh, facets: &[Facet]) -> Vec<Self> {
-        let normal =
-            |facet: &Facet| mesh.normals()[mesh.triangles()[facet.corner / 3][facet.corner % 3] as usize];
         let mut found: Vec<Self> = Vec::new();
-        for facet in facets {
-            let file = normal(facet);
-            if file == Vector3::zeros() || found.iter().any(|there| is_within(there.file, file, SAME)) {
-                continue;
-            }
-            let shared: Vec<&Facet> =
-                facets.iter().filter(|other| is_within(normal(other), file, SAME)).collect();
+        for (file, shared) in normals_at(mesh, facets) {
             let polygons = Polygon::of(&shared);
             let bends = polygons
                 .iter()
@@ -273,9 +294,10 @@ impl Averages {
                 direction(polygons.iter().map(|polygon| polygon.normal * polygon.area).sum()),
                 direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
             ];
+            let corner = shared[0].corner;
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
             let shared = shared.iter().map(|facet| facet.corner).collect();
-            found.push(Self { corner: facet.corner, shared, file, bend, averages, faces });
+            found.push(Self { corner, shared, file, bend, averages, faces });
         }
         found
     }
