@@ -2,7 +2,9 @@
 //! edge of the part, it has one vertex for each side.
 
 mod arcs;
+mod chains;
 mod creases;
+mod hidden_arcs;
 mod joining;
 mod long_sides;
 mod sections;

@@ -12,6 +12,7 @@ mod forms;
 mod generated;
 mod causes;
 mod choice;
+mod coarse;
 mod holes;
 mod noise;
 mod profiles;

@@ -264,7 +264,12 @@ impl Profile {
 
     /// The strip from y = −20 to 20 mm with exact normals, cut into rows along y. `is_merged`: facets share vertices.
     pub(super) fn strip(&self, deviation: f64, rows: u32, is_merged: bool) -> TriMesh {
-        let points = self.cut(deviation, LARGEST_TURN);
+        self.strip_turning(deviation, LARGEST_TURN, rows, is_merged)
+    }
+
+    /// The same with facets that meet at `turn` at most, rad.
+    pub(super) fn strip_turning(&self, deviation: f64, turn: f64, rows: u32, is_merged: bool) -> TriMesh {
+        let points = self.cut(deviation, turn);
         let count = u32::try_from(points.len()).unwrap();
         let nodes = (0..=rows).flat_map(|row| {
             let y = -20.0 + 40.0 * f64::from(row) / f64::from(rows);

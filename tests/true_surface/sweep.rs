@@ -1,6 +1,6 @@
 //! Reported and true results of parts drawn at random.
 //!
-//! `ISOMARK_PARTS=700 ISOMARK_SEED=1 cargo test --test true_surface -- --ignored --nocapture sweep` prints each run, and tables
+//! `ISOMARK_PARTS=700 ISOMARK_SEED=100000 cargo test --test true_surface -- --ignored --nocapture sweep` prints each run, and tables
 //! of how many results are too low and by how much.
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use isomark::formats::mesh::MeshFormat;
 
 use super::bounds::{SLACK, judged_if_on, surface_of_file};
-use super::generated::{Part, Random, Shading};
+use super::generated::{Family, Part, Random, Shading};
 
 /// Ratios of true length errors below this, mm, say nothing.
 const NOTABLE: f64 = 0.01;
@@ -89,15 +89,25 @@ fn print_table<K: Ord>(runs: &[Run], key: impl Fn(&Run) -> K, name: impl Fn(&K) 
     }
 }
 
+/// Before the report covered what facets leave open, one part in seven was too low.
+#[test]
+fn parts_drawn_at_random_are_seldom_reported_too_low() {
+    let (runs, refused) = runs(100_000..100_040, &[Shading::Missing, Shading::Exact]);
+    let low = runs.iter().filter(|run| run.is_low()).count();
+    assert!(refused == 0 && 12 * low < runs.len(), "{low} of {} are too low", runs.len());
+    let is_profile = |run: &&Run| matches!(run.part.family, Family::Turned | Family::Strip);
+    for run in runs.iter().filter(is_profile) {
+        let [reported, truth] = run.errors;
+        assert!(!run.is_low(), "{}: {truth:.4} mm are reported as {reported:.4}", run.part.name);
+    }
+}
+
 #[test]
 #[ignore = "takes minutes and prints a table"]
 fn sweep() {
-    let (parts, seed) = (number("ISOMARK_PARTS", 100), number("ISOMARK_SEED", 1));
+    let (parts, seed) = (number("ISOMARK_PARTS", 100), number("ISOMARK_SEED", 100_000));
     let all = [Shading::Missing, Shading::Exact, Shading::ByArea, Shading::ByAngle];
-    let (runs, refused) = runs(
-        (0..parts).map(|part| seed * 100_000 + part),
-        &all[..number("ISOMARK_SHADINGS", 4).min(4) as usize],
-    );
+    let (runs, refused) = runs(seed..seed + parts, &all[..number("ISOMARK_SHADINGS", 4).min(4) as usize]);
     println!("{refused} refused");
     print_table(
         &runs,

@@ -281,7 +281,7 @@ impl Steps<'_> {
 
     fn first_piece(&self, side: u32, start: Point3<f64>, across: Vector3<f64>) -> Option<Vector3<f64>> {
         let mut first = None;
-        self.facets.section_from(side as usize, start, across, |piece| {
+        self.facets.section_from(side as usize, start, across, |_, piece| {
             first = Some(piece);
             false
         });
@@ -292,7 +292,7 @@ impl Steps<'_> {
     fn beside(&self, side: u32, start: Point3<f64>, across: Vector3<f64>, least: f64) -> Beside {
         let (mut lengths, mut turns, mut count) = ([0.0; 3], [0.0; 2], 0);
         let mut last: Option<Vector3<f64>> = None;
-        let goes_on = self.facets.section_from(side as usize, start, across, |piece| {
+        let goes_on = self.facets.section_from(side as usize, start, across, |_, piece| {
             let turned = last.replace(piece).map_or(f64::INFINITY, |last| turn(last, piece, across).abs());
             if !(turned <= least) {
                 if count == lengths.len() {

@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::arcs;
 use super::creases::{Facing, Steps, matters};
+use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
 use super::{CREASE_ANGLE, Crease, NORMAL_TOLERANCE, SmoothMesh};
@@ -162,6 +163,8 @@ impl SmoothMesh {
         cut(&mut opposite, &sharp);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases();
+        let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
+        let hidden = hidden_arcs::slope_doubts(&facets, &creases);
         cut(&mut opposite, &creases);
         for &[side, other] in steps.iter().filter(|step| opposite[step[0] as usize] != NONE) {
             let (pairs, _) = facing_corners(side as usize, other as usize);
@@ -194,7 +197,7 @@ impl SmoothMesh {
         smooth.creases = smooth
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
-        smooth.slope_doubts = smooth.found_slope_doubts(&estimated);
+        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &hidden);
         smooth
     }
 

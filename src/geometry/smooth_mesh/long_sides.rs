@@ -126,7 +126,7 @@ fn bends_from(mesh: &SmoothMesh, facets: &Facets, vertex: u32, side: usize, chor
     let long = chord.norm();
     let (mut way, mut turned, mut last, mut count) = (0.0, 0.0, -chord, 0);
     let [mut weight, mut by_way, mut by_square, mut turns, mut turns_by_way] = [0.0; 5];
-    let mut add = |piece: Vector3<f64>| {
+    let mut add = |_: usize, piece: Vector3<f64>| {
         let length = piece.norm();
         turned += turn(last, piece, across);
         last = piece;

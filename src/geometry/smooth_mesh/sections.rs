@@ -34,13 +34,13 @@ impl Facets<'_> {
     }
 
     /// Follows the section in the plane at right angles to `across` from a point of a side into its triangle and on, as long as
-    /// `visit` wants more of its pieces, mm; whether there is more.
+    /// `visit` wants more of its pieces, with the triangle, mm; whether there is more.
     pub(super) fn section_from(
         &self,
         side: usize,
         start: Point3<f64>,
         across: Vector3<f64>,
-        visit: impl FnMut(Vector3<f64>) -> bool,
+        visit: impl FnMut(usize, Vector3<f64>) -> bool,
     ) -> bool {
         self.follow([start, start], across, side, MOST_BESIDE, visit)
     }
@@ -52,7 +52,7 @@ impl Facets<'_> {
         (triangle, corner): (usize, usize),
         across: Vector3<f64>,
         ahead: Vector3<f64>,
-        mut visit: impl FnMut(Vector3<f64>) -> bool,
+        mut visit: impl FnMut(usize, Vector3<f64>) -> bool,
     ) -> bool {
         let corners = self.corners(triangle);
         let [start, one, other] = [0, 1, 2].map(|turn| corners[(corner + turn) % 3]);
@@ -66,7 +66,7 @@ impl Facets<'_> {
         }
         let next = self.continued[triangle * 3 + (corner + 1) % 3];
         let has_direction = (to - start).norm() > SHORT;
-        if (!has_direction || visit(to - start)) && next != NONE {
+        if (!has_direction || visit(triangle, to - start)) && next != NONE {
             self.follow([start, to], across, next as usize, MOST_BEHIND, visit);
         }
         true
@@ -80,7 +80,7 @@ impl Facets<'_> {
         across: Vector3<f64>,
         mut side: usize,
         most: usize,
-        mut visit: impl FnMut(Vector3<f64>) -> bool,
+        mut visit: impl FnMut(usize, Vector3<f64>) -> bool,
     ) -> bool {
         for _ in 0..most {
             let corners = self.corners(side / 3);
@@ -95,7 +95,7 @@ impl Facets<'_> {
             }
             let share = (off[one] / whole).clamp(0.0, 1.0);
             let to = corners[one] + (corners[other] - corners[one]) * share;
-            if (to - from).norm() > SHORT && !visit(to - from) {
+            if (to - from).norm() > SHORT && !visit(side / 3, to - from) {
                 return true;
             }
             from = to;

@@ -1,0 +1,245 @@
+//! What the surface may be over a side whose arc nothing confirms: a CAD program cuts each arc of a profile evenly, and an arc
+//! that is cut into one facet shows only by what it continues.
+//!
+//! The sides of an extruded strip across its rulings, and of a turned part along its profile, are the chords of one curve. If it
+//! is made of tangent arcs, the normals at both ends of a chord lean from it by half the turn of its arc, and two chords turn at
+//! the vertex between them by half the turns of both arcs. Two chords of the same length are cut from one arc, which turns by as much
+//! as they do. A chord with no such neighbour takes what the arcs beyond its ends leave of the turns there; if they are
+//! not known either, all of it: the curve is between the chord and the arc that continues a flat side.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::SmoothMesh;
+use crate::geometry::adjacency::{Neighbours, facet_normal};
+
+/// Chords that their arc leaves by less than this, mm, are not looked at: fine meshes have many, and their slopes are known well.
+pub(super) const NEGLIGIBLE_BULGE: f64 = 1e-3;
+/// A side continues another one where the cosine of their angle in the tangent plane is below this.
+pub(super) const ON_ONE_LINE: f64 = -0.995;
+/// The error is largest where the part is steepest; this is its share of the mean error over the chord.
+const OF_LONE: f64 = 1.5;
+/// On a turned part the error is that of the slope along the profile only: the mean over lines in all directions.
+const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
+/// Facets contain a ruling if they are off it by at most this share of what the side turns by, or by the second value, rad.
+const RULING: f64 = 0.05;
+const ROUNDING: f64 = 1e-4;
+/// Sides are cut evenly from one arc where their lengths differ by at most this factor, and rings where they differ by at most
+/// the second.
+const EVENLY_CUT: f64 = 1.1;
+const EVEN_RING: f64 = 1.02;
+/// What mirrors each other is at right angles to the plane between it within this, rad.
+const MIRRORED: f64 = 0.05;
+/// Their normals are as far along the profile, rad.
+const MIRRORED_NORMALS: f64 = 0.01;
+/// Two chords of one length are cut from one arc if the turns at their ends differ by at most this share.
+const SAME_ARC: f64 = 0.5;
+/// A side beside an arc is flat if it takes at most this share of the turn between them.
+const NOT_FLAT: f64 = 0.25;
+/// The lengths of the chords of a smooth curve change by at most the first factor from one to the next, and these factors by at most
+/// the second.
+const MOST_STEADY: f64 = 1.6;
+const STEADY: f64 = 1.3;
+/// CAD programs cut an arc into facets that turn by at most twice this, rad.
+const MOST_LEAN: f64 = 0.25;
+/// Neighbours of a vertex among which its ring is looked for.
+const MOST_NEIGHBOURS: usize = 64;
+
+/// The curves that the sides of a mesh are chords of.
+pub(super) struct Chains<'a> {
+    mesh: &'a SmoothMesh,
+    around: &'a Neighbours,
+    /// For each vertex the mean of n·nᵀ over the normals n of its facets.
+    facets: Vec<Matrix3<f64>>,
+}
+
+impl<'a> Chains<'a> {
+    pub(super) fn of(mesh: &'a SmoothMesh, around: &'a Neighbours) -> Self {
+        let mut facets = vec![Matrix3::zeros(); mesh.positions.len()];
+        let mut counts = vec![0u32; mesh.positions.len()];
+        for (triangle, corners) in mesh.triangles.iter().enumerate() {
+            let normal = facet_normal(mesh.corners(triangle).0);
+            let product = normal * normal.transpose();
+            for &vertex in corners {
+                facets[vertex as usize] += product;
+                counts[vertex as usize] += 1;
+            }
+        }
+        facets.iter_mut().zip(counts).for_each(|(sum, count)| *sum /= f64::from(count.max(1)));
+        Self { mesh, around, facets }
+    }
+
+    /// The error of the slope over a side, rad, root mean square, if the curve through its ends is made of tangent arcs; 0 for
+    /// sides of irregular meshes.
+    pub(super) fn doubt(&self, ends: [u32; 2]) -> f64 {
+        let is_extruded = self.is_across_rulings(ends);
+        if !is_extruded && !self.is_along_profile(ends) {
+            return 0.0;
+        }
+        let of_known = if is_extruded { 1.0 } else { OF_TURNED };
+        let leans = [self.lean_at(ends[0], ends[1]), self.lean_at(ends[1], ends[0])];
+        let error = |lean: f64| {
+            let [first, last] = leans.map(|known| lean - known);
+            // The slope of a cubic with these errors of its slope at both ends.
+            ((2.0 * (first * first + last * last) + first * last) / 15.0).sqrt()
+        };
+        let ways = [[ends[1], ends[0]], [ends[0], ends[1]]];
+        match ways.map(|way| self.lean_of_arc(way)) {
+            [Some(one), Some(other)] if (one - other).abs() <= SAME_ARC * one.abs().max(other.abs()) => 0.0,
+            [Some(_), Some(_)] if self.is_ramp(ends) => 0.0,
+            // One of the two is the lean of its arc: chords of two arcs may be of one length.
+            [Some(one), Some(other)] => of_known * error(one).max(error(other)),
+            // The arc of the side is known. What does not belong to it at its last vertex is that of a lone facet, or of a flat side.
+            [Some(lean), None] if self.ends_openly(ways[1], lean) => error(lean),
+            [None, Some(lean)] if self.ends_openly(ways[0], lean) => error(lean),
+            [Some(_), None] | [None, Some(_)] => 0.0,
+            [None, None] if self.is_steady(ends) => 0.0,
+            [None, None] => {
+                let possible = ways.into_iter().filter_map(|way| self.arrives(way));
+                OF_LONE * possible.map(error).fold(0.0, f64::max)
+            }
+        }
+    }
+
+    /// Whether the arc of a side ends at its second end, and what is beyond is not known: the border of the smooth side, or a
+    /// chord that is cut from no arc.
+    fn ends_openly(&self, [from, end]: [u32; 2], lean: f64) -> bool {
+        let Some(beyond) = self.straight_on(from, end) else { return true };
+        let turn = self.turn_at(end, [from, beyond]);
+        (turn - lean).abs() > NOT_FLAT * turn.abs() && self.lean_of_arc([end, beyond]).is_none()
+    }
+
+    /// By how much the normals of an arc lean from a side if the arc continues the curve beyond the side's second end, rad.
+    fn arrives(&self, [from, end]: [u32; 2]) -> Option<f64> {
+        let beyond = self.straight_on(from, end)?;
+        let of_arc = self.lean_of_arc([end, beyond]).unwrap_or(0.0);
+        Some((self.turn_at(end, [from, beyond]) - of_arc).clamp(-MOST_LEAN, MOST_LEAN))
+    }
+
+    /// Whether the turns before, at and after a side change evenly, as those of a smooth curve do where it bends the other way.
+    fn is_ramp(&self, [one, other]: [u32; 2]) -> bool {
+        let turns = |from: u32, end: u32| {
+            let beyond = self.straight_on(from, end)?;
+            let after = self.straight_on(end, beyond)?;
+            Some([self.turn_at(end, [from, beyond]), self.turn_at(beyond, [end, after])])
+        };
+        let (Some([first, before]), Some([last, after])) = (turns(other, one), turns(one, other)) else {
+            return false;
+        };
+        let change = last - first;
+        let is_like = |near: f64| (near - change).abs() <= SAME_ARC * change.abs();
+        is_like(first - before) && is_like(after - last)
+    }
+
+    /// Whether a side is one of the chords of a smooth curve: their lengths change by steady factors, as do those of arcs and
+    /// flat sides between them by chance only.
+    fn is_steady(&self, [one, other]: [u32; 2]) -> bool {
+        let [before, after] = [[other, one], [one, other]]
+            .map(|way| self.straight_on(way[0], way[1]).map(|beyond| self.distance([way[1], beyond])));
+        let (Some(before), Some(after), here) = (before, after, self.distance([one, other])) else {
+            return false;
+        };
+        let factors = [here / before, after / here];
+        factors.into_iter().all(|factor| factor < MOST_STEADY && factor * MOST_STEADY > 1.0)
+            && factors[0] < STEADY * factors[1]
+            && factors[1] < STEADY * factors[0]
+    }
+
+    /// Whether a side is a chord of the profile of a turned part. Facets of other parts are in one line by accident, but not so
+    /// three times.
+    fn is_along_profile(&self, ends: [u32; 2]) -> bool {
+        let along = self.mesh.positions[ends[1] as usize] - self.mesh.positions[ends[0] as usize];
+        let are_on_rings = |ends: [u32; 2]| ends.into_iter().all(|end| self.is_on_ring(end, along));
+        let goes_on = |[from, end]: [u32; 2]| {
+            self.straight_on(from, end).is_none_or(|beyond| are_on_rings([end, beyond]))
+        };
+        are_on_rings(ends) && goes_on(ends) && goes_on([ends[1], ends[0]])
+    }
+
+    /// Whether the facets round both ends of a side contain one direction: that of a side at one of the ends.
+    fn is_across_rulings(&self, ends: [u32; 2]) -> bool {
+        let [one, other] = ends;
+        let turn = |[from, end]: [u32; 2]| {
+            self.straight_on(from, end).map_or(0.0, |beyond| self.turn_at(end, [from, beyond]).abs())
+        };
+        let most = (RULING * turn([one, other]).max(turn([other, one]))).max(ROUNDING).powi(2);
+        let others =
+            self.around.of_vertex(one as usize).iter().take(MOST_NEIGHBOURS).filter(|&&to| to != other);
+        others.copied().any(|to| {
+            let side = self.mesh.positions[to as usize] - self.mesh.positions[one as usize];
+            let Some(ruling) = side.try_normalize(0.0) else { return false };
+            let off = |vertex: u32| ruling.dot(&(self.facets[vertex as usize] * ruling));
+            off(one) <= most && off(other) <= most
+        })
+    }
+
+    /// By how much the normals of an arc lean from a side of it, rad, if the side that continues it at its second end is cut from
+    /// the same arc.
+    fn lean_of_arc(&self, [from, end]: [u32; 2]) -> Option<f64> {
+        let beyond = self.straight_on(from, end)?;
+        let turn = self.turn_at(end, [from, beyond]);
+        let bends = turn.abs() * self.distance([from, end]) > 8.0 * NEGLIGIBLE_BULGE;
+        (bends && self.is_even([from, end], [end, beyond], EVENLY_CUT)).then_some(turn / 2.0)
+    }
+
+    /// By how much the normal at a vertex leans away from the side to another one, rad.
+    fn lean_at(&self, from: u32, to: u32) -> f64 {
+        let along = self.mesh.positions[to as usize] - self.mesh.positions[from as usize];
+        along.try_normalize(0.0).map_or(0.0, |along| -self.mesh.normals[from as usize].dot(&along))
+    }
+
+    /// By how much two sides turn at the vertex where they meet, rad; negative where the part is concave.
+    fn turn_at(&self, vertex: u32, ends: [u32; 2]) -> f64 {
+        ends.into_iter().map(|end| self.lean_at(vertex, end)).sum()
+    }
+
+    /// The length of a side, mm.
+    fn distance(&self, [one, other]: [u32; 2]) -> f64 {
+        (self.mesh.positions[other as usize] - self.mesh.positions[one as usize]).norm()
+    }
+
+    /// Whether the lengths of two sides differ by at most a factor.
+    fn is_even(&self, one: [u32; 2], other: [u32; 2], factor: f64) -> bool {
+        let (one, other) = (self.distance(one), self.distance(other));
+        one <= factor * other && other <= factor * one
+    }
+
+    /// A step within the tangent plane of a vertex, as a unit vector; not a number for a step along the normal.
+    fn level(&self, vertex: u32, step: Vector3<f64>) -> Vector3<f64> {
+        let normal = self.mesh.normals[vertex as usize];
+        (step - normal * step.dot(&normal)).normalize()
+    }
+
+    /// The vertex beyond the end of a side, on one line with it.
+    fn straight_on(&self, from: u32, end: u32) -> Option<u32> {
+        let step =
+            |to: u32| self.level(end, self.mesh.positions[to as usize] - self.mesh.positions[end as usize]);
+        let back = step(from);
+        let others = self.around.of_vertex(end as usize).iter().copied().filter(|&other| other != from);
+        let cosines = others.map(|other| (other, step(other).dot(&back)));
+        let straightest = cosines
+            .filter(|(_, cosine)| *cosine < ON_ONE_LINE)
+            .min_by(|one, other| one.1.total_cmp(&other.1));
+        straightest.map(|(other, _)| other)
+    }
+
+    /// Whether two neighbours of a vertex mirror each other in the plane of its normal and of `along`: turned parts are cut into even
+    /// sectors. Rings bend where the profile is tilted.
+    fn is_on_ring(&self, vertex: u32, along: Vector3<f64>) -> bool {
+        let (here, normal) = (self.mesh.positions[vertex as usize], self.mesh.normals[vertex as usize]);
+        let along = self.level(vertex, along);
+        let ring = self.around.of_vertex(vertex as usize);
+        let step = |to: u32| self.mesh.positions[to as usize] - here;
+        let normal_at = |to: u32| self.mesh.normals[to as usize];
+        ring.iter().take(MOST_NEIGHBOURS).enumerate().any(|(index, &one)| {
+            ring.iter().take(index).any(|&other| {
+                let across = step(one) - step(other);
+                let limit = MIRRORED * across.norm();
+                self.is_even([vertex, one], [vertex, other], EVEN_RING)
+                    && across.dot(&along).abs() < limit
+                    && across.dot(&normal).abs() < limit
+                    && across.norm() > self.distance([vertex, one])
+                    && (normal_at(one) - normal_at(other)).dot(&along).abs() < MIRRORED_NORMALS
+            })
+        })
+    }
+}

@@ -1,0 +1,141 @@
+//! Coarse tessellations on which nothing shows how the part runs between the vertices: the report covers what it may be. The truth
+//! are the circles that the profiles are made of, and ruled surfaces between them.
+
+use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::mesh::TriMesh;
+use isomark::geometry::shading;
+use isomark::geometry::space::View;
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use nalgebra::{Point3, Vector3};
+
+use super::bounds::{SLACK, judged};
+use super::profiles::Profile;
+
+/// Collects a part whose length error is reported too low.
+fn check(name: &str, mesh: &TriMesh, height: impl Fn(f64, f64) -> f64, failures: &mut Vec<String>) {
+    let surface = FittedSurface::of_part(&FacingPart::new(mesh, &View::top()), &FitOptions::default());
+    let [reported, truth] = judged(&surface.unwrap(), height).map(|of| of.length_error);
+    println!("{name:44} {reported:8.4} {truth:8.4} {:5.2}", reported / truth);
+    if reported < truth - SLACK[0] {
+        failures.push(format!("{name}: {truth:.4} is reported as {reported:.4}"));
+    }
+}
+
+fn bare(mesh: &TriMesh) -> TriMesh {
+    TriMesh::new(mesh.positions().to_vec(), Vec::new(), mesh.triangles().to_vec()).unwrap()
+}
+
+/// Parallels of a turned part are no straight lines of it where the profile is tilted.
+#[test]
+fn arcs_of_one_facet_on_turned_parts_are_in_the_report() {
+    const RADIUS: f64 = 30.0;
+    let mut failures = Vec::new();
+    for profile in [
+        Profile::oval(100.0, 30.0, 6.0, 24.0),
+        Profile::bottle(20.0, 25.0, 24.0),
+        Profile::filleted(8.7, 14.6, 28.0, 24.0),
+        Profile::stadium(7.9, 23.5, 24.0),
+    ] {
+        for turn in [20.0, 22.5, 28.6] {
+            let mesh = profile.revolved(RADIUS, 1.0, turn);
+            let height = |x: f64, y: f64| profile.revolved_height(RADIUS, x, y);
+            check(&format!("{} {turn} deg", profile.name), &mesh, height, &mut failures);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// One arc ends where the next, of the same radius, bends the other way: their chords have one length.
+#[test]
+fn two_equal_arcs_that_bend_opposite_ways_are_not_taken_for_one() {
+    let mut failures = Vec::new();
+    for (radius, angle) in [(15.6, 17.5), (21.6, 9.1), (23.7, 8.9)] {
+        for turn in [10.0, 15.0] {
+            let profile = Profile::bottle(radius, angle, 24.0);
+            let mesh = profile.revolved(48.0, 1.0, turn);
+            let height = |x: f64, y: f64| profile.revolved_height(48.0, x, y);
+            check(&format!("{} {turn} deg", profile.name), &mesh, height, &mut failures);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// The facets of a hollow arc meet at one corner, as those of a roof do, and the arcs beside it leave no corner at its ends.
+#[test]
+fn hollow_arcs_of_two_facets_are_not_taken_for_valleys() {
+    let mut failures = Vec::new();
+    for (hollow, side, angle) in [(60.8, 22.3, 17.6), (59.0, 14.6, 18.4), (67.2, 34.3, 17.2)] {
+        for rows in [1, 3] {
+            let profile = Profile::waist(hollow, side, angle, 24.0);
+            let mesh = bare(&profile.strip_turning(1.0, 22.5f64.to_radians(), rows, true));
+            check(&format!("{} {rows} rows", profile.name), &mesh, |x, _| profile.height(x), &mut failures);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// Part of a cylinder of radius `radius` about an axis along y, ±25 mm wide, in facets of equal width, with exact normals.
+fn cylinder(radius: f64, facets: u32, rows: u32) -> TriMesh {
+    let reach = (25.0 / radius).asin();
+    let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..=rows {
+        for column in 0..=facets {
+            let angle = reach * (2.0 * f64::from(column) / f64::from(facets) - 1.0);
+            let normal = Vector3::new(angle.sin(), 0.0, angle.cos());
+            let y = 50.0 * (f64::from(row) / f64::from(rows) - 0.5);
+            positions.push(Point3::new(radius * normal.x, y, radius * (normal.z - 1.0)));
+            normals.push(normal);
+            if row > 0 && column > 0 {
+                let d = row * (facets + 1) + column;
+                let b = d - facets - 1;
+                triangles.extend([[b - 1, b, d], [b - 1, d, d - 1]]);
+            }
+        }
+    }
+    TriMesh::new(positions, normals, triangles).unwrap()
+}
+
+#[test]
+fn exact_normals_at_the_borders_of_an_arc_are_not_shading() {
+    for radius in [60.0, 102.0, 122.0] {
+        for (facets, rows) in [(2, 1), (2, 8), (2, 12)] {
+            let mesh = cylinder(radius, facets, rows);
+            assert!(!shading::only_shade(&mesh), "{radius} {facets} {rows}");
+            let mut failures = Vec::new();
+            let height = |x: f64, _: f64| (radius * radius - x * x).sqrt() - radius;
+            check(&format!("cylinder {radius}, {facets} x {rows}"), &mesh, height, &mut failures);
+            assert!(failures.is_empty(), "{failures:#?}");
+        }
+    }
+}
+
+/// Ruled surfaces from one circle to another in one row of facets: their normals are exact, and what they twist by between the two
+/// ends is not known.
+#[test]
+fn twisted_surfaces_with_exact_normals_are_upper_estimates() {
+    let mut failures = Vec::new();
+    for (one, other, count) in [(132.0, -160.0, 3), (106.0, 400.0, 4), (140.0, 59.0, 6), (50.0, 132.0, 8)] {
+        let arc = |radius: f64, x: f64| radius.signum() * ((radius * radius - x * x).sqrt() - radius.abs());
+        let slope = |radius: f64, x: f64| -radius.signum() * x / (radius * radius - x * x).sqrt();
+        let share = |y: f64| (y + 25.0) / 50.0;
+        let height = |x: f64, y: f64| arc(one, x) * (1.0 - share(y)) + arc(other, x) * share(y);
+        let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        for (row, y) in [(0, -25.0), (1, 25.0)] {
+            for column in 0..=count {
+                let x = 25.0 * (2.0 * f64::from(column) / f64::from(count) - 1.0);
+                let along_x = slope(one, x) * (1.0 - share(y)) + slope(other, x) * share(y);
+                let along_y = (arc(other, x) - arc(one, x)) / 50.0;
+                positions.push(Point3::new(x, y, height(x, y)));
+                normals.push(Vector3::new(-along_x, -along_y, 1.0).normalize());
+                if row > 0 && column > 0 {
+                    let d = (count + 1 + column) as u32;
+                    let b = column as u32;
+                    triangles.extend([[b - 1, b, d], [b - 1, d, d - 1]]);
+                }
+            }
+        }
+        let mesh = TriMesh::new(positions, normals, triangles).unwrap();
+        check(&format!("radius {one} to {other}, {count} facets"), &mesh, height, &mut failures);
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
