@@ -68,13 +68,15 @@ impl SmoothMesh {
         let doubt = |triangle: usize| {
             let Some(own) = normals.get(slots[triangle] as usize) else { return 0.0 };
             let (mut squares, mut count) = (0.0, 0.0);
+            let is_extruded = is_on_strip(self.turns(triangle));
             for (side, normal) in own.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
                 let Some(beyond) = slots.get(other / 3).and_then(|&slot| normals.get(slot as usize)) else {
                     continue;
                 };
                 let apart = normal.cross(&beyond[other % 3]).norm() / 2.0;
-                squares += apart.max(self.twist_doubt(triangle, side, normal)).powi(2);
+                let of_twist = if is_extruded { 0.0 } else { self.twist_doubt(triangle, side, normal) };
+                squares += apart.max(of_twist).powi(2);
                 count += 1.0;
             }
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
@@ -110,12 +112,9 @@ impl SmoothMesh {
     fn lean_doubt(&self, triangle: usize, estimated: &[bool], around: &Neighbours) -> f64 {
         let corners = self.triangles[triangle];
         let ends = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
-        let turns =
-            ends.map(|[one, other]| (self.normals[other as usize] - self.normals[one as usize]).norm());
-        let largest = turns.into_iter().fold(0.0, f64::max);
         let leans = ends.map(|[one, other]| self.lean(one, other));
         let most_lean = leans.into_iter().map(|(_, lean)| lean.abs()).fold(0.0, f64::max);
-        let is_extruded = turns.into_iter().any(|turn| turn <= RULING * largest);
+        let is_extruded = is_on_strip(self.turns(triangle));
         let is_revolved = leans.into_iter().any(|(_, lean)| lean.abs() <= OF_RINGS * most_lean);
         if !is_extruded && !is_revolved {
             return 0.0;
@@ -134,6 +133,12 @@ impl SmoothMesh {
             excess.min(lean.abs()) * share
         };
         [0, 1, 2].map(|side| of_side((ends[side], leans[side]))).into_iter().fold(0.0, f64::max)
+    }
+
+    /// By how much the normals at the ends of each side of a triangle turn, no unit.
+    fn turns(&self, triangle: usize) -> [f64; 3] {
+        let [a, b, c] = self.corners(triangle).1;
+        [(b - a).norm(), (c - b).norm(), (a - c).norm()]
     }
 
     /// From one vertex to another, mm, and by how much the normals at both lean towards the other, rad.
@@ -186,4 +191,10 @@ impl SmoothMesh {
             length * turn > (8.0 * NEGLIGIBLE_BULGE).powi(2)
         })
     }
+}
+
+/// Whether a triangle whose normals turn by so much along its sides belongs to an extruded strip.
+fn is_on_strip(turns: [f64; 3]) -> bool {
+    let largest = turns.into_iter().fold(0.0, f64::max);
+    turns.into_iter().any(|turn| turn <= RULING * largest)
 }
