@@ -153,6 +153,12 @@ fn drops_do_not_wait_for_a_slow_database() {
     let proxy = Proxy::to(server.port);
     proxy.delay(Duration::from_secs(2));
     let station = Station::of("laser1", &proxy.url("laser1"));
+    // The connection takes some 25 s; each of its steps has the whole time limit.
+    let logins =
+        || server.sql("isomark", "SELECT count(*) > 0 FROM pg_stat_activity WHERE usename = 'laser1'");
+    waits_for("the login", || logins() == "t", || station.log());
+    let beats = || server.sql("isomark", "SELECT count(*) FROM isomark.station WHERE name = 'laser1'");
+    waits_for("a sign of life", || beats() == "1", || station.log());
     station.waits_for_fleet(1);
     for (index, sku) in ["a", "b", "c"].into_iter().enumerate() {
         works(&station, sku, 1.0 + index as f64 * 0.1);
