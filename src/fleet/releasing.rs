@@ -1,6 +1,7 @@
 //! How the office releases settings, and what the stations do with them.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use serde::Serialize;
 use tokio_postgres::types::Type;
@@ -17,6 +18,10 @@ use crate::config::Sku;
 const VERSIONS: i64 = 1000;
 /// SKUs that are listed for each station, those first whose settings are not the released ones.
 const SKUS: i64 = 500;
+/// How long the comparison of all stations with all releases may take: 500,000 rows took 5 s on a busy computer.
+const PATIENCE: Duration = Duration::from_secs(65);
+/// The same for the server, which gives up first.
+const PATIENCE_OF_SERVER: &str = "SET statement_timeout = '60s'";
 /// Names of stations among which a mistyped one is searched.
 const STATIONS: i64 = 1000;
 
@@ -278,13 +283,14 @@ const COMPARED: &str = "WITH wanted AS (SELECT s.name AS station, c.sku, c.versi
      WHERE NOT w.removed OR EXISTS (SELECT FROM isomark.release AS r \
      WHERE r.sku = h.sku AND r.version = h.version AND r.blake3 IS NOT NULL))";
 
-/// What each station does with the releases for it.
+/// What each station does with the releases for it. The last question of a session, because the server may take longer for it.
 pub(super) async fn by_station(session: &Session) -> Result<Vec<StationSettings>, FleetError> {
     let counts = format!(
         "{COMPARED} SELECT station, count(*), count(*) FILTER (WHERE state = 'current') FROM compared GROUP BY station"
     );
     let mut stations: BTreeMap<String, StationSettings> = BTreeMap::new();
-    for row in &session.rows(&counts, &[]).await? {
+    session.batch(PATIENCE_OF_SERVER).await?;
+    for row in &session.rows_within(PATIENCE, &counts, &[]).await? {
         let station: String = row.try_get(0)?;
         let (count, current) = (row.try_get(1)?, row.try_get(2)?);
         let settings = StationSettings { station: station.clone(), count, current, skus: Vec::new() };
@@ -296,7 +302,7 @@ pub(super) async fn by_station(session: &Session) -> Result<Vec<StationSettings>
          WHERE state <> 'current' OR NOT EXISTS (SELECT FROM last) OR sku <= (SELECT sku FROM last)) \
          SELECT station, left(sku, 300), released, version, state, note FROM placed WHERE place <= $1 ORDER BY station, place"
     );
-    for row in &session.rows(&listed, &[(&SKUS, Type::INT8)]).await? {
+    for row in &session.rows_within(PATIENCE, &listed, &[(&SKUS, Type::INT8)]).await? {
         let Some(settings) = stations.get_mut(row.try_get::<_, &str>(0)?) else { continue };
         settings.skus.push(SkuSettings {
             sku: row.try_get(1)?,
