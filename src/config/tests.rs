@@ -528,7 +528,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("fixture.y_mm", "+3", &[]),
     ("fixture.z_mm", ".5", &[]),
     ("fleet.certificate", "plant-ca.pem", FLEET),
-    ("fleet.lines", "['cups', 'mugs']", FLEET),
+    ("fleet.lines", "cups,mugs", FLEET),
     ("fleet.local_settings", "allow", FLEET),
     ("fleet.name", "laser 2", FLEET),
     ("fleet.password_file", "secret.txt", FLEET),
@@ -706,10 +706,12 @@ fn changed_file(settings: &[(&str, &str)]) -> toml::Table {
         let list = |items: Vec<toml::Value>| toml::Value::Array(items);
         let text = |text: &str| toml::Value::String(text.into());
         let value = match (*name, *value) {
-            ("correction.mapping_domain_as_printed" | "page.names", items) => {
+            ("correction.mapping_domain_as_printed" | "page.names" | "fleet.lines", items) => {
                 list(items.split(',').map(text).collect())
             }
-            ("content.codes" | "content.shifts" | "content.csv", value) => value.parse().unwrap(),
+            ("content.codes" | "content.shifts" | "content.csv" | "route.rules", value) => {
+                value.parse().unwrap()
+            }
             ("pattern.ink_layers" | "fill.layers", item) => list(vec![text(item)]),
             ("placement.place_mm", _) => list(vec![0.into(), 60.into()]),
             ("optics.axis_mm", _) => list(vec![3.into(), (-2).into()]),
