@@ -561,6 +561,18 @@ fn a_list_gives_a_drawing_for_each_row() {
     }
 }
 
+/// What a single drawing warns of, a list warns of once.
+#[test]
+fn a_list_reports_the_warnings_of_its_drawings() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{serial:04} {csv:LOT}")));
+    let output = listed(&desk, LIST, &["--set", &codes("qr", "{serial}", "")]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    let missing = "row 1: warning: no qr code is marked: the drawing has nothing on the layer DM";
+    assert!(output.err.contains(missing) && output.err.matches("no qr code").count() == 1, "{}", output.err);
+}
+
 #[test]
 fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
     let desk = Desk::new();

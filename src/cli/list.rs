@@ -9,9 +9,11 @@ use super::outcome::{Failure, Outcome, print_json, tell};
 use crate::config::BadRows;
 use crate::formats::list::{LeftOut, List, Product, Row};
 use crate::pipeline::{ListJob, PatternInput, PipelineError};
-use crate::reason::Reason;
+use crate::reason::{Reason, Severity};
 use crate::report::ListReport;
 
+/// Most different warnings that are reported: those of single rows could be many.
+const MOST_WARNINGS: usize = 50;
 /// Least digits of the number in the names of the drawings.
 const DIGITS: usize = 4;
 
@@ -23,7 +25,7 @@ pub(super) fn run(job: &Job, list: &Path, folder: &Path, is_json: bool) -> Outco
     let date = job.settings.content.values.date.map(|date| date.to_string());
     let report = ListReport::new(job.sku.as_str(), &file, &name_of(job.pattern)?, date);
     let list = ListJob::new(&file, &job.sku, &job.drawing, &job.settings, 0);
-    let mut listed = Listed { job, list, report };
+    let mut listed = Listed { job, list, report, warned: BTreeSet::new() };
     let mut left_out = BTreeSet::new();
     let mut rows = 0u64;
     let rows_of =
@@ -77,6 +79,8 @@ struct Listed<'j> {
     job: &'j Job<'j>,
     list: ListJob<'j>,
     report: ListReport,
+    /// The warnings that were reported.
+    warned: BTreeSet<String>,
 }
 
 enum WriteError {
@@ -85,7 +89,7 @@ enum WriteError {
 }
 
 impl Listed<'_> {
-    fn write(&self, out: &Path, row: &Row) -> Result<(), WriteError> {
+    fn write(&mut self, out: &Path, row: &Row) -> Result<(), WriteError> {
         let settings = &self.list.settings_of(row).map_err(WriteError::Rejected)?;
         let Job { sku, pipeline, learned, pattern, drawing, verify, .. } = self.job;
         let name = name_of(pattern).map_err(WriteError::Failed)?;
@@ -95,6 +99,12 @@ impl Listed<'_> {
             Err(PipelineError::Rejected(reason)) => return Err(WriteError::Rejected(reason)),
             Err(error) => return Err(WriteError::Failed(error.into())),
         };
+        for notice in corrected.report.notices.iter().filter(|notice| notice.severity == Severity::Warning) {
+            // What all drawings have in common is reported once.
+            if self.warned.len() < MOST_WARNINGS && self.warned.insert(notice.message.clone()) {
+                tell(&format!("row {}: warning: {}", row.number, notice.message));
+            }
+        }
         let dxf = std::mem::take(&mut corrected.dxf);
         let written = match corrected.is_to_be_read_back(*verify) {
             true => write_file_if(out, &dxf, |file| corrected.read_back(file)),

@@ -61,7 +61,7 @@ fn no_value(field: &str, why: Option<&str>) -> Reason {
     let remedy = match name.split(':').next().unwrap_or_default() {
         "serial" => {
             "Give it with `isomark correct --content serial=17`, as `serial` under [content] in the settings beside the drawing, or with \
-             `--list`; in a station, drop a list beside the drawing".to_owned()
+             `--list`; in a station, drop a list of the same name before the drawing".to_owned()
         }
         "date" => "Give a known format, and the date with `isomark correct --date` or as `date` under [content]".to_owned(),
         "shift" => {
@@ -71,7 +71,8 @@ fn no_value(field: &str, why: Option<&str>) -> Reason {
         "csv" => {
             let column = name.split_once(':').map_or("COLUMN", |(_, column)| column);
             format!(
-                "Give it with `isomark correct --content \"csv.{column}=VALUE\"`, or in this column of the list"
+                "Give it with `isomark correct --content \"csv.{column}=VALUE\"`, or in this column of the list; in a station, drop the list \
+                 before the drawing"
             )
         }
         _ => "Write the field without a format".to_owned(),

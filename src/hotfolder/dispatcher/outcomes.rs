@@ -256,7 +256,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
     /// Logs the companions that nothing has taken along until this moment.
     pub(super) fn log_unclaimed(&mut self, now: Moment) {
         for (path, words) in self.late.take_unclaimed(now) {
-            if self.drops.get(&path).is_some_and(|drop| drop.block == Block::Unclaimed) {
+            let waits = self.drops.get(&path).is_some_and(|drop| drop.block == Block::Unclaimed);
+            if waits && !self.drops.has_pattern_beside(&path) {
                 tracing::info!("{words}");
             }
         }

@@ -1,6 +1,7 @@
 //! The drops in the hot folder, and the state of each.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -68,6 +69,8 @@ pub(crate) struct Drops {
     parts: BTreeMap<Sku, usize>,
     /// Drops that may belong to a part or pattern beside them.
     companions: BTreeSet<PathBuf>,
+    /// The same by their folded paths without extension.
+    by_stem: BTreeMap<String, BTreeSet<PathBuf>>,
     /// Settings beside patterns, by their folded paths without extension: the spelling of a name does not matter.
     sidecars: BTreeMap<String, PathBuf>,
     /// How many drops have arrived so far.
@@ -124,6 +127,7 @@ impl Drops {
         let part = if let Ok(Meaning::Part(sku)) = &meaning { Some(sku.clone()) } else { None };
         if meaning == Ok(Meaning::Companion) || is_picture(&relative.to_string_lossy()) {
             self.companions.insert(path.clone());
+            self.by_stem.entry(folded_stem(&path)).or_default().insert(path.clone());
         }
         if is_file && is_sidecar(relative) {
             self.sidecars.insert(folded_stem(&path), path.clone());
@@ -164,8 +168,15 @@ impl Drops {
     /// Forgets a drop that is no longer in the hot folder.
     pub(crate) fn forget(&mut self, path: &Path) {
         let Some(drop) = self.all.remove(path) else { return };
-        self.companions.remove(path);
         let stem = folded_stem(path);
+        if self.companions.remove(path)
+            && let Some(of_stem) = self.by_stem.get_mut(&stem)
+        {
+            of_stem.remove(path);
+            if of_stem.is_empty() {
+                self.by_stem.remove(&stem);
+            }
+        }
         if self.sidecars.get(&stem).is_some_and(|sidecar| sidecar == path) {
             self.sidecars.remove(&stem);
         }
@@ -216,7 +227,15 @@ impl Drops {
 
     /// The companions beside a drop that may still be written.
     pub(crate) fn settling_beside(&self, path: &Path, now: Moment, times: &SettleTimes) -> BTreeSet<PathBuf> {
-        let beside = self.companions.iter().filter(|companion| companion.parent() == path.parent());
+        let is_pattern =
+            self.all.get(path).is_some_and(|drop| matches!(drop.meaning, Ok(Meaning::Pattern { .. })));
+        // Only files of its own name belong to a drawing: there may be thousands of others.
+        let companions = match is_pattern {
+            true => self.by_stem.get(&folded_stem(path)),
+            false => Some(&self.companions),
+        };
+        let companions = companions.into_iter().flatten();
+        let beside = companions.filter(|companion| companion.parent() == path.parent());
         let settles = |companion: &&PathBuf| {
             let drop = self.all.get(*companion);
             drop.is_some_and(|drop| matches!(drop.settle.verdict(now, times), Verdict::Wait(_)))
@@ -227,6 +246,19 @@ impl Drops {
     /// The settings that were seen beside a pattern, in any spelling of their name.
     pub(crate) fn sidecar_beside(&self, pattern: &Path) -> Option<PathBuf> {
         self.sidecars.get(&folded_stem(pattern)).cloned()
+    }
+
+    /// Whether the drawing that a companion belongs to is there, too.
+    pub(crate) fn has_pattern_beside(&self, companion: &Path) -> bool {
+        let stem = companion.with_extension("");
+        let name = stem.file_name().map(OsStr::to_os_string).unwrap_or_default();
+        let starts_so = |path: &Path| {
+            let own = path.file_name().unwrap_or_default().as_encoded_bytes();
+            path.parent() == companion.parent() && own.starts_with(name.as_encoded_bytes())
+        };
+        let near = self.all.range(stem.clone()..).take_while(|(path, _)| starts_so(path));
+        near.filter(|(path, _)| path.file_stem() == Some(name.as_os_str()))
+            .any(|(_, drop)| matches!(drop.meaning, Ok(Meaning::Pattern { .. })))
     }
 
     /// Ends the pauses of all drops that wait for another attempt.
