@@ -317,7 +317,8 @@ impl Drops {
     pub(crate) fn companion_arrived(&mut self, companion: &Path) {
         let folder = companion.parent();
         for (path, drop) in &mut self.all {
-            if path.parent() == folder && drop.sku().is_some() {
+            // Comparing folders takes long beside thousands of drops.
+            if drop.settle.lacks_companion() && path.parent() == folder && drop.sku().is_some() {
                 drop.settle.companion_came();
             }
         }

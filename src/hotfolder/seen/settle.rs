@@ -141,6 +141,11 @@ impl Settle {
         self.gap = Some(gap);
     }
 
+    /// Whether a file that belongs to it was missing.
+    pub fn lacks_companion(&self) -> bool {
+        self.gap == Some(Gap::Companion)
+    }
+
     /// Records that a missing file may have arrived: read this file again.
     pub fn companion_came(&mut self) {
         if self.gap == Some(Gap::Companion) {
