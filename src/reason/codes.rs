@@ -2017,6 +2017,14 @@ const CODES: &[Code] = &[
         "Nothing to do if the part looks complete.",
     ]),
     notice([
+        "sheet-unit",
+        "The sheet in paper space is plotted in another unit than that of the file.",
+        "Programs plot a sheet in inches or millimetres, and it is usually drawn in that unit, whatever the unit of the model is. isomark \
+         reads it in the unit of the file. The message gives the size in both.",
+        "Compare the size with the drawing. If it is wrong, set the unit of the drawing ($INSUNITS) in the CAD program to that of the sheet, and \
+         export it again.",
+    ]),
+    notice([
         "unit-assumed",
         "The file does not state its unit reliably, so isomark chose one.",
         "The message gives the unit and why it was chosen. As a note the choice is certain or usual; as a warning \

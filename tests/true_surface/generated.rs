@@ -74,10 +74,13 @@ pub(super) struct Part {
     /// The largest angle between the normals of neighbouring vertices, degrees.
     pub(super) turn: f64,
     /// The exact height, mm.
-    pub(super) height: Box<dyn Fn(f64, f64) -> f64>,
+    pub(super) height: Height,
     net: Net,
     is_merged: bool,
 }
+
+/// The height at a place, mm.
+type Height = Box<dyn Fn(f64, f64) -> f64>;
 
 /// Vertices with the normals of the surface, and triangles.
 struct Net {
@@ -146,7 +149,7 @@ impl Part {
         ]);
         let is_mirrored = random.next().is_multiple_of(2);
         let is_merged = random.next().is_multiple_of(2);
-        let (name, net, height): (String, Net, Box<dyn Fn(f64, f64) -> f64>) = match family {
+        let (name, net, height): (String, Net, Height) = match family {
             Family::Turned | Family::TurnedCurve => {
                 let profile = profile(random, family == Family::TurnedCurve);
                 let radius = random.between(26.0, 80.0);
@@ -278,7 +281,7 @@ fn walk(random: &mut Random) -> Profile {
         }
         let radius = random.between(2.3, 5.0).exp();
         let length = random.between(4.0, 25.0);
-        let is_convex = random.next() % 3 > 0;
+        let is_convex = !random.next().is_multiple_of(3);
         let turn = (length / radius).min(1.0) * if is_convex { 1.0 } else { -1.0 };
         let to = (tilt + turn).clamp(-steepest, steepest);
         if (to - tilt).abs() < 0.03 {

@@ -13,6 +13,7 @@ use super::code_page::CodePage;
 use super::items::Remarks;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Structure};
+use crate::formats::pattern::Space;
 use crate::geometry::pattern::{Layer, Path};
 use crate::reason::Notice;
 
@@ -134,7 +135,26 @@ pub(super) fn size_notices(structure: &Structure, facts: &mut PatternFacts, opti
         );
         facts.notices.push(Notice::warning("unit-pixels", message));
     }
+    facts.notices.extend(sheet_notice(structure, facts, options));
     facts.notices.extend(size_notice(facts));
+}
+
+/// A sheet is usually drawn in the unit in which it is plotted, which may be another one than that of the model.
+fn sheet_notice(structure: &Structure, facts: &PatternFacts, options: &PatternOptions) -> Option<Notice> {
+    let Space::Paper(name) = &options.space else { return None };
+    let sheet = structure.sheet(name.as_deref()).ok()?;
+    let plotted = structure.sheet_unit(&sheet)?;
+    if options.unit.is_some() || plotted == facts.unit {
+        return None;
+    }
+    let size = format!("{:.3} x {:.3} mm", facts.size[0], facts.size[1]);
+    let [width, height] = facts.size.map(|side| side * plotted.in_mm() / facts.unit.in_mm());
+    let message = format!(
+        "the sheet is plotted in {plotted}, and the file's unit is {}: if the sheet is drawn in {plotted}, it is {width:.3} x {height:.3} \
+         mm, not {size}. Check the size",
+        facts.unit
+    );
+    Some(Notice::warning("sheet-unit", message))
 }
 
 /// The repair of extra first points by the old FreeCAD exporter.

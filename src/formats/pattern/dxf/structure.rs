@@ -9,6 +9,7 @@ use super::budget::{Budget, Cost};
 use super::code_page::CodePage;
 use super::colour::nearest_index;
 use super::scan::{Pair, Scan};
+use crate::formats::pattern::DrawingUnit;
 use crate::formats::pattern::error::{EntityName, PatternReadError};
 use crate::geometry::pattern::Color;
 
@@ -38,6 +39,8 @@ pub(super) struct Structure {
     layer_names: Names,
     /// Names of the sheets in paper space, by the keys of their blocks.
     sheet_names: BTreeMap<String, String>,
+    /// The units in which the sheets are plotted, by the keys of their blocks.
+    sheet_units: BTreeMap<String, DrawingUnit>,
     /// Names of blocks by the handles of their table entries, until the sheets are known.
     block_handles: BTreeMap<String, String>,
 }
@@ -188,6 +191,11 @@ impl Structure {
                 sheets: sheets.into_iter().map(|(name, _)| name).collect(),
             }),
         }
+    }
+
+    /// The unit in which a sheet is plotted, if the file states it.
+    pub(super) fn sheet_unit(&self, sheet: &Sheet) -> Option<DrawingUnit> {
+        self.sheet_units.get(&sheet.block).copied()
     }
 
     /// The entry of the layer table with this name, in upper or lower case.
@@ -423,8 +431,20 @@ fn layout(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
     let own = start.map_or(pairs, |start| &pairs[start..]);
     let text = |code: i32| own.iter().find(|pair| pair.code == code).map(|pair| scan.text(pair));
     let block = text(330).and_then(|handle| found.block_handles.get(&handle.to_uppercase()));
-    if let (Some(block), Some(name)) = (block, text(1)) {
-        found.sheet_names.insert(block.clone(), name);
+    let Some(block) = block.cloned() else { return };
+    // Of the settings for plotting, in front: 0 is inches, 1 millimetres.
+    let plotting = start.map_or(&[][..], |start| &pairs[..start]);
+    let unit = plotting.iter().find(|pair| pair.code == 72).map(|pair| scan.text(pair));
+    let unit = match unit.as_deref().map(str::trim) {
+        Some("0") => Some(DrawingUnit::Inch),
+        Some("1") => Some(DrawingUnit::Millimetre),
+        _ => None,
+    };
+    if let Some(unit) = unit {
+        found.sheet_units.insert(block.clone(), unit);
+    }
+    if let Some(name) = text(1) {
+        found.sheet_names.insert(block, name);
     }
 }
 

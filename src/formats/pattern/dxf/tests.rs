@@ -132,6 +132,20 @@ fn the_sheet_of_a_drawing_in_paper_space_is_read() {
 }
 
 #[test]
+fn a_sheet_that_is_plotted_in_another_unit_is_reported_with_both_sizes() {
+    let viewport = "0\nVIEWPORT\n8\n0\n67\n1\n";
+    let (before, after) = sheets("", viewport);
+    let plotted = |unit: &str| {
+        let objects = after.replace("AcDbPlotSettings\n", &format!("AcDbPlotSettings\n72\n{unit}\n"));
+        read(&drawing(&before, &line(20, true), &objects), &paper(None)).unwrap()
+    };
+    // The drawing is in millimetres.
+    assert!(notice(&plotted("1"), "sheet-unit").is_none() && notice(&plotted("2"), "sheet-unit").is_none());
+    let words = notice(&plotted("0"), "sheet-unit").unwrap().to_owned();
+    assert!(words.contains("508.000 x 0.000 mm, not 20.000 x 0.000 mm"), "{words}");
+}
+
+#[test]
 fn several_sheets_are_chosen_by_name_or_listed() {
     let (before, after) = sheets(&line(30, true), &line(40, false));
     let bytes = drawing(&before, &(line(7, false) + &line(20, true)), &after);
