@@ -47,7 +47,7 @@ pub use fill::{FillSettings, FocusSettings};
 pub use fleet::FleetSettings;
 pub(crate) use layers::is_same_layer;
 pub use lens_table::LENS_TABLE_COLUMNS;
-#[cfg(feature = "station")]
+#[cfg(any(feature = "cli", feature = "fleet"))]
 pub(crate) use live::sku_files;
 pub use live::{LiveSettings, SettingsEvent};
 pub use overrides::Overrides;
