@@ -1787,6 +1787,14 @@ const CODES: &[Code] = &[
         "Write only the settings of this drawing into the file.",
     ]),
     notice([
+        "sheet-unit",
+        "The sheet in paper space is plotted in another unit than that of the file.",
+        "Programs plot a sheet in inches or millimetres, and it is usually drawn in that unit, whatever the unit of the model is. isomark \
+         reads it in the unit of the file. The message gives the size in both.",
+        "Compare the size with the drawing. If it is wrong, set the unit of the drawing ($INSUNITS) in the CAD program to that of the sheet, and \
+         export it again.",
+    ]),
+    notice([
         "size-implausible",
         "The part's size is implausible.",
         "Its longest side is outside the range of products on a marking table. Usually the unit is wrong.",
@@ -2015,14 +2023,6 @@ const CODES: &[Code] = &[
         "The header states fewer facets than the file could contain. Some programs append their own data. The \
          bytes were ignored.",
         "Nothing to do if the part looks complete.",
-    ]),
-    notice([
-        "sheet-unit",
-        "The sheet in paper space is plotted in another unit than that of the file.",
-        "Programs plot a sheet in inches or millimetres, and it is usually drawn in that unit, whatever the unit of the model is. isomark \
-         reads it in the unit of the file. The message gives the size in both.",
-        "Compare the size with the drawing. If it is wrong, set the unit of the drawing ($INSUNITS) in the CAD program to that of the sheet, and \
-         export it again.",
     ]),
     notice([
         "unit-assumed",
