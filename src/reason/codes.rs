@@ -1761,6 +1761,14 @@ const CODES: &[Code] = &[
          none has the name in the settings. The reason lists the sheets with content.",
         "Name the sheet: `space = \"paper:NAME\"` (`--space paper:NAME`), or set `space = \"model\"`.",
     ]),
+    notice([
+        "sheet-unit",
+        "The sheet in paper space is plotted in another unit than that of the file.",
+        "Programs plot a sheet in inches or millimetres, and it is usually drawn in that unit, whatever the unit of the model is. isomark \
+         reads it in the unit of the file. The message gives the size in both.",
+        "Compare the size with the drawing. If it is wrong, set the unit of the drawing ($INSUNITS) in the CAD program to that of the sheet, and \
+         export it again.",
+    ]),
     reason([
         "sidecar-late",
         "The settings of a drawing arrived after the drawing was delivered.",
@@ -1785,14 +1793,6 @@ const CODES: &[Code] = &[
         "The settings beside the drawing are too large.",
         "A file with a few settings is never this large; it is probably another file with the extension `.toml`.",
         "Write only the settings of this drawing into the file.",
-    ]),
-    notice([
-        "sheet-unit",
-        "The sheet in paper space is plotted in another unit than that of the file.",
-        "Programs plot a sheet in inches or millimetres, and it is usually drawn in that unit, whatever the unit of the model is. isomark \
-         reads it in the unit of the file. The message gives the size in both.",
-        "Compare the size with the drawing. If it is wrong, set the unit of the drawing ($INSUNITS) in the CAD program to that of the sheet, and \
-         export it again.",
     ]),
     notice([
         "size-implausible",
