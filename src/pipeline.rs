@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use crate::cache::{Cache, CacheKey, CachedSurface, Shared, SharedSurfaces};
 use crate::config::{
-    self, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Weighting,
+    self, Aim, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Weighting,
 };
 use crate::diff;
 use crate::formats::Pace;
@@ -518,6 +518,7 @@ fn hash(bytes: &[u8]) -> String {
 fn weights(settings: &CorrectionSettings) -> WeightsReport {
     WeightsReport {
         weighting: settings.weighting.name().into(),
+        aim: settings.aim.name().into(),
         length_weight: settings.length_weight,
         angle_weight: settings.angle_weight,
     }
@@ -526,7 +527,13 @@ fn weights(settings: &CorrectionSettings) -> WeightsReport {
 fn method(settings: &JobSettings) -> Method {
     let JobSettings { part, correction, .. } = settings;
     let options = match correction.weighting {
-        Weighting::Ink => IsometricOptions::INK.emphasised(correction.length_weight, correction.angle_weight),
+        Weighting::Ink => match correction.aim {
+            Aim::Balanced => IsometricOptions::INK,
+            Aim::Lengths => IsometricOptions::LENGTHS,
+            Aim::Areas => IsometricOptions::AREAS,
+            Aim::Shapes => IsometricOptions::SHAPES,
+        }
+        .emphasised(correction.length_weight, correction.angle_weight),
         Weighting::Uniform => IsometricOptions::UNIFORM,
     };
     match (correction.method, part.primitive.map(|primitive| (primitive, primitive.form()))) {

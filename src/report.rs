@@ -286,6 +286,9 @@ pub enum MapReport {
 pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
+    /// What is kept first with `ink`: `balanced`, `lengths`, `areas` or `shapes`. Absent from older reports.
+    #[serde(default)]
+    pub aim: String,
     /// Factor on the weight of line lengths.
     pub length_weight: f64,
     /// Factor on the weight of angles.

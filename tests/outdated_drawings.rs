@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use isomark::config::{
-    Align, Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method, OutsideMark,
-    Vertices, ViewSource, Weighting, canonical,
+    Aim, Align, Anchor, DxfVersion, Field, FieldOrigin, FloaterWeights, JobSettings, Losses, Method,
+    OutsideMark, Vertices, ViewSource, Weighting, canonical,
 };
 use isomark::formats::mesh::{LengthUnit, PartFile, UpAxis};
 use isomark::formats::pattern::DrawingUnit;
@@ -221,6 +221,7 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
         ),
         ("method", Dxf, nothing, |s| s.correction.method = Method::None),
         ("weighting", Dxf, nothing, |s| s.correction.weighting = Weighting::Uniform),
+        ("aim", Dxf, nothing, |s| s.correction.aim = Aim::Shapes),
         ("length_weight", Dxf, nothing, |s| s.correction.length_weight = 4.0),
         ("angle_weight", Dxf, nothing, |s| s.correction.angle_weight = 4.0),
         ("floater_weights", Dxf, floater, |s| s.correction.floater_weights = FloaterWeights::MeanValue),

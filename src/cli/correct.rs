@@ -52,11 +52,15 @@ pub(super) struct CorrectArguments {
     /// Where `isometric` keeps lengths first: on the ink (default), or uniform over the drawing's rectangle.
     #[arg(long, help_heading = CORRECTION)]
     weighting: Option<String>,
-    /// Weight of the lengths of lines, 0.1 to 10, default 1; needs `--weighting ink`.
-    #[arg(long, value_name = "TIMES", help_heading = CORRECTION, allow_hyphen_values = true)]
+    /// What is kept first on the ink where the part is curved in two directions: balanced (default), lengths of lines, areas, or
+    /// shapes (angles). `isomark evaluate` compares them.
+    #[arg(long, value_name = "WHAT", help_heading = CORRECTION)]
+    aim: Option<String>,
+    /// Factor on the weight of lengths, 0.1 to 10; use `--aim` instead.
+    #[arg(long, value_name = "TIMES", hide = true, allow_hyphen_values = true)]
     length_weight: Option<String>,
-    /// Weight of angles, 0.1 to 10, default 1; needs `--weighting ink`. More gives truer shapes and less true lengths.
-    #[arg(long, value_name = "TIMES", help_heading = CORRECTION, allow_hyphen_values = true)]
+    /// Factor on the weight of angles, 0.1 to 10; use `--aim` instead.
+    #[arg(long, value_name = "TIMES", hide = true, allow_hyphen_values = true)]
     angle_weight: Option<String>,
     /// Points of the corrected lines: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
     #[arg(long, value_name = "WHICH", help_heading = CORRECTION)]
@@ -256,6 +260,7 @@ impl CorrectArguments {
             &[
                 ("--method", "correction.method", self.method.as_ref()),
                 ("--weighting", "correction.weighting", self.weighting.as_ref()),
+                ("--aim", "correction.aim", self.aim.as_ref()),
                 ("--length-weight", "correction.length_weight", self.length_weight.as_ref()),
                 ("--angle-weight", "correction.angle_weight", self.angle_weight.as_ref()),
                 ("--vertices", "correction.vertices", self.vertices.as_ref()),

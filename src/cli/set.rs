@@ -132,7 +132,10 @@ pub(super) fn useless_to_a_comparison(name: &str) -> Option<&'static str> {
     match (name, name.split_once('.').map_or(name, |(table, _)| table)) {
         ("correction.method", _) => Some("`--method` names the methods to compare"),
         (
-            "correction.weighting" | "correction.floater_weights" | "correction.mapping_domain_as_printed",
+            "correction.weighting"
+            | "correction.aim"
+            | "correction.floater_weights"
+            | "correction.mapping_domain_as_printed",
             _,
         ) => Some("`isomark evaluate` compares all choices of it"),
         ("correction.tolerance_mm" | "correction.vertices", _) | (_, "output" | "delivery") => {

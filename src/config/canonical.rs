@@ -18,7 +18,7 @@
 use std::fmt::Write;
 
 use super::choices::{
-    Align, Converter, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
+    Aim, Align, Converter, DxfVersion, FloaterWeights, FocusSteps, Method, StrokesChoice, Vertices, Weighting,
 };
 use super::content::{CodeSettings, ContentSettings, Placeholder};
 use super::fill::{FillSettings, FocusSettings};
@@ -231,6 +231,7 @@ impl Text {
         let CorrectionSettings {
             method,
             weighting,
+            aim,
             floater_weights,
             mapping_domain,
             length_weight,
@@ -242,6 +243,7 @@ impl Text {
         } = settings;
         self.word("correction.method", (*method != Method::Auto).then_some(method));
         self.word("correction.weighting", (*weighting != Weighting::Ink).then_some(weighting));
+        self.word("correction.aim", (*aim != Aim::Balanced).then_some(aim));
         let is_given = *floater_weights != FloaterWeights::Uniform;
         self.word("correction.floater_weights", is_given.then_some(floater_weights));
         self.mapping_domain(mapping_domain);

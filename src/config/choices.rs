@@ -211,6 +211,21 @@ choices! {
 }
 
 choices! {
+    /// What `isometric` keeps first where lengths, areas and angles cannot all be kept.
+    Aim, "aim" {
+        /// All three.
+        #[default]
+        Balanced = "balanced",
+        /// The lengths of lines.
+        Lengths = "lengths",
+        /// The sizes of inked areas, and of cells that lines enclose.
+        Areas = "areas",
+        /// The angles of the ink.
+        Shapes = "shapes",
+    }
+}
+
+choices! {
     /// What is done with a drawing that shows ink which cannot be read.
     Losses, "losses" {
         /// It is rejected, with a list of what cannot be read.

@@ -8,8 +8,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::choices::{
-    Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape, Slip,
-    Smoothing, StrokesChoice, TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
+    Aim, Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, PartShape,
+    Slip, Smoothing, StrokesChoice, TilesAs, Vertices, Weighting, numbers, parse_axis, parse_facing,
 };
 use super::content_keys::{ContentKeys, SerialKeys};
 use super::error::ConfigError;
@@ -110,6 +110,7 @@ pub(super) struct PlacementKeys {
 pub(super) struct CorrectionKeys {
     method: Option<Method>,
     weighting: Option<Weighting>,
+    aim: Option<Aim>,
     floater_weights: Option<FloaterWeights>,
     mapping_domain_grid: Option<Spanned<usize>>,
     mapping_domain_intervals: Option<Spanned<usize>>,
@@ -586,6 +587,7 @@ impl CorrectionKeys {
         let correction = &mut to.correction;
         correction.method = self.method.unwrap_or(correction.method);
         correction.weighting = self.weighting.unwrap_or(correction.weighting);
+        correction.aim = self.aim.unwrap_or(correction.aim);
         correction.vertices = self.vertices.unwrap_or(correction.vertices);
         correction.floater_weights = self.floater_weights.unwrap_or(correction.floater_weights);
         let domain = &mut correction.mapping_domain;

@@ -36,8 +36,8 @@ mod error;
 mod suggest;
 
 pub use choices::{
-    Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights, FocusSteps,
-    LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice,
+    Aim, Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights,
+    FocusSteps, LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice,
     TilesAs, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use content::{CodeSettings, ContentSettings, Placeholder, SerialSettings, ShiftSettings};

@@ -1,7 +1,7 @@
 //! The settings of one job, besides its part and its pattern. Lengths in mm, angles in rad.
 
 use super::choices::{
-    Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip,
+    Aim, Align, Converter, DxfVersion, FieldOrigin, FloaterWeights, Losses, Method, OutsideMark, Slip,
     StrokesChoice, TilesAs, Vertices, Weighting,
 };
 use super::content::ContentSettings;
@@ -286,13 +286,15 @@ pub struct CorrectionSettings {
     pub method: Method,
     /// Where lengths are kept first.
     pub weighting: Weighting,
+    /// What is kept first under [`Weighting::Ink`].
+    pub aim: Aim,
     /// How `floater` weights a vertex's neighbours.
     pub floater_weights: FloaterWeights,
     /// How fine `mapping-domain` is.
     pub mapping_domain: MappingDomainOptions,
-    /// Weight of the lengths of lines under [`Weighting::Ink`]; 1 is usual.
+    /// Factor on the weight that the aim gives to the lengths of lines; 1 is usual.
     pub length_weight: f64,
-    /// Weight of angles under [`Weighting::Ink`]; 1 is usual.
+    /// The same for angles.
     pub angle_weight: f64,
     /// Greatest distance between the corrected polyline and the true curve, mm.
     pub tolerance: f64,
@@ -312,6 +314,7 @@ impl Default for CorrectionSettings {
         Self {
             method: Method::default(),
             weighting: Weighting::default(),
+            aim: Aim::default(),
             floater_weights: FloaterWeights::default(),
             mapping_domain: MappingDomainOptions::THESIS,
             length_weight: 1.0,

@@ -494,6 +494,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("content.serial", "17", &[]),
     ("content.shift", "late", &[]),
     ("content.shifts", SHIFTS, &[]),
+    ("correction.aim", "areas", &[]),
     ("correction.angle_weight", "2", &[]),
     ("correction.floater_weights", "mean-value", &[]),
     ("correction.length_weight", "0.5", &[]),

@@ -6,7 +6,7 @@ use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
 use super::{checks, chords, hash, measured, method, program, weights};
 use crate::cache::PartOrigin;
-use crate::config::{CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
+use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::correction::Projection;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::mapping::{self, LengthTrueMap};
@@ -126,9 +126,12 @@ fn variants(method: Method, given: &CorrectionSettings) -> Vec<(String, Correcti
         (name.to_owned(), CorrectionSettings { mapping_domain, ..given.clone() })
     };
     match method {
-        Method::Isometric => [Weighting::Ink, Weighting::Uniform]
-            .map(|weighting| (weighting.to_string(), CorrectionSettings { weighting, ..given.clone() }))
-            .into(),
+        Method::Isometric => {
+            let aims = Aim::ALL.iter().map(|aim| (Weighting::Ink, *aim, format!("aim {aim}")));
+            let uniform = (Weighting::Uniform, Aim::default(), Weighting::Uniform.to_string());
+            let of = |(weighting, aim, name)| (name, CorrectionSettings { weighting, aim, ..given.clone() });
+            aims.chain([uniform]).map(of).collect()
+        }
         Method::MappingDomain => vec![
             domain("corrected", AsPrinted::NOTHING),
             domain("Simpson as printed", AsPrinted::SIMPSON),

@@ -1906,7 +1906,7 @@ const CODES: &[Code] = &[
          cannot lie on such a surface without stretch, and the map distributes it as well as possible. Noise, edges and \
          coarse facets stretch lines, too.",
         "Make the drawing smaller, split it into several jobs, or place it where the part is less curved. \
-         `length_weight` and `angle_weight` under [correction] change what is kept first.",
+         `aim` under [correction] sets what is kept first.",
     ]),
     both([
         "surface-fit-failed",
@@ -2082,8 +2082,8 @@ const CODES: &[Code] = &[
     notice([
         "weights-unused",
         "Weights are set that have no effect.",
-        "`length_weight` and `angle_weight` under [correction] apply to `weighting = \"ink\"` only.",
-        "Remove the weights, or set `weighting = \"ink\"`.",
+        "`aim`, `length_weight` and `angle_weight` under [correction] apply to `weighting = \"ink\"` only.",
+        "Remove them, or set `weighting = \"ink\"`.",
     ]),
     notice([
         "wide-lines",

@@ -543,8 +543,8 @@ fn inputs(body: &mut Markup, report: &Report) {
 fn method_text(map: &MapReport) -> String {
     match map {
         MapReport::Isometric { weights, .. } => format!(
-            "isometric, weighting {}, length weight {}, angle weight {}",
-            weights.weighting, weights.length_weight, weights.angle_weight
+            "isometric, weighting {}, aim {}, length weight {}, angle weight {}",
+            weights.weighting, weights.aim, weights.length_weight, weights.angle_weight
         ),
         MapReport::Cylinder { radius_mm, .. } => format!("cylinder, radius {radius_mm:.3} mm"),
         MapReport::Cone { half_angle_deg, .. } => {

@@ -354,6 +354,7 @@ fn wrong_usage() {
         ("--facing 0,0,0", ["`0,0,0`", "--facing", "direction"]),
         ("--method magic", ["`magic`", "--method", "`isometric`"]),
         ("--weighting heavy", ["`heavy`", "--weighting", "`uniform`"]),
+        ("--aim far", ["`far`", "--aim", "`shapes`"]),
         ("--part-unit furlong", ["furlong", "--part-unit", "mm"]),
         (
             "--tolerance 0",

@@ -31,6 +31,7 @@ const SHORT_FORMS: &[(&str, &str, &str, &[&str])] = &[
     ("--anchor", "placement.anchor", "[-1e6, 0]", &[]),
     ("--method", "correction.method", "magic", &[]),
     ("--weighting", "correction.weighting", "heavy", &[]),
+    ("--aim", "correction.aim", "far", &[]),
     ("--align", "placement.align", "crest", &[]),
     ("--vertices", "correction.vertices", "none", &[]),
     ("--floater-weights", "correction.floater_weights", "even", &[]),
@@ -276,6 +277,7 @@ fn a_setting_is_given_once_and_where_it_has_an_effect() {
     for (setting, why) in [
         ("correction.method=cone", "`--method`"),
         ("correction.weighting=ink", "compares all choices"),
+        ("correction.aim=areas", "compares all choices"),
         ("output.dxf=R12", "writes no drawing"),
         ("fixture.x_mm=3", "without field and lens"),
         ("log.keep=3", "only `isomark watch` uses it"),

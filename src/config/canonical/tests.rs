@@ -36,6 +36,7 @@ placement.rotate_rad bfe0000000000000
 placement.align axis
 correction.method mapping-domain
 correction.weighting uniform
+correction.aim shapes
 correction.floater_weights mean-value
 correction.mapping_domain_grid 12
 correction.mapping_domain_intervals 8
@@ -115,6 +116,7 @@ pub(crate) fn everything() -> JobSettings {
         correction: CorrectionSettings {
             method: Method::MappingDomain,
             weighting: Weighting::Uniform,
+            aim: Aim::Shapes,
             floater_weights: FloaterWeights::MeanValue,
             mapping_domain: MappingDomainOptions {
                 grid: 12,
@@ -209,6 +211,7 @@ fn the_names_in_the_text_are_pinned() {
     assert_eq!(Method::NAMES, methods);
     assert_eq!(Align::NAMES, ["view", "axis"]);
     assert_eq!(Weighting::NAMES, ["ink", "uniform"]);
+    assert_eq!(Aim::NAMES, ["balanced", "lengths", "areas", "shapes"]);
     assert_eq!(FloaterWeights::NAMES, ["uniform", "mean-value"]);
     assert_eq!(Vertices::NAMES, ["adaptive", "keep"]);
     assert_eq!(DxfVersion::NAMES, ["R2000", "R12", "R12-lines"]);

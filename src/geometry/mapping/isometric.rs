@@ -5,15 +5,18 @@
 //! their shapes are visible. The empty space between them is not, so it may be distorted: its small weight only keeps
 //! the parts of the drawing in their places.
 
+mod enclosed;
 mod fold;
 mod geodesics;
 mod options;
+mod rounds;
 mod strain;
 
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::IsometricOptions;
-use self::strain::{Sample, Strain, places_of_ink, samples};
+use self::rounds::EvenMap;
+use self::strain::{Fineness, Sample, Strain, Weights, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
@@ -75,8 +78,10 @@ const ENERGY_TOLERANCE: f64 = 0.03;
 const NO_STRAIN: f64 = 1e-12;
 /// Maximum number of steps on the fine grid.
 const MAX_STEPS: usize = 20;
-/// Maximum number of steps on the coarse grid; the fine grid continues from there.
+/// Maximum number of steps of the even map on the coarse grid; the fine grid continues from there.
 const COARSE_STEPS: usize = 3;
+/// Maximum number of steps on the coarse grid before the rounds on the fine one.
+const START_STEPS: usize = 2;
 /// A step is shortened to no less than this share. If the energy still does not decrease, the surface is too rough for
 /// its derivatives.
 const SHORTEST: f64 = 1.0 / 64.0;
@@ -87,8 +92,12 @@ const MAX_LAST_STEP: f64 = 0.05;
 /// Weight of the pin relative to the mean strain's weight of 1: the anchor moves far less than a galvo resolves.
 const PIN_WEIGHT: f64 = 1e4;
 
-/// Lines with more pieces are gathered at about this number of places.
-const MOST_PLACES: usize = 3000;
+/// Weight of the sizes of cells that lines enclose, relative to that of inked areas: the lines are the ink.
+const CELLS: f64 = 0.25;
+/// How finely the ink is sampled on the coarse grid …
+const COARSE: Fineness = Fineness { most_places: 3000, parts: 2 };
+/// … and on the fine one.
+const FINE: Fineness = Fineness { most_places: 3000, parts: 3 };
 
 /// The problem that a map solves.
 struct Task<'a> {
@@ -108,8 +117,8 @@ impl IsometricMap {
     /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened where they would overshoot
     /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
     /// which are exact where the surface is developable, continue on a grid with cells of twice the side and end on
-    /// the fine grid. The limit for the angle error of the ink comes from the map with equal weights, which is
-    /// computed first.
+    /// the fine grid, where [`rounds`] of weighting make the map true where the options ask for it. The limit for the angle
+    /// error of the ink comes from the map with equal weights, which is computed first.
     ///
     /// # Errors
     /// See [`IsometricError`].
@@ -119,27 +128,42 @@ impl IsometricMap {
         anchor: FlatPoint,
         options: &IsometricOptions,
     ) -> Result<Self, IsometricError> {
+        let with_cells = enclosed::with_enclosed_cells(ink);
+        let ink = with_cells.as_ref().unwrap_or(ink);
         let mut extents = ink.extents;
         extents.include(anchor.coords());
         let (knots_s, knots_t) = coarse_grid(&extents, options);
         let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
         let mut map = Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false };
-        let solver = GridSolver::new(knots_s.control_points(), knots_t.control_points())?;
-        let even = samples((&knots_s, &knots_t), ink, &IsometricOptions::UNIFORM, MOST_PLACES);
-        let even_steps = if options.is_even() { COARSE_STEPS } else { 1 };
+        let solver = map.solver()?;
+        let is_even = options.is_even() || ink.pieces.is_empty() && ink.squares.is_empty();
+        let even = map.samples(ink, &Weights::EVEN, COARSE);
+        let even_steps = if is_even { COARSE_STEPS } else { 1 };
         map.descend(&Task { surface, samples: &even, anchor, cap: f64::INFINITY }, &solver, even_steps)?;
-        let mut cap = f64::INFINITY;
-        if !options.is_even() {
-            let places = places_of_ink((&knots_s, &knots_t), ink, options, MOST_PLACES);
-            let angles = places.iter().map(|sample| map.strain(surface, sample));
-            cap = options.angle_cap * angles.map(|strain| strain.angle_error()).fold(0.0, f64::max);
-            let inked = samples((&knots_s, &knots_t), ink, options, MOST_PLACES);
-            map.descend(&Task { surface, samples: &inked, anchor, cap }, &solver, COARSE_STEPS)?;
+        if is_even {
+            map.refine();
+            let solver = map.solver()?;
+            let fine = map.samples(ink, &Weights::EVEN, FINE);
+            let task = Task { surface, samples: &fine, anchor, cap: f64::INFINITY };
+            map.settled = map.descend(&task, &solver, MAX_STEPS)?;
+        } else {
+            let inked = map.samples(ink, &Weights::START, COARSE);
+            let task = Task { surface, samples: &inked, anchor, cap: f64::INFINITY };
+            let even = EvenMap::measure(&map, &task);
+            map.descend(&Task { cap: even.angle, ..task }, &solver, START_STEPS)?;
+            map.refine();
+            let solver = map.solver()?;
+            let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
+            let options = IsometricOptions { area_weight: of_cells * options.area_weight, ..*options };
+            let mut fine = map.samples(ink, &options.weights(), FINE);
+            map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver)?;
+            if !map.settled {
+                // The part is rough: sums of squares with steps that are as short as they must be.
+                let fine = map.samples(ink, &Weights::START, FINE);
+                let task = Task { surface, samples: &fine, anchor, cap: even.angle };
+                map.settled = map.descend(&task, &solver, MAX_STEPS)?;
+            }
         }
-        map.refine();
-        let solver = GridSolver::new(map.knots_s.control_points(), map.knots_t.control_points())?;
-        let fine = samples((&map.knots_s, &map.knots_t), ink, options, MOST_PLACES);
-        map.settled = map.descend(&Task { surface, samples: &fine, anchor, cap }, &solver, MAX_STEPS)?;
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
         }
@@ -165,6 +189,14 @@ impl IsometricMap {
             }
         }
         total
+    }
+
+    fn solver(&self) -> Result<GridSolver<2>, SolveError> {
+        GridSolver::new(self.knots_s.control_points(), self.knots_t.control_points())
+    }
+
+    fn samples(&self, ink: &Ink, weights: &Weights, fineness: Fineness) -> Vec<Sample> {
+        samples((&self.knots_s, &self.knots_t), ink, weights, fineness)
     }
 
     /// Lowers the energy until it converges or the steps are used up; returns whether it converged.
@@ -259,25 +291,38 @@ impl IsometricMap {
     }
 
     fn linearised(&self, task: &Task) -> NormalEquations<2> {
+        self.equations(task.anchor, task.samples, |place| {
+            let strain = self.strain(task.surface, &place[0]);
+            let mut observed = ComposedSum::default();
+            for sample in place {
+                strain.observe(sample, task.cap, |weight, residual, derivative| {
+                    observed.add(derivative, -residual, weight);
+                });
+            }
+            (observed, strain.basis)
+        })
+    }
+
+    /// The equations of a step from what is observed at each place, with the pin at the anchor.
+    fn equations(
+        &self,
+        anchor: FlatPoint,
+        samples: &[Sample],
+        mut observe: impl FnMut(&[Sample]) -> (ComposedSum<3, 2>, [[f64; 16]; 3]),
+    ) -> NormalEquations<2> {
         let mut equations =
             NormalEquations::new(self.knots_s.control_points(), self.knots_t.control_points());
-        for cell in task.samples.chunk_by(|a, b| a.cell() == b.cell()) {
+        for cell in samples.chunk_by(|a, b| a.cell() == b.cell()) {
             let mut sum = CellSum::default();
             for place in cell.chunk_by(Sample::is_at) {
-                let strain = self.strain(task.surface, &place[0]);
-                let mut observed = ComposedSum::default();
-                for sample in place {
-                    strain.observe(sample, task.cap, |weight, residual, derivative| {
-                        observed.add(derivative, -residual, weight);
-                    });
-                }
-                sum.add_composed(&observed, &strain.basis);
+                let (observed, basis) = observe(place);
+                sum.add_composed(&observed, &basis);
             }
             equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
         }
         let mut pinned = CellSum::default();
-        self.pin(task.anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
-        let (s, t) = (self.knots_s.span(task.anchor.x), self.knots_t.span(task.anchor.y));
+        self.pin(anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
+        let (s, t) = (self.knots_s.span(anchor.x), self.knots_t.span(anchor.y));
         equations.add_cell(s, t, &pinned);
         // A control point at a corner far from all ink may be almost undetermined; this fixes it.
         equations.add_third_difference_penalty(1e-10);

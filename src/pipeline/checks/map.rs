@@ -12,7 +12,8 @@ use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::pipeline::causes::Cause;
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{
-    CachedSurface, CorrectionSettings, Distortion, Ink, JobSettings, LengthTrueMap, Method, Sku, Weighting,
+    Aim, CachedSurface, CorrectionSettings, Distortion, Ink, JobSettings, LengthTrueMap, Method, Sku,
+    Weighting,
 };
 use crate::reason::{Notice, Place, Reason};
 
@@ -142,13 +143,14 @@ pub(in crate::pipeline) fn settled(
         tracing::warn!("{sku}: {text}");
         notices.push(Notice::warning("map-unsettled", text));
     }
-    let CorrectionSettings { weighting, length_weight, angle_weight, .. } = settings.correction;
-    if weighting == Weighting::Uniform && (length_weight, angle_weight) != (1.0, 1.0) {
+    let CorrectionSettings { weighting, aim, length_weight, angle_weight, .. } = settings.correction;
+    let is_given = aim != Aim::Balanced || (length_weight, angle_weight) != (1.0, 1.0);
+    if weighting == Weighting::Uniform && is_given {
         notices.push(Notice::warning(
             "weights-unused",
             format!(
-                "the length weight of {length_weight} and the angle weight of {angle_weight} have no effect with the \
-                 weighting `uniform`; they apply to `ink`"
+                "the aim `{aim}`, the length weight of {length_weight} and the angle weight of {angle_weight} have no \
+                 effect with the weighting `uniform`; they apply to `ink`"
             ),
         ));
     }

@@ -1,21 +1,21 @@
-//! The weights of the strain.
+//! What a map keeps first.
 
-/// The weights of the strain. Each weight multiplies a mean square, so only their ratios matter.
+use super::strain::Weights;
+
+/// What a map keeps first. The weights of the strains multiply mean squares, so only their ratios matter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IsometricOptions {
     /// Weight of the strain along the drawing's own lines.
     pub line_weight: f64,
-    /// Weight of the area strain over the inked area.
+    /// Weight of the strain of the inked area.
     pub area_weight: f64,
-    /// Weight of the strain in all directions equally at the ink: along the lines and over the inked area. A small
-    /// weight improves lengths and areas further, but shapes are sheared.
-    pub shape_weight: f64,
+    /// Weight of the largest angle error at the ink.
+    pub angle_weight: f64,
+    /// Largest accepted angle error at the ink, as a multiple of the one with equal weights over the box.
+    pub angle_limit: f64,
     /// Weight of the strain in all directions equally over the whole box, inked or not. With a small weight, the
     /// parts of the drawing move relative to each other.
     pub box_weight: f64,
-    /// The angle error from which on the ink resists shear, as a multiple of the largest one with equal weights over the box;
-    /// infinite for no resistance. Filled areas may exceed it by about a tenth.
-    pub angle_cap: f64,
     /// Side of a cell of the map, mm.
     pub cell: f64,
     /// Minimum and maximum number of cells in the box.
@@ -27,36 +27,40 @@ impl IsometricOptions {
     pub const UNIFORM: Self = Self {
         line_weight: 0.0,
         area_weight: 0.0,
-        shape_weight: 0.0,
+        angle_weight: 0.0,
+        angle_limit: f64::INFINITY,
         box_weight: 1.0,
-        angle_cap: f64::INFINITY,
         cell: 1.5,
         cells: [200, 900],
     };
-    /// More weight on the ink.
+    /// Lengths, areas and angles of the ink together.
     ///
-    /// With much more weight on the lines, the inside of large filled shapes rotates relative to their outline; with
-    /// much less on areas, `e_a` of a filled disc is worse than with [`Self::UNIFORM`].
+    /// With a limit of 1, samples that are closer than the solver's would find a little more than the even map's shear.
     pub const INK: Self = Self {
         line_weight: 1.0,
-        area_weight: 2.0,
-        shape_weight: 0.5,
-        box_weight: 0.1,
-        angle_cap: 1.0,
+        area_weight: 5.0,
+        angle_weight: 0.22,
+        angle_limit: 0.97,
+        box_weight: 0.006,
         ..Self::UNIFORM
     };
+    /// The lengths of lines first; the ink may shear half as much again as with [`Self::UNIFORM`].
+    pub const LENGTHS: Self = Self { area_weight: 1.5, angle_weight: 0.1, angle_limit: 1.5, ..Self::INK };
+    /// The sizes of inked areas first.
+    pub const AREAS: Self = Self { line_weight: 0.2, area_weight: 40.0, ..Self::INK };
+    /// The shapes of the ink first: its angles.
+    pub const SHAPES: Self = Self { angle_weight: 4.0, ..Self::INK };
 
-    /// The same options with the weight of lines multiplied by `lengths` and the weights of shapes by `angles`.
+    /// The same options with the weight of lines multiplied by `lengths` and the weight of angles by `angles`.
     pub fn emphasised(self, lengths: f64, angles: f64) -> Self {
-        Self {
-            line_weight: self.line_weight * lengths,
-            shape_weight: self.shape_weight * angles,
-            box_weight: self.box_weight * angles,
-            ..self
-        }
+        Self { line_weight: self.line_weight * lengths, angle_weight: self.angle_weight * angles, ..self }
+    }
+
+    pub(super) fn weights(&self) -> Weights {
+        Weights { line: self.line_weight, area: self.area_weight, shape: 0.0, paper: self.box_weight }
     }
 
     pub(super) fn is_even(&self) -> bool {
-        self.line_weight == 0.0 && self.area_weight == 0.0 && self.shape_weight == 0.0
+        self.line_weight == 0.0 && self.area_weight == 0.0 && self.angle_weight == 0.0
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::IsometricOptions;
+use super::rounds::Scales;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
 use crate::geometry::surface::nurbs::SurfaceJet;
@@ -18,11 +18,44 @@ pub(super) struct Sample {
     pub(super) t: Basis,
     /// Unit direction of the line at this place; zero without a line.
     direction: Vector2<f64>,
-    line: f64,
-    area: f64,
-    all_round: f64,
+    pub(super) line: f64,
+    pub(super) area: f64,
+    pub(super) all_round: f64,
     /// Its share of the ink.
-    pub(super) ink: f64,
+    ink: f64,
+    /// The weight of its angle error; at first its share of the ink.
+    pub(super) angle: f64,
+}
+
+/// The weights of the samples' strains. Each multiplies a mean square.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Weights {
+    /// Of the strain along the drawing's own lines.
+    pub(super) line: f64,
+    /// Of the strain of inked areas.
+    pub(super) area: f64,
+    /// Of the strain in all directions equally at the ink: along the lines and over the inked area.
+    pub(super) shape: f64,
+    /// Of the strain in all directions equally over the whole box.
+    pub(super) paper: f64,
+}
+
+impl Weights {
+    /// Equal weight over the box.
+    pub(super) const EVEN: Self = Self { line: 0.0, area: 0.0, shape: 0.0, paper: 1.0 };
+    /// Sums of squares from which the rounds start.
+    ///
+    /// With much more weight on the lines, the inside of large filled shapes rotates relative to their outline.
+    pub(super) const START: Self = Self { line: 1.0, area: 2.0, shape: 0.5, paper: 0.1 };
+}
+
+/// How finely the ink is sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fineness {
+    /// If the lines have more pieces, they are gathered at about this number of places.
+    pub(super) most_places: usize,
+    /// The inked squares are gathered in this number of parts along the side of each cell.
+    pub(super) parts: usize,
 }
 
 /// First-order behaviour of the map at a sample, lifted to the surface.
@@ -52,12 +85,17 @@ const ALL_ROUND: [Vector2<f64>; 4] = {
 impl Sample {
     /// A place with all weights zero.
     pub(super) fn at(s: Basis, t: Basis) -> Self {
-        Self { s, t, direction: Vector2::zeros(), line: 0.0, area: 0.0, all_round: 0.0, ink: 0.0 }
+        Self { s, t, direction: Vector2::zeros(), line: 0.0, area: 0.0, all_round: 0.0, ink: 0.0, angle: 0.0 }
     }
 
     /// Whether another sample is at the same place.
     pub(super) fn is_at(&self, other: &Self) -> bool {
         self.s == other.s && self.t == other.t
+    }
+
+    /// Whether lines or inked areas are at the place.
+    pub(super) fn is_ink(&self) -> bool {
+        self.ink > 0.0
     }
 
     /// The cell's first control point.
@@ -66,13 +104,13 @@ impl Sample {
     }
 }
 
-/// The samples of a drawing over a grid of cells, cell by cell. If its lines have more than `most_places` pieces, they are
-/// gathered at about this number of places, at least two by two in each cell.
+/// The samples of a drawing over a grid of cells, cell by cell. Lines that are gathered have at least two by two places in
+/// each cell.
 pub(super) fn samples(
     (knots_s, knots_t): (&UniformKnots, &UniformKnots),
     ink: &Ink,
-    options: &IsometricOptions,
-    most_places: usize,
+    weights: &Weights,
+    Fineness { most_places, parts }: Fineness,
 ) -> Vec<Sample> {
     let at = |place: Vector2<f64>| Sample::at(knots_s.basis(place.x), knots_t.basis(place.y));
     let (columns, rows) = (knots_s.spans(), knots_t.spans());
@@ -84,27 +122,28 @@ pub(super) fn samples(
         for (u, v) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
             let s = knots_s.start() + ((cell % columns) as f64 + gauss[u]) * knots_s.step();
             let t = knots_t.start() + ((cell / columns) as f64 + gauss[v]) * knots_t.step();
-            let all_round = options.box_weight / (4 * columns * rows) as f64;
+            let all_round = weights.paper / (4 * columns * rows) as f64;
             samples.push(Sample { all_round, ..at(Vector2::new(s, t)) });
         }
     }
-    if !options.is_even() {
+    if *weights != Weights::EVEN {
         let length = ink.length();
         // Lines and inked areas get half of the ink's weight each.
         let of_lines = if ink.squares.is_empty() { 1.0 } else { 0.5 };
         let of_piece = |at: Sample, direction: Vector2<f64>, share: f64| Sample {
             direction,
-            line: options.line_weight * share,
+            line: weights.line * share,
             ..at
         };
         let around = |at: Sample, share: f64| Sample {
-            all_round: options.shape_weight * share * of_lines,
+            all_round: weights.shape * share * of_lines,
             ink: share * of_lines,
+            angle: share * of_lines,
             ..at
         };
         if ink.pieces.len() > most_places {
-            let parts = ((most_places / (columns * rows)).isqrt()).clamp(2, MOST_PARTS);
-            for bundle in bundles(ink, knots_s, knots_t, parts) {
+            let of_cell = ((most_places / (columns * rows)).isqrt()).clamp(2, MOST_PARTS);
+            for bundle in bundles(ink, knots_s, knots_t, of_cell) {
                 let place = at(bundle.place / bundle.length);
                 let mut lines =
                     bundle.lines().map(|(direction, part)| of_piece(place, direction, part / length));
@@ -119,11 +158,12 @@ pub(super) fn samples(
             }
         }
         let of_squares = if length > 0.0 { 0.5 } else { 1.0 };
-        for (place, share) in gathered(ink, knots_s, knots_t) {
+        for (place, share) in gathered(ink, knots_s, knots_t, parts) {
             samples.push(Sample {
-                area: options.area_weight * share,
-                all_round: options.shape_weight * share * of_squares,
+                area: weights.area * share,
+                all_round: weights.shape * share * of_squares,
                 ink: share * of_squares,
+                angle: share * of_squares,
                 ..at(place)
             });
         }
@@ -195,33 +235,24 @@ fn part(knots: &UniformKnots, place: f64, parts: usize) -> usize {
     ((parts as f64 * (place - knots.start()) / knots.step()) as usize).min(parts * knots.spans() - 1)
 }
 
-/// Places of the lines and inked areas at which the largest angle error is looked up; of many pieces, only some.
-pub(super) fn places_of_ink(
-    knots: (&UniformKnots, &UniformKnots),
+/// The inked squares of each of `parts` × `parts` parts of a cell as one point at their centre, with their share of all
+/// squares: strain changes little over a part.
+fn gathered(
     ink: &Ink,
-    options: &IsometricOptions,
-    most_places: usize,
-) -> Vec<Sample> {
-    let step = ink.pieces.len().div_ceil(most_places).max(1);
-    let some = ink.pieces.iter().copied().step_by(step).collect();
-    let ink =
-        Ink { pieces: some, dots: Vec::new(), squares: ink.squares.clone(), blocks: Vec::new(), ..*ink };
-    samples(knots, &ink, options, most_places).into_iter().filter(|sample| sample.ink > 0.0).collect()
-}
-
-/// The inked squares of each quarter of a cell as one point at their centre, with their share of all squares: strain
-/// changes little over a quarter of a cell.
-fn gathered(ink: &Ink, knots_s: &UniformKnots, knots_t: &UniformKnots) -> Vec<(Vector2<f64>, f64)> {
-    let (columns, rows) = (2 * knots_s.spans(), 2 * knots_t.spans());
-    let mut quarters = vec![(Vector2::zeros(), 0.0); columns * rows];
+    knots_s: &UniformKnots,
+    knots_t: &UniformKnots,
+    parts: usize,
+) -> Vec<(Vector2<f64>, f64)> {
+    let (columns, rows) = (parts * knots_s.spans(), parts * knots_t.spans());
+    let mut gathered = vec![(Vector2::zeros(), 0.0); columns * rows];
     for square in &ink.squares {
-        let (column, row) = (part(knots_s, square.x, 2), part(knots_t, square.y, 2));
-        let (sum, count) = &mut quarters[row * columns + column];
+        let (column, row) = (part(knots_s, square.x, parts), part(knots_t, square.y, parts));
+        let (sum, count) = &mut gathered[row * columns + column];
         *sum += square.coords();
         *count += 1.0;
     }
     let all = ink.squares.len() as f64;
-    quarters
+    gathered
         .iter()
         .filter(|(_, count)| *count > 0.0)
         .map(|(sum, count)| (sum / *count, count / all))
@@ -251,6 +282,47 @@ impl Strain {
                 take(sample.ink, resistance, &derivative);
             }
         }
+    }
+
+    /// The same in a round of weighting: weights fall with the strains, and angles have their own.
+    #[inline(always)]
+    pub(super) fn observe_weighted(
+        &self,
+        sample: &Sample,
+        scales: &Scales,
+        mut take: impl FnMut(f64, f64, &Derivative),
+    ) {
+        if sample.line > 0.0 {
+            let (strain, derivative) = self.stretch(&sample.direction);
+            take(sample.line * scales.of_line(strain), strain, &derivative);
+        }
+        if sample.area > 0.0 {
+            let (strain, derivative) = self.area_strain();
+            take(sample.area * scales.of_area(strain), strain, &derivative);
+        }
+        if sample.all_round > 0.0 {
+            let stiffness = scales.of_paper(self.largest_stretch());
+            for direction in &ALL_ROUND {
+                let (strain, derivative) = self.stretch(direction);
+                take(sample.all_round / 4.0 * stiffness, strain, &derivative);
+            }
+        }
+        if sample.angle > 0.0 {
+            let shear = self.shear();
+            for (axis, derivative) in self.shear_derivatives().into_iter().enumerate() {
+                take(sample.angle, shear[axis], &derivative);
+            }
+        }
+    }
+
+    /// The strain along the line at a sample.
+    pub(super) fn along(&self, sample: &Sample) -> f64 {
+        self.stretch(&sample.direction).0
+    }
+
+    /// The largest absolute strain in four directions.
+    pub(super) fn largest_stretch(&self) -> f64 {
+        ALL_ROUND.iter().map(|direction| self.stretch(direction).0.abs()).fold(0.0, f64::max)
     }
 
     /// Ratio of area on the surface to area in the drawing; negative where the map folds the drawing over.
@@ -295,24 +367,34 @@ impl Strain {
         Vector2::new((e - g) / 2.0, self.by_s.dot(&self.by_t) + climb_s * climb_t)
     }
 
+    /// The derivatives of the two components of the shear.
+    #[inline(always)]
+    fn shear_derivatives(&self) -> [Derivative; 2] {
+        let SurfaceJet { gradient, hessian, .. } = &self.jet;
+        let (climb_s, climb_t) = (gradient.dot(&self.by_s), gradient.dot(&self.by_t));
+        let (metric_s, metric_t) = (self.by_s + gradient * climb_s, self.by_t + gradient * climb_t);
+        let (bend_s, bend_t) = (hessian * self.by_s, hessian * self.by_t);
+        let by_place = [bend_s * climb_s - bend_t * climb_t, bend_t * climb_s + bend_s * climb_t];
+        [
+            [by_place[0].into(), metric_s.into(), (-metric_t).into()],
+            [by_place[1].into(), metric_t.into(), metric_s.into()],
+        ]
+    }
+
     /// The resistance to shear, q·|q|²/(KNEE·cap)² for both components of the shear q: almost zero far below the cap,
     /// and strong above it.
     #[inline(always)]
     fn resistance(&self, cap: f64) -> [(f64, Derivative); 2] {
-        let SurfaceJet { gradient, hessian, .. } = &self.jet;
         let shear = self.shear();
         let per_square = 1.0 / (KNEE * cap).powi(2).max(f64::MIN_POSITIVE);
         let factor = shear.norm_squared() * per_square;
-        let (climb_s, climb_t) = (gradient.dot(&self.by_s), gradient.dot(&self.by_t));
-        let (metric_s, metric_t) = (self.by_s + gradient * climb_s, self.by_t + gradient * climb_t);
-        let (bend_s, bend_t) = (hessian * self.by_s, hessian * self.by_t);
+        let [by_first, by_second] = self.shear_derivatives();
         [Vector2::x(), Vector2::y()].map(|unit| {
             let turn = unit * factor + shear * (2.0 * shear.dot(&unit) * per_square);
-            let by_place = (bend_s * climb_s - bend_t * climb_t) * turn.x
-                + (bend_t * climb_s + bend_s * climb_t) * turn.y;
-            let by_s = metric_s * turn.x + metric_t * turn.y;
-            let by_t = metric_s * turn.y - metric_t * turn.x;
-            (shear.dot(&unit) * factor, [by_place.into(), by_s.into(), by_t.into()])
+            let part =
+                |part: usize, axis: usize| by_first[part][axis] * turn.x + by_second[part][axis] * turn.y;
+            let derivative = std::array::from_fn(|quantity| std::array::from_fn(|axis| part(quantity, axis)));
+            (shear.dot(&unit) * factor, derivative)
         })
     }
 }

@@ -43,7 +43,7 @@ fn derivatives_match_differences_of_the_energy() {
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
     let ink = frame(30.0, 20.0);
     let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
-    let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK, MOST_PLACES);
+    let samples = map.samples(&ink, &Weights::START, FINE);
     let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 };
     // The slope of the energy along a random shift is −2 times the right-hand side times the shift.
     let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
@@ -144,13 +144,13 @@ fn circles(pieces: usize) -> Ink {
 fn gathered_lines_have_the_energy_of_their_pieces() {
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
     let ink = circles(600);
-    assert!(ink.pieces.len() > MOST_PLACES);
+    assert!(ink.pieces.len() > FINE.most_places);
     let map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
     let energy = |most_places: usize| {
-        let samples = samples((&map.knots_s, &map.knots_t), &ink, &IsometricOptions::INK, most_places);
+        let samples = map.samples(&ink, &Weights::START, Fineness { most_places, ..FINE });
         map.energy(&Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 })
     };
-    let (gathered, each) = (energy(MOST_PLACES), energy(usize::MAX));
+    let (gathered, each) = (energy(FINE.most_places), energy(usize::MAX));
     assert!((gathered / each - 1.0).abs() < 0.01, "{gathered} for {each}");
 }
 
@@ -161,6 +161,7 @@ fn a_line_has_the_same_weight_in_any_number_of_pieces() {
         IsometricMap::solve(&surface, &circles(pieces), MIDDLE, &IsometricOptions::INK).unwrap()
     });
     for at in [[0.0, 8.0], [-12.0, 3.0], [9.0, -5.0]].map(|[x, y]| FlatPoint::new(x, y)) {
-        assert!(few.point(at).distance(many.point(at)) < 1e-3);
+        let apart = few.point(at).distance(many.point(at));
+        assert!(apart < 1e-3, "{apart} mm at {at:?}");
     }
 }

@@ -1,0 +1,270 @@
+//! Rounds of weighting and solving: the sum of the strains' absolute values, and the largest angle error, as small as
+//! possible.
+//!
+//! A Gauss–Newton step lowers a weighted sum of squares. With weights that fall with the strains of the step before, the
+//! sum of squares becomes one of absolute values (Huber, Robust Statistics, 1981, section 7.8), which is what e_l and e_a are;
+//! with weights that grow where an angle error is larger than elsewhere, only the largest ones resist in the end (Arora,
+//! Hazan & Kale, The multiplicative weights update method, Theory of Computing 2012).
+
+use nalgebra::Vector2;
+
+use super::strain::{Sample, Strain};
+use super::{IsometricError, IsometricMap, IsometricOptions, Iteration, Task};
+use crate::geometry::normal_equations::{ComposedSum, GridSolver, NormalEquations};
+use crate::geometry::space::FlatPoint;
+use crate::geometry::surface::nurbs::NurbsSurface;
+
+/// Maximum number of rounds; drawings of letters take three to five, large filled shapes more.
+const MAX_ROUNDS: usize = 8;
+/// The rounds end when one lowers the cost by less than this share.
+const LEAST_GAIN: f64 = 0.03;
+/// Strains below this share of the mean at the start are weighted as squares, those above as absolute values.
+const SOFT_LINES: f64 = 0.3;
+/// The same for areas.
+const SOFT_AREAS: f64 = 0.5;
+/// Strains and angle errors (rad) below this do not matter: 0.001 mm in 100 mm.
+const SMALL: f64 = 1e-5;
+/// The weight of an angle error changes from round to round with this power of its ratio to their mean …
+const ANGLE_POWER: f64 = 1.5;
+/// … which is limited to this range.
+const ANGLE_RATIOS: [f64; 2] = [0.3, 3.0];
+/// The weight of all angles in the first rounds, relative to later ones: the largest ones are not yet known.
+const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
+/// Paper that gives way more than this many times as much as with the even map becomes stiffer.
+const PAPER: f64 = 2.0;
+/// A step that multiplies the cost by more than this is shortened.
+const OVERSHOOT: f64 = 4.0;
+/// A step is shortened to no less than this share.
+const SHORTEST: f64 = 1.0 / 8.0;
+
+/// What the even map leaves: the measure for all others.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EvenMap {
+    /// Its largest angle error at the ink, rad.
+    pub(super) angle: f64,
+    /// Its largest strain over the box.
+    pub(super) strain: f64,
+}
+
+impl EvenMap {
+    pub(super) fn measure(map: &IsometricMap, task: &Task) -> Self {
+        let mut even = Self { angle: 0.0, strain: 0.0 };
+        for place in task.samples.chunk_by(Sample::is_at) {
+            let strain = map.strain_only(task.surface, &place[0]);
+            if place.iter().any(Sample::is_ink) {
+                even.angle = even.angle.max(strain.angle_error());
+            } else {
+                even.strain = even.strain.max(strain.largest_stretch());
+            }
+        }
+        even
+    }
+}
+
+/// The scales of the weights, fixed before the first round.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scales {
+    /// Mean strain along the lines.
+    line: f64,
+    /// Mean strain of areas.
+    area: f64,
+    /// The strain from which on paper becomes stiffer.
+    paper: f64,
+    /// Weight of the angles.
+    angles: f64,
+    /// The largest angle error that is accepted, rad.
+    limit: f64,
+}
+
+impl Scales {
+    fn new(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Self {
+        // The more of the angle error is spread over the ink, the less it can be moved to where no ink is.
+        let spread = (start.mean_angle + SMALL) / (even.angle + SMALL);
+        Self {
+            line: start.line + SMALL,
+            area: start.area + SMALL,
+            paper: PAPER * even.strain + SMALL,
+            angles: options.angle_weight * spread.min(1.0).powf(1.5),
+            limit: options.angle_limit * even.angle + SMALL,
+        }
+    }
+
+    /// The weight of a line with this strain, relative to its weight among squares.
+    pub(super) fn of_line(&self, strain: f64) -> f64 {
+        self.line / strain.hypot(SOFT_LINES * self.line)
+    }
+
+    /// The same for the strain of an area.
+    pub(super) fn of_area(&self, strain: f64) -> f64 {
+        self.area / strain.hypot(SOFT_AREAS * self.area)
+    }
+
+    /// The same for a place of the box with this largest strain.
+    pub(super) fn of_paper(&self, strain: f64) -> f64 {
+        (strain / self.paper).clamp(1.0, 30.0)
+    }
+}
+
+/// The strains of a map.
+#[derive(Debug, Clone, Copy, Default)]
+struct Figures {
+    /// Mean absolute strain along the lines.
+    line: f64,
+    /// Mean absolute strain of inked areas.
+    area: f64,
+    /// Mean square of the strains over the box, weighted.
+    paper: f64,
+    /// Root of the mean square of the angle errors under their weights, rad.
+    mean_angle: f64,
+    /// Largest angle error, rad.
+    largest_angle: f64,
+}
+
+impl Figures {
+    fn of(samples: &[Sample], strains: &[Strain]) -> Self {
+        let mut figures = Self::default();
+        let [mut lines, mut areas, mut angles] = [0.0; 3];
+        for (place, strain) in samples.chunk_by(Sample::is_at).zip(strains) {
+            let angle = strain.angle_error();
+            for sample in place {
+                if sample.line > 0.0 {
+                    lines += sample.line;
+                    figures.line += sample.line * strain.along(sample).abs();
+                }
+                if sample.area > 0.0 {
+                    areas += sample.area;
+                    figures.area += sample.area * (strain.area() - 1.0).abs();
+                }
+                if sample.all_round > 0.0 {
+                    figures.paper += sample.all_round * strain.largest_stretch().powi(2);
+                }
+                if sample.is_ink() {
+                    angles += sample.angle;
+                    figures.mean_angle += sample.angle * angle * angle;
+                    figures.largest_angle = figures.largest_angle.max(angle);
+                }
+            }
+        }
+        let mean = |sum: f64, weights: f64| if weights > 0.0 { sum / weights } else { 0.0 };
+        figures.line = mean(figures.line, lines);
+        figures.area = mean(figures.area, areas);
+        figures.mean_angle = mean(figures.mean_angle, angles).sqrt().max(f64::MIN_POSITIVE);
+        figures
+    }
+
+    /// What the rounds lower.
+    fn cost(&self, scales: &Scales, options: &IsometricOptions) -> f64 {
+        options.line_weight * self.line.powi(2)
+            + options.area_weight * self.area.powi(2)
+            + scales.angles * self.largest_angle.powi(2)
+            + self.paper
+    }
+
+    /// The cost, much higher for a map that shears beyond the limit.
+    fn verdict(&self, scales: &Scales, options: &IsometricOptions) -> f64 {
+        self.cost(scales, options) * (self.largest_angle / scales.limit).max(1.0).powi(8)
+    }
+}
+
+impl IsometricMap {
+    /// Rounds from the map as it is to the best one that is found; returns whether there was a gain that came to an end.
+    pub(super) fn rounds(
+        &mut self,
+        surface: &NurbsSurface,
+        anchor: FlatPoint,
+        samples: &mut [Sample],
+        even: &EvenMap,
+        options: &IsometricOptions,
+        solver: &GridSolver<2>,
+    ) -> Result<bool, IsometricError> {
+        let cells = self.knots_s.spans() * self.knots_t.spans();
+        let mut strains = self.strains(surface, samples);
+        let mut figures = Figures::of(samples, &strains);
+        if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
+            return Ok(true);
+        }
+        let scales = Scales::new(&figures, even, options);
+        let mut cost = figures.cost(&scales, options);
+        let mut best = figures.verdict(&scales, options);
+        let mut kept = self.control.clone();
+        let (mut last, mut has_gained) = (best, false);
+        for round in 0..MAX_ROUNDS {
+            let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
+            weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
+            let shifts = self.reweighted(anchor, samples, &strains, &scales).solve(solver)?;
+            let (start, before) = (self.control.clone(), cost);
+            let mut fraction = 1.0;
+            loop {
+                for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
+                    *point = old + Vector2::from(*shift) * fraction;
+                }
+                strains = self.strains(surface, samples);
+                figures = Figures::of(samples, &strains);
+                cost = figures.cost(&scales, options);
+                if cost <= OVERSHOOT * before || fraction <= SHORTEST {
+                    break;
+                }
+                fraction /= 2.0;
+            }
+            let largest = shifts.iter().map(|&shift| Vector2::from(shift).norm()).fold(0.0, f64::max);
+            self.iterations.push(Iteration {
+                cells,
+                energy: before,
+                reached: cost,
+                step: largest * fraction,
+            });
+            let verdict = figures.verdict(&scales, options);
+            if verdict < best {
+                (best, has_gained) = (verdict, true);
+                kept.clone_from(&self.control);
+            }
+            // In the first rounds the angles are not yet weighted as they will be.
+            if !(verdict <= (1.0 - LEAST_GAIN) * last) && round >= FIRST_WEIGHTS.len() {
+                break;
+            }
+            last = verdict;
+        }
+        self.control = kept;
+        Ok(has_gained)
+    }
+
+    fn strains(&self, surface: &NurbsSurface, samples: &[Sample]) -> Vec<Strain> {
+        samples.chunk_by(Sample::is_at).map(|place| self.strain(surface, &place[0])).collect()
+    }
+
+    /// The equations of a step. There is a strain for each place.
+    fn reweighted(
+        &self,
+        anchor: FlatPoint,
+        samples: &[Sample],
+        strains: &[Strain],
+        scales: &Scales,
+    ) -> NormalEquations<2> {
+        let mut strains = strains.iter();
+        self.equations(anchor, samples, |place| {
+            let strain = strains.next().expect("there is a strain for each place");
+            let mut observed = ComposedSum::default();
+            for sample in place {
+                strain.observe_weighted(sample, scales, |weight, residual, derivative| {
+                    observed.add(derivative, -residual, weight);
+                });
+            }
+            (observed, strain.basis)
+        })
+    }
+}
+
+/// Multiplies the weights of angle errors by a power of their size, and scales them so that they sum up to `total`.
+fn weigh_angles(samples: &mut [Sample], strains: &[Strain], figures: &Figures, total: f64, by_size: bool) {
+    let mut sum = 0.0;
+    for (place, strain) in samples.chunk_by_mut(Sample::is_at).zip(strains) {
+        let ratio = (strain.angle_error() / figures.mean_angle).clamp(ANGLE_RATIOS[0], ANGLE_RATIOS[1]);
+        let factor = if by_size { ratio.powf(ANGLE_POWER) } else { 1.0 };
+        for sample in place {
+            sample.angle *= factor;
+            sum += sample.angle;
+        }
+    }
+    let scale = if sum > 0.0 { total / sum } else { 0.0 };
+    samples.iter_mut().for_each(|sample| sample.angle *= scale);
+}
