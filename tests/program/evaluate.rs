@@ -36,8 +36,11 @@ fn every_method_is_measured_on_the_mouse_or_has_a_reason_why_not() {
     );
     // The order of the reference: `isometric` has the smallest error, a tenth of that of the thesis, whose error is
     // smaller than that of its own state of the art.
-    let (ink, uniform, thesis) =
-        (length("isometric", "aim balanced"), length("isometric", "uniform"), length("mapping-domain", "corrected"));
+    let (ink, uniform, thesis) = (
+        length("isometric", "aim balanced"),
+        length("isometric", "uniform"),
+        length("mapping-domain", "corrected"),
+    );
     assert!(length("isometric", "aim lengths") < ink);
     assert!(ink < uniform && uniform < thesis && 10.0 * ink < thesis, "{ink} {uniform} {thesis}");
     assert!(thesis < length("mapping-domain", "Simpson as printed"));

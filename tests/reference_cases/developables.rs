@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use isomark::geometry::mapping::Method;
 
 use super::drawings::{letters, square};
-use super::{MOST_STEPS, Case, INK, UNIFORM, case};
+use super::{Case, INK, MOST_STEPS, UNIFORM, case};
 
 fn cylinder(x: f64, _y: f64) -> f64 {
     (900.0 - x * x).max(0.0).sqrt()
@@ -53,7 +53,10 @@ fn general_maps_keep_all_lengths_on_developable_surfaces() {
                 found.print(case.name, name, weighting);
                 assert!(found.length_error() < 0.005, "{}: {found:?}", case.name);
                 assert!(found.area_error() < 1e-4 * found.figures.area, "{}: {found:?}", case.name);
-                assert!(found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS, "{found:?}");
+                assert!(
+                    found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS,
+                    "{found:?}"
+                );
             }
         }
     }

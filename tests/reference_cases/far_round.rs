@@ -10,7 +10,7 @@ use isomark::geometry::space::FlatPoint;
 use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::drawings::{disc, grid, letters};
-use super::{MOST_STEPS, CYLINDER, Case, INK, MANDARIN, MOUSE, SPHERE, UNIFORM, case, fitted};
+use super::{CYLINDER, Case, INK, MANDARIN, MOST_STEPS, MOUSE, SPHERE, UNIFORM, case, fitted};
 
 /// A tube along y, 40 mm long, from −85° to 85°, with edges of 0.75 mm and a radius of 30 mm.
 fn tube() -> TriMesh {
@@ -66,7 +66,10 @@ fn results_on_a_sphere_are_the_same_everywhere_up_to_slopes_of_60_degrees() {
             assert!(near(found.length_error(), middle.length_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.area_error(), middle.area_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.angle(), middle.angle()), "{place:?}: {found:?}, {middle:?}");
-            assert!(found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS, "{found:?}");
+            assert!(
+                found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS,
+                "{found:?}"
+            );
         }
     }
 }
@@ -84,7 +87,11 @@ fn six_steps_are_enough_at_any_place_and_rotation() {
             assert!(inked.length_error() < uniform.length_error(), "{name}: {inked:?}, uniform {uniform:?}");
             for found in [&uniform, &inked] {
                 let map = found.isometric();
-                assert!(map.settled && map.iterations.len() <= MOST_STEPS, "{name} {degrees}°: {:?}", map.iterations);
+                assert!(
+                    map.settled && map.iterations.len() <= MOST_STEPS,
+                    "{name} {degrees}°: {:?}",
+                    map.iterations
+                );
             }
         }
     }

@@ -119,7 +119,7 @@ impl IsometricMap {
     /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened where they would overshoot
     /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
     /// which are exact where the surface is developable, continue on a grid with cells of twice the side and end on
-    /// the fine grid, where [`rounds`] of weighting make the map true where the options ask for it. The limit for the angle
+    /// the fine grid, where rounds of weighting make the map true where the options ask for it. The limit for the angle
     /// error of the ink comes from the map with equal weights, which is computed first.
     ///
     /// # Errors
@@ -164,7 +164,7 @@ impl IsometricMap {
                     ..*options
                 };
                 let mut fine = map.samples(ink, &options.weights(), FINE);
-                map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver)?;
+                map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
                 if map.settled {
                     break;
                 }

@@ -117,7 +117,7 @@ const PLACE_ANCHOR: &str = "Place the anchor on the cylinder or cone, away from 
                             `--place` or `--anchor`).";
 
 /// Usual maximum number of steps of the length-true map on smooth parts.
-const USUAL_STEPS: usize = 6;
+const USUAL_STEPS: usize = 11;
 
 /// Logs a length-true map that took many steps, and warns if its search did not converge or if weights have no effect.
 pub(in crate::pipeline) fn settled(

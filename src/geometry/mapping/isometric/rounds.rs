@@ -9,7 +9,7 @@
 use nalgebra::Vector2;
 
 use super::strain::{Sample, Strain};
-use super::{IsometricError, IsometricMap, IsometricOptions, Iteration, Task};
+use super::{IsometricMap, IsometricOptions, Iteration, Task};
 use crate::geometry::normal_equations::{ComposedSum, GridSolver, NormalEquations};
 use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -24,9 +24,8 @@ const SOFT_LINES: f64 = 0.3;
 const SOFT_AREAS: f64 = 0.5;
 /// Strains and angle errors (rad) below this do not matter: 0.001 mm in 100 mm.
 const SMALL: f64 = 1e-5;
-/// The weight of an angle error changes from round to round with this power of its ratio to their mean …
-const ANGLE_POWER: f64 = 1.5;
-/// … which is limited to this range.
+/// The weight of an angle error changes from round to round with the power 3/2 of its ratio to their mean, which is limited to
+/// this range.
 const ANGLE_RATIOS: [f64; 2] = [0.3, 3.0];
 /// The weight of all angles in the first rounds, relative to later ones: the largest ones are not yet known.
 const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
@@ -80,11 +79,12 @@ impl Scales {
     fn new(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Self {
         // The more of the angle error is spread over the ink, the less it can be moved to where no ink is.
         let spread = (start.mean_angle + SMALL) / (even.angle + SMALL);
+        let spread = spread.min(1.0);
         Self {
             line: start.line + SMALL,
             area: start.area + SMALL,
             paper: PAPER * even.strain + SMALL,
-            angles: options.angle_weight * spread.min(1.0).powf(1.5),
+            angles: options.angle_weight * spread * spread.sqrt(),
             limit: options.angle_limit * even.angle + SMALL,
         }
     }
@@ -167,7 +167,7 @@ impl Figures {
 }
 
 impl IsometricMap {
-    /// Rounds from the map as it is to the best one that is found; returns whether there was a gain that came to an end.
+    /// Rounds from the map as it is to the best one that is found; returns whether one was better.
     pub(super) fn rounds(
         &mut self,
         surface: &NurbsSurface,
@@ -176,12 +176,12 @@ impl IsometricMap {
         even: &EvenMap,
         options: &IsometricOptions,
         solver: &GridSolver<2>,
-    ) -> Result<bool, IsometricError> {
+    ) -> bool {
         let cells = self.knots_s.spans() * self.knots_t.spans();
         let mut strains = self.strains(surface, samples);
         let mut figures = Figures::of(samples, &strains);
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
-            return Ok(true);
+            return true;
         }
         let scales = Scales::new(&figures, even, options);
         let mut cost = figures.cost(&scales, options);
@@ -191,7 +191,7 @@ impl IsometricMap {
         for round in 0..MAX_ROUNDS {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
-            let shifts = self.reweighted(anchor, samples, &strains, &scales).solve(solver)?;
+            let Ok(shifts) = self.reweighted(anchor, samples, &strains, &scales).solve(solver) else { break };
             let (start, before) = (self.control.clone(), cost);
             let mut fraction = 1.0;
             loop {
@@ -225,7 +225,7 @@ impl IsometricMap {
             last = verdict;
         }
         self.control = kept;
-        Ok(has_gained)
+        has_gained
     }
 
     fn strains(&self, surface: &NurbsSurface, samples: &[Sample]) -> Vec<Strain> {
@@ -259,7 +259,7 @@ fn weigh_angles(samples: &mut [Sample], strains: &[Strain], figures: &Figures, t
     let mut sum = 0.0;
     for (place, strain) in samples.chunk_by_mut(Sample::is_at).zip(strains) {
         let ratio = (strain.angle_error() / figures.mean_angle).clamp(ANGLE_RATIOS[0], ANGLE_RATIOS[1]);
-        let factor = if by_size { ratio.powf(ANGLE_POWER) } else { 1.0 };
+        let factor = if by_size { ratio * ratio.sqrt() } else { 1.0 };
         for sample in place {
             sample.angle *= factor;
             sum += sample.angle;
