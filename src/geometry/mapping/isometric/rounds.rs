@@ -178,7 +178,9 @@ impl IsometricMap {
         solver: &GridSolver<2>,
     ) -> bool {
         let cells = self.knots_s.spans() * self.knots_t.spans();
-        let mut strains = self.strains(surface, samples);
+        // One buffer for all rounds: it is large.
+        let mut strains = Vec::new();
+        self.strains(surface, samples, &mut strains);
         let mut figures = Figures::of(samples, &strains);
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
@@ -198,7 +200,7 @@ impl IsometricMap {
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
-                strains = self.strains(surface, samples);
+                self.strains(surface, samples, &mut strains);
                 figures = Figures::of(samples, &strains);
                 cost = figures.cost(&scales, options);
                 if cost <= OVERSHOOT * before || fraction <= SHORTEST {
@@ -228,8 +230,10 @@ impl IsometricMap {
         has_gained
     }
 
-    fn strains(&self, surface: &NurbsSurface, samples: &[Sample]) -> Vec<Strain> {
-        samples.chunk_by(Sample::is_at).map(|place| self.strain(surface, &place[0])).collect()
+    /// The strain at each place.
+    fn strains(&self, surface: &NurbsSurface, samples: &[Sample], strains: &mut Vec<Strain>) {
+        strains.clear();
+        strains.extend(samples.chunk_by(Sample::is_at).map(|place| self.strain(surface, &place[0])));
     }
 
     /// The equations of a step. There is a strain for each place.
