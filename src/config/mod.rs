@@ -37,8 +37,8 @@ mod suggest;
 
 pub use choices::{
     Aim, Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights,
-    FocusSteps, LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing, StrokesChoice,
-    TilesAs, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
+    FocusSteps, LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing,
+    StrokesChoice, TilesAs, UnknownChoice, Vertices, Weighting, parse_axis, parse_facing,
 };
 pub use content::{CodeSettings, ContentSettings, Placeholder, SerialSettings, ShiftSettings};
 pub use edit::{NewValue, edited};

@@ -5,7 +5,7 @@ use isomark::geometry::shapes;
 
 use super::drawings::{disc, grid, letters, square};
 use super::springs::Net;
-use super::{Case, INK, MANDARIN, MOUSE, SPHERE, UNIFORM, case};
+use super::{Case, INK, MANDARIN, MOST_STEPS_OF_AREAS, MOUSE, SPHERE, UNIFORM, case};
 
 const SADDLE: Case = case("saddle", shapes::saddle, [0.0, 0.0]);
 const BUMPS: Case = case("bumps", shapes::bumps, [0.0, 0.0]);
@@ -63,7 +63,11 @@ fn check(case: Case) {
             );
             assert!(inked.angle() <= uniform.angle() + 0.1, "{name}: {inked:?}, uniform {uniform:?}");
             for found in [uniform.isometric(), inked.isometric()] {
-                assert!(found.settled && found.iterations.len() <= 27, "{name}: {:?}", found.iterations);
+                assert!(
+                    found.settled && found.iterations.len() <= MOST_STEPS_OF_AREAS,
+                    "{name}: {:?}",
+                    found.iterations
+                );
             }
         }
     }

@@ -10,7 +10,9 @@ use isomark::geometry::space::FlatPoint;
 use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::drawings::{disc, grid, letters};
-use super::{CYLINDER, Case, INK, MANDARIN, MOST_STEPS, MOUSE, SPHERE, UNIFORM, case, fitted};
+use super::{
+    CYLINDER, Case, INK, MANDARIN, MOST_STEPS, MOST_STEPS_OF_AREAS, MOUSE, SPHERE, UNIFORM, case, fitted,
+};
 
 /// A tube along y, 40 mm long, from −85° to 85°, with edges of 0.75 mm and a radius of 30 mm.
 fn tube() -> TriMesh {
@@ -63,8 +65,10 @@ fn results_on_a_sphere_are_the_same_everywhere_up_to_slopes_of_60_degrees() {
                 case("sphere", shapes::sphere, place).judged(&surface, &turned(&letters(), degrees), &method);
             // The cells of the map and of the surface are at other places under the letters.
             let near = |found: f64, middle: f64| (found / middle - 1.0).abs() < 0.05;
+            // With ink weights, the rounds end before the last percents of the smallest error.
+            let no_worse = |found: f64, middle: f64| found / middle < 1.1;
             assert!(near(found.length_error(), middle.length_error()), "{place:?}: {found:?}, {middle:?}");
-            assert!(near(found.area_error(), middle.area_error()), "{place:?}: {found:?}, {middle:?}");
+            assert!(no_worse(found.area_error(), middle.area_error()), "{place:?}: {found:?}, {middle:?}");
             assert!(near(found.angle(), middle.angle()), "{place:?}: {found:?}, {middle:?}");
             assert!(
                 found.isometric().settled && found.isometric().iterations.len() <= MOST_STEPS,
@@ -75,7 +79,7 @@ fn results_on_a_sphere_are_the_same_everywhere_up_to_slopes_of_60_degrees() {
 }
 
 #[test]
-fn six_steps_are_enough_at_any_place_and_rotation() {
+fn a_few_steps_are_enough_at_any_place_and_rotation() {
     let saddle = case("saddle", shapes::saddle, [0.0, 0.0]);
     let bumps = case("bumps", shapes::bumps, [0.0, 0.0]);
     for Case { name, height, place: [x, y] } in [MANDARIN, MOUSE, saddle, bumps] {
@@ -107,7 +111,11 @@ fn a_disc_can_cover_most_of_the_visible_side_of_a_mandarin() {
         for (found, name) in [(&uniform, "uniform"), (&inked, "ink")] {
             found.print("mandarin", &format!("disc {width}"), name);
             let map = found.isometric();
-            assert!(map.settled && map.iterations.len() <= MOST_STEPS, "{width}: {:?}", map.iterations);
+            assert!(
+                map.settled && map.iterations.len() <= MOST_STEPS_OF_AREAS,
+                "{width}: {:?}",
+                map.iterations
+            );
         }
         assert!(inked.length_error() < uniform.length_error(), "{width}: {inked:?}, uniform {uniform:?}");
         assert!(inked.area_error() < 0.8 * uniform.area_error(), "{width}: {inked:?}, uniform {uniform:?}");

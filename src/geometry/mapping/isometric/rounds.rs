@@ -16,8 +16,10 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 
 /// Maximum number of rounds; drawings of letters take three to five, large filled shapes more.
 const MAX_ROUNDS: usize = 8;
-/// The rounds end when one lowers the cost by less than this share.
-const LEAST_GAIN: f64 = 0.03;
+/// The rounds end when one lowers the cost by less than this share …
+const LEAST_GAIN: f64 = 0.25;
+/// … or, before the first gain and while angles are beyond their limit, by less than this one.
+const LEAST_GAIN_BEYOND: f64 = 0.03;
 /// Strains below this share of the mean at the start are weighted as squares, those above as absolute values.
 const SOFT_LINES: f64 = 0.3;
 /// The same for areas.
@@ -221,7 +223,9 @@ impl IsometricMap {
                 kept.clone_from(&self.control);
             }
             // In the first rounds the angles are not yet weighted as they will be.
-            if !(verdict <= (1.0 - LEAST_GAIN) * last) && round >= FIRST_WEIGHTS.len() {
+            let is_within = has_gained && figures.largest_angle <= scales.limit;
+            let least = if is_within { LEAST_GAIN } else { LEAST_GAIN_BEYOND };
+            if !(verdict <= (1.0 - least) * last) && round >= FIRST_WEIGHTS.len() {
                 break;
             }
             last = verdict;
@@ -253,7 +257,7 @@ impl IsometricMap {
                     observed.add(derivative, -residual, weight);
                 });
             }
-            (observed, strain.basis)
+            observed
         })
     }
 }

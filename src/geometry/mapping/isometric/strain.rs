@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use super::products;
 use super::rounds::Scales;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
@@ -64,8 +65,6 @@ pub(super) struct Strain {
     /// ∂φ/∂s and ∂φ/∂t.
     pub(super) by_s: Vector2<f64>,
     pub(super) by_t: Vector2<f64>,
-    /// The contributions of 16 control points to φ, ∂φ/∂s and ∂φ/∂t.
-    pub(super) basis: [[f64; 16]; 3],
 }
 
 /// Derivative of a residual by φ, ∂φ/∂s and ∂φ/∂t.
@@ -96,6 +95,12 @@ impl Sample {
     /// Whether lines or inked areas are at the place.
     pub(super) fn is_ink(&self) -> bool {
         self.ink > 0.0
+    }
+
+    /// The contributions of 16 control points to φ, ∂φ/∂s and ∂φ/∂t.
+    pub(super) fn basis(&self) -> [[f64; 16]; 3] {
+        let Self { s, t, .. } = self;
+        [products(&s.value, &t.value), products(&s.slope, &t.value), products(&s.value, &t.slope)]
     }
 
     /// The cell's first control point.
