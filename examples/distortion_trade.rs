@@ -186,12 +186,12 @@ fn picture(panels: &[Panel<'_>]) -> Result<String, std::fmt::Error> {
             panel.case.title
         )?;
         let rows: [(&str, [f64; 2], ErrorOf); 2] = [
-            ("length error e_l, mm", [0.015, 1.5], |trade| trade.length),
-            ("area error e_a, mm²", [0.003, 2.0], |trade| trade.area),
+            ("length error e_l, mm", [0.01, 1.5], |trade| trade.length),
+            ("area error e_a, mm²", [0.001, 2.0], |trade| trade.area),
         ];
         for (row, (title, [from, to], error_of)) in rows.into_iter().enumerate() {
             let top = CORNER[1] + row as f64 * (PANEL[1] + GAP[1]);
-            let across = Scale { from: 0.03, to: 3.0, start: left, length: PANEL[0] };
+            let across = Scale { from: 0.02, to: 3.0, start: left, length: PANEL[0] };
             let up = Scale { from, to, start: top + PANEL[1], length: -PANEL[1] };
             axes(&mut svg, &across, &up, if column == 0 { title } else { "" }, row == 1)?;
             marks(&mut svg, panel, &across, &up, error_of)?;
