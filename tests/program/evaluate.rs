@@ -80,7 +80,7 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
         assert!(head.contains(column), "{out}");
     }
     let rows: Vec<&str> = lines.collect();
-    assert_eq!(rows.len(), 10, "{out}");
+    assert_eq!(rows.len(), 13, "{out}");
     // Numbers end under the last letter of their heading.
     let end = head.find("e_l mm").unwrap() + "e_l mm".len();
     for row in rows.iter().filter(|row| !row.contains("The part cannot")) {

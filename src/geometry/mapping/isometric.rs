@@ -10,13 +10,14 @@ mod fold;
 mod geodesics;
 mod options;
 mod rounds;
+mod scales;
 mod strain;
 
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::IsometricOptions;
 use self::rounds::EvenMap;
-use self::strain::{Fineness, Sample, Strain, Weights, samples};
+use self::strain::{Fineness, Sample, Strain, Weights, products, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
@@ -386,11 +387,6 @@ fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, 
         UniformKnots::new(center - length / 2.0, length / spans, spans as usize)
     };
     (along(extents.center().x, size.x), along(extents.center().y, size.y))
-}
-
-/// The products of the values of four basis functions in each direction, row by row.
-fn products(s: &[f64; 4], t: &[f64; 4]) -> [f64; 16] {
-    std::array::from_fn(|local| s[local % 4] * t[local / 4])
 }
 
 #[cfg(test)]

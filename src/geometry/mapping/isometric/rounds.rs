@@ -8,6 +8,7 @@
 
 use nalgebra::Vector2;
 
+use super::scales::Scales;
 use super::strain::{Sample, Strain};
 use super::{IsometricMap, IsometricOptions, Iteration, Task};
 use crate::geometry::normal_equations::{ComposedSum, GridSolver, NormalEquations};
@@ -20,10 +21,6 @@ const MAX_ROUNDS: usize = 8;
 const LEAST_GAIN: f64 = 0.25;
 /// … or, before the first gain and while angles are beyond their limit, by less than this one.
 const LEAST_GAIN_BEYOND: f64 = 0.03;
-/// Strains below this share of the mean at the start are weighted as squares, those above as absolute values.
-const SOFT_LINES: f64 = 0.3;
-/// The same for areas.
-const SOFT_AREAS: f64 = 0.5;
 /// Strains and angle errors (rad) below this do not matter: 0.001 mm in 100 mm.
 const SMALL: f64 = 1e-5;
 /// The weight of an angle error changes from round to round with the power 3/2 of its ratio to their mean, which is limited to
@@ -62,48 +59,16 @@ impl EvenMap {
     }
 }
 
-/// The scales of the weights, fixed before the first round.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Scales {
-    /// Mean strain along the lines.
-    line: f64,
-    /// Mean strain of areas.
-    area: f64,
-    /// The strain from which on paper becomes stiffer.
-    paper: f64,
-    /// Weight of the angles.
-    angles: f64,
-    /// The largest angle error that is accepted, rad.
-    limit: f64,
-}
-
-impl Scales {
-    fn new(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Self {
-        // The more of the angle error is spread over the ink, the less it can be moved to where no ink is.
-        let spread = (start.mean_angle + SMALL) / (even.angle + SMALL);
-        let spread = spread.min(1.0);
-        Self {
-            line: start.line + SMALL,
-            area: start.area + SMALL,
-            paper: PAPER * even.strain + SMALL,
-            angles: options.angle_weight * spread * spread.sqrt(),
-            limit: options.angle_limit * even.angle + SMALL,
-        }
-    }
-
-    /// The weight of a line with this strain, relative to its weight among squares.
-    pub(super) fn of_line(&self, strain: f64) -> f64 {
-        self.line / strain.hypot(SOFT_LINES * self.line)
-    }
-
-    /// The same for the strain of an area.
-    pub(super) fn of_area(&self, strain: f64) -> f64 {
-        self.area / strain.hypot(SOFT_AREAS * self.area)
-    }
-
-    /// The same for a place of the box with this largest strain.
-    pub(super) fn of_paper(&self, strain: f64) -> f64 {
-        (strain / self.paper).clamp(1.0, 30.0)
+/// The scales of the weights for a map with these strains.
+fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
+    // The more of the angle error is spread over the ink, the less it can be moved to where no ink is.
+    let spread = (start.mean_angle + SMALL) / (even.angle + SMALL);
+    Scales {
+        line: start.line + SMALL,
+        area: start.area + SMALL,
+        paper: PAPER * even.strain + SMALL,
+        angles: options.angle_weight * spread.min(1.0).powf(1.5),
+        limit: options.angle_limit * even.angle + SMALL,
     }
 }
 
@@ -187,7 +152,7 @@ impl IsometricMap {
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
         }
-        let scales = Scales::new(&figures, even, options);
+        let scales = scales(&figures, even, options);
         let mut cost = figures.cost(&scales, options);
         let mut best = figures.verdict(&scales, options);
         let mut kept = self.control.clone();

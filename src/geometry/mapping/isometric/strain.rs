@@ -2,8 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::products;
-use super::rounds::Scales;
+use super::scales::Scales;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
 use crate::geometry::surface::nurbs::SurfaceJet;
@@ -65,6 +64,11 @@ pub(super) struct Strain {
     /// ∂φ/∂s and ∂φ/∂t.
     pub(super) by_s: Vector2<f64>,
     pub(super) by_t: Vector2<f64>,
+}
+
+/// The products of the values of four basis functions in each direction, row by row.
+pub(super) fn products(s: &[f64; 4], t: &[f64; 4]) -> [f64; 16] {
+    std::array::from_fn(|local| s[local % 4] * t[local / 4])
 }
 
 /// Derivative of a residual by φ, ∂φ/∂s and ∂φ/∂t.
