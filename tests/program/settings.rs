@@ -192,6 +192,7 @@ fn an_option_and_its_setting_have_one_range() {
         .filter_map(|line| line.strip_prefix("-h, ").or(Some(line)))
         .filter(|line| line.starts_with("--"))
         .map(|line| line.split([' ', '[', '=']).next().unwrap())
+        .chain(HIDDEN.iter().copied())
         .collect();
     assert_eq!(options, known);
 }

@@ -16,7 +16,6 @@ mod strain;
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::IsometricOptions;
-use self::rounds::EvenMap;
 use self::strain::{Fineness, Sample, Strain, Weights, products, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
@@ -152,7 +151,7 @@ impl IsometricMap {
         } else {
             let inked = map.samples(ink, &Weights::START, COARSE);
             let task = Task { surface, samples: &inked, anchor, cap: f64::INFINITY };
-            let even = EvenMap::measure(&map, &task);
+            let even = map.even_strains(&task);
             map.descend(&Task { cap: even.angle, ..task }, &solver, START_STEPS)?;
             map.refine();
             let solver = map.solver()?;

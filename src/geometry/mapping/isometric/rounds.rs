@@ -8,7 +8,7 @@
 
 use nalgebra::Vector2;
 
-use super::scales::Scales;
+use super::scales::{EvenMap, Scales};
 use super::strain::{Sample, Strain};
 use super::{IsometricMap, IsometricOptions, Iteration, Task};
 use crate::geometry::normal_equations::{ComposedSum, GridSolver, NormalEquations};
@@ -34,30 +34,6 @@ const PAPER: f64 = 2.0;
 const OVERSHOOT: f64 = 4.0;
 /// A step is shortened to no less than this share.
 const SHORTEST: f64 = 1.0 / 8.0;
-
-/// What the even map leaves: the measure for all others.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct EvenMap {
-    /// Its largest angle error at the ink, rad.
-    pub(super) angle: f64,
-    /// Its largest strain over the box.
-    pub(super) strain: f64,
-}
-
-impl EvenMap {
-    pub(super) fn measure(map: &IsometricMap, task: &Task) -> Self {
-        let mut even = Self { angle: 0.0, strain: 0.0 };
-        for place in task.samples.chunk_by(Sample::is_at) {
-            let strain = map.strain_only(task.surface, &place[0]);
-            if place.iter().any(Sample::is_ink) {
-                even.angle = even.angle.max(strain.angle_error());
-            } else {
-                even.strain = even.strain.max(strain.largest_stretch());
-            }
-        }
-        even
-    }
-}
 
 /// The scales of the weights for a map with these strains.
 fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
@@ -134,6 +110,20 @@ impl Figures {
 }
 
 impl IsometricMap {
+    /// What this map, made with equal weights, leaves at the ink and over the box.
+    pub(super) fn even_strains(&self, task: &Task) -> EvenMap {
+        let mut even = EvenMap { angle: 0.0, strain: 0.0 };
+        for place in task.samples.chunk_by(Sample::is_at) {
+            let strain = self.strain_only(task.surface, &place[0]);
+            if place.iter().any(Sample::is_ink) {
+                even.angle = even.angle.max(strain.angle_error());
+            } else {
+                even.strain = even.strain.max(strain.largest_stretch());
+            }
+        }
+        even
+    }
+
     /// Rounds from the map as it is to the best one that is found; returns whether one was better.
     pub(super) fn rounds(
         &mut self,

@@ -7,6 +7,15 @@ const SOFT_AREAS: f64 = 0.5;
 /// Paper becomes at most this many times as stiff.
 const STIFFEST: f64 = 30.0;
 
+/// What the even map leaves: the measure for all others.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EvenMap {
+    /// Its largest angle error at the ink, rad.
+    pub(super) angle: f64,
+    /// Its largest strain over the box.
+    pub(super) strain: f64,
+}
+
 /// The scales of the weights, fixed before the first round.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scales {
