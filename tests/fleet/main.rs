@@ -21,11 +21,14 @@ mod browser;
 mod server;
 mod station;
 mod proxy;
+mod client;
 
 mod away;
 mod fits;
 mod kills;
+mod histories;
 mod load;
+mod job_load;
 mod page;
 mod settings;
 mod jobs;

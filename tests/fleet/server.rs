@@ -13,6 +13,9 @@ pub const SECRET: &str = "Hidden-7-Zebra";
 /// The time limit for anything on a slow machine.
 pub const DEADLINE: Duration = Duration::from_secs(60);
 
+/// No run of the tests takes longer.
+const LONGEST_RUN: Duration = Duration::from_secs(4 * 3600);
+
 /// The folder with `initdb` and `postgres`; `None` if PostgreSQL is not installed, which is a failure in CI.
 pub fn programs() -> Option<PathBuf> {
     let given = std::env::var_os("ISOMARK_POSTGRES").map(PathBuf::from);
@@ -88,7 +91,7 @@ impl Server {
         }
         let server = Self { port: free_port(), programs, folder };
         server.make();
-        server.set("listen_addresses = '127.0.0.1'\nunix_socket_directories = ''\nfsync = off\nmax_connections = 60\n");
+        server.set("listen_addresses = '127.0.0.1'\nunix_socket_directories = ''\nfsync = off\nmax_connections = 120\n");
         server.set(&format!("port = {}\n", server.port));
         server.run();
         server.sql("postgres", "CREATE DATABASE isomark");
@@ -102,7 +105,13 @@ impl Server {
         let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join("postgres-template");
         let of_run = kept.join(std::process::id().to_string());
         if !of_run.exists() {
-            let _ = fs::remove_dir_all(&kept);
+            // Those of other runs that may still be going on stay.
+            for run in fs::read_dir(&kept).into_iter().flatten().flatten() {
+                let changed = run.metadata().and_then(|about| about.modified());
+                if changed.is_ok_and(|at| at.elapsed().is_ok_and(|age| age > LONGEST_RUN)) {
+                    let _ = fs::remove_dir_all(run.path());
+                }
+            }
             let made = self.folder.path().join("made");
             let password = self.folder.path().join("password");
             fs::write(&password, format!("{SECRET}\n")).unwrap();

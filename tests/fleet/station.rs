@@ -78,6 +78,11 @@ impl Station {
         child.wait().unwrap();
     }
 
+    /// The number of its process.
+    pub fn process(&self) -> u32 {
+        self.running.as_ref().unwrap().id()
+    }
+
     /// Ends it as a service manager does.
     #[cfg(unix)]
     pub fn stop(&mut self) {
