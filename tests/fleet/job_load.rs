@@ -3,13 +3,14 @@
 //! `cargo test --test fleet job_load -- --ignored --nocapture`; a name behind `job_load` for one table, and the variables below
 //! for other sizes.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Barrier};
 use std::time::{Duration, Instant};
 
 use fs_err as fs;
-use isomark::cache::{Cache, CacheKey, PartOrigin, SharedSurfaces};
+use isomark::cache::{Cache, CacheKey, Lookup, PartOrigin, SharedSurfaces};
 use isomark::fleet::{Member, SkuFiles};
+use isomark::geometry::picture_mesh::PictureMesh;
 use isomark::hotfolder::line::Inputs;
 use tokio_postgres::types::Type;
 
@@ -115,18 +116,19 @@ fn figures_of_many_jobs() {
     println!("database with {skus} SKUs: {}", size());
     let drawing = line(5.0).repeat(8);
     let (next, done) = (AtomicU64::new(0), AtomicU64::new(0));
-    let started = Instant::now();
+    let all_there = Barrier::new(stations as usize);
     let all: Vec<Simulated> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..stations)
             .map(|index| {
-                let (server, next, done, drawing) = (&server, &next, &done, drawing.as_bytes());
+                let (server, next, done, all_there) = (&server, &next, &done, &all_there);
+                let drawing = drawing.as_bytes();
                 scope.spawn(move || {
                     let mut station = Simulated::new(server, index);
                     let mut random = Random(index);
                     let own = format!("job {}", station.name);
-                    // Each sends in its turn.
-                    let mut due =
-                        started + Duration::from_secs(2) + Duration::from_millis(1000 * index / rate);
+                    // Nobody misses an announcement, and each sends in its turn.
+                    all_there.wait();
+                    let mut due = Instant::now() + Duration::from_millis(1000 * index / rate);
                     while done.load(Ordering::SeqCst) < steady {
                         if Instant::now() >= due && next.load(Ordering::SeqCst) < steady {
                             let job = next.fetch_add(1, Ordering::SeqCst);
@@ -261,41 +263,46 @@ fn send_real(sender: &Simulated, job: u64, at: u64) {
     assert!(rows.unwrap()[0].get::<_, bool>(0));
 }
 
-/// A wavy part of so many by so many points.
-fn wavy(points: usize) -> String {
-    let mut text = String::new();
-    for row in 0..points {
-        for column in 0..points {
-            let [x, y] = [column, row].map(|at| 60.0 * (at as f64 / (points - 1) as f64 - 0.5));
-            text += &format!("v {x:.4} {y:.4} {:.4}\n", (x / 9.0).sin() * (y / 7.0).cos() * 2.0);
-        }
-    }
-    for row in 1..points {
-        for column in 1..points {
-            let [a, b] = [(row - 1) * points + column, row * points + column];
-            text += &format!("f {a} {} {} {b}\n", a + 1, b + 1);
-        }
-    }
-    text
+/// A mesh for pictures of so many by so many vertices.
+fn large_mesh(points: u32) -> PictureMesh {
+    let all = || (0..points).flat_map(|row| (0..points).map(move |column| [column as f32, row as f32, 0.0]));
+    let cells = (1..points).flat_map(|row| (1..points).map(move |column| (row * points + column, points)));
+    let triangles = cells.flat_map(|(at, points)| {
+        let below = at - points;
+        [[below - 1, below, at], [below - 1, at, at - 1]]
+    });
+    let normals = all().map(|_| [0.0, 0.0, 1.0]);
+    PictureMesh::new(all().collect(), normals.collect(), triangles.collect(), 1).unwrap()
 }
 
 #[test]
 #[ignore = "only prints figures"]
 fn figures_of_a_large_fit() {
     let Some((server, _desk)) = server_with_tables() else { return };
-    let (points, times) = (number("ISOMARK_POINTS", 330) as usize, number("ISOMARK_TIMES", 40));
+    let (points, times) = (number("ISOMARK_POINTS", 400) as u32, number("ISOMARK_TIMES", 40));
     for name in ["laser1", "laser2"] {
         server.login(name, "station");
     }
     let one = Station::of("laser1", &server.url("laser1"));
     one.waits_for_fleet(1);
-    one.drop_in("wavy.obj", &wavy(points));
-    one.waits_for("the part", |one| one.logged("is now the part of") == 1 || one.logged("reject") > 0);
-    let there = || server.sql("isomark", "SELECT key || ' ' || bytes || ' ' || part FROM isomark.fit");
+    one.drop_in("trough.obj", &trough(1.0));
+    one.waits_for("the part", |one| one.logged("is now the part of") == 1);
+    let there = || server.sql("isomark", "SELECT key || ' ' || part FROM isomark.fit");
     waits_for("the fit", || !there().is_empty(), || one.log());
     let row = there();
     let fields: Vec<&str> = row.split(' ').collect();
-    println!("a fit of {} bytes", fields[1]);
+    // No part makes so large a fit: its mesh for pictures is replaced by a larger one.
+    let key: CacheKey = serde_json::from_value(fields[0].into()).unwrap();
+    let sku = "trough".parse().unwrap();
+    let Ok(Lookup::Hit(kept)) = Cache::new(one.path("cache")).get(&sku, &key) else { panic!("no surface") };
+    let larger = Cache::new(one.path("larger"));
+    larger.keep(&sku, &key, &kept, Some(&large_mesh(points))).unwrap();
+    let mesh = larger.bytes(&sku, &key).unwrap().unwrap().mesh.unwrap();
+    let owner = Connected::to(server.port, "owner", PATIENCE).unwrap();
+    let hash = blake3::hash(&mesh).as_bytes().to_vec();
+    let change = "UPDATE isomark.fit SET mesh = $1, mesh_blake3 = $2";
+    owner.rows(change, &[(&mesh, Type::BYTEA), (&hash, Type::BYTEA)]).unwrap();
+    println!("a fit of {} bytes", server.sql("isomark", "SELECT bytes FROM isomark.fit"));
     // The part of another station in the fleet, in this process.
     let two = Station::new("laser2", &in_fleet(&server.url("laser2")));
     let settings = isomark::config::Station::load(&two.path("station.toml")).unwrap();
@@ -303,10 +310,8 @@ fn figures_of_a_large_fit() {
     let files = Arc::new(SkuFiles::new(&fleet, &settings));
     let member = Arc::new(Member::new(fleet, &settings.folders, files));
     let _running = member.start();
-    let key: CacheKey = serde_json::from_value(fields[0].into()).unwrap();
     let part: PartOrigin =
-        serde_json::from_value(serde_json::json!({ "file": "wavy.obj", "blake3": fields[2] })).unwrap();
-    let sku = "wavy".parse().unwrap();
+        serde_json::from_value(serde_json::json!({ "file": "trough.obj", "blake3": fields[1] })).unwrap();
     let cache = Cache::new(two.path("cache"));
     waits_for("the connection", || member.fetch(&cache, &sku, &key, &part), String::new);
     let mut all: Vec<f64> = (0..times)
