@@ -15,6 +15,7 @@
 //! for example after a power cut, is reported and treated as missing: the surface is fitted again.
 
 mod shared;
+mod task;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,7 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 
 pub(crate) use shared::Shared;
 pub use shared::SharedSurfaces;
+pub use task::FitTask;
 
 /// Version of the file format and of the fit: increased whenever either changes.
 const VERSION: u32 = 9;
@@ -193,6 +195,16 @@ struct Sidecar {
     residual_rms_mm: f64,
 }
 
+impl KeptBytes {
+    /// The bytes of a surface, as a cache keeps it, with the part's mesh for pictures if there is one.
+    ///
+    /// # Errors
+    /// When its values cannot be written.
+    pub fn of(kept: &CachedSurface, mesh: Option<&PictureMesh>) -> io::Result<Self> {
+        Ok(Self { fit: encode(kept)?, mesh: mesh.map(encode_mesh).transpose()? })
+    }
+}
+
 impl CurrentPart {
     /// A part that becomes a SKU's current one.
     #[must_use]
@@ -208,6 +220,12 @@ impl CacheKey {
     pub fn new(part_blake3: &str, settings: &str) -> Self {
         let text = format!("isomark fit {VERSION}\n{part_blake3}\n{settings}");
         Self(blake3::hash(text.as_bytes()).to_hex()[..32].to_owned())
+    }
+
+    /// What makes a fit another one for the same part and settings: the program, and the version of its fits.
+    #[must_use]
+    pub fn maker() -> String {
+        format!("isomark {} with fits of version {VERSION}", env!("CARGO_PKG_VERSION"))
     }
 
     /// The key as text.
@@ -281,15 +299,9 @@ impl Cache {
     /// # Errors
     /// When the folder cannot be written to.
     pub fn keep_picture_mesh(&self, sku: &Sku, key: &CacheKey, mesh: &PictureMesh) -> io::Result<()> {
-        let record = MeshRecord {
-            positions: mesh.positions().to_vec(),
-            normals: mesh.normals().to_vec(),
-            triangles: mesh.triangles().to_vec(),
-            source_triangles: mesh.source_triangles(),
-        };
         let folder = self.folder(sku);
         fs::create_dir_all(&folder)?;
-        write_whole_unsynced(&folder, &format!("{}.mesh", key.0), &sealed(&record, MESH_MAGIC)?)
+        write_whole_unsynced(&folder, &format!("{}.mesh", key.0), &encode_mesh(mesh)?)
     }
 
     /// The bytes of a surface and of its mesh for pictures, if there are any; they are not checked.
@@ -488,6 +500,16 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         mark: kept.mark.as_ref().map(|mark| mark.distances().to_vec()).unwrap_or_default(),
     };
     sealed(&record, MAGIC)
+}
+
+fn encode_mesh(mesh: &PictureMesh) -> io::Result<Vec<u8>> {
+    let record = MeshRecord {
+        positions: mesh.positions().to_vec(),
+        normals: mesh.normals().to_vec(),
+        triangles: mesh.triangles().to_vec(),
+        source_triangles: mesh.source_triangles(),
+    };
+    sealed(&record, MESH_MAGIC)
 }
 
 /// A record as bytes: header, hash of the body, body.

@@ -20,6 +20,7 @@ mod fleet_place;
 mod release;
 mod fleet_jobs;
 mod send;
+mod work;
 mod inspect;
 mod schema;
 mod job;
@@ -89,6 +90,8 @@ enum Command {
     Fleet(fleet::FleetArguments),
     /// Sends drawings to a line of a fleet, as if they were dropped at one of its stations.
     Send(send::SendArguments),
+    /// Fits heavy parts and scans for the stations of a fleet, on a computer without a laser. Ctrl-C ends it.
+    Work(work::WorkArguments),
     /// Sets up a station with sample parts and drawings, runs it once, and shows the results.
     Demo(demo::DemoArguments),
 }
@@ -125,6 +128,7 @@ pub fn main() -> ExitCode {
         Command::Cache(arguments) => (cache::run(&arguments), false),
         Command::Fleet(arguments) => (fleet::run(&arguments), arguments.json()),
         Command::Send(arguments) => (send::run(&arguments), arguments.json),
+        Command::Work(arguments) => (work::run(&arguments), false),
         Command::Demo(arguments) => (demo::run(&arguments), false),
     };
     match outcome {

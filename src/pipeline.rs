@@ -61,6 +61,7 @@ mod preview;
 mod on_part;
 mod progress;
 mod rotary;
+mod task;
 
 pub use content::{Variable, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};

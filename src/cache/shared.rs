@@ -7,13 +7,25 @@ use std::sync::Arc;
 use super::{Cache, CacheKey, CurrentPart, PartOrigin};
 use crate::config::Sku;
 
-/// Surfaces and current parts that stations share. Only [`fetch`](Self::fetch) waits, and only for a moment.
+/// Surfaces and current parts that stations share. Only [`fetch`](Self::fetch) and [`have_made`](Self::have_made) wait, and
+/// only for a limited time.
 pub trait SharedSurfaces: Send + Sync {
     /// Takes the surface of a part from others into the cache; returns whether the cache has it now.
     fn fetch(&self, cache: &Cache, sku: &Sku, key: &CacheKey, part: &PartOrigin) -> bool;
 
     /// Asks for the same without waiting.
     fn wish(&self, cache: &Cache, sku: &Sku, key: &CacheKey, part: &PartOrigin);
+
+    /// Has others make the surface of a part; `task` is what they need ([`FitTask`](super::FitTask)). Returns whether the cache has
+    /// it now; otherwise it is to be made here.
+    fn have_made(
+        &self,
+        cache: &Cache,
+        sku: &Sku,
+        key: &CacheKey,
+        part: &PartOrigin,
+        task: &dyn Fn() -> Option<Vec<u8>>,
+    ) -> bool;
 
     /// Offers a surface that the cache has.
     fn offer(&self, sku: &Sku, key: &CacheKey, part: &PartOrigin);

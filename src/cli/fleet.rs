@@ -8,7 +8,7 @@ use super::outcome::{Exit, Failure, Outcome, print, print_json, tell};
 use super::release;
 use crate::fleet::{
     self, Address, FleetStatus, Prune, SharedFits, SkuSettings, SkuSettingsState, StationSettings,
-    StationState,
+    StationState, WorkerRow,
 };
 use crate::printable::on_one_line;
 
@@ -201,5 +201,24 @@ fn words(status: &FleetStatus, address: &Address) -> String {
             text += &format!("    {}\n", shown_settings(settings));
         }
     }
-    text + &words_of_jobs(&status.jobs)
+    text + &words_of_workers(status) + &words_of_jobs(&status.jobs)
+}
+
+fn words_of_workers(status: &FleetStatus) -> String {
+    if status.workers.is_empty() {
+        return String::new();
+    }
+    let parts = if status.parts_waiting == 1 { "part waits" } else { "parts wait" };
+    let mut text = format!("workers: {} {parts}\n", status.parts_waiting);
+    for worker in &status.workers {
+        let WorkerRow { name, alive, silent_for_s, program, made, failed, sku, .. } = worker;
+        let state = match (alive, sku) {
+            (false, _) => format!("silent for {silent_for_s:.0} s"),
+            (true, Some(sku)) => format!("fits the part of {}", on_one_line(sku)),
+            (true, None) => "alive".to_owned(),
+        };
+        let [name, program] = [name, program].map(|text| on_one_line(text));
+        text += &format!("  {name}: {state}; {made} made, {failed} failed ({program})\n");
+    }
+    text
 }

@@ -26,6 +26,8 @@ pub struct FleetSettings {
     pub local_settings: LocalSettings,
     /// The groups of stations whose jobs it takes, besides its own.
     pub lines: Vec<String>,
+    /// Whether workers make the surfaces of heavy parts.
+    pub workers: bool,
 }
 
 impl FleetSettings {
@@ -77,6 +79,7 @@ pub(super) struct FleetKeys {
     name: Option<Spanned<String>>,
     local_settings: LocalSettings,
     lines: Option<Spanned<Vec<String>>>,
+    workers: bool,
 }
 
 impl FleetKeys {
@@ -133,6 +136,7 @@ impl FleetKeys {
             name,
             local_settings: self.local_settings,
             lines,
+            workers: self.workers,
         }))
     }
 }

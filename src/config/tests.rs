@@ -535,6 +535,7 @@ const SETTINGS: &[(&str, &str, Typed)] = &[
     ("fleet.password_file", "secret.txt", FLEET),
     ("fleet.password_variable", "SECRET", FLEET),
     ("fleet.url", "postgresql://laser2@db.shop.local/isomark", &[]),
+    ("fleet.workers", "true", FLEET),
     ("focus.overlap_mm", "0.2", &[]),
     ("focus.step_mm", "2", &[]),
     ("focus.steps", "layers", &[("focus.step_mm", "2")]),

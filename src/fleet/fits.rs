@@ -8,7 +8,7 @@ use tokio_postgres::types::Type;
 
 use super::error::FleetError;
 use super::session::Session;
-use crate::cache::{Cache, CacheKey, CurrentPart, PartOrigin};
+use crate::cache::{Cache, CacheKey, CurrentPart, KeptBytes, PartOrigin};
 use crate::config::Sku;
 use crate::files::is_plain;
 
@@ -100,25 +100,42 @@ pub(super) async fn send(
     part: &PartOrigin,
 ) -> Result<(), FleetError> {
     let Ok(Some(bytes)) = cache.bytes(sku, key) else { return Ok(()) };
-    let (body, mesh) = (bytes.fit, bytes.mesh);
-    let mesh = mesh.filter(|mesh| mesh.len() <= LARGEST as usize);
-    if body.len() > LARGEST as usize {
-        tracing::info!("the surface of {sku} stays at this station: it has {} bytes", body.len());
+    if let Some(size) = too_large(&bytes) {
+        tracing::info!("the surface of {sku} stays at this station: it has {size} bytes");
         return Ok(());
     }
+    write(session, station, sku, key.as_str(), &part.blake3, &bytes).await
+}
+
+/// The size of a fit, bytes, if it is more than the fleet keeps.
+pub(super) fn too_large(bytes: &KeptBytes) -> Option<usize> {
+    Some(bytes.fit.len()).filter(|size| *size > LARGEST as usize)
+}
+
+/// Adds the fit of the part with this hash; one that is there stays as it is.
+pub(super) async fn write(
+    session: &Session,
+    station: &str,
+    sku: &Sku,
+    key: &str,
+    part_blake3: &str,
+    bytes: &KeptBytes,
+) -> Result<(), FleetError> {
+    let body = &bytes.fit;
+    let mesh = bytes.mesh.as_ref().filter(|mesh| mesh.len() <= LARGEST as usize);
     let hash = |bytes: &[u8]| blake3::hash(bytes).as_bytes().to_vec();
-    let (body_hash, mesh_hash) = (hash(&body), mesh.as_deref().map(hash));
-    let patience = Duration::from_secs(((body.len() + mesh.as_ref().map_or(0, Vec::len)) / SLOWEST) as u64);
+    let (body_hash, mesh_hash) = (hash(body), mesh.map(|mesh| hash(mesh)));
+    let patience = Duration::from_secs(((body.len() + mesh.map_or(0, Vec::len)) / SLOWEST) as u64);
     session
         .rows_within(
             Session::ANSWER + patience,
             "INSERT INTO isomark.fit (key, sku, part, body, body_blake3, mesh, mesh_blake3, station) \
              VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT DO NOTHING",
             &[
-                (&key.as_str(), Type::TEXT),
+                (&key, Type::TEXT),
                 (&sku.key(), Type::TEXT),
-                (&part.blake3, Type::TEXT),
-                (&body, Type::BYTEA),
+                (&part_blake3, Type::TEXT),
+                (body, Type::BYTEA),
                 (&body_hash, Type::BYTEA),
                 (&mesh, Type::BYTEA),
                 (&mesh_hash, Type::BYTEA),

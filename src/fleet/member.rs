@@ -6,7 +6,7 @@ use std::mem::{Discriminant, discriminant};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use tokio::runtime::Builder;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
@@ -14,6 +14,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 use tokio_postgres::types::Type;
 
 use super::address::Address;
+use super::asking::{After, Asking, News, Step, Wish};
 use super::desk::{Desk, Earlier};
 use super::error::FleetError;
 use super::fits::{self, Fetched, SharedPart};
@@ -24,6 +25,7 @@ use super::office;
 use super::outbox::{self, Entry, Outbox};
 use super::session::{Heard, Session};
 use super::sku_files::SkuFiles;
+use super::workers;
 use crate::cache::{Cache, CacheKey, CurrentPart, PartOrigin, SharedSurfaces};
 use crate::config::{FleetSettings, FolderPaths, Sku, Station};
 use crate::hotfolder::line::{Answer, Claim, JobNews, LineJob, Lines, Offered, OurJobs, Wake};
@@ -74,6 +76,8 @@ pub struct Member {
     shows_fleet: bool,
     /// Jobs for other lines.
     desk: Desk,
+    /// Fits that workers make.
+    asking: Asking,
 }
 
 /// What the thread of the fleet and the rest of the station share.
@@ -101,14 +105,6 @@ struct Shared {
     wishes: BTreeMap<CacheKey, Wish>,
 }
 
-/// A fit that is asked for.
-#[derive(Debug, Clone)]
-struct Wish {
-    cache: Cache,
-    sku: Sku,
-    part: PartOrigin,
-}
-
 /// What the thread of the fleet wakes up for.
 enum Order {
     Heard(Heard),
@@ -116,6 +112,8 @@ enum Order {
     Send,
     /// A fit is needed; the answer is whether the cache has it now.
     Fetch(Wish, CacheKey, Option<SyncSender<bool>>),
+    /// A job needs a fit from a worker.
+    Ask(CacheKey, Step),
     /// A drop is for another line.
     Offer(Arc<LineJob>, SyncSender<Offered>),
     /// The station has other jobs than before.
@@ -142,9 +140,7 @@ impl Member {
     #[must_use]
     pub fn new(settings: FleetSettings, folders: &FolderPaths, files: Arc<SkuFiles>) -> Self {
         let (orders, received) = unbounded_channel();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let process = format!("{} {}", std::process::id(), now.as_nanos());
-        let process = blake3::hash(process.as_bytes()).to_hex()[..16].to_owned();
+        let process = super::process();
         let outbox = Mutex::new(Outbox::new(&folders.state.join(OUTBOX)));
         let seen = FleetSeen { name: settings.name.clone(), ..FleetSeen::default() };
         let shared = Mutex::new(Shared { cache: folders.cache.clone(), seen, ..Shared::default() });
@@ -158,6 +154,7 @@ impl Member {
             files,
             shows_fleet: false,
             desk: Desk::default(),
+            asking: Asking::default(),
         }
     }
 
@@ -240,6 +237,7 @@ impl Member {
         // Before the parts are read: no change is missed.
         session.batch(LISTEN).await?;
         self.beat(&session, &self.figures(), true, false).await?;
+        self.asking.leave_all(&session, &self.settings.name).await?;
         self.send_announcements(&session).await?;
         self.read_all_parts(&session).await?;
         self.look_at_fleet(&session).await?;
@@ -278,8 +276,9 @@ impl Member {
                 Ok(Some(Order::Send | Order::Jobs)) => {}
                 Ok(Some(Order::Offer(job, answer))) => self.offer_now(&session, &job, &answer).await?,
                 Ok(Some(Order::Fetch(wish, key, answer))) => {
-                    self.fetch_now(&session, &wish, &key, answer.as_ref()).await?;
+                    let _ = self.fetch_now(&session, &wish, &key, answer.as_ref()).await?;
                 }
+                Ok(Some(Order::Ask(key, step))) => self.ask_now(&session, &key, step).await?,
                 Ok(Some(Order::Heard(Heard::Notified(text)))) => match text.strip_prefix("settings ") {
                     Some(sku) => releases.ask(sku),
                     None => self.hear(&session, &text).await?,
@@ -326,10 +325,14 @@ impl Member {
                     .find(|(known, _)| known.as_str() == key)
                     .map(|(known, wish)| (known.clone(), wish.clone()));
                 match wished {
-                    Some((key, wish)) => self.fetch_now(session, &wish, &key, None).await,
+                    Some((key, wish)) => self.fetch_now(session, &wish, &key, None).await.map(drop),
                     None => Ok(()),
                 }
             }
+            Some(("request", key)) => match self.asking.own(key) {
+                Some(key) => self.ask_now(session, &key, Step::Look).await,
+                None => Ok(()),
+            },
             Some(("job", line)) => {
                 if line == self.settings.name || self.settings.lines.iter().any(|of_it| of_it == line) {
                     self.desk.look();
@@ -449,14 +452,32 @@ impl Member {
         }
     }
 
-    /// Fetches a fit into the cache, and answers.
+    /// Does a step of asking a worker for a fit.
+    async fn ask_now(&self, session: &Session, key: &CacheKey, step: Step) -> Result<(), FleetError> {
+        let after = match self.asking.step(session, &self.settings.name, key, step).await {
+            // The job makes the fit itself.
+            Err(error) if error.is_final() => {
+                tracing::warn!("a fit cannot be asked for: {error}");
+                self.asking.tell(key, News::Over);
+                return Ok(());
+            }
+            after => after?,
+        };
+        if let After::Fetch(wish) = after {
+            let is_kept = self.fetch_now(session, &wish, key, None).await?;
+            self.asking.tell(key, if is_kept { News::Kept } else { News::Over });
+        }
+        Ok(())
+    }
+
+    /// Fetches a fit into the cache, and answers. Whether the cache has it now.
     async fn fetch_now(
         &self,
         session: &Session,
         wish: &Wish,
         key: &CacheKey,
         answer: Option<&SyncSender<bool>>,
-    ) -> Result<(), FleetError> {
+    ) -> Result<bool, FleetError> {
         let Wish { cache, sku, part } = wish;
         let started = Instant::now();
         let fetched = fits::fetch(session, cache, sku, key, part).await?;
@@ -481,10 +502,11 @@ impl Member {
                 shared.wrong = Some(text);
             }
         }
-        match fetched {
-            Fetched::Kept => fits::note_use(session, key).await,
-            _ => Ok(()),
+        let is_kept = fetched == Fetched::Kept;
+        if is_kept {
+            fits::note_use(session, key).await?;
         }
+        Ok(is_kept)
     }
 
     /// Gives a sign of life.
@@ -542,8 +564,10 @@ impl Member {
             return Ok(());
         }
         let (count, stations) = office::stations_for_page(session).await?;
+        let workers = workers::listed(session).await?;
         let mut shared = self.shared();
-        shared.seen = FleetSeen { count, stations, at: Some(timestamp_now()), ..shared.seen.clone() };
+        shared.seen =
+            FleetSeen { count, stations, workers, at: Some(timestamp_now()), ..shared.seen.clone() };
         Ok(())
     }
 
@@ -559,6 +583,7 @@ impl Member {
         shared.answers = false;
         shared.complaint = None;
         drop(shared);
+        self.asking.give_up();
         self.desk.has_answer();
     }
 
@@ -710,6 +735,31 @@ impl SharedSurfaces for Member {
             }
         }
         let _ = self.orders.send(Order::Fetch(wish, key.clone(), None));
+    }
+
+    fn have_made(
+        &self,
+        cache: &Cache,
+        sku: &Sku,
+        key: &CacheKey,
+        part: &PartOrigin,
+        task: &dyn Fn() -> Option<Vec<u8>>,
+    ) -> bool {
+        let may_ask = || {
+            let shared = self.shared();
+            self.settings.workers && shared.answers && !shared.is_slow
+        };
+        if !may_ask() {
+            return false;
+        }
+        let Some(task) = task() else { return false };
+        let wish = Wish { cache: cache.clone(), sku: sku.clone(), part: part.clone() };
+        let order = |step| self.orders.send(Order::Ask(key.clone(), step)).is_ok();
+        let is_made = self.asking.wait(wish, key, task, order);
+        if is_made {
+            tracing::info!("a worker of the fleet fitted the part of {sku}");
+        }
+        is_made
     }
 
     fn offer(&self, sku: &Sku, key: &CacheKey, part: &PartOrigin) {

@@ -15,6 +15,7 @@ const MIGRATIONS: &[(&str, &str)] = &[
     ("fits", include_str!("migrations/0002_fits.sql")),
     ("releases", include_str!("migrations/0003_releases.sql")),
     ("jobs", include_str!("migrations/0004_jobs.sql")),
+    ("workers", include_str!("migrations/0005_workers.sql")),
 ];
 const ROLES: &str = include_str!("roles.sql");
 /// The key of the advisory lock: "isomark" in ASCII.

@@ -19,6 +19,9 @@
 //! | `releasing` | how the office releases settings, and what the stations do with them |
 //! | `jobs` | jobs for other lines |
 //! | `desk` | what the rest of the station and the thread of the fleet give each other for them |
+//! | `asking` | how a station asks workers for a heavy fit, and takes it back |
+//! | `worker` | a process without a laser that makes these fits |
+//! | `workers` | the workers for a status |
 //! | `office` | what people do at a terminal: set up, check, look |
 //! | `member` | the thread of a station |
 //!
@@ -38,6 +41,16 @@
 //! One thread of a station does everything in the database. Only a part that is dropped waits for it, at most
 //! a moment and only while it answers: fetching a fit is faster than making it. The rest of the station reads and writes memory and
 //! the outbox. While the database is away, the station reports it once, works alone, and sends the outbox afterwards.
+//!
+//! # Workers
+//!
+//! ```text
+//! job of a station ──part, settings──▶ request ──lease, attempt──▶ worker ──fit, end of the attempt──▶ fits ──fetch──▶ job
+//! ```
+//!
+//! A station asks for a heavy fit only if a worker of the same program is alive, waits for a limited time, and then makes the fit itself.
+//! Numbers of attempts are never used twice, so a worker that is late changes nothing. All stations that need the same fit wait for
+//! one request.
 //!
 //! # The current part
 //!
@@ -60,8 +73,11 @@ mod incoming;
 mod releasing;
 mod desk;
 mod jobs;
+mod workers;
+mod asking;
 mod office;
 mod member;
+mod worker;
 
 pub use address::Address;
 pub use error::FleetError;
@@ -73,10 +89,20 @@ pub use releasing::{
     release,
 };
 pub use sku_files::SkuFiles;
+pub use worker::{Ending, Fitter, Worker};
 
-pub use crate::hotfolder::{StationRow, StationState};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+pub use crate::hotfolder::{StationRow, StationState, WorkerRow};
 
 /// This program, as the tables name it.
 fn program() -> String {
     format!("isomark {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// A name for one run of the program.
+fn process() -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let process = format!("{} {}", std::process::id(), now.as_nanos());
+    blake3::hash(process.as_bytes()).to_hex()[..16].to_owned()
 }

@@ -12,7 +12,8 @@ use super::jobs::{self, Jobs};
 use super::migrations;
 use super::releasing::{self, StationSettings};
 use super::session::{Session, Value, run};
-use crate::hotfolder::{StationRow, StationState};
+use super::workers;
+use crate::hotfolder::{StationRow, StationState, WorkerRow};
 
 /// Name and version of the JSON form of a fleet's status; `plugins/README.md` states what is stable.
 pub const SCHEMA: &str = "isomark.fleet/1";
@@ -67,6 +68,10 @@ pub struct FleetStatus {
     pub settings: Vec<StationSettings>,
     /// The jobs for other lines.
     pub jobs: Jobs,
+    /// The workers, by name.
+    pub workers: Vec<WorkerRow>,
+    /// Parts that stations asked workers to fit and that no worker has.
+    pub parts_waiting: i64,
 }
 
 /// The fits that the stations of a fleet share.
@@ -183,6 +188,8 @@ pub fn status(address: &Address) -> Result<FleetStatus, FleetError> {
             fits: fits(&session).await?,
             settings: releasing::by_station(&session).await?,
             jobs: jobs::listed(&session).await?,
+            workers: workers::listed(&session).await?,
+            parts_waiting: workers::waiting(&session).await?,
         })
     })
 }

@@ -53,3 +53,17 @@ GRANT EXECUTE ON FUNCTION
     isomark.end_job(text, text, integer, text, text)
     TO isomark_station;
 GRANT DELETE ON isomark.job TO isomark_office;
+-- Everybody sees the workers, and which fits stations wait for. Stations ask for fits; only workers read the parts and end requests.
+GRANT SELECT ON isomark.worker, isomark.fit_asker TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
+GRANT SELECT (key, number, maker, sku, part, state, attempt, worker, lease, reason, at) ON isomark.fit_request
+    TO isomark_station, isomark_office, isomark_viewer;
+GRANT SELECT ON isomark.fit_request TO isomark_worker;
+GRANT EXECUTE ON FUNCTION
+    isomark.join_fit(text, text, text), isomark.ask_for_fit(text, text, text, text, text, bytea, text),
+    isomark.leave_fit(text, text)
+    TO isomark_station;
+GRANT EXECUTE ON FUNCTION
+    isomark.beat_of_worker(text, text, text, text, boolean, bigint, bigint), isomark.take_request(text),
+    isomark.keep_request(text, text, bigint), isomark.end_request(text, text, bigint, text),
+    isomark.return_request(text, text, bigint)
+    TO isomark_worker;

@@ -191,6 +191,11 @@ impl Facing {
         (length.is_finite() && length > 0.0).then(|| Self { direction: direction / length })
     }
 
+    /// The side whose outward direction is exactly `direction` (part frame); `None` unless its length is 1, to within rounding.
+    pub fn of_unit(direction: Vector3<f64>) -> Option<Self> {
+        ((direction.norm() - 1.0).abs() < 1e-12).then_some(Self { direction })
+    }
+
     /// The unit direction to the laser, in the part frame.
     pub fn direction(&self) -> Vector3<f64> {
         self.direction

@@ -65,6 +65,33 @@ pub struct FleetSeen {
     pub count: u64,
     /// The first ones, those first that need somebody.
     pub stations: Vec<StationRow>,
+    /// Its workers; absent without any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub workers: Vec<WorkerRow>,
+}
+
+/// A worker as its fleet knows it. One that was stopped is not known any more.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct WorkerRow {
+    /// Its name for people; several may have the same.
+    pub name: String,
+    /// Whether it gave a sign of life in the last 45 s.
+    pub alive: bool,
+    /// The time since its last sign of life, s.
+    pub silent_for_s: f64,
+    /// The time since its start, s.
+    pub up_for_s: f64,
+    /// Its program with the version.
+    pub program: String,
+    /// Fits that it made since its start.
+    pub made: i64,
+    /// Parts that it could not fit since its start.
+    pub failed: i64,
+    /// The SKU whose part it fits at the moment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sku: Option<String>,
 }
 
 /// A station as its fleet knows it.

@@ -140,7 +140,7 @@ pub use api::{
 pub(crate) use clock::now as timestamp_now;
 pub use dispatcher::run;
 pub use error::StationError;
-pub use fleet::{Figures, Fleet, FleetSeen, StationRow, StationState};
+pub use fleet::{Figures, Fleet, FleetSeen, StationRow, StationState, WorkerRow};
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
 pub use pipeline_corrector::PipelineCorrector;
 #[cfg(feature = "cli")]

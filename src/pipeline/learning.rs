@@ -5,8 +5,9 @@ use std::io;
 use super::converting::read_or_convert;
 use super::scan::surface_of;
 use super::{Clock, LearnedPart, Pipeline, PipelineError, Step, checks, hash};
-use crate::cache::{CacheKey, CachedSurface, CurrentPart, Lookup, PartOrigin};
+use crate::cache::{CacheKey, CachedSurface, CurrentPart, FitTask, Lookup, PartOrigin};
 use crate::config::{IncidenceLimits, PartSettings, Sku, canonical};
+use crate::formats::Pace;
 use crate::formats::mesh::{
     self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
     SideFacts, UpAxis,
@@ -16,6 +17,9 @@ use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::Side;
 use crate::reason::{Notice, Reason};
+
+/// A part of this size is worth asking another computer to fit it, bytes. The hot folder treats such files as large ones, too.
+const HEAVY: usize = 4 << 20;
 
 impl Pipeline {
     /// Reads, samples and fits a part, or loads its surface from the cache, and makes it the SKU's part.
@@ -71,7 +75,11 @@ impl Pipeline {
         let current = CurrentPart::new(origin, mesh::has_frame(&part.bytes, format));
         let key = self.key(&current, settings);
         let mut notices = Vec::new();
-        if let Some(kept) = self.look_up_everywhere(sku, &key, &current.origin, &mut notices)? {
+        let mut kept = self.look_up_everywhere(sku, &key, &current.origin, &mut notices)?;
+        if kept.is_none() && self.is_made_by_others(sku, part, format, &key, &current.origin, settings) {
+            kept = self.look_up(sku, &key, &mut notices)?;
+        }
+        if let Some(kept) = kept {
             clock.lap("load surface");
             self.make_current(sku, &current, is_new)?;
             let kept = CachedSurface { origin: current.origin, ..kept };
@@ -247,6 +255,37 @@ impl Pipeline {
             }
             _ => Ok(found),
         }
+    }
+
+    /// Has others make the surface of a heavy part; returns whether the cache has it now.
+    fn is_made_by_others(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        format: MeshFormat,
+        key: &CacheKey,
+        origin: &PartOrigin,
+        settings: &PartSettings,
+    ) -> bool {
+        let (Some(others), Some(cache)) = (&self.shared.0, &self.cache) else { return false };
+        let bytes =
+            part.siblings.values().fold(part.bytes.len(), |bytes, file| bytes.saturating_add(file.len()));
+        let is_heavy = bytes >= HEAVY || mesh::is_scan(&part.bytes, format);
+        // A quick job that turns out to be heavy comes again at any pace.
+        self.pace == Pace::Any
+            && is_heavy
+            && others.have_made(cache, sku, key, origin, &|| FitTask::to_bytes(part, settings))
+    }
+
+    /// The cache key of the surface of a part; `None` for a format that is not read.
+    pub(super) fn key_of(
+        &self,
+        part: &PartFile,
+        origin: PartOrigin,
+        settings: &PartSettings,
+    ) -> Option<CacheKey> {
+        let format = MeshFormat::from_name(&part.name)?;
+        Some(self.key(&CurrentPart::new(origin, mesh::has_frame(&part.bytes, format)), settings))
     }
 
     /// Makes a part the SKU's current one; other stations get to know one that is new.

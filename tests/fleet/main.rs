@@ -32,6 +32,7 @@ mod job_load;
 mod page;
 mod settings;
 mod jobs;
+mod workers;
 mod job_kills;
 mod stations;
 mod tables;

@@ -99,6 +99,20 @@ pub fn has_frame(bytes: &[u8], format: MeshFormat) -> bool {
     }
 }
 
+/// Whether the file is a scan, by its format and header: points without faces.
+pub fn is_scan(bytes: &[u8], format: MeshFormat) -> bool {
+    match format.of_content(bytes) {
+        MeshFormat::Xyz => true,
+        MeshFormat::Ply => ply::is_scan(bytes),
+        MeshFormat::Gltf
+        | MeshFormat::Glb
+        | MeshFormat::Obj
+        | MeshFormat::Stl
+        | MeshFormat::ThreeMf
+        | MeshFormat::Step => false,
+    }
+}
+
 /// Reads a part; `siblings` are the contents of files beside it, by file name, which only a `.gltf` needs.
 ///
 /// For glTF the bytes decide between text and binary, whichever of the two `format` is.

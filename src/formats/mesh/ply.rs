@@ -46,6 +46,12 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     Header::of(bytes)?.check_length(bytes)
 }
 
+/// Whether its header announces no faces.
+pub(super) fn is_scan(bytes: &[u8]) -> bool {
+    let has_faces = |element: &Element| element.count > 0 && matches!(element.name.as_str(), "face" | STRIPS);
+    Header::of(bytes).is_ok_and(|header| !header.elements.iter().any(has_faces))
+}
+
 /// How the values after the header are written.
 #[derive(Clone, Copy, PartialEq)]
 enum Encoding {

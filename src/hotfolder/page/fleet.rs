@@ -3,14 +3,14 @@
 use std::fmt::Write;
 
 use super::pieces::{heading, more, time};
-use crate::hotfolder::fleet::{FleetSeen, StationRow, StationState};
+use crate::hotfolder::fleet::{FleetSeen, StationRow, StationState, WorkerRow};
 use crate::hotfolder::state::status::Status;
 use crate::report_html::{Markup, safe};
 
 /// Every station with its figures; nothing for a station without a fleet.
 pub(super) fn fleet(status: &Status) -> Markup {
     let mut body = Markup::default();
-    let Some(FleetSeen { available, at, count, stations, .. }) = &status.fleet else { return body };
+    let Some(FleetSeen { available, at, count, stations, workers, .. }) = &status.fleet else { return body };
     heading(&mut body, "fleet", "Fleet");
     let (class, word) = if *available { ("good", "Available") } else { ("warn", "Not available") };
     let _ = write!(
@@ -40,7 +40,32 @@ pub(super) fn fleet(status: &Status) -> Markup {
     stations.iter().for_each(|station| row(&mut body, station));
     body.raw("</tbody></table></div>\n");
     more(&mut body, usize::try_from(*count).unwrap_or(usize::MAX), stations.len());
+    if !workers.is_empty() {
+        body.raw(
+            "<div class=\"wide\" tabindex=\"0\" role=\"group\" aria-label=\"Workers\"><table><thead><tr><th scope=\"col\">Worker</th>\
+             <th scope=\"col\">State</th><th scope=\"col\">Fits made</th><th scope=\"col\">Failed</th><th scope=\"col\">Program</th>\
+             </tr></thead><tbody>\n",
+        );
+        workers.iter().for_each(|worker| worker_row(&mut body, worker));
+        body.raw("</tbody></table></div>\n");
+    }
     body
+}
+
+fn worker_row(body: &mut Markup, worker: &WorkerRow) {
+    let WorkerRow { name, alive, silent_for_s, program, made, failed, sku, .. } = worker;
+    let (class, word) = match (alive, sku) {
+        (false, _) => ("bad", format!("Silent for {}", span(*silent_for_s))),
+        (true, Some(sku)) => ("good", format!("Fits {}", safe(sku))),
+        (true, None) => ("good", "Alive".to_owned()),
+    };
+    let _ = writeln!(
+        body,
+        "<tr><th scope=\"row\">{}</th><td><span class=\"chip {class}\">{word}</span></td><td>{made}</td><td>{failed}</td>\
+         <td>{}</td></tr>",
+        safe(name),
+        safe(program)
+    );
 }
 
 fn row(body: &mut Markup, station: &StationRow) {
@@ -88,12 +113,22 @@ mod tests {
             })
         };
         let stations = [station("laser 1", "alive"), station(hostile, "silent"), station("old", "stopped")];
+        let worker = |name: &str, alive: bool, sku: Option<&str>| {
+            serde_json::json!({
+                "name": name, "alive": alive, "silent_for_s": 60.0, "up_for_s": 90.0, "program": hostile, "made": 81, "failed": 2, "sku": sku
+            })
+        };
+        let workers = [
+            worker("cellar", true, None),
+            worker("attic", true, Some(hostile)),
+            worker(hostile, false, None),
+        ];
         let mut status: Status = serde_json::from_value(serde_json::json!({
             "schema": "", "station": "", "running": true, "at": "", "since": "", "under_way": [], "rejections": [],
             "done": {"delivered": 0, "learned": 0, "rejected": 0, "delivered_last_hour": 0, "rejected_last_hour": 0},
             "waiting": {"count": 0, "first": []}, "incomplete": {"count": 0, "first": []},
             "outdated": {"count": 0, "first": []},
-            "fleet": {"name": "laser 1", "available": true, "at": hostile, "count": 5, "stations": stations},
+            "fleet": {"name": "laser 1", "available": true, "at": hostile, "count": 5, "stations": stations, "workers": workers},
         }))
         .unwrap();
         let shown = fleet(&status).finished();
@@ -104,6 +139,8 @@ mod tests {
             ">Stopped<",
             "<td>12</td><td>34</td><td>5</td><td>67</td>",
             "and 2 more",
+            ">cellar</th><td><span class=\"chip good\">Alive</span></td><td>81</td><td>2</td>",
+            ">Silent for 60 s<",
         ] {
             assert!(shown.contains(words), "{words}: {shown}");
         }

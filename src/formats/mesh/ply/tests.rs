@@ -36,6 +36,7 @@ fn a_file_with_faces_becomes_a_mesh_of_triangles() {
     assert_eq!(part.positions[2], Point3::new(1.0, 1.0, 0.0));
     assert_eq!(part.clues.stated_unit, Some(super::super::LengthUnit::Centimetre));
     assert!(is_whole(TEXT.as_bytes()).is_ok());
+    assert!(!is_scan(TEXT.as_bytes()) && !is_scan(b"ply"));
 }
 
 #[test]
@@ -43,7 +44,7 @@ fn both_byte_orders_give_the_same_points() {
     let points = [[1.5, -2.0, 3.25], [4.0, f32::NAN, 6.0]];
     for order in ["little", "big"] {
         let part = read(&binary(order, &points, 2)).unwrap();
-        assert!(part.is_scan);
+        assert!(part.is_scan && is_scan(&binary(order, &points, 2)));
         assert_eq!(part.positions[0], Point3::new(1.5, -2.0, 3.25));
     }
 }
