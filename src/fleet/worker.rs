@@ -374,13 +374,17 @@ impl Worker {
             let what = format!("the surface has {size} bytes, which is more than the fleet keeps");
             return self.end_failed(session, &work.key, work.attempt, &what).await;
         }
-        session.batch("BEGIN").await?;
-        let statement = "SELECT isomark.end_request($1, $2, $3, NULL)";
-        let is_own = own(session, statement, &work.key, &self.process, work.attempt).await?;
-        if is_own {
-            fits::write(session, &self.name, &work.sku, &work.key, &work.part, bytes).await?;
+        let (key, attempt) = (&work.key, work.attempt);
+        let statement = "SELECT isomark.keep_request($1, $2, $3)";
+        if !own(session, statement, key, &self.process, attempt).await? {
+            return Ok(false);
         }
-        session.batch("COMMIT").await?;
+        session.batch("BEGIN").await?;
+        fits::write(session, &self.name, &work.sku, key, &work.part, bytes).await?;
+        // Only now, so that the station can take it back while the fit is on its way.
+        let statement = "SELECT isomark.end_request($1, $2, $3, NULL)";
+        let is_own = own(session, statement, key, &self.process, attempt).await?;
+        session.batch(if is_own { "COMMIT" } else { "ROLLBACK" }).await?;
         Ok(is_own)
     }
 

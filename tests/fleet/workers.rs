@@ -119,7 +119,8 @@ fn one_station() -> Option<(Server, Desk, Station)> {
     let (server, desk) = server_with_tables()?;
     server.login("laser1", "station");
     server.login("cellar", "worker");
-    let mut station = Station::new("laser1", &with_workers(&server.url("laser1")));
+    let page = "[page]\naddress = \"127.0.0.1:0\"\n";
+    let mut station = Station::new("laser1", &(with_workers(&server.url("laser1")) + page));
     station.start();
     station.waits_for_fleet(1);
     Some((server, desk, station))
@@ -206,6 +207,11 @@ fn scans_and_heavy_meshes_are_fitted_by_a_worker_as_the_station_would() {
     assert!(workers[0]["name"] == "cellar 1" && workers[0]["alive"] == true, "{workers}");
     let words = fleet(&desk, &["status", &server.url("owner")]).out;
     assert!(words.contains("cellar 1: alive; 2 made, 0 failed"), "{words}");
+    // The station sees it, too, for its page.
+    station.waits_for("the worker in its status", |station| {
+        let worker = station.status()["fleet"]["workers"][0].clone();
+        worker["name"] == "cellar 1" && worker["made"] == 2
+    });
     let check = fleet(&desk, &["check", &server.url("cellar")]);
     assert!(check.code == 0 && check.out.contains("isomark_worker"), "{check:?}");
 }
@@ -476,7 +482,7 @@ fn a_part_that_a_worker_cannot_fit_is_rejected_by_the_station_with_its_reason() 
 
 #[test]
 fn roles_have_only_their_rights_on_requests() {
-    let Some((server, _desk)) = server_with_tables() else { return };
+    let Some((server, desk)) = server_with_tables() else { return };
     let roles = ["station", "worker", "office", "viewer"];
     for role in roles {
         server.login(&format!("the_{role}"), role);
@@ -519,6 +525,10 @@ fn roles_have_only_their_rights_on_requests() {
             let wrong = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.success(), may.contains(&role), "{role}: {statement}: {wrong}");
         }
+    }
+    for role in roles {
+        let status = fleet(&desk, &["status", &server.url(&format!("the_{role}"))]);
+        assert!(status.code == 0 && status.out.contains("  w: alive"), "{role}: {status:?}");
     }
     // A worker belongs to its login, and so does a station.
     server.login("another", "worker");
