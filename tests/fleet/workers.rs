@@ -557,6 +557,15 @@ fn killed_workers_stations_and_servers_deliver_each_drawing_once_and_right() {
     let mut delivered: BTreeMap<String, usize> = BTreeMap::new();
     let mut skus = Vec::new();
     for kill in 0..kills {
+        // Few scans wait at a time, because each wait has a limit.
+        waits_for(
+            "the drawings before",
+            || {
+                collect(&station, &alone, &mut delivered);
+                skus.len() < delivered.len() + 3
+            },
+            || format!("{}\n{}", requests(&server), station.log()),
+        );
         let sku = format!("s{kill}");
         let content = scan(60 + random.below(100), seed.wrapping_mul(1000) + kill);
         for place in [&station, &alone] {
