@@ -46,7 +46,7 @@ impl Simulated {
         let begin = format!(
             "SET search_path = pg_catalog, pg_temp; LISTEN isomark; \
              SELECT isomark.beat('{name}', 'p', 'isomark', true, 0, 0, 0, 0, 0, 0, NULL); \
-             SELECT isomark.serve_lines('{name}', ARRAY[]::text[])"
+             SELECT isomark.serve_lines('{name}', ARRAY['{name}'])"
         );
         database.batch(&begin).unwrap();
         Self { database, name }
@@ -135,8 +135,9 @@ fn figures_of_many_jobs() {
                             station.send(job, random.below(stations as usize) as u64, drawing);
                             due += Duration::from_millis(1000 * stations / rate);
                         }
-                        let pause =
-                            due.saturating_duration_since(Instant::now()).min(Duration::from_millis(200));
+                        // Not zero: the connection reads only while somebody waits.
+                        let pause = due.saturating_duration_since(Instant::now());
+                        let pause = pause.clamp(Duration::from_millis(5), Duration::from_millis(200));
                         if station.database.hears(pause).contains(&own) {
                             while station.take() {
                                 done.fetch_add(1, Ordering::SeqCst);
