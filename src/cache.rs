@@ -17,8 +17,10 @@
 mod shared;
 mod task;
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use fs_err as fs;
 use nalgebra::Vector2;
@@ -78,6 +80,21 @@ pub struct CurrentPart {
     /// Whether the file contains a marking frame.
     #[serde(default, skip_serializing_if = "is_false")]
     pub has_frame: bool,
+    /// Its place in the order of a fleet; `None` for a part that no fleet knows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub order: Option<PartOrder>,
+}
+
+/// The place of a part in the order that all stations of a fleet agree on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct PartOrder {
+    /// Its number among the parts of the SKU.
+    pub version: i64,
+    /// When it got this number, µs since 1970 by the clock of the database. A database that was lost gives it again, later.
+    pub announced_us: i64,
+    /// When it was learned, ms since 1970 by the clock of this computer.
+    pub learned_ms: u64,
 }
 
 fn is_false(flag: &bool) -> bool {
@@ -209,7 +226,22 @@ impl CurrentPart {
     /// A part that becomes a SKU's current one.
     #[must_use]
     pub fn new(origin: PartOrigin, has_frame: bool) -> Self {
-        Self { origin, has_frame }
+        Self { origin, has_frame, order: None }
+    }
+
+    /// The same with its place in the order of a fleet.
+    #[must_use]
+    pub fn in_order(self, order: PartOrder) -> Self {
+        Self { order: Some(order), ..self }
+    }
+}
+
+impl PartOrder {
+    /// A place with this number, given at this moment by the clock of the database, µs since 1970; the part was learned at this
+    /// moment by the clock of this computer, ms since 1970.
+    #[must_use]
+    pub fn new(version: i64, announced_us: i64, learned_ms: u64) -> Self {
+        Self { version, announced_us, learned_ms }
     }
 }
 
@@ -373,16 +405,68 @@ impl Cache {
         write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())
     }
 
-    /// Makes a part the current part of the SKU.
+    /// Makes a part the current part of the SKU. One without an order keeps the order that it had.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     pub fn make_current(&self, sku: &Sku, part: &CurrentPart) -> io::Result<()> {
-        if self.current(sku)?.as_ref() == Some(part) {
+        let is_same = |known: CurrentPart| {
+            let order = part.order.or(known.order);
+            known == CurrentPart { order, ..part.clone() }
+        };
+        if self.current(sku)?.is_some_and(is_same) {
             return Ok(());
         }
         fs::create_dir_all(self.folder(sku))?;
         write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(part)?.as_bytes())
+    }
+
+    /// The SKUs that have a current part, by their keys.
+    ///
+    /// # Errors
+    /// When a folder cannot be read.
+    pub fn skus(&self) -> io::Result<BTreeMap<String, Sku>> {
+        let mut skus = BTreeMap::new();
+        for folder in sorted_names(&self.version_folder())? {
+            let key = name_of(&folder);
+            if let Some(sku) = key.parse::<Sku>().ok().filter(|sku| sku.key() == key)
+                && folder.join(CURRENT).exists()
+            {
+                skus.insert(key, sku);
+            }
+        }
+        Ok(skus)
+    }
+
+    /// When the current part of a SKU became it in this cache; `None` for an unknown SKU.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn current_since(&self, sku: &Sku) -> io::Result<Option<SystemTime>> {
+        match fs::metadata(self.folder(sku).join(CURRENT)) {
+            Ok(metadata) => metadata.modified().map(Some),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The keys of the surfaces of a SKU that belong to the part with this hash, by their summaries.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn keys_of(&self, sku: &Sku, part_blake3: &str) -> io::Result<Vec<CacheKey>> {
+        let files = sorted_names(&self.folder(sku))?;
+        let fits = files.into_iter().filter(|file| file.extension().is_some_and(|ending| ending == "fit"));
+        let mut keys = Vec::new();
+        for file in fits {
+            let Some(bytes) = read_if_there(&file.with_extension("toml"))? else { continue };
+            let sidecar =
+                std::str::from_utf8(&bytes).ok().and_then(|text| toml::from_str::<Sidecar>(text).ok());
+            if sidecar.is_some_and(|sidecar| sidecar.part.blake3 == part_blake3) {
+                keys.push(CacheKey(file.file_stem().unwrap_or_default().to_string_lossy().into_owned()));
+            }
+        }
+        Ok(keys)
     }
 
     /// All entries, ordered by SKU and key; each is read and checked.
@@ -634,7 +718,14 @@ mod tests {
         assert_eq!(cache.current(&sku).unwrap(), None);
         cache.keep(&sku, &key, &kept, None).unwrap();
         let current = CurrentPart::new(kept.origin.clone(), true);
+        assert!(cache.skus().unwrap().is_empty() && cache.current_since(&sku).unwrap().is_none());
+        cache.make_current(&sku, &current.clone().in_order(PartOrder::new(3, 4, 5))).unwrap();
+        // The order stays when the same part is dropped again.
         cache.make_current(&sku, &current).unwrap();
+        let current = current.in_order(PartOrder::new(3, 4, 5));
+        assert_eq!(cache.skus().unwrap(), BTreeMap::from([(sku.key().to_owned(), sku.clone())]));
+        assert_eq!(cache.keys_of(&sku, &kept.origin.blake3).unwrap(), [key.clone()]);
+        assert!(cache.keys_of(&sku, "another").unwrap().is_empty());
         let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
         assert_eq!(*found, kept);
         assert_eq!(cache.current(&sku).unwrap(), Some(current));

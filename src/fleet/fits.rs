@@ -7,8 +7,9 @@ use tokio_postgres::Row;
 use tokio_postgres::types::Type;
 
 use super::error::FleetError;
+use super::outbox;
 use super::session::Session;
-use crate::cache::{Cache, CacheKey, CurrentPart, KeptBytes, PartOrigin};
+use crate::cache::{Cache, CacheKey, CurrentPart, KeptBytes, PartOrder, PartOrigin};
 use crate::config::Sku;
 use crate::files::is_plain;
 
@@ -23,8 +24,8 @@ const PAGE: i64 = 500;
 /// The longest file name, characters.
 const LONGEST_NAME: usize = 255;
 
-const PART: &str =
-    "left(name, 300), version, left(file, 300), left(blake3, 100), has_frame, left(station, 300)";
+const PART: &str = "left(name, 300), version, left(file, 300), left(blake3, 100), has_frame, left(station, 300), \
+                    extract(epoch FROM clock_timestamp() - learned)::float8, (1000000 * extract(epoch FROM at))::int8";
 
 /// The current part of a SKU, as the fleet has it.
 #[derive(Debug, Clone)]
@@ -99,6 +100,10 @@ pub(super) async fn send(
     key: &CacheKey,
     part: &PartOrigin,
 ) -> Result<(), FleetError> {
+    let statement = "SELECT EXISTS (SELECT FROM isomark.fit WHERE key = $1)";
+    if session.row(statement, &[(&key.as_str(), Type::TEXT)]).await?.try_get(0)? {
+        return Ok(());
+    }
     let Ok(Some(bytes)) = cache.bytes(sku, key) else { return Ok(()) };
     if let Some(size) = too_large(&bytes) {
         tracing::info!("the surface of {sku} stays at this station: it has {size} bytes");
@@ -146,17 +151,17 @@ pub(super) async fn write(
         .map(drop)
 }
 
-/// Announces a part that was learned `age` ago. Gives the part that is current now, and whether it is this one.
+/// Announces a part that was learned `age` ago. Gives whether it is the current one now.
 pub(super) async fn announce(
     session: &Session,
     station: &str,
     sku: &Sku,
     part: &CurrentPart,
     age: Duration,
-) -> Result<(bool, Option<SharedPart>), FleetError> {
+) -> Result<bool, FleetError> {
     let row = session
         .row(
-            &format!("SELECT is_current, {PART} FROM isomark.learned($1, $2, $3, $4, $5, $6, $7)"),
+            "SELECT is_current FROM isomark.learned($1, $2, $3, $4, $5, $6, $7)",
             &[
                 (&sku.key(), Type::TEXT),
                 (&sku.as_str(), Type::TEXT),
@@ -168,14 +173,14 @@ pub(super) async fn announce(
             ],
         )
         .await?;
-    Ok((row.try_get(0)?, shared_part(&row, 1)?))
+    Ok(row.try_get(0)?)
 }
 
 /// The current part of a SKU by its key; `None` if there is none that can be used.
 pub(super) async fn current(session: &Session, sku_key: &str) -> Result<Option<SharedPart>, FleetError> {
     let statement = format!("SELECT {PART} FROM isomark.current_part WHERE sku = $1");
     let rows = session.rows(&statement, &[(&sku_key, Type::TEXT)]).await?;
-    rows.first().map_or(Ok(None), |row| shared_part(row, 0))
+    rows.first().map_or(Ok(None), shared_part)
 }
 
 /// The next current parts in the order of their SKUs, and the last key that was read; `None` at the end.
@@ -189,17 +194,17 @@ pub(super) async fn page_of_parts(
     let rows = session.rows(&statement, &[(&after, Type::TEXT), (&PAGE, Type::INT8)]).await?;
     let mut parts = Vec::new();
     for row in &rows {
-        parts.extend(shared_part(row, 0)?);
+        parts.extend(shared_part(row)?);
     }
-    let last = rows.last().map(|row| row.try_get(6)).transpose()?;
+    let last = rows.last().map(|row| row.try_get(8)).transpose()?;
     Ok((parts, last))
 }
 
 /// A row as a part; `None` for values that no station writes.
-fn shared_part(row: &Row, at: usize) -> Result<Option<SharedPart>, FleetError> {
-    let (name, file): (&str, &str) = (row.try_get(at)?, row.try_get(at + 2)?);
-    let (blake3, has_frame): (&str, bool) = (row.try_get(at + 3)?, row.try_get(at + 4)?);
-    let station: &str = row.try_get(at + 5)?;
+fn shared_part(row: &Row) -> Result<Option<SharedPart>, FleetError> {
+    let (name, version, file): (&str, i64, &str) = (row.try_get(0)?, row.try_get(1)?, row.try_get(2)?);
+    let (blake3, has_frame): (&str, bool) = (row.try_get(3)?, row.try_get(4)?);
+    let (station, age_s): (&str, f64) = (row.try_get(5)?, row.try_get(6)?);
     let is_hash = blake3.len() == 64 && blake3.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
     let is_name =
         is_plain(file) && file.chars().count() <= LONGEST_NAME && !file.chars().any(char::is_control);
@@ -208,5 +213,11 @@ fn shared_part(row: &Row, at: usize) -> Result<Option<SharedPart>, FleetError> {
         return Ok(None);
     };
     let origin = PartOrigin { file: file.into(), blake3: blake3.into() };
-    Ok(Some(SharedPart { sku, part: CurrentPart::new(origin, has_frame), station: station.into() }))
+    let age = Duration::try_from_secs_f64(age_s).unwrap_or_default();
+    let part = CurrentPart::new(origin, has_frame).in_order(PartOrder::new(
+        version,
+        row.try_get(7)?,
+        outbox::moment(age),
+    ));
+    Ok(Some(SharedPart { sku, part, station: station.into() }))
 }

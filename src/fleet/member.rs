@@ -1,5 +1,7 @@
 //! A station's part in its fleet: one thread that connects to the database, and again whenever the connection ends.
 
+mod parts;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::mem::{Discriminant, discriminant};
@@ -17,12 +19,12 @@ use super::address::Address;
 use super::asking::{After, Asking, News, Step, Wish};
 use super::desk::{Desk, Earlier};
 use super::error::FleetError;
-use super::fits::{self, Fetched, SharedPart};
+use super::fits::{self, Fetched};
 use super::incoming::{self, Incoming};
 use super::jobs;
 use super::migrations;
 use super::office;
-use super::outbox::{self, Entry, Outbox};
+use super::outbox::{Entry, Outbox};
 use super::session::{Heard, Session};
 use super::sku_files::SkuFiles;
 use super::workers;
@@ -239,7 +241,7 @@ impl Member {
         self.beat(&session, &self.figures(), true, false).await?;
         self.asking.leave_all(&session, &self.settings.name).await?;
         self.send_announcements(&session).await?;
-        self.read_all_parts(&session).await?;
+        let mut lost = self.read_all_parts(&session).await?;
         self.look_at_fleet(&session).await?;
         jobs::serve(&session, &self.settings).await?;
         self.desk.begin();
@@ -261,7 +263,7 @@ impl Member {
             // Other work comes between two entries of the outbox.
             let first = self.outbox().first().map_err(|error| FleetError::Outbox(error.to_string()))?;
             self.report_settings(&session, &mut releases).await?;
-            let has_work = first.is_some() || releases.has_work() || has_more;
+            let has_work = first.is_some() || releases.has_work() || has_more || !lost.is_empty();
             let patience = if has_work { Duration::ZERO } else { SHORTEST_BEAT };
             match timeout(patience, orders.recv()).await {
                 Err(_) => {
@@ -269,7 +271,10 @@ impl Member {
                         let changed = releases.step(&session, &self.settings.name, &self.files).await?;
                         self.shared().news.extend(changed);
                     }
-                    if let Some((number, entry)) = first {
+                    // Announcements before surfaces.
+                    if let Some(sku) = lost.pop_front() {
+                        self.announce_again(&session, &sku).await?;
+                    } else if let Some((number, entry)) = first {
                         self.send(&session, number, &entry).await?;
                     }
                 }
@@ -304,6 +309,15 @@ impl Member {
         Ok(())
     }
 
+    /// Puts a surface into the outbox.
+    fn share(&self, sku: &Sku, key: &CacheKey, part: &PartOrigin) {
+        let entry = Entry::Fit { sku: sku.as_str().into(), key: key.clone(), part: part.clone() };
+        // Every station can make it again.
+        if let Err(error) = self.outbox().add(entry) {
+            tracing::warn!("the surface of {sku} cannot be shared: {error}");
+        }
+    }
+
     fn figures(&self) -> Figures {
         self.shared().figures.clone().unwrap_or_default()
     }
@@ -311,12 +325,10 @@ impl Member {
     /// Handles what the database announces.
     async fn hear(&self, session: &Session, text: &str) -> Result<(), FleetError> {
         match text.split_once(' ') {
-            Some(("part", sku)) => {
-                if let Some(part) = fits::current(session, sku).await? {
-                    self.take_part_of_others(part);
-                }
-                Ok(())
-            }
+            Some(("part", sku)) => match fits::current(session, sku).await? {
+                Some(theirs) => self.hear_of_part(session, theirs).await,
+                None => Ok(()),
+            },
             Some(("fit", key)) => {
                 let wished = self
                     .shared()
@@ -357,99 +369,6 @@ impl Member {
         };
         self.desk.end_offer(&job.id, offered, answer);
         Ok(())
-    }
-
-    /// Announces the parts that were learned while the database was away, before those of others are taken.
-    async fn send_announcements(&self, session: &Session) -> Result<(), FleetError> {
-        loop {
-            let first =
-                self.outbox().first_announcement().map_err(|error| FleetError::Outbox(error.to_string()))?;
-            match first {
-                Some((number, entry)) => self.send(session, number, &entry).await?,
-                None => return Ok(()),
-            }
-        }
-    }
-
-    async fn read_all_parts(&self, session: &Session) -> Result<(), FleetError> {
-        let mut after = String::new();
-        loop {
-            let (parts, last) = fits::page_of_parts(session, &after).await?;
-            parts.into_iter().for_each(|part| self.take_part_of_others(part));
-            match last {
-                Some(last) if last > after => after = last,
-                _ => return Ok(()),
-            }
-        }
-    }
-
-    /// Makes a part of the fleet the current one here, unless one that was learned here is still to be announced.
-    fn take_part_of_others(&self, part: SharedPart) {
-        let (cache, mut outbox) = (self.cache(), self.outbox());
-        // An outbox that cannot be read may announce it.
-        if !matches!(outbox.announces(&part.sku), Ok(false)) {
-            return;
-        }
-        let before = cache.current(&part.sku);
-        if matches!(&before, Ok(Some(known)) if *known == part.part) {
-            return;
-        }
-        if let Err(error) = cache.make_current(&part.sku, &part.part) {
-            tracing::warn!("the new part of {} cannot be noted in the cache: {error}", part.sku);
-            return;
-        }
-        if matches!(&before, Ok(Some(known)) if known.origin.blake3 != part.part.origin.blake3) {
-            let (file, station) = (on_one_line(&part.part.origin.file), on_one_line(&part.station));
-            tracing::info!("{} has a new part in the fleet: {file}, learned by {station}", part.sku);
-        }
-        self.shared().news.insert(part.sku);
-    }
-
-    /// Sends an entry of the outbox, and removes it.
-    async fn send(&self, session: &Session, number: u64, entry: &Entry) -> Result<(), FleetError> {
-        let superseding = match self.try_to_send(session, entry).await {
-            Ok(part) => part,
-            // It fails each time.
-            Err(error) if error.is_final() => {
-                tracing::error!("the fleet does not accept a message, which is removed: {error}");
-                None
-            }
-            Err(error) => return Err(error),
-        };
-        self.outbox().remove(number);
-        if let Some(part) = superseding {
-            self.take_part_of_others(part);
-        }
-        Ok(())
-    }
-
-    /// Sends an entry. Gives the part that is current instead of an announced one.
-    async fn try_to_send(&self, session: &Session, entry: &Entry) -> Result<Option<SharedPart>, FleetError> {
-        let station = &self.settings.name;
-        match entry {
-            Entry::Fit { sku, key, part } => {
-                let Ok(sku) = sku.parse::<Sku>() else { return Ok(None) };
-                fits::send(session, &self.cache(), station, &sku, key, part).await?;
-                Ok(None)
-            }
-            Entry::Learned { sku, part, at_ms } => {
-                let Ok(sku) = sku.parse::<Sku>() else { return Ok(None) };
-                let (is_current, current) =
-                    fits::announce(session, station, &sku, part, outbox::age(*at_ms)).await?;
-                if is_current {
-                    return Ok(None);
-                }
-                if let Some(newer) = &current {
-                    let [file, other, by] = [&part.origin.file, &newer.part.origin.file, &newer.station]
-                        .map(|text| on_one_line(text));
-                    tracing::warn!(
-                        "{file} is not the part of {sku} any more: {by} has learned {other} since. Drop {file} again if \
-                         it is to replace that"
-                    );
-                }
-                Ok(current)
-            }
-        }
     }
 
     /// Does a step of asking a worker for a fit.
@@ -763,11 +682,7 @@ impl SharedSurfaces for Member {
     }
 
     fn offer(&self, sku: &Sku, key: &CacheKey, part: &PartOrigin) {
-        let entry = Entry::Fit { sku: sku.as_str().into(), key: key.clone(), part: part.clone() };
-        // Every station can make it again.
-        if let Err(error) = self.outbox().add(entry) {
-            tracing::warn!("the surface of {sku} cannot be shared: {error}");
-        }
+        self.share(sku, key, part);
         let _ = self.orders.send(Order::Send);
     }
 

@@ -13,7 +13,7 @@ use crate::config::Sku;
 use crate::files::{TEMPORARY_START, read_if_there, write_whole, write_whole_unsynced};
 
 /// Fits that may wait; of more, the oldest are forgotten, because every station can make them again.
-const FITS: usize = 2_000;
+const FITS: usize = 10_000;
 /// The largest file of an entry, bytes.
 const LARGEST: u64 = 64 << 10;
 
@@ -43,9 +43,19 @@ pub(super) fn age(at_ms: u64) -> Duration {
     Duration::from_millis(now_ms().saturating_sub(at_ms))
 }
 
-fn now_ms() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+/// The moment of this clock that was so long ago, ms since 1970.
+pub(super) fn moment(age: Duration) -> u64 {
+    now_ms().saturating_sub(u64::try_from(age.as_millis()).unwrap_or(u64::MAX))
+}
+
+/// A time of a file, ms since 1970.
+pub(super) fn ms_of(time: SystemTime) -> u64 {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}
+
+fn now_ms() -> u64 {
+    ms_of(SystemTime::now())
 }
 
 /// The entries, by number.
