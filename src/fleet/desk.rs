@@ -3,10 +3,30 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use tokio::sync::oneshot;
 
 use crate::hotfolder::line::{Answer, Arriving, Claim, Ended, JobNews, Offered, OurJobs, Wake};
+
+/// How long after its last sign of life a station begins with jobs of others. Then it waits: after 45 s, a person may give its jobs to
+/// another station (`isomark.take_over`).
+const CONFIRMED: Duration = Duration::from_secs(30);
+
+/// A moment by two clocks: one stands still while the computer sleeps, the other may be set back.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Contact(Instant, SystemTime);
+
+impl Contact {
+    pub(super) fn now() -> Self {
+        Self(Instant::now(), SystemTime::now())
+    }
+
+    fn is_recent(self, now: Self) -> bool {
+        let by_calendar = now.1.duration_since(self.1).unwrap_or_default();
+        now.0.saturating_duration_since(self.0).max(by_calendar) < CONFIRMED
+    }
+}
 
 /// The desk of a station.
 #[derive(Default)]
@@ -23,7 +43,8 @@ struct State {
     checked: BTreeSet<Claim>,
     /// Ends that the database has, until the station notes that.
     reported: BTreeSet<Claim>,
-    has_checked: bool,
+    /// The beginning of the last sign of life that the database has answered.
+    contact: Option<Contact>,
     /// Jobs that cannot be taken at the moment.
     busy: BTreeSet<String>,
     /// Whether a queue may have a job.
@@ -107,16 +128,15 @@ impl Desk {
         self.state().checked.insert(claim.clone());
     }
 
-    /// The open jobs are known, or cannot be asked for.
-    pub(super) fn has_answer(&self) {
-        let is_first = !std::mem::replace(&mut self.state().has_checked, true);
-        if is_first {
-            self.note(JobNews::Available);
-        }
+    /// The database has answered a sign of life that was sent then.
+    pub(super) fn has_contact(&self, at: Contact) {
+        self.state().contact = Some(at);
     }
 
-    pub(super) fn has_checked(&self) -> bool {
-        self.state().has_checked
+    /// Whether the database has stated that an open job is this station's, and nobody else can have taken it over since.
+    pub(super) fn is_confirmed(&self, claim: &Claim, now: Contact) -> bool {
+        let state = self.state();
+        state.checked.contains(claim) && state.contact.is_some_and(|contact| contact.is_recent(now))
     }
 
     /// Ends that the database does not have yet.
@@ -186,5 +206,33 @@ impl Desk {
         if state.offers.contains_key(job) && to.try_send(answer.clone()).is_err() {
             state.offers.insert(job.into(), Some(answer));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_is_confirmed_for_a_limited_time_after_the_database_has_named_its_station() {
+        let (desk, claim) = (Desk::default(), ("ab".to_owned(), 1));
+        let start = Contact::now();
+        let after = |seconds: u64, calendar: i64| {
+            let shift = Duration::from_secs(calendar.unsigned_abs());
+            let calendar = if calendar < 0 { start.1 - shift } else { start.1 + shift };
+            Contact(start.0 + Duration::from_secs(seconds), calendar)
+        };
+        let is_confirmed = |now| desk.is_confirmed(&claim, now);
+        desk.is_checked(&claim);
+        assert!(!is_confirmed(start), "no sign of life was answered");
+        desk.has_contact(start);
+        assert!(is_confirmed(after(29, 29)));
+        assert!(is_confirmed(after(29, -3600)), "the calendar was set back");
+        assert!(!is_confirmed(after(30, 30)), "a person may take it over soon");
+        assert!(!is_confirmed(after(1, 3600)), "the computer has slept");
+        desk.has_contact(after(60, 60));
+        assert!(is_confirmed(after(60, 60)));
+        desk.begin();
+        assert!(!is_confirmed(after(60, 60)), "it may have been taken over before this connection");
     }
 }

@@ -106,7 +106,6 @@ async fn check_open(session: &Session, settings: &FleetSettings, desk: &Desk) ->
             desk.note(if is_ours { JobNews::IsOurs(claim) } else { JobNews::IsNotOurs(claim) });
         }
     }
-    desk.has_answer();
     Ok(())
 }
 

@@ -17,7 +17,7 @@ use tokio_postgres::types::Type;
 
 use super::address::Address;
 use super::asking::{After, Asking, News, Step, Wish};
-use super::desk::{Desk, Earlier};
+use super::desk::{Contact, Desk, Earlier};
 use super::error::FleetError;
 use super::fits::{self, Fetched};
 use super::incoming::{self, Incoming};
@@ -440,7 +440,7 @@ impl Member {
         let trouble: Option<String> =
             figures.trouble.as_ref().map(|text| on_one_line(text).chars().take(LONGEST_TROUBLE).collect());
         let program = super::program();
-        let started = Instant::now();
+        let (started, contact) = (Instant::now(), Contact::now());
         let row = session
             .row(
                 "SELECT isomark.beat($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
@@ -459,6 +459,7 @@ impl Member {
                 ],
             )
             .await?;
+        self.desk.has_contact(contact);
         let before: String = row.try_get(0)?;
         let complaint = (has_beaten && before != self.process).then(|| {
             format!(
@@ -503,7 +504,6 @@ impl Member {
         shared.complaint = None;
         drop(shared);
         self.asking.give_up();
-        self.desk.has_answer();
     }
 
     fn is_there(&self, address: &Address) {
@@ -569,8 +569,8 @@ impl Lines for Member {
         self.desk.answer(claim, answer);
     }
 
-    fn has_checked(&self) -> bool {
-        self.desk.has_checked()
+    fn is_confirmed(&self, claim: &Claim) -> bool {
+        self.desk.is_confirmed(claim, Contact::now())
     }
 }
 

@@ -224,8 +224,8 @@ pub trait Lines: Send + Sync {
     /// Answers to [`JobNews::Arrives`].
     fn answer(&self, claim: &Claim, answer: Answer);
 
-    /// Whether the fleet was asked, since the start, which open jobs are still this station's, or is away.
-    fn has_checked(&self) -> bool;
+    /// Whether the fleet has stated, short enough ago, that this open job is the station's: nobody can have taken it over.
+    fn is_confirmed(&self, claim: &Claim) -> bool;
 }
 
 #[cfg(test)]

@@ -373,11 +373,13 @@ fn a_job_of_a_dead_station_stays_until_a_person_takes_it_over_and_a_stale_end_ch
     three.waits_for_file("import/trough@a.dxf");
     let ends = "SELECT name, outcome, station, attempt FROM isomark.job WHERE state = 'ended' ORDER BY name";
     waits_for_rows(&server, ends, "trough@a.dxf|delivered|laser3|2", &three);
-    // laser2 works alone, delivers the other one, and reports it in an attempt that is not the current one any more.
+    // laser2 works alone, with its own drops. The other job waits: a person may take it over, and does.
     two.start();
     two.waits_for("the trouble", |two| two.logged("The station works without the fleet") >= 1);
     two.drop_in("trough.obj", &trough(1.0));
-    two.waits_for_file("import/trough@b.dxf");
+    two.drop_in("trough@own.dxf", &line(9.0));
+    two.waits_for_file("import/trough@own.dxf");
+    two.waits_for("the reason", |two| two.logged("trough@b.dxf waits: The fleet has not confirmed") == 1);
     let output = retry(&desk, &[&url, "--take-over", "laser2", "--force"]);
     assert_eq!(output.code, 0, "{}", output.err);
     three.waits_for_file("import/trough@b.dxf");
@@ -387,8 +389,13 @@ fn a_job_of_a_dead_station_stays_until_a_person_takes_it_over_and_a_stale_end_ch
         "2",
         &three,
     );
+    assert_eq!(files(&two, "import"), ["trough@own.dxf"]);
     proxy.pass();
-    two.waits_for("the stale end", |two| two.logged("which is not its current one") >= 1);
+    for name in ["trough@a.dxf", "trough@b.dxf"] {
+        two.waits_for_file(&format!("rejected/{name}"));
+    }
+    two.waits_for("the reasons", |two| two.logged("gave this job to another attempt") == 2);
+    assert_eq!(files(&two, "import"), ["trough@own.dxf"]);
     waits_for_rows(&server, ends, "trough@a.dxf|delivered|laser3|2\ntrough@b.dxf|delivered|laser3|2", &two);
     for attempt in 1..=3 {
         let stale = format!("SELECT isomark.end_job('{id}', 'laser2', {attempt}, 'rejected', 'late')");
@@ -420,6 +427,26 @@ fn a_station_that_comes_back_does_not_do_what_was_taken_over() {
     assert_eq!(files(&two, "import"), Vec::<String>::new());
     let ended = "SELECT outcome, station, attempt FROM isomark.job";
     waits_for_rows(&server, ended, "delivered|laser3|2", &two);
+}
+
+/// Nobody took it over while the database was away.
+#[test]
+fn a_station_that_comes_back_goes_on_when_the_fleet_confirms_its_jobs() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    let mut two = started(station(&server, "laser2", IN_CUPS));
+    desk.write("trough@a.dxf", line(9.0));
+    send(&desk, &[&server.url("owner"), "--to", "cups", "trough@a.dxf"]);
+    two.waits_for("the drop", |two| files(two, "hot") == ["trough@a.dxf"]);
+    two.kill();
+    server.cut();
+    two.start();
+    two.drop_in("trough.obj", &trough(1.0));
+    two.waits_for("the reason", |two| two.logged("The fleet has not confirmed") == 1);
+    let is_shown = |two: &Station| two.status()["waiting"].to_string().contains("job-being-checked");
+    two.waits_for("the reason in the status", is_shown);
+    server.run();
+    two.waits_for_file("import/trough@a.dxf");
+    waits_for_rows(&server, "SELECT outcome, attempt FROM isomark.job", "delivered|1", &two);
 }
 
 /// Somebody has the name of a job in the hot folder of its line.

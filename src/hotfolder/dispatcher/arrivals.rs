@@ -127,6 +127,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
     fn is_ours(&mut self, claim: &Claim) {
         self.arrivals.confirmed.insert(claim.clone());
         self.name_jobs();
+        let open = self.executor.journal().arrivals();
+        for (drop, _) in open.into_iter().filter(|(_, arrival)| arrival.claim == *claim) {
+            self.free(&drop);
+        }
+    }
+
+    /// Looks at a drop again, whatever it waits for.
+    fn free(&mut self, drop: &DropId) {
+        let path = self.folders().hot.join(drop.file_name());
+        if let Some(waiting) = self.drops.get_mut(&path) {
+            waiting.block = Block::Free;
+        }
+        self.lanes.stale = true;
     }
 
     /// Gives the files of jobs that are this station's their names, as far as the names are free.
@@ -193,7 +206,6 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let (hot, tag) = (self.folders().hot.clone(), self.executor.journal().tag().to_owned());
         let open = self.executor.journal().arrivals();
         for (drop, _) in open.into_iter().filter(|(_, arrival)| arrival.claim == *claim) {
-            let path = hot.join(drop.file_name());
             let is_hidden = self.executor.journal().arrival(&drop).is_some_and(|arrival| !arrival.is_drop);
             if is_hidden {
                 for file in hidden(&hot, &tag, &claim.0) {
@@ -202,11 +214,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 warn_if_not_noted(self.executor.journal().returned(&drop));
                 continue;
             }
-            if let Some(waiting) = self.drops.get_mut(&path) {
-                waiting.block = Block::Free;
-            }
+            self.free(&drop);
             self.arrivals.revoked.insert(drop, claim.clone());
-            self.lanes.stale = true;
         }
     }
 
@@ -222,13 +231,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         })
     }
 
-    /// Whether the station does not know yet if a job that it took before its start is still its own.
+    /// Why a job of others waits: somebody may have taken it over while the station was ended or cut off.
     pub(super) fn may_be_revoked(&self, drop: &DropId) -> Option<Reason> {
         let fleet = self.executor.corrector.fleet()?;
-        let is_job = || self.executor.journal().arrival(drop).is_some();
-        (!fleet.has_checked() && is_job()).then(|| {
-            let what = "The station asks the fleet whether this job is still its own.";
-            Reason::new("job-being-checked", what, "Wait: it goes on after the answer, or without one.")
+        let arrival = self.executor.journal().arrival(drop).cloned()?;
+        (!fleet.is_confirmed(&arrival.claim)).then(|| {
+            let what = "The fleet has not confirmed that this job is still this station's.";
+            let remedy = "Wait: it goes on when the fleet answers. `isomark status` shows what is wrong with the fleet.";
+            Reason::new("job-being-checked", what, remedy)
         })
     }
 
