@@ -38,7 +38,7 @@ enum Verb {
     },
     /// Releases the settings of a SKU to the stations of a fleet, which write them into their folder `skus`.
     Release(release::ReleaseArguments),
-    /// Removes fits that stations share. They make them again when they are needed.
+    /// Removes fits that stations share (they make them again when they are needed), jobs that have ended, or a station that is gone.
     #[command(group = clap::ArgGroup::new("which").required(true).multiple(true))]
     Prune {
         #[command(flatten)]
@@ -52,6 +52,12 @@ enum Verb {
         /// Removes the fit with this key.
         #[arg(long, value_name = "KEY", group = "which")]
         fit: Option<String>,
+        /// Removes jobs for other lines that ended this number of days ago.
+        #[arg(long, value_name = "DAYS", group = "which", value_parser = parse_amount)]
+        ended_days: Option<f64>,
+        /// Removes a station that is gone. Its name is then free for another login.
+        #[arg(long, value_name = "NAME", group = "which")]
+        station: Option<String>,
     },
 }
 
@@ -76,11 +82,25 @@ pub(super) fn run(arguments: &FleetArguments) -> Outcome {
         Verb::Check(place) => check(&place.address()?),
         Verb::Status { place, json } => status(&place.address()?, *json),
         Verb::Release(arguments) => release::run(arguments),
-        Verb::Prune { place, unused_days, max_gb, fit } => {
+        Verb::Prune { place, unused_days, max_gb, fit, ended_days, station } => {
             let max_bytes = max_gb.map(|gigabytes| (gigabytes * 1e9) as i64);
-            let which = Prune { unused_days: *unused_days, max_bytes, key: fit.clone() };
-            let (removed, left) = fleet::prune(&place.address()?, &which)?;
-            tell(&format!("{} removed; {} left", count_of_fits(removed), shown_fits(left)));
+            let which = Prune {
+                unused_days: *unused_days,
+                max_bytes,
+                key: fit.clone(),
+                ended_days: *ended_days,
+                station: station.clone(),
+            };
+            let pruned = fleet::prune(&place.address()?, &which)?;
+            if let Some(station) = station {
+                tell(&format!("{} removed", on_one_line(station)));
+            }
+            if ended_days.is_some() {
+                tell(&format!("{} removed", count_of(pruned.jobs, "job")));
+            }
+            if unused_days.is_some() || max_bytes.is_some() || fit.is_some() {
+                tell(&format!("{} removed; {} left", count_of(pruned.fits, "fit"), shown_fits(pruned.left)));
+            }
             Ok(())
         }
     }
@@ -138,12 +158,12 @@ fn status(address: &Address, json: bool) -> Outcome {
     Ok(())
 }
 
-fn count_of_fits(count: i64) -> String {
-    if count == 1 { "1 fit".into() } else { format!("{count} fits") }
+fn count_of(count: i64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn shown_fits(fits: SharedFits) -> String {
-    format!("{}, {:.1} MB", count_of_fits(fits.count), fits.bytes as f64 / 1e6)
+    format!("{}, {:.1} MB", count_of(fits.count, "fit"), fits.bytes as f64 / 1e6)
 }
 
 /// Which of the released settings a station uses, and the first ones that it does not.

@@ -60,6 +60,14 @@ pub enum FleetError {
         /// The names that are known.
         known: Vec<String>,
     },
+    /// A station that is to be removed is alive, or has jobs.
+    #[error("The station \"{name}\" is still in use.")]
+    StationInUse {
+        /// Its name.
+        name: String,
+        /// The jobs that it has taken and that have not ended; 0 if it is alive.
+        jobs: i64,
+    },
     /// The outbox in the state folder cannot be used.
     #[error("The messages to the fleet cannot be read: {0}.")]
     Outbox(String),
@@ -129,6 +137,22 @@ impl FleetError {
                     }
                 };
                 Reason::new("fleet-station-unknown", what, remedy)
+            }
+            Self::StationInUse { name, jobs } => {
+                let name = on_one_line(name);
+                let (what, remedy) = match jobs {
+                    0 => (
+                        format!("The station \"{name}\" gave a sign of life in the last 45 s."),
+                        "End it first; after a crash, wait for 45 s.".to_owned(),
+                    ),
+                    _ => (
+                        format!("The station \"{name}\" has taken {jobs} jobs that have not ended."),
+                        format!(
+                            "Look at its laser, and put them back with `isomark retry --take-over \"{name}\"`."
+                        ),
+                    ),
+                };
+                Reason::new("fleet-station-in-use", what, remedy)
             }
             Self::Outbox(_) => Reason::new(
                 "fleet-outbox",

@@ -16,6 +16,7 @@ const MIGRATIONS: &[(&str, &str)] = &[
     ("releases", include_str!("migrations/0003_releases.sql")),
     ("jobs", include_str!("migrations/0004_jobs.sql")),
     ("workers", include_str!("migrations/0005_workers.sql")),
+    ("removal", include_str!("migrations/0006_removal.sql")),
 ];
 const ROLES: &str = include_str!("roles.sql");
 /// The key of the advisory lock: "isomark" in ASCII.

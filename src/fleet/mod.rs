@@ -76,6 +76,7 @@ mod jobs;
 mod workers;
 mod asking;
 mod office;
+mod pruning;
 mod member;
 mod worker;
 
@@ -83,7 +84,8 @@ pub use address::Address;
 pub use error::FleetError;
 pub use jobs::{JobRow, Jobs, Sending, Sent, TakenOver, send, take_over};
 pub use member::{Member, Running};
-pub use office::{Checked, FleetStatus, Initialised, Prune, SCHEMA, SharedFits, check, init, prune, status};
+pub use office::{Checked, FleetStatus, Initialised, SCHEMA, SharedFits, check, init, status};
+pub use pruning::{Prune, Pruned, prune};
 pub use releasing::{
     NewRelease, ReleaseRow, Released, Releases, SkuSettings, SkuSettingsState, StationSettings, history,
     release,

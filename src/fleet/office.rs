@@ -24,8 +24,6 @@ const LONGEST_SILENCE: f64 = 45.0;
 const CLOCKS: f64 = 5.0;
 /// The oldest version of PostgreSQL that is tested.
 const OLDEST_SERVER: i32 = 150_000;
-/// Fits that are removed at a time.
-const AT_A_TIME: i64 = 200;
 /// The most stations that are listed.
 const STATIONS: i64 = 10_000;
 /// The most stations that the page of a station lists.
@@ -83,17 +81,6 @@ pub struct SharedFits {
     pub count: i64,
     /// Their size with the meshes for pictures, bytes.
     pub bytes: i64,
-}
-
-/// Which fits [`prune`] removes. Every station can make them again.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Prune {
-    /// Those that were not used for this number of days, unless they are of a current part.
-    pub unused_days: Option<f64>,
-    /// Those that were used longest ago, until all together have this size, bytes.
-    pub max_bytes: Option<i64>,
-    /// The one with this key.
-    pub key: Option<String>,
 }
 
 /// Makes or upgrades the tables and rights of a fleet. Safe to run twice, and from two computers at the same time.
@@ -216,47 +203,9 @@ pub(super) async fn stations_for_page(session: &Session) -> Result<(u64, Vec<Sta
     Ok((u64::try_from(count).unwrap_or(0), first))
 }
 
-async fn fits(session: &Session) -> Result<SharedFits, FleetError> {
+pub(super) async fn fits(session: &Session) -> Result<SharedFits, FleetError> {
     let row = session.row("SELECT count(bytes), coalesce(sum(bytes), 0)::int8 FROM isomark.fit", &[]).await?;
     Ok(SharedFits { count: row.try_get(0)?, bytes: row.try_get(1)? })
-}
-
-/// Removes fits; returns how many and what is left.
-///
-/// # Errors
-/// When the database cannot be used, or the login may not remove fits.
-pub fn prune(address: &Address, prune: &Prune) -> Result<(i64, SharedFits), FleetError> {
-    run(async {
-        let session = Session::open::<()>(address, None).await?;
-        migrations::check(&session).await?;
-        let before = fits(&session).await?;
-        let days = prune.unused_days.map(|days| days.clamp(0.0, 1e6));
-        // Few at a time, so that stations get to work in between.
-        loop {
-            let removed = session
-                .row(
-                    "WITH listed AS (SELECT key, part, used, \
-                     sum(bytes) OVER (ORDER BY used DESC, key) AS newer_bytes FROM isomark.fit), \
-                     chosen AS (SELECT key FROM listed WHERE key = $3 OR newer_bytes > $2 \
-                     OR (used <= now() - make_interval(secs => $1 * 86400) AND NOT EXISTS \
-                     (SELECT FROM isomark.current_part AS c WHERE c.blake3 = listed.part)) ORDER BY used, key LIMIT $4), \
-                     removed AS (DELETE FROM isomark.fit WHERE key IN (SELECT key FROM chosen) RETURNING 1) \
-                     SELECT count(*) FROM removed",
-                    &[
-                        (&days, Type::FLOAT8),
-                        (&prune.max_bytes, Type::INT8),
-                        (&prune.key, Type::TEXT),
-                        (&AT_A_TIME, Type::INT8),
-                    ],
-                )
-                .await?;
-            if removed.try_get::<_, i64>(0)? < AT_A_TIME {
-                break;
-            }
-        }
-        let left = fits(&session).await?;
-        Ok(((before.count - left.count).max(0), left))
-    })
 }
 
 fn station(row: &Row) -> Result<StationRow, tokio_postgres::Error> {

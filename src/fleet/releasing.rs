@@ -215,8 +215,8 @@ pub fn release(address: &Address, new: &NewRelease<'_>) -> Result<Released, Flee
     })
 }
 
-/// Refuses the name of a station that the fleet has never seen: nobody would receive the release.
-async fn must_exist(session: &Session, station: &str) -> Result<(), FleetError> {
+/// Refuses the name of a station that the fleet has never seen.
+pub(super) async fn must_exist(session: &Session, station: &str) -> Result<(), FleetError> {
     let known =
         session.rows("SELECT 1 FROM isomark.station WHERE name = $1", &[(&station, Type::TEXT)]).await?;
     if !known.is_empty() {

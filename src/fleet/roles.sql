@@ -53,6 +53,7 @@ GRANT EXECUTE ON FUNCTION
     isomark.end_job(text, text, integer, text, text)
     TO isomark_station;
 GRANT DELETE ON isomark.job TO isomark_office;
+GRANT EXECUTE ON FUNCTION isomark.forget_station(text) TO isomark_office;
 -- Everybody sees the workers, and which fits stations wait for. Stations ask for fits; only workers read the parts and end requests.
 GRANT SELECT ON isomark.worker, isomark.fit_asker TO isomark_station, isomark_worker, isomark_office, isomark_viewer;
 GRANT SELECT (key, number, maker, sku, part, state, attempt, worker, lease, reason, at) ON isomark.fit_request

@@ -554,10 +554,17 @@ const CODES: &[Code] = &[
          another `name` under [fleet].",
     ]),
     reason([
+        "fleet-station-in-use",
+        "A station that is to be removed from the fleet is still in use.",
+        "`isomark fleet prune --station` removes a station that is gone. This one is alive, or it has taken jobs whose end it has not \
+         reported: they may have been marked.",
+        "End the station, look at its laser, put its jobs back into their queues with `isomark retry --take-over`, and try again.",
+    ]),
+    reason([
         "fleet-station-unknown",
         "No station of the fleet has this name.",
-        "`--station` of `isomark fleet release` names a station as `isomark fleet status` lists it: by `name` under [fleet], or by the \
-         name under [station]. Nobody would receive settings for another name.",
+        "`--station` of `isomark fleet release` and `isomark fleet prune` names a station as `isomark fleet status` lists it: by `name` \
+         under [fleet], or by the name under [station]. Nobody would receive settings for another name.",
         "Correct the name. A new station is known after its first start.",
     ]),
     reason([
@@ -762,8 +769,8 @@ const CODES: &[Code] = &[
     reason([
         "job-being-checked",
         "A job of another sender waits until the station knows that it is still its own.",
-        "The station took the job before it was started again. Meanwhile a person may have given it to another station, so the station asks the fleet first. If the fleet does not answer, the job goes on.",
-        "Nothing is to be done: it goes on after a few seconds.",
+        "The station took the job, and then it was started again, or had no answer from the fleet for 30 s. Meanwhile a person may have given the job to another station, so it waits until the fleet confirms that it is still this station's. Other drops go on.",
+        "Nothing is to be done: it goes on when the fleet answers. `isomark status` shows what is wrong with the fleet. If the database is lost for good, remove [fleet] from the settings of the station: it then goes on with the job.",
     ]),
     reason([
         "job-name",

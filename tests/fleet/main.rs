@@ -28,6 +28,7 @@ mod fits;
 mod kills;
 mod histories;
 mod load;
+mod lost;
 mod job_load;
 mod page;
 mod settings;

@@ -193,6 +193,10 @@ impl Server {
 
     /// Runs SQL as a login.
     pub fn sql_as(&self, login: &str, password: &str, database: &str, text: &str) -> Output {
+        self.psql(login, password, database, &["-c", text])
+    }
+
+    fn psql(&self, login: &str, password: &str, database: &str, what: &[&str]) -> Output {
         let port = self.port.to_string();
         let psql = self.programs.join("psql");
         let psql = if psql.exists() { psql } else { "psql".into() };
@@ -210,11 +214,35 @@ impl Server {
                 "-v",
                 "ON_ERROR_STOP=1",
             ])
-            .args(["-c", text])
+            .args(what)
             .env("PGPASSWORD", password)
             .env("PGCONNECT_TIMEOUT", "30")
             .output()
             .unwrap()
+    }
+
+    /// A copy of the database, as the guide for plants makes it.
+    pub fn dump(&self) -> PathBuf {
+        let (file, port) = (self.path("dump.sql"), self.port.to_string());
+        let program = self.programs.join("pg_dump");
+        let output = Command::new(if program.exists() { program } else { "pg_dump".into() })
+            .args(["-h", "127.0.0.1", "-p", &port, "-U", "owner", "isomark"])
+            .env("PGPASSWORD", SECRET)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+        fs::write(&file, output.stdout).unwrap();
+        file
+    }
+
+    /// Loses the database, whoever uses it, and makes it again: empty, or from a dump.
+    pub fn lose(&self, dump: Option<&Path>) {
+        self.sql("postgres", "DROP DATABASE isomark WITH (FORCE)");
+        self.sql("postgres", "CREATE DATABASE isomark");
+        if let Some(dump) = dump {
+            let output = self.psql("owner", SECRET, "isomark", &["-f", &dump.display().to_string()]);
+            assert!(output.status.success(), "{output:?}");
+        }
     }
 
     /// Makes a login with a role; its password is that of the owner.
