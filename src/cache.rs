@@ -20,14 +20,13 @@ mod task;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use fs_err as fs;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Sku;
-use crate::files::{read_if_there, write_whole_unsynced};
+use crate::files::{read_if_there, write_whole_unsynced, written_at_ms};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node, Uncertainty};
 use crate::geometry::mark_region::MarkRegion;
@@ -438,16 +437,12 @@ impl Cache {
         Ok(skus)
     }
 
-    /// When the current part of a SKU became it in this cache; `None` for an unknown SKU.
+    /// When the current part of a SKU became it in this cache, ms since 1970; `None` for an unknown SKU.
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub fn current_since(&self, sku: &Sku) -> io::Result<Option<SystemTime>> {
-        match fs::metadata(self.folder(sku).join(CURRENT)) {
-            Ok(metadata) => metadata.modified().map(Some),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(error),
-        }
+    pub fn current_since_ms(&self, sku: &Sku) -> io::Result<Option<u64>> {
+        written_at_ms(&self.folder(sku).join(CURRENT))
     }
 
     /// The keys of the surfaces of a SKU that belong to the part with this hash, by their summaries.
@@ -718,7 +713,7 @@ mod tests {
         assert_eq!(cache.current(&sku).unwrap(), None);
         cache.keep(&sku, &key, &kept, None).unwrap();
         let current = CurrentPart::new(kept.origin.clone(), true);
-        assert!(cache.skus().unwrap().is_empty() && cache.current_since(&sku).unwrap().is_none());
+        assert!(cache.skus().unwrap().is_empty() && cache.current_since_ms(&sku).unwrap().is_none());
         cache.make_current(&sku, &current.clone().in_order(PartOrder::new(3, 4, 5))).unwrap();
         // The order stays when the same part is dropped again.
         cache.make_current(&sku, &current).unwrap();

@@ -3,8 +3,7 @@
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Component, Path};
-#[cfg(feature = "station")]
-use std::time::SystemTime;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use fs_err as fs;
 
@@ -197,6 +196,21 @@ pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
 #[cfg(not(unix))]
 pub(crate) fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
+}
+
+/// When a file was written, ms since 1970 by the clock of the computer that wrote it; `None` if it does not exist.
+pub(crate) fn written_at_ms(path: &Path) -> io::Result<Option<u64>> {
+    match fs::metadata(path) {
+        Ok(metadata) => metadata.modified().map(|at| Some(ms_since_1970(at))),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// A moment of the calendar, ms since 1970; 0 before.
+pub(crate) fn ms_since_1970(at: SystemTime) -> u64 {
+    let since = at.duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// The content of a file; `None` if it does not exist.

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
 use fs_err as fs;
 use serde::{Deserialize, Serialize};
 
 use crate::cache::{CacheKey, CurrentPart, PartOrigin};
 use crate::config::Sku;
-use crate::files::{TEMPORARY_START, read_if_there, write_whole, write_whole_unsynced};
+use crate::files::{TEMPORARY_START, ms_since_1970, read_if_there, write_whole, write_whole_unsynced};
 
 /// Fits that may wait; of more, the oldest are forgotten, because every station can make them again.
 const FITS: usize = 10_000;
@@ -48,14 +48,8 @@ pub(super) fn moment(age: Duration) -> u64 {
     now_ms().saturating_sub(u64::try_from(age.as_millis()).unwrap_or(u64::MAX))
 }
 
-/// A time of a file, ms since 1970.
-pub(super) fn ms_of(time: SystemTime) -> u64 {
-    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
-}
-
 fn now_ms() -> u64 {
-    ms_of(SystemTime::now())
+    ms_since_1970(SystemTime::now())
 }
 
 /// The entries, by number.

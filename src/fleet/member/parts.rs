@@ -214,7 +214,7 @@ fn learned(cache: &Cache, sku: &Sku) -> Option<(CurrentPart, u64)> {
     let part = cache.current(sku).ok().flatten()?;
     let learned_ms = match part.order {
         Some(order) => order.learned_ms,
-        None => outbox::ms_of(cache.current_since(sku).ok().flatten()?),
+        None => cache.current_since_ms(sku).ok().flatten()?,
     };
     Some((part, learned_ms))
 }
