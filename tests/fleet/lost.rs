@@ -113,7 +113,7 @@ fn a_station_that_joins_brings_the_parts_that_it_learned_before() {
     one.kill();
     one.set("laser1", &in_fleet(&server.url("laser1")));
     one.start();
-    one.waits_for("the announcement", |one| one.logged("announcing 2 parts") == 1);
+    one.waits_for("the announcement", |one| one.logged("does not (2): gutter, trough") == 1);
     let two = running(&server, two);
     marks(&two, "trough@a.dxf");
     marks(&two, "gutter@a.dxf");
@@ -147,7 +147,7 @@ fn ended_jobs_and_stations_that_are_gone_are_removed() {
     let left = "SELECT state, count(*) FROM isomark.job GROUP BY state ORDER BY 1";
     assert_eq!(server.sql("isomark", left), "ended|100\ntaken|1");
     prune(&["--station", "laser2"]).refused(2, &["No station", "laser1"]);
-    prune(&["--station", "laser1"]).refused(3, &["taken 1 jobs", "--take-over"]);
+    prune(&["--station", "laser1"]).refused(3, &["have not ended: 1.", "--take-over"]);
     one.kill();
     server.sql("isomark", "UPDATE isomark.job SET state = 'waiting', station = NULL WHERE state = 'taken'");
     prune(&["--station", "laser1"]).refused(3, &["sign of life"]);

@@ -54,7 +54,7 @@ impl Member {
             let named: Vec<&str> = lost.iter().take(NAMED).map(Sku::as_str).collect();
             let more = if lost.len() > NAMED { ", …" } else { "" };
             tracing::info!(
-                "announcing {} parts that this station has and the fleet does not: {}{more}",
+                "announcing parts that this station has and the fleet does not ({}): {}{more}",
                 lost.len(),
                 named.join(", ")
             );
