@@ -88,6 +88,8 @@ pub struct CurrentPart {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct PartOrder {
+    /// When the tables of the fleet were made, µs since 1970 by the clock of the database: this tells fleets apart.
+    pub fleet_us: i64,
     /// Its number among the parts of the SKU.
     pub version: i64,
     /// When it got this number, µs since 1970 by the clock of the database. A database that was lost gives it again, later.
@@ -232,15 +234,6 @@ impl CurrentPart {
     #[must_use]
     pub fn in_order(self, order: PartOrder) -> Self {
         Self { order: Some(order), ..self }
-    }
-}
-
-impl PartOrder {
-    /// A place with this number, given at this moment by the clock of the database, µs since 1970; the part was learned at this
-    /// moment by the clock of this computer, ms since 1970.
-    #[must_use]
-    pub fn new(version: i64, announced_us: i64, learned_ms: u64) -> Self {
-        Self { version, announced_us, learned_ms }
     }
 }
 
@@ -714,10 +707,11 @@ mod tests {
         cache.keep(&sku, &key, &kept, None).unwrap();
         let current = CurrentPart::new(kept.origin.clone(), true);
         assert!(cache.skus().unwrap().is_empty() && cache.current_since_ms(&sku).unwrap().is_none());
-        cache.make_current(&sku, &current.clone().in_order(PartOrder::new(3, 4, 5))).unwrap();
+        let order = PartOrder { fleet_us: 2, version: 3, announced_us: 4, learned_ms: 5 };
+        cache.make_current(&sku, &current.clone().in_order(order)).unwrap();
         // The order stays when the same part is dropped again.
         cache.make_current(&sku, &current).unwrap();
-        let current = current.in_order(PartOrder::new(3, 4, 5));
+        let current = current.in_order(order);
         assert_eq!(cache.skus().unwrap(), BTreeMap::from([(sku.key().to_owned(), sku.clone())]));
         assert_eq!(cache.keys_of(&sku, &kept.origin.blake3).unwrap(), [key.clone()]);
         assert!(cache.keys_of(&sku, "another").unwrap().is_empty());

@@ -146,7 +146,7 @@ impl FleetError {
                         "End it first; after a crash, wait for 45 s.".to_owned(),
                     ),
                     _ => (
-                        format!("The station \"{name}\" has taken {jobs} jobs that have not ended."),
+                        format!("Jobs that the station \"{name}\" has taken have not ended: {jobs}."),
                         format!(
                             "Look at its laser, and put them back with `isomark retry --take-over \"{name}\"`."
                         ),

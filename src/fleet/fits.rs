@@ -25,7 +25,8 @@ const PAGE: i64 = 500;
 const LONGEST_NAME: usize = 255;
 
 const PART: &str = "left(name, 300), version, left(file, 300), left(blake3, 100), has_frame, left(station, 300), \
-                    extract(epoch FROM clock_timestamp() - learned)::float8, (1000000 * extract(epoch FROM at))::int8";
+                    extract(epoch FROM clock_timestamp() - learned)::float8, (1000000 * extract(epoch FROM at))::int8, \
+                    coalesce((SELECT (1000000 * extract(epoch FROM m.at))::int8 FROM isomark.migration AS m WHERE m.number = 1), 0)";
 
 /// The current part of a SKU, as the fleet has it.
 #[derive(Debug, Clone)]
@@ -196,7 +197,7 @@ pub(super) async fn page_of_parts(
     for row in &rows {
         parts.extend(shared_part(row)?);
     }
-    let last = rows.last().map(|row| row.try_get(8)).transpose()?;
+    let last = rows.last().map(|row| row.try_get(9)).transpose()?;
     Ok((parts, last))
 }
 
@@ -214,10 +215,12 @@ fn shared_part(row: &Row) -> Result<Option<SharedPart>, FleetError> {
     };
     let origin = PartOrigin { file: file.into(), blake3: blake3.into() };
     let age = Duration::try_from_secs_f64(age_s).unwrap_or_default();
-    let part = CurrentPart::new(origin, has_frame).in_order(PartOrder::new(
+    let order = PartOrder {
+        fleet_us: row.try_get(8)?,
         version,
-        row.try_get(7)?,
-        outbox::moment(age),
-    ));
+        announced_us: row.try_get(7)?,
+        learned_ms: outbox::moment(age),
+    };
+    let part = CurrentPart::new(origin, has_frame).in_order(order);
     Ok(Some(SharedPart { sku, part, station: station.into() }))
 }

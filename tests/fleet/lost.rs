@@ -150,6 +150,7 @@ fn ended_jobs_and_stations_that_are_gone_are_removed() {
     prune(&["--station", "laser1"]).refused(3, &["have not ended: 1.", "--take-over"]);
     one.kill();
     server.sql("isomark", "UPDATE isomark.job SET state = 'waiting', station = NULL WHERE state = 'taken'");
+    server.sql("isomark", "UPDATE isomark.station SET beat = now()");
     prune(&["--station", "laser1"]).refused(3, &["sign of life"]);
     server.sql("isomark", "UPDATE isomark.station SET beat = now() - interval '46 s'");
     let output = prune(&["--station", "laser1"]);

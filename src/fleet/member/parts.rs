@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::Member;
-use crate::cache::{Cache, CurrentPart};
+use crate::cache::{Cache, CurrentPart, PartOrder};
 use crate::config::Sku;
 use crate::fleet::error::FleetError;
 use crate::fleet::fits::{self, SharedPart};
@@ -98,7 +98,8 @@ impl Member {
             let orders = known.order.zip(theirs.part.order);
             is_same(known)
                 && orders.is_some_and(|(known, new)| {
-                    (known.version, known.announced_us) == (new.version, new.announced_us)
+                    (known.fleet_us, known.version, known.announced_us)
+                        == (new.fleet_us, new.version, new.announced_us)
                         && known.learned_ms.abs_diff(new.learned_ms) < SAME_MOMENT
                 })
         };
@@ -202,11 +203,14 @@ impl Member {
     }
 }
 
-/// Whether the fleet's part comes before one that it stated earlier, or has its number and is another one.
+/// Whether the fleet's part comes before one that it stated earlier, or has its number and is another one. A fleet whose tables were made
+/// since was lost, and has no earlier numbers. To another fleet, this station brings no order.
 fn is_behind(theirs: &CurrentPart, known: &CurrentPart) -> bool {
-    let orders = theirs.order.zip(known.order);
-    orders.is_some_and(|(theirs, known)| theirs.version <= known.version)
-        && theirs.origin.blake3 != known.origin.blake3
+    let is_behind = |(theirs, known): (PartOrder, PartOrder)| {
+        (theirs.fleet_us == known.fleet_us && theirs.version <= known.version)
+            || theirs.fleet_us > known.announced_us
+    };
+    theirs.order.zip(known.order).is_some_and(is_behind) && theirs.origin.blake3 != known.origin.blake3
 }
 
 /// The current part of a SKU in the cache, and when it was learned: ms since 1970 by the clock of this computer.
@@ -217,4 +221,35 @@ fn learned(cache: &Cache, sku: &Sku) -> Option<(CurrentPart, u64)> {
         None => cache.current_since_ms(sku).ok().flatten()?,
     };
     Some((part, learned_ms))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cache::PartOrigin;
+
+    fn part(blake3: &str, fleet_us: i64, version: i64, announced_us: i64) -> CurrentPart {
+        let origin = PartOrigin { file: "a.obj".into(), blake3: blake3.into() };
+        CurrentPart::new(origin, false).in_order(PartOrder { fleet_us, version, announced_us, learned_ms: 0 })
+    }
+
+    #[test]
+    fn only_a_fleet_that_was_lost_is_behind() {
+        let known = part("aa", 10, 3, 50);
+        let cases = [
+            (part("bb", 10, 4, 60), false, "the next part"),
+            (part("bb", 10, 2, 40), true, "restored from a dump"),
+            (part("bb", 10, 3, 60), true, "restored from a dump, and another part was learned since"),
+            (part("aa", 10, 2, 40), false, "the same part"),
+            (part("bb", 55, 1, 60), true, "made again, and an earlier part was announced first"),
+            (part("bb", 20, 1, 30), false, "another fleet, which this station joins"),
+        ];
+        for (theirs, expected, case) in cases {
+            assert_eq!(is_behind(&theirs, &known), expected, "{case}");
+        }
+        assert!(
+            !is_behind(&part("bb", 10, 1, 20), &CurrentPart { order: None, ..known }),
+            "no order is known"
+        );
+    }
 }
