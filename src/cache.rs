@@ -713,7 +713,7 @@ mod tests {
         cache.make_current(&sku, &current).unwrap();
         let current = current.in_order(order);
         assert_eq!(cache.skus().unwrap(), BTreeMap::from([(sku.key().to_owned(), sku.clone())]));
-        assert_eq!(cache.keys_of(&sku, &kept.origin.blake3).unwrap(), [key.clone()]);
+        assert_eq!(cache.keys_of(&sku, &kept.origin.blake3).unwrap(), std::slice::from_ref(&key));
         assert!(cache.keys_of(&sku, "another").unwrap().is_empty());
         let Lookup::Hit(found) = cache.get(&sku, &key).unwrap() else { panic!("a hit") };
         assert_eq!(*found, kept);
