@@ -64,7 +64,7 @@ mod rotary;
 mod task;
 
 pub use content::{Variable, check_values, variable};
-pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow};
+pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow, FloorReport};
 pub use focus::StepDrawing;
 pub use list::ListJob;
 pub use on_part::Marked;

@@ -286,7 +286,8 @@ pub enum MapReport {
 pub struct WeightsReport {
     /// `ink` or `uniform`.
     pub weighting: String,
-    /// What is kept first with `ink`: `balanced`, `lengths`, `areas` or `shapes`. Absent from older reports.
+    /// What is kept first with `ink`: `balanced`, `lengths`, `areas` or `shapes`; in a comparison also `only lengths`,
+    /// `only areas` or `only angles`. Absent from older reports.
     #[serde(default)]
     pub aim: String,
     /// Factor on the weight of line lengths.

@@ -66,6 +66,12 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
     Ok(())
 }
 
+/// What the last line of the table means.
+const FLOOR: &str = "
+`floor` is the least that was found for each figure alone; no map here goes below it, and no map reaches all three at once.
+The rows `only ...` lower one figure and let go of the others: they show what it costs. It is an estimate, not a proven bound.
+";
+
 fn table(evaluation: &Evaluation) -> String {
     let Evaluation { pattern, part, size_mm: [width, height], length_mm, area_mm2, .. } = evaluation;
     let (pattern, part) = (on_one_line(pattern), on_one_line(&part.file));
@@ -100,6 +106,15 @@ fn table(evaluation: &Evaluation) -> String {
             let _ = write!(text, "  {}", on_one_line(words));
         }
         text.push('\n');
+    }
+    if let Some(floor) = &evaluation.floor {
+        let none = "-";
+        let _ = writeln!(
+            text,
+            "{:<widest$}  {:>9.3}  {:>9.3}  {none:>9}  {none:>9}  {:>9.2}  {none:>9}",
+            "floor", floor.length_error_mm, floor.area_error_mm2, floor.max_angle_error_deg,
+        );
+        text += FLOOR;
     }
     text
 }

@@ -8,10 +8,11 @@ use super::{checks, chords, hash, measured, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::correction::Projection;
+use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::mapping::{self, LengthTrueMap};
 use crate::reason::Reason;
-use crate::report::{DistortionReport, MapReport, PlacementReport, Timing};
+use crate::report::{DistortionReport, MapReport, PlacementReport, Timing, WeightsReport};
 
 /// Name and version of the JSON form of an [`Evaluation`].
 pub const EVALUATION_SCHEMA: &str = "isomark.evaluate/1";
@@ -43,8 +44,29 @@ pub struct Evaluation {
     pub placement: PlacementReport,
     /// One row for each method and variant.
     pub rows: Vec<EvaluationRow>,
+    /// The least values that were found; absent if `isometric` is not compared or none of its maps can be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<FloorReport>,
     /// The time of each stage.
     pub timings: Vec<Timing>,
+}
+
+/// The least value of each figure, which no row goes below. Each can be reached alone, not together with the others.
+///
+/// They are estimates: the least that is found when one figure is lowered without regard to the others, and not proven bounds.
+/// Areas alone and angles alone can be kept on any smooth surface (Moser 1965; isothermal coordinates, Gauss 1822), so that
+/// their floors are what the fit of the part leaves; what they cost is in the rows "only areas" and "only angles".
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct FloorReport {
+    /// Of the sum of the length errors, mm.
+    pub length_error_mm: f64,
+    /// Of the sum of the area errors, mm².
+    pub area_error_mm2: f64,
+    /// Of the largest angle error, degrees.
+    #[serde(rename = "largest_angle_error_deg")]
+    pub max_angle_error_deg: f64,
 }
 
 /// One method in one variant.
@@ -54,7 +76,8 @@ pub struct Evaluation {
 pub struct EvaluationRow {
     /// The method's name, as in the settings.
     pub method: String,
-    /// The variant as text; empty for methods without variants.
+    /// The variant as text; empty for methods without variants. "only lengths", "only areas" and "only angles" are not for
+    /// production: they show what the floor of a figure costs.
     pub variant: String,
     /// Time to find the map, ms.
     pub map_ms: f64,
@@ -93,11 +116,11 @@ impl Pipeline {
         let compared: Vec<_> =
             methods.iter().flat_map(|method| variants(*method, &settings.correction)).collect();
         let (of, mut rows) = (compared.len(), Vec::new());
-        for (index, (variant, correction)) in compared.into_iter().enumerate() {
+        for (index, Compared { variant, correction, only }) in compared.into_iter().enumerate() {
             let settings = JobSettings { correction, ..settings.clone() };
             let name = label(&settings, &variant);
             steps.at(Step::Method { number: index + 1, of, name: &name });
-            rows.push(row(learned, &placed, variant, &settings, &mut clock));
+            rows.push(row(learned, &placed, variant, only, &settings, &mut clock));
         }
         let mut timings = learned.timings.clone();
         timings.append(&mut clock.laps);
@@ -112,25 +135,54 @@ impl Pipeline {
             length_mm: placed.ink.length(),
             area_mm2: placed.ink.area(),
             placement: placed.placing.report(settings),
+            floor: floor(&rows),
             rows,
             timings,
         })
     }
 }
 
-/// A method in each of its variants, with their names.
-fn variants(method: Method, given: &CorrectionSettings) -> Vec<(String, CorrectionSettings)> {
+/// The maps that lower one figure without regard to the others.
+const ONLY: [(&str, IsometricOptions); 3] = [
+    ("only lengths", IsometricOptions::ONLY_LENGTHS),
+    ("only areas", IsometricOptions::ONLY_AREAS),
+    ("only angles", IsometricOptions::ONLY_ANGLES),
+];
+
+/// A method in one variant.
+struct Compared {
+    variant: String,
+    correction: CorrectionSettings,
+    /// The options of a map that no setting asks for.
+    only: Option<IsometricOptions>,
+}
+
+/// A method in each of its variants.
+fn variants(method: Method, given: &CorrectionSettings) -> Vec<Compared> {
     let given = CorrectionSettings { method, ..given.clone() };
+    let set = |name: &str, correction: CorrectionSettings| Compared {
+        variant: name.into(),
+        correction,
+        only: None,
+    };
     let domain = |name: &str, as_printed: AsPrinted| {
         let mapping_domain = MappingDomainOptions { as_printed, ..given.mapping_domain };
-        (name.to_owned(), CorrectionSettings { mapping_domain, ..given.clone() })
+        set(name, CorrectionSettings { mapping_domain, ..given.clone() })
     };
     match method {
         Method::Isometric => {
-            let aims = Aim::ALL.iter().map(|aim| (Weighting::Ink, *aim, format!("aim {aim}")));
-            let uniform = (Weighting::Uniform, Aim::default(), Weighting::Uniform.to_string());
-            let of = |(weighting, aim, name)| (name, CorrectionSettings { weighting, aim, ..given.clone() });
-            aims.chain([uniform]).map(of).collect()
+            let aim = |aim: &Aim| {
+                let correction = CorrectionSettings { weighting: Weighting::Ink, aim: *aim, ..given.clone() };
+                set(&format!("aim {aim}"), correction)
+            };
+            let weighting = Weighting::Uniform;
+            let uniform = CorrectionSettings { weighting, aim: Aim::default(), ..given.clone() };
+            let only = |(name, options): (&str, IsometricOptions)| {
+                let correction = CorrectionSettings { weighting: Weighting::Ink, ..given.clone() };
+                Compared { only: Some(options), ..set(name, correction) }
+            };
+            let settable = Aim::ALL.iter().map(aim).chain([set(weighting.name(), uniform)]);
+            settable.chain(ONLY.map(only)).collect()
         }
         Method::MappingDomain => vec![
             domain("corrected", AsPrinted::NOTHING),
@@ -139,11 +191,25 @@ fn variants(method: Method, given: &CorrectionSettings) -> Vec<(String, Correcti
         ],
         Method::Floater => [FloaterWeights::Uniform, FloaterWeights::MeanValue]
             .map(|floater_weights| {
-                (floater_weights.to_string(), CorrectionSettings { floater_weights, ..given.clone() })
+                set(floater_weights.name(), CorrectionSettings { floater_weights, ..given.clone() })
             })
             .into(),
-        Method::Auto | Method::Cylinder | Method::Cone | Method::None => vec![(String::new(), given)],
+        Method::Auto | Method::Cylinder | Method::Cone | Method::None => vec![set("", given)],
     }
+}
+
+/// The least of each figure in all rows, if they include maps that lower one figure alone.
+fn floor(rows: &[EvaluationRow]) -> Option<FloorReport> {
+    let is_only = |row: &EvaluationRow| ONLY.iter().any(|(name, _)| row.variant == *name);
+    rows.iter().find(|row| is_only(row) && row.quality.is_some())?;
+    let least = |figure: fn(&DistortionReport) -> f64| {
+        rows.iter().filter_map(|row| row.quality.as_ref()).map(figure).fold(f64::INFINITY, f64::min)
+    };
+    Some(FloorReport {
+        length_error_mm: least(|quality| quality.length_error_mm),
+        area_error_mm2: least(|quality| quality.area_error_mm2),
+        max_angle_error_deg: least(|quality| quality.max_angle_error_deg),
+    })
 }
 
 /// The name of a method with its choice.
@@ -156,6 +222,7 @@ fn row(
     learned: &LearnedPart,
     placed: &PlacedPattern,
     variant: String,
+    only: Option<IsometricOptions>,
     settings: &JobSettings,
     clock: &mut Clock,
 ) -> EvaluationRow {
@@ -165,7 +232,8 @@ fn row(
     let name = settings.correction.method.name();
     let label = label(settings, &variant);
     clock.lap("measure");
-    let map = LengthTrueMap::find(surface, pattern, is_ink, placing.place, &method(settings));
+    let method = only.map_or_else(|| method(settings), mapping::Method::Isometric);
+    let map = LengthTrueMap::find(surface, pattern, is_ink, placing.place, &method);
     clock.lap(&format!("map {label}"));
     let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
     let empty = EvaluationRow {
@@ -192,10 +260,19 @@ fn row(
         Err(reason) => EvaluationRow { reason: Some(checks::doubting_unit(reason, facts)), ..empty },
         Ok((map, distortion)) => {
             let limit = mapping::Method::EXACT_TOLERANCE;
+            let mut weights = weights(&settings.correction);
+            if only.is_some() {
+                weights = WeightsReport {
+                    aim: empty.variant.clone(),
+                    length_weight: 1.0,
+                    angle_weight: 1.0,
+                    ..weights
+                };
+            }
             let far = map.fit_residual().filter(|residual| *residual > limit);
             EvaluationRow {
                 note: far.map(|residual| format!("the part is up to {residual:.3} mm from this {name}")),
-                map: Some(MapReport::new(&map, weights(&settings.correction))),
+                map: Some(MapReport::new(&map, weights)),
                 quality: Some((&distortion).into()),
                 ..empty
             }

@@ -52,6 +52,21 @@ fn every_method_is_measured_on_the_mouse_or_has_a_reason_why_not() {
         let words = row.get("reason").map_or(&row["note"], |reason| &reason["what"]);
         assert!(words.as_str().is_some_and(|words| words.contains(method)), "{row:#}");
     }
+    // No row goes below the floor, which is that of the map for each figure alone or lower.
+    for (figure, only) in [
+        ("length_error_mm", "only lengths"),
+        ("area_error_mm2", "only areas"),
+        ("largest_angle_error_deg", "only angles"),
+    ] {
+        let floor = number(&evaluation, &format!("/floor/{figure}"));
+        let rows = evaluation["rows"].as_array().unwrap();
+        let of = |row: &Value| row["quality"][figure].as_f64();
+        assert!(rows.iter().filter_map(of).all(|value| value >= floor), "{figure}: {evaluation:#}");
+        let (alone, balanced) =
+            (row(&evaluation, "isometric", only), row(&evaluation, "isometric", "aim balanced"));
+        assert!(of(alone) < of(balanced), "{figure}: {evaluation:#}");
+        assert_eq!(alone["map"]["aim"], only);
+    }
     // The same values as in the report of the job, which divides curves by the same tolerance.
     let options = "--place 0,8 --method floater";
     let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), options);
@@ -79,8 +94,12 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
     for column in ["method", "e_l mm", "e_a mm2", "e_l %", "stretch %", "angle deg", "time ms"] {
         assert!(head.contains(column), "{out}");
     }
-    let rows: Vec<&str> = lines.collect();
-    assert_eq!(rows.len(), 13, "{out}");
+    let rows: Vec<&str> = lines.by_ref().take_while(|line| !line.is_empty()).collect();
+    assert_eq!(rows.len(), 17, "{out}");
+    assert!(
+        rows[16].starts_with("floor") && lines.next().is_some_and(|line| line.starts_with("`floor`")),
+        "{out}"
+    );
     // Numbers end under the last letter of their heading.
     let end = head.find("e_l mm").unwrap() + "e_l mm".len();
     for row in rows.iter().filter(|row| !row.contains("The part cannot")) {
@@ -135,6 +154,8 @@ fn methods_can_be_chosen_and_unknown_ones_are_refused() {
     let options = "--method mapping-domain,none --mapping-domain-grid 10 --mapping-domain-intervals 20";
     let evaluation = evaluated(&desk, &inputs, options);
     assert_eq!(evaluation["rows"].as_array().unwrap().len(), 4);
+    // Without `isometric`, no floor is looked for.
+    assert_eq!(evaluation.get("floor"), None);
     let map = &row(&evaluation, "mapping-domain", "all as printed")["map"];
     assert_eq!((map["grid"].as_u64(), map["intervals"].as_u64()), (Some(10), Some(20)));
     assert_eq!(map["as_printed"].as_array().unwrap().len(), 3);

@@ -40,7 +40,7 @@ const CYLINDERS: [Case; 3] = [
     case("turned cylinder", turned_cylinder, [1.0, 2.0]),
     case("tilted cylinder", tilted_cylinder, [2.0, -1.0]),
 ];
-const CONE: Case = case("cone", cone, [0.0, 0.0]);
+pub(crate) const CONE: Case = case("cone", cone, [0.0, 0.0]);
 const WAVES: Case = case("waves", waves, [0.0, 0.0]);
 
 #[test]

@@ -12,6 +12,7 @@ mod developables;
 mod drawings;
 mod every_surface;
 mod far_round;
+mod floors;
 mod springs;
 
 use isomark::geometry::height_field::FacingPart;

@@ -20,6 +20,8 @@ pub struct IsometricOptions {
     pub cell: f64,
     /// Minimum and maximum number of cells in the box.
     pub cells: [usize; 2],
+    /// Whether rounds go on until they gain nothing more, for comparison; otherwise they end when the gain is small.
+    pub is_thorough: bool,
 }
 
 impl IsometricOptions {
@@ -32,6 +34,7 @@ impl IsometricOptions {
         box_weight: 1.0,
         cell: 1.5,
         cells: [200, 900],
+        is_thorough: false,
     };
     /// Lengths, areas and angles of the ink together.
     ///
@@ -50,6 +53,22 @@ impl IsometricOptions {
     pub const AREAS: Self = Self { line_weight: 0.2, area_weight: 40.0, ..Self::INK };
     /// The shapes of the ink first: its angles.
     pub const SHAPES: Self = Self { angle_weight: 4.0, ..Self::INK };
+    /// One figure without regard to the others. It is only for comparison: the paper between the ink gives way freely.
+    const ONE: Self = Self {
+        line_weight: 0.0,
+        area_weight: 0.0,
+        angle_weight: 0.0,
+        angle_limit: 1e3,
+        box_weight: 1e-4,
+        is_thorough: true,
+        ..Self::INK
+    };
+    /// Nothing but the lengths of lines.
+    pub const ONLY_LENGTHS: Self = Self { line_weight: 1.0, ..Self::ONE };
+    /// Nothing but the sizes of inked areas.
+    pub const ONLY_AREAS: Self = Self { area_weight: 1.0, ..Self::ONE };
+    /// Nothing but the angles of the ink.
+    pub const ONLY_ANGLES: Self = Self { angle_weight: 1.0, ..Self::ONE };
 
     /// The same options with the weight of lines multiplied by `lengths` and the weight of angles by `angles`.
     pub fn emphasised(self, lengths: f64, angles: f64) -> Self {

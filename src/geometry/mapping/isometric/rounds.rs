@@ -17,6 +17,12 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 
 /// Maximum number of rounds; drawings of letters take three to five, large filled shapes more.
 const MAX_ROUNDS: usize = 8;
+/// Maximum number of thorough rounds.
+const MOST_THOROUGH: usize = 60;
+/// Thorough rounds end when the best of them is not lowered by [`THOROUGH_GAIN`] in this number of rounds.
+const THOROUGH_PATIENCE: usize = 6;
+/// Share of the cost that counts as a gain in thorough rounds.
+const THOROUGH_GAIN: f64 = 0.01;
 /// The rounds end when one lowers the cost by less than this share …
 const LEAST_GAIN: f64 = 0.25;
 /// … or, before the first gain and while angles are beyond their limit, by less than this one.
@@ -147,7 +153,8 @@ impl IsometricMap {
         let mut best = figures.verdict(&scales, options);
         let mut kept = self.control.clone();
         let (mut last, mut has_gained) = (best, false);
-        for round in 0..MAX_ROUNDS {
+        let (mut landmark, mut since) = (best, 0);
+        for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
             let Ok(shifts) = self.reweighted(anchor, samples, &strains, &scales).solve(solver) else { break };
@@ -176,6 +183,16 @@ impl IsometricMap {
             if verdict < best {
                 (best, has_gained) = (verdict, true);
                 kept.clone_from(&self.control);
+            }
+            if options.is_thorough {
+                since += 1;
+                if best <= (1.0 - THOROUGH_GAIN) * landmark {
+                    (landmark, since) = (best, 0);
+                }
+                if since >= THOROUGH_PATIENCE {
+                    break;
+                }
+                continue;
             }
             // In the first rounds the angles are not yet weighted as they will be.
             let is_within = has_gained && figures.largest_angle <= scales.limit;
