@@ -43,6 +43,8 @@ struct State {
     checked: BTreeSet<Claim>,
     /// Ends that the database has, until the station notes that.
     reported: BTreeSet<Claim>,
+    /// Open jobs of which the station has heard, since the last connection, that they are its own.
+    confirmed: BTreeSet<Claim>,
     /// The beginning of the last sign of life that the database has answered.
     contact: Option<Contact>,
     /// Jobs that cannot be taken at the moment.
@@ -87,14 +89,27 @@ impl Desk {
             state.looks = true;
         }
         state.reported.retain(|claim| ours.ended.iter().any(|ended| ended.claim == *claim));
+        let is_open = |claim: &Claim| ours.open.iter().any(|(open, _)| open == claim);
+        state.checked.retain(is_open);
+        state.confirmed.retain(is_open);
         state.ours = ours;
-        (std::mem::take(&mut state.news), is_new)
+        let news = std::mem::take(&mut state.news);
+        // Not before: what the database states and the station has not heard may be that a job is not its own.
+        let confirmed = news.iter().filter_map(|news| match news {
+            JobNews::IsOurs(claim) => Some(claim.clone()),
+            _ => None,
+        });
+        state.confirmed.extend(confirmed);
+        (news, is_new)
     }
 
     /// Another connection begins: everything is asked again.
     pub(super) fn begin(&self) {
         let mut state = self.state();
         state.checked.clear();
+        state.confirmed.clear();
+        // They are asked for once more.
+        state.news.retain(|news| !matches!(news, JobNews::IsOurs(_)));
         state.reported.clear();
         state.busy.clear();
         state.offers.retain(|_, answer| answer.is_some());
@@ -136,7 +151,7 @@ impl Desk {
     /// Whether the database has stated that an open job is this station's, and nobody else can have taken it over since.
     pub(super) fn is_confirmed(&self, claim: &Claim, now: Contact) -> bool {
         let state = self.state();
-        state.checked.contains(claim) && state.contact.is_some_and(|contact| contact.is_recent(now))
+        state.confirmed.contains(claim) && state.contact.is_some_and(|contact| contact.is_recent(now))
     }
 
     /// Ends that the database does not have yet.
@@ -223,16 +238,21 @@ mod tests {
             Contact(start.0 + Duration::from_secs(seconds), calendar)
         };
         let is_confirmed = |now| desk.is_confirmed(&claim, now);
-        desk.is_checked(&claim);
-        assert!(!is_confirmed(start), "no sign of life was answered");
+        desk.note(JobNews::IsOurs(claim.clone()));
         desk.has_contact(start);
+        assert!(!is_confirmed(start), "the station has not heard of it");
+        let ours = OurJobs { open: vec![(claim.clone(), true)], ..OurJobs::default() };
+        let (news, _) = desk.exchange(ours.clone());
+        assert_eq!(news, [JobNews::IsOurs(claim.clone())]);
         assert!(is_confirmed(after(29, 29)));
         assert!(is_confirmed(after(29, -3600)), "the calendar was set back");
         assert!(!is_confirmed(after(30, 30)), "a person may take it over soon");
         assert!(!is_confirmed(after(1, 3600)), "the computer has slept");
         desk.has_contact(after(60, 60));
         assert!(is_confirmed(after(60, 60)));
+        desk.note(JobNews::IsOurs(claim.clone()));
         desk.begin();
+        desk.exchange(ours);
         assert!(!is_confirmed(after(60, 60)), "it may have been taken over before this connection");
     }
 }

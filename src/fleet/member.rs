@@ -238,13 +238,14 @@ impl Member {
         migrations::check(&session).await?;
         // Before the parts are read: no change is missed.
         session.batch(LISTEN).await?;
+        // Before the sign of life: what earlier connections stated about jobs may have changed.
+        self.desk.begin();
         self.beat(&session, &self.figures(), true, false).await?;
         self.asking.leave_all(&session, &self.settings.name).await?;
         self.send_announcements(&session).await?;
         let mut lost = self.read_all_parts(&session).await?;
         self.look_at_fleet(&session).await?;
         jobs::serve(&session, &self.settings).await?;
-        self.desk.begin();
         *pause = FIRST_PAUSE;
         self.is_there(&address);
         self.desk.note(JobNews::Available);

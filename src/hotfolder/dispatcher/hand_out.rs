@@ -71,12 +71,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let mut deaths = self.lanes.deaths(drop);
         // A delivered drawing is only filed, which cannot crash because of its content and delivers nothing twice.
         let is_delivered = self.executor.is_delivered(&id, stamp);
+        let revoked = self.is_revoked(&id).filter(|_| !is_delivered);
         if is_delivered {
             deaths = 0;
-        } else if let Some(reason) = self.may_be_revoked(&id) {
+        } else if revoked.is_none()
+            && let Some(reason) = self.may_be_revoked(&id)
+        {
             return self.retry_later(path, Obstacle::Other, reason);
         }
-        let revoked = self.is_revoked(&id).filter(|_| !is_delivered);
         let doomed = doomed.or(revoked).or_else(|| (deaths >= MAX_DEATHS).then(|| ends_isomark(deaths)));
         let waits_for_import = matches!(block, Block::Until { obstacle: Obstacle::NoImportFolder, .. });
         let attempt = Attempt { last_chance, doomed, waits_for_import, alone: deaths > 0, large };
