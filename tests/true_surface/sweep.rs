@@ -94,7 +94,7 @@ fn print_table<K: Ord>(runs: &[Run], key: impl Fn(&Run) -> K, name: impl Fn(&K) 
 fn parts_drawn_at_random_are_seldom_reported_too_low() {
     let (runs, refused) = runs(100_000..100_040, &[Shading::Missing, Shading::Exact]);
     let low = runs.iter().filter(|run| run.is_low()).count();
-    assert!(refused == 0 && 12 * low < runs.len(), "{low} of {} are too low", runs.len());
+    assert!(refused == 0 && 16 * low <= runs.len(), "{low} of {} are too low", runs.len());
     let is_profile = |run: &&Run| matches!(run.part.family, Family::Turned | Family::Strip);
     for run in runs.iter().filter(is_profile) {
         let [reported, truth] = run.errors;
@@ -107,7 +107,10 @@ fn parts_drawn_at_random_are_seldom_reported_too_low() {
 fn sweep() {
     let (parts, seed) = (number("ISOMARK_PARTS", 100), number("ISOMARK_SEED", 100_000));
     let all = [Shading::Missing, Shading::Exact, Shading::ByArea, Shading::ByAngle];
-    let (runs, refused) = runs(seed..seed + parts, &all[..number("ISOMARK_SHADINGS", 4).min(4) as usize]);
+    let (runs, refused) = runs(
+        seed..seed + parts,
+        &all[number("ISOMARK_FIRST", 0).min(3) as usize..number("ISOMARK_SHADINGS", 4).min(4) as usize],
+    );
     println!("{refused} refused");
     print_table(
         &runs,

@@ -11,7 +11,7 @@ use super::{CREASE_ANGLE, Crease, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
-use crate::geometry::osculating_jet::refined_normal;
+use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
 use crate::geometry::space::View;
 
 /// The same where the file's normals were averaged to look smooth: that the facets of an octagonal prism were meant to be
@@ -192,12 +192,12 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
-        let estimated = smooth.complete_normals();
+        let (estimated, deviations) = smooth.complete_normals();
         let beside = creases.iter().chain(&sharp);
         smooth.creases = smooth
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
         smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
-        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &hidden);
+        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
         smooth
     }
 
@@ -232,8 +232,10 @@ impl SmoothMesh {
         }
     }
 
-    /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is.
-    fn complete_normals(&mut self) -> Vec<bool> {
+    /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is, and
+    /// the standard deviation of the estimate, rad; 0 where nothing else shows than the facets round it. Without estimates there
+    /// are no deviations.
+    fn complete_normals(&mut self) -> (Vec<bool>, Vec<f64>) {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
             for triangle in &self.triangles {
@@ -254,15 +256,17 @@ impl SmoothMesh {
         }
         // Where arcs meet, normals are known better than from what follows.
         let mut is_open = is_missing.clone();
+        let mut estimates: Vec<EstimatedNormal> = Vec::new();
         if is_missing.contains(&true) {
             let around = Neighbours::of(&self.triangles, self.positions.len());
             let estimated = |vertex: usize| {
                 if !is_missing[vertex] {
-                    return self.normals[vertex];
+                    return EstimatedNormal { normal: self.normals[vertex], deviation: 0.0 };
                 }
                 refined_normal(&self.positions, &self.normals, &around, vertex)
             };
-            let refined = (0..self.normals.len()).map(estimated).collect();
+            estimates = (0..self.normals.len()).map(estimated).collect();
+            let refined = estimates.iter().map(|estimate| estimate.normal).collect();
             let first = std::mem::replace(&mut self.normals, refined);
             for vertex in arcs::join(self, &first, &is_missing, &around) {
                 is_open[vertex as usize] = false;
@@ -274,7 +278,11 @@ impl SmoothMesh {
             }
             self.doubts = flats::lead_across(self, &is_missing, &is_open, &chosen);
         }
-        is_missing
+        // What has replaced an estimate is known from the arcs or flat sides that it belongs to.
+        let remaining = estimates.iter().zip(&self.normals);
+        let deviations = remaining
+            .map(|(estimate, normal)| if estimate.normal == *normal { estimate.deviation } else { 0.0 });
+        (is_missing, deviations.collect())
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at

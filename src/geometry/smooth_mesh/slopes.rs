@@ -5,7 +5,7 @@
 //! the part between them, the more the tangent planes differ. The patches of an extruded strip always agree, however; there the
 //! leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a side lean
 //! from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one (`chains`), and so may an
-//! edge that only the facets show (`hidden_arcs`). On parts given by formulas, with facets of 0.75 to 5 mm, with and without
+//! edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of their own. On parts given by formulas, with facets of 0.75 to 5 mm, with and without
 //! normals, even, uneven and decimated, half the difference bounds the error of the lengths, areas and
 //! angles that follows from the error of the slope (`tests/true_surface/bounds.rs`).
 
@@ -20,8 +20,15 @@ use crate::geometry::adjacency::{NONE, Neighbours};
 const OF_LEAN: f64 = 0.5;
 /// The same for normals of the file, which are exact: their uneven leans only show that the curvature changes along the side.
 const OF_EXACT_LEAN: f64 = 0.25;
+/// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.
+const OF_NORMALS: f64 = 0.6;
 /// The share on turned parts: the error is that of the slope along the profile only.
 const OF_TURNED_LEAN: f64 = 0.27;
+/// The same for normals of the file.
+const OF_EXACT_TURNED_LEAN: f64 = 0.16;
+/// The error over a chord that no other continues, as a share of what the normals turn along it: twice that of a curve of the fourth
+/// power from its vertex on, which has the normals of an arc at both ends of a symmetric chord.
+const OF_LONE_CHORD: f64 = 0.07;
 /// A side is straight where the normals at its ends lean from it by at most this share of the angle between them.
 const OF_TWIST: f64 = 0.1;
 /// The root mean square of a parabola that is 1 at its top and 0 at both ends.
@@ -41,9 +48,14 @@ impl SmoothMesh {
     /// mean square; 0 for the others. Empty if all facets are small.
     ///
     /// It is half the angle between the patch and its neighbours' at the middles of their common sides, or what the part twists by
-    /// there, together with the uneven leans of normals that are `estimated`, or what their chords leave open. `hidden` are the
-    /// errors at edges that may be arcs, for triangles in rising order.
-    pub(super) fn found_slope_doubts(&self, estimated: &[bool], hidden: &[(usize, f64)]) -> Vec<f32> {
+    /// there, together with the uneven leans of normals, or what the chords of those that are `estimated` leave open, and the
+    /// `deviations` of these, rad. `hidden` are the errors at edges that may be arcs, for triangles in rising order.
+    pub(super) fn found_slope_doubts(
+        &self,
+        estimated: &[bool],
+        deviations: &[f64],
+        hidden: &[(usize, f64)],
+    ) -> Vec<f32> {
         let mut slots = vec![NONE; self.triangles.len()];
         let mut normals: Vec<[Vector3<f64>; 3]> = Vec::new();
         for (triangle, slot) in slots.iter_mut().enumerate() {
@@ -57,6 +69,13 @@ impl SmoothMesh {
             return Vec::new();
         }
         let around = Neighbours::of(&self.triangles, self.positions.len());
+        let mut is_at_rim = vec![false; self.positions.len()];
+        for side in (0..self.continued.len()).filter(|&side| self.continued[side] == NONE) {
+            let corners = self.triangles[side / 3];
+            for corner in [side % 3, (side % 3 + 1) % 3] {
+                is_at_rim[corners[corner] as usize] = true;
+            }
+        }
         let chains = estimated.contains(&true).then(|| Chains::of(self, &around));
         let of_chords = |triangle: usize| {
             let Some(chains) = &chains else { return 0.0 };
@@ -68,7 +87,7 @@ impl SmoothMesh {
         let doubt = |triangle: usize| {
             let Some(own) = normals.get(slots[triangle] as usize) else { return 0.0 };
             let (mut squares, mut count) = (0.0, 0.0);
-            let is_extruded = is_on_strip(self.turns(triangle));
+            let (corners, is_extruded) = (self.triangles[triangle], is_on_strip(self.turns(triangle)));
             for (side, normal) in own.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
                 let Some(beyond) = slots.get(other / 3).and_then(|&slot| normals.get(slot as usize)) else {
@@ -80,8 +99,14 @@ impl SmoothMesh {
                 count += 1.0;
             }
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
-            let of_curve = self.lean_doubt(triangle, estimated, &around).max(of_chords(triangle));
-            (of_patches + of_curve.powi(2)).sqrt() as f32
+            let of_curve = self.lean_doubt(triangle, estimated, &is_at_rim, &around).max(of_chords(triangle));
+            let deviation = |vertex: u32| deviations.get(vertex as usize).copied().unwrap_or(0.0);
+            // The chords of a strip show the error better.
+            let of_normals = match is_extruded {
+                true => 0.0,
+                false => corners.map(deviation).into_iter().map(|rad| rad * rad).sum::<f64>() / 3.0,
+            };
+            (of_patches + of_curve.powi(2) + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
         };
         let mut doubts: Vec<f32> = (0..self.triangles.len()).map(doubt).collect();
         for &(triangle, lean) in hidden {
@@ -107,32 +132,50 @@ impl SmoothMesh {
         across.map_or(0.0, |across| OF_PARABOLA * normal.dot(&across).abs().min(twist))
     }
 
-    /// The error of the slope over a triangle, rad, that the leans at the ends of its sides show: on an extruded strip, and on a
-    /// turned part where an end is `estimated`; 0 elsewhere.
-    fn lean_doubt(&self, triangle: usize, estimated: &[bool], around: &Neighbours) -> f64 {
+    /// The error of the slope over a triangle, rad, that the leans at the ends of its sides show: on extruded strips and turned
+    /// parts, and at borders, where no neighbour's patch shows it; 0 elsewhere.
+    fn lean_doubt(
+        &self,
+        triangle: usize,
+        estimated: &[bool],
+        is_at_rim: &[bool],
+        around: &Neighbours,
+    ) -> f64 {
         let corners = self.triangles[triangle];
         let ends = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
         let leans = ends.map(|[one, other]| self.lean(one, other));
         let most_lean = leans.into_iter().map(|(_, lean)| lean.abs()).fold(0.0, f64::max);
         let is_extruded = is_on_strip(self.turns(triangle));
         let is_revolved = leans.into_iter().any(|(_, lean)| lean.abs() <= OF_RINGS * most_lean);
-        if !is_extruded && !is_revolved {
-            return 0.0;
-        }
         let straight = if is_extruded { STRAIGHT } else { ON_ONE_LINE };
-        let of_side = |([one, other], (along, lean)): ([u32; 2], (Vector3<f64>, f64))| {
-            let excess = self.excess(one, other, (along, lean), straight, around);
-            let excess = excess.max(self.excess(other, one, (-along, -lean), straight, around));
+        let of_side = |side: usize| {
+            let ([one, other], (along, lean)) = (ends[side], leans[side]);
+            let is_at_border = self.continued[3 * triangle + side] == NONE;
+            if !is_extruded && !is_revolved && !is_at_border {
+                return 0.0;
+            }
+            let excesses = [
+                self.excess(one, other, (along, lean), straight, around),
+                self.excess(other, one, (-along, -lean), straight, around),
+            ];
+            let Some(excess) = excesses.into_iter().flatten().reduce(f64::max) else {
+                let is_diagonal = leans.iter().all(|(other, _)| other.norm() <= along.norm());
+                if is_diagonal || !is_at_rim[one as usize] || !is_at_rim[other as usize] {
+                    return 0.0;
+                }
+                let turn = self.normals[other as usize] - self.normals[one as usize];
+                return OF_LONE_CHORD * along.try_normalize(0.0).map_or(0.0, |along| turn.dot(&along).abs());
+            };
             let is_estimated = [one, other].iter().any(|&end| estimated[end as usize]);
             let share = match (is_extruded, is_estimated) {
                 (true, true) => OF_LEAN,
                 (true, false) => OF_EXACT_LEAN,
                 (false, true) => OF_TURNED_LEAN,
-                (false, false) => 0.0,
+                (false, false) => OF_EXACT_TURNED_LEAN,
             };
             excess.min(lean.abs()) * share
         };
-        [0, 1, 2].map(|side| of_side((ends[side], leans[side]))).into_iter().fold(0.0, f64::max)
+        [0, 1, 2].map(of_side).into_iter().fold(0.0, f64::max)
     }
 
     /// By how much the normals at the ends of each side of a triangle turn, no unit.
@@ -159,7 +202,7 @@ impl SmoothMesh {
         (along, lean): (Vector3<f64>, f64),
         straight: f64,
         around: &Neighbours,
-    ) -> f64 {
+    ) -> Option<f64> {
         let length = along.norm();
         // Curves also turn within their own plane.
         let normal = self.normals[from as usize];
@@ -172,7 +215,7 @@ impl SmoothMesh {
         };
         let continued = around.of_vertex(from as usize).iter().filter_map(continuing);
         let straightest = continued.min_by(|one, other| one.0.total_cmp(&other.0));
-        straightest.map_or(0.0, |(_, beyond, beyond_length)| {
+        straightest.map(|(_, beyond, beyond_length)| {
             (lean + beyond * (length / beyond_length).min(MOST_LONGER).powi(2)).abs()
         })
     }
