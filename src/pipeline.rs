@@ -57,9 +57,11 @@ mod focus;
 mod in_space;
 mod landmarks;
 mod list;
+mod marked;
 mod preview;
 mod on_part;
 mod progress;
+mod recent;
 mod rotary;
 mod task;
 
@@ -67,13 +69,14 @@ pub use content::{Variable, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow, FloorReport};
 pub use focus::StepDrawing;
 pub use list::ListJob;
-pub use on_part::Marked;
+pub use marked::Marked;
 pub use progress::{Progress, Step};
 pub use rotary::{TileFile, rotary_table};
 pub use scan::surface_of;
 
 use landmarks::Lift;
 use progress::Observer;
+use recent::RecentDrawings;
 
 /// The work for a piece of a line, in squares of inked area.
 const WORK_OF_PIECE: usize = 6;
@@ -118,6 +121,7 @@ pub struct LearnedPart {
     pub notices: Vec<Notice>,
     /// The times of the stages.
     pub timings: Vec<Timing>,
+    recent: RecentDrawings,
 }
 
 /// A corrected drawing with its report.
@@ -347,10 +351,13 @@ impl Pipeline {
 
         steps.at(Step::Measure);
         let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
-        let mut after = measured(&|at| map.point(at))
-            .map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
+        let results = learned.recent.results(&ink, &map, || {
+            let after = measured(&|at| map.point(at))?;
+            Ok((after, measured(&|at| ViewPoint::from(at.coords())).ok()))
+        });
+        let (mut after, mut before) =
+            results.map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
         after.shorten(shortened);
-        let mut before = measured(&|at| ViewPoint::from(at.coords())).ok();
         before.iter_mut().for_each(|before| before.shorten(shortened_as_drawn.iter().copied()));
         clock.lap("measure");
 

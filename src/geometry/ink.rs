@@ -136,8 +136,12 @@ impl Ink {
     /// The inked area of a layer is bounded by its contours under the even-odd rule; a contour that is drawn twice
     /// counts once. A fill (HATCH, SOLID) is a separate region. An area covered by several regions counts once.
     pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
+        Self::sample_marked(pattern, &is_marked, piece, side)
+    }
+
+    fn sample_marked(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
-        let inked = || inked(pattern, &is_marked);
+        let inked = || inked(pattern, is_marked);
         let (mut extents, mut length) = (Extents::EMPTY, 0.0);
         for segment in inked().flat_map(|path| path.shape.segments()) {
             length += chords(segment, segment.steps(FINE), |point| extents.include(point.coords()));
@@ -151,7 +155,7 @@ impl Ink {
             let stations = stations(&path.shape, piece);
             pieces.extend(stations.windows(2).map(|ends| Piece { from: ends[0], to: ends[1] }));
         }
-        let contours = contours(pattern, &is_marked, side / 40.0);
+        let contours = contours(pattern, is_marked, side / 40.0);
         if pieces.len() > MAX_SHORT_PIECES {
             join_consecutive(&mut pieces, piece);
         }

@@ -56,7 +56,7 @@ impl FlatMesh {
     #[must_use]
     pub fn draped(
         &self,
-        image: impl Fn(FlatPoint) -> Point3<f64>,
+        image: &dyn Fn(FlatPoint) -> Point3<f64>,
         most: usize,
     ) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
         let most = most.max(2 * self.points.len());
@@ -178,7 +178,7 @@ mod tests {
         let hole = contour(&[[-3.0, -1.0], [4.0, -2.0], [3.0, 2.0]], None);
         let flat = FlatMesh::of_ink(&pattern(vec![square(15.0, None), hole]), 10_000).unwrap();
         let [area, _] = areas(&flat);
-        let (points, triangles) = flat.draped(image, 100_000);
+        let (points, triangles) = flat.draped(&image, 100_000);
         let mut on_surface = 0.0;
         let mut sides: BTreeMap<[u32; 2], i32> = BTreeMap::new();
         for triangle in &triangles {
@@ -208,7 +208,7 @@ mod tests {
     fn the_number_of_vertices_is_bounded() {
         let image = |at: FlatPoint| Point3::new(at.x, at.y, (at.x * 9.0).sin() * (at.y * 9.0).cos());
         let flat = FlatMesh::of_ink(&pattern(vec![square(40.0, None)]), 10_000).unwrap();
-        let (points, triangles) = flat.draped(image, 2000);
+        let (points, triangles) = flat.draped(&image, 2000);
         assert!(points.len() <= 2000 && triangles.len() > 1000, "{} {}", points.len(), triangles.len());
     }
 }

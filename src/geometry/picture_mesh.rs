@@ -160,7 +160,7 @@ impl PictureMesh {
         self,
         view: &View,
         area: &Extents,
-        height: impl Fn(ViewPoint) -> Option<f64>,
+        height: &dyn Fn(ViewPoint) -> Option<f64>,
         most: usize,
     ) -> Self {
         let corners: Vec<Point3<f64>> =

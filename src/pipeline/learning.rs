@@ -3,6 +3,7 @@
 use std::io;
 
 use super::converting::read_or_convert;
+use super::recent::RecentDrawings;
 use super::scan::surface_of;
 use super::{Clock, LearnedPart, Pipeline, PipelineError, Step, checks, hash};
 use crate::cache::{CacheKey, CachedSurface, CurrentPart, FitTask, Lookup, PartOrigin};
@@ -86,7 +87,16 @@ impl Pipeline {
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
             let settings = settings.for_part_with(kept.facts.marking_frame());
             let timings = clock.laps;
-            return Ok(LearnedPart { kept, key, from_cache: true, settings, mesh: None, notices, timings });
+            return Ok(LearnedPart {
+                kept,
+                key,
+                from_cache: true,
+                settings,
+                mesh: None,
+                notices,
+                timings,
+                recent: RecentDrawings::default(),
+            });
         }
         let options = self.mesh_options(settings);
         let (reading, surface) = read_or_convert(part, settings, self.pace, |part| {
@@ -125,7 +135,16 @@ impl Pipeline {
             clock.lap("keep surface");
         }
         let settings = settings.for_part_with(kept.facts.marking_frame());
-        Ok(LearnedPart { kept, key, from_cache: false, settings, mesh, notices, timings: clock.laps })
+        Ok(LearnedPart {
+            kept,
+            key,
+            from_cache: false,
+            settings,
+            mesh,
+            notices,
+            timings: clock.laps,
+            recent: RecentDrawings::default(),
+        })
     }
 
     fn mesh_options(&self, settings: &PartSettings) -> MeshOptions {
@@ -211,7 +230,16 @@ impl Pipeline {
         let timings = clock.laps;
         let learned = |kept: CachedSurface| {
             let settings = settings.for_part_with(kept.facts.marking_frame());
-            LearnedPart { kept, key, from_cache, settings, mesh: None, notices: Vec::new(), timings }
+            LearnedPart {
+                kept,
+                key,
+                from_cache,
+                settings,
+                mesh: None,
+                notices: Vec::new(),
+                timings,
+                recent: RecentDrawings::default(),
+            }
         };
         Ok(kept.map(learned))
     }

@@ -3,15 +3,14 @@
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::landmarks::view_of;
+use super::marked::Marked;
 use super::preview::{lifted, piece};
 use super::{LearnedPart, Pipeline, program};
-use crate::config::Sku;
 use crate::geometry::ink_mesh::FlatMesh;
-use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::{Pattern, Segment, Shape};
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::rims::rims;
-use crate::geometry::space::{Extents, FlatPoint, View, ViewPoint};
+use crate::geometry::space::{FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::preview::{INK_LIFT, InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
@@ -28,39 +27,15 @@ const MARGIN: f64 = 1.0;
 /// Length of the line that shows a dot, mm: a line needs two points.
 const DOT: f64 = 0.1;
 
-/// A placed drawing and its map. The picture on the part is made from it, after the drawing was delivered.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Marked {
-    pub(super) sku: Sku,
-    pub(super) drawing: String,
-    /// The placed paths on ink layers.
-    pub(super) ink: Pattern,
-    /// The lines of its fill that pictures show.
-    pub(super) fill: Pattern,
-    pub(super) map: LengthTrueMap,
-    /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
-    pub(super) drawn: Vec<Vec<FlatPoint>>,
-    /// Whether the mark goes round the part, which turns; then the ink is the drawing before it was divided.
-    pub(super) is_round: bool,
-    /// Length of all lines as drawn, mm.
-    pub(super) length: f64,
-    pub(super) drawn_range: Option<[f64; 2]>,
-    pub(super) mark_range: [f64; 2],
-}
-
-impl Marked {
-    /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.
-    fn area(&self) -> Extents {
-        let corners = self.ink.paths.iter().flat_map(|path| path.shape.flattened(1.0));
-        Extents::of(corners.flat_map(|at| [at.coords(), self.map.point(at).coords()]))
-    }
-}
-
 impl Pipeline {
     /// The picture of a corrected drawing on its part. The part's mesh is that of the file, as the cache keeps it; without
     /// it, the picture shows the side that faces the laser ([`PartSource::Heights`]).
     #[must_use]
     pub fn on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
+        learned.recent.picture(marked, || self.drawn_on_part(learned, marked))
+    }
+
+    fn drawn_on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
         let surface = &learned.kept.surface;
         let view = view_of(&learned.settings);
         let (part_source, part) = self.part_for_picture(learned, marked, &view);
@@ -78,7 +53,7 @@ impl Pipeline {
         let mut mark = lines(&marked.ink, marked, &view, landing, raise);
         mark.extend(lines(&marked.fill, marked, &view, landing, raise));
         let area = marked.area().grown(MARGIN);
-        let part = part.following(&view, &area, |at| surface.sampled_height(at), MAX_ADDED);
+        let part = part.following(&view, &area, &|at| surface.sampled_height(at), MAX_ADDED);
         let plain = |flat: FlatPoint| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
@@ -100,7 +75,7 @@ impl Pipeline {
             mark,
             ink: FlatMesh::of_ink(&marked.ink, MAX_INK_POINTS).map(|flat| {
                 let image = |flat| view.part_point(raise(landing(flat), INK_LIFT));
-                let (positions, triangles) = flat.draped(image, MAX_INK_VERTICES);
+                let (positions, triangles) = flat.draped(&image, MAX_INK_VERTICES);
                 InkMesh { positions, triangles }
             }),
             rims: rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect(),

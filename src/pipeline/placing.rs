@@ -2,7 +2,10 @@
 
 use super::content::{self, PlacedCode};
 use super::progress::Steps;
-use super::{Clock, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks, method};
+use super::{
+    Clock, LearnedPart, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks,
+    method,
+};
 use crate::cache::CachedSurface;
 use crate::config::{Align, Anchor, JobSettings, Sku, ViewSource};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
@@ -47,10 +50,11 @@ impl Pipeline {
     /// When there is no map, or the turned drawing has ink where no part can be.
     pub(super) fn mapped(
         pattern: PlacedPattern,
-        part: &CachedSurface,
+        learned: &LearnedPart,
         settings: &JobSettings,
         name: &str,
     ) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
+        let part = &learned.kept;
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let method = method(settings);
         let rejected = |reason: Reason, facts: &PatternFacts, placed: &Pattern| {
@@ -59,7 +63,10 @@ impl Pipeline {
         };
         let find = |pattern: &PlacedPattern| {
             let place = pattern.placing.place;
-            LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method).map_err(|error| {
+            let found = learned.recent.map(&pattern.placed, is_ink, place, method, || {
+                LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
+            });
+            found.map_err(|error| {
                 rejected(
                     checks::map_reason(&error, place, part, &pattern.ink),
                     &pattern.facts,

@@ -94,7 +94,7 @@ impl Pipeline {
     ) -> Result<Rolled, PipelineError> {
         let part = &learned.kept;
         if settings.rotary.tiles == Tiles::Off {
-            let (pattern, map) = Self::mapped(pattern, part, settings, name)?;
+            let (pattern, map) = Self::mapped(pattern, learned, settings, name)?;
             return Ok(Rolled { pattern, map, settings: settings.clone(), tiles: None });
         }
         let facts = pattern.facts.clone();

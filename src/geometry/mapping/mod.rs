@@ -114,6 +114,16 @@ impl LengthTrueMap {
         anchor: FlatPoint,
         method: &Method,
     ) -> Result<Self, MapError> {
+        Self::find_marked(surface, pattern, &is_marked, anchor, method)
+    }
+
+    fn find_marked(
+        surface: &FittedSurface,
+        pattern: &Pattern,
+        is_marked: &dyn Fn(&str) -> bool,
+        anchor: FlatPoint,
+        method: &Method,
+    ) -> Result<Self, MapError> {
         match method {
             Method::Plain => Ok(Self::Plain),
             Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, is_marked), anchor),

@@ -94,7 +94,7 @@ pub fn measure(
 pub fn measure_on(
     surface: &FittedSurface,
     ink: &Ink,
-    map: impl Fn(FlatPoint) -> ViewPoint,
+    map: &dyn Fn(FlatPoint) -> ViewPoint,
     is_doubted: bool,
 ) -> Result<Distortion, ViewPoint> {
     let relief = ReliefMap::under(ink, surface);
@@ -597,7 +597,7 @@ mod tests {
         let ink = Ink::sample(pattern, |_| true, PIECE, SQUARE);
         let (place, doubt) = (|at| map.point(at), |at| surface.uncertainty(at));
         let each = measure_at_most(&ink, place, |at| surface.sampled_height(at), doubt);
-        let found = measure_on(surface, &ink, place, true);
+        let found = measure_on(surface, &ink, &place, true);
         let (Ok(each), Ok(found)) = (each, found) else {
             let apart = each.unwrap_err().distance(found.unwrap_err());
             return assert!(apart < 1e-9, "{name}: {apart} mm");

@@ -1,0 +1,42 @@
+//! A drawing that was placed and mapped, as the pictures need it.
+
+use crate::config::Sku;
+use crate::geometry::mapping::LengthTrueMap;
+use crate::geometry::pattern::Pattern;
+use crate::geometry::space::{Extents, FlatPoint};
+
+/// A placed drawing and its map. The picture on the part is made from it, after the drawing was delivered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marked {
+    pub(super) sku: Sku,
+    pub(super) drawing: String,
+    /// The placed paths on ink layers.
+    pub(super) ink: Pattern,
+    /// The lines of its fill that pictures show.
+    pub(super) fill: Pattern,
+    pub(super) map: LengthTrueMap,
+    /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
+    pub(super) drawn: Vec<Vec<FlatPoint>>,
+    /// Whether the mark goes round the part, which turns; then the ink is the drawing before it was divided.
+    pub(super) is_round: bool,
+    /// Length of all lines as drawn, mm.
+    pub(super) length: f64,
+    pub(super) drawn_range: Option<[f64; 2]>,
+    pub(super) mark_range: [f64; 2],
+}
+
+impl Marked {
+    /// Whether another drawing makes the same mark, under any file name.
+    pub(super) fn is_same_mark(&self, other: &Self) -> bool {
+        let Self { sku, drawing: _, ink, fill, map, drawn, is_round, length, drawn_range, mark_range } = self;
+        (sku, is_round, length, drawn_range, mark_range)
+            == (&other.sku, &other.is_round, &other.length, &other.drawn_range, &other.mark_range)
+            && (ink, fill, map, drawn) == (&other.ink, &other.fill, &other.map, &other.drawn)
+    }
+
+    /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.
+    pub(super) fn area(&self) -> Extents {
+        let corners = self.ink.paths.iter().flat_map(|path| path.shape.flattened(1.0));
+        Extents::of(corners.flat_map(|at| [at.coords(), self.map.point(at).coords()]))
+    }
+}
