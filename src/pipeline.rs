@@ -299,7 +299,7 @@ impl Pipeline {
 
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
-        let exposure = projection.expose(&ink);
+        let exposure = learned.recent.exposure(&projection, &ink);
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
         checks::exposure(&exposure, &projection, part, lift, &ink, settings, &mut notices)
@@ -328,7 +328,7 @@ impl Pipeline {
         let content =
             content::report(&placing.codes, &facts, &placing.whole_motion(), on_part, settings, &mut notices);
         notices.extend(placing.notices.iter().cloned());
-        let sensitivity = projection.sensitivity(&ink, &settings.pose_uncertainty);
+        let sensitivity = learned.recent.sensitivity(&projection, &ink, &settings.pose_uncertainty);
         clock.lap("sensitivity");
         let outline = with_pictures
             .then(|| frame_outline(&projection, &ink, settings.correction.tolerance))

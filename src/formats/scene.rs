@@ -239,7 +239,8 @@ impl Data {
     fn vectors(&mut self, vectors: impl ExactSizeIterator<Item = [f32; 3]>) -> usize {
         let bytes = &mut self.blocks[Block::Vectors as usize];
         let (offset, count) = (bytes.len(), vectors.len());
-        bytes.extend(vectors.flatten().flat_map(f32::to_le_bytes));
+        bytes.reserve(count * 12);
+        vectors.flatten().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
         self.accessor(
             Block::Vectors,
             offset,
@@ -283,9 +284,13 @@ impl Data {
         let offset = bytes.len();
         match block {
             Block::ShortIndices => {
-                bytes.extend(indices.iter().flat_map(|index| (*index as u16).to_le_bytes()))
+                bytes.reserve(indices.len() * 2);
+                indices.iter().for_each(|index| bytes.extend_from_slice(&(*index as u16).to_le_bytes()));
             }
-            _ => bytes.extend(indices.iter().flat_map(|index| index.to_le_bytes())),
+            _ => {
+                bytes.reserve(indices.len() * 4);
+                indices.iter().for_each(|index| bytes.extend_from_slice(&index.to_le_bytes()));
+            }
         }
         self.accessor(
             block,

@@ -4,10 +4,13 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::marked::Marked;
+use crate::geometry::correction::{Exposure, Projection};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, Method};
+use crate::geometry::optics::{Fixture, ScanHead};
 use crate::geometry::pattern::Pattern;
+use crate::geometry::sensitivity::{PoseUncertainty, Sensitivity};
 use crate::geometry::space::FlatPoint;
 use crate::preview::OnPart;
 
@@ -24,6 +27,8 @@ const LARGEST_INK: usize = 40_000;
 pub(crate) struct RecentDrawings {
     maps: Recent<Drawing, LengthTrueMap>,
     results: Recent<(Ink, LengthTrueMap), Results>,
+    exposures: Recent<Beams, Exposure>,
+    sensitivities: Recent<(Beams, PoseUncertainty), Sensitivity>,
     pictures: Recent<Marked, OnPart>,
 }
 
@@ -38,6 +43,28 @@ struct Drawing {
     is_ink: Vec<bool>,
     place: FlatPoint,
     method: Method,
+}
+
+/// What the beams of a mark follow from on a surface.
+#[derive(Debug)]
+struct Beams {
+    ink: Ink,
+    map: LengthTrueMap,
+    fixture: Fixture,
+    head: ScanHead,
+}
+
+impl Beams {
+    fn of(projection: &Projection, ink: &Ink) -> Self {
+        let Projection { map, fixture, head, .. } = *projection;
+        Self { ink: ink.clone(), map: map.clone(), fixture, head }
+    }
+
+    fn are_of(&self, projection: &Projection, ink: &Ink) -> bool {
+        (self.fixture, self.head) == (projection.fixture, projection.head)
+            && self.ink == *ink
+            && self.map == *projection.map
+    }
 }
 
 /// All that is remembered follows from the surface.
@@ -92,10 +119,41 @@ impl RecentDrawings {
             return Ok(results);
         }
         let results = measure()?;
-        if ink.pieces.len() + ink.squares.len() <= LARGEST_INK {
+        if is_small(ink) {
             self.results.keep((ink.clone(), map.clone()), &results, MOST);
         }
         Ok(results)
+    }
+
+    /// The part under the ink, as the beam reaches it.
+    pub(crate) fn exposure(&self, projection: &Projection, ink: &Ink) -> Exposure {
+        if let Some(exposure) = self.exposures.find(|beams| beams.are_of(projection, ink)) {
+            return exposure;
+        }
+        let exposure = projection.expose(ink);
+        if is_small(ink) {
+            self.exposures.keep(Beams::of(projection, ink), &exposure, MOST);
+        }
+        exposure
+    }
+
+    /// What a misplaced part does to the mark.
+    pub(crate) fn sensitivity(
+        &self,
+        projection: &Projection,
+        ink: &Ink,
+        uncertainty: &PoseUncertainty,
+    ) -> Sensitivity {
+        let is_it =
+            |(beams, known): &(Beams, PoseUncertainty)| known == uncertainty && beams.are_of(projection, ink);
+        if let Some(sensitivity) = self.sensitivities.find(is_it) {
+            return sensitivity;
+        }
+        let sensitivity = projection.sensitivity(ink, uncertainty);
+        if is_small(ink) {
+            self.sensitivities.keep((Beams::of(projection, ink), *uncertainty), &sensitivity, MOST);
+        }
+        sensitivity
     }
 
     /// The picture of a mark on the part: the remembered one under the drawing's name, or the one that is drawn by `draw`.
@@ -109,6 +167,10 @@ impl RecentDrawings {
         }
         picture
     }
+}
+
+fn is_small(ink: &Ink) -> bool {
+    ink.pieces.len() + ink.squares.len() <= LARGEST_INK
 }
 
 /// The last results and what they follow from, the newest first.
