@@ -2,7 +2,8 @@
 //! folder, with a cached surface.
 //!
 //! `cargo bench --bench station_latency` prints the median and the 95th and 99th percentile for single drops and for a
-//! burst of drops of one SKU, which are processed in parallel. For comparison it prints the minimum I/O time: writing,
+//! burst of drops of one SKU, which are processed in parallel: of one drawing, as for a series of pieces, and of drawings that
+//! all differ. The last figure of a burst is its rate until the last drawing was delivered. For comparison it prints the minimum I/O time: writing,
 //! flushing and renaming a file of the result's size on the same disk.
 
 use std::collections::BTreeMap;
@@ -61,29 +62,41 @@ fn main() -> std::io::Result<()> {
         write_whole(&at("outside"), &format!("{number}.dxf"), &result)?;
         floor.push(start.elapsed());
     }
-    let mut burst = burst(folder.path())?;
+    let mut equal = burst(folder.path(), "equal", |_| LETTERS.to_vec())?;
+    let mut different = burst(folder.path(), "different", different)?;
     for (what, times) in [
         ("rename-into to result", &mut times),
-        ("in a burst of 1000 drops", &mut burst),
+        ("in a burst of equal drawings", &mut equal),
+        ("in a burst of different ones", &mut different),
         ("minimum: write, flush, rename", &mut floor),
     ] {
         times.sort();
         let at = |share: usize| times[(times.len() - 1) * share / 100].as_secs_f64() * 1e3;
-        let line =
+        let mut line =
             format!("{what:<30} median {:8.2} ms   95 % {:8.2} ms   99 % {:8.2} ms", at(50), at(95), at(99));
+        if times.len() == BURST {
+            line += &format!("   {:6.1} / s", BURST as f64 * 1e3 / at(100));
+        }
         std::io::Write::write_all(&mut std::io::stdout(), (line + "\n").as_bytes())?;
     }
     Ok(())
 }
 
+/// The letters with one more short line, which is elsewhere for each number.
+fn different(number: usize) -> Vec<u8> {
+    let [x, y] = [number % 40, number / 40].map(|step| 4.0 + 0.2 * step as f64);
+    let line = format!("  0\nLINE\n  8\nOUTLINE\n 10\n{x}\n 20\n{y}\n 11\n{}\n 21\n{y}\n", x + 0.1);
+    String::from_utf8_lossy(LETTERS).replacen("ENTITIES\n", &format!("ENTITIES\n{line}"), 1).into_bytes()
+}
+
 /// The time of each drop of a burst.
-fn burst(folder: &Path) -> std::io::Result<Vec<Duration>> {
+fn burst(folder: &Path, kind: &str, drawing: impl Fn(usize) -> Vec<u8>) -> std::io::Result<Vec<Duration>> {
     let mut dropped = BTreeMap::new();
     for number in 0..BURST {
-        fs_err::write(folder.join(format!("outside/mouse@burst{number}.dxf")), LETTERS)?;
+        fs_err::write(folder.join(format!("outside/mouse@{kind}{number}.dxf")), drawing(number))?;
     }
     for number in 0..BURST {
-        let name = format!("mouse@burst{number}.dxf");
+        let name = format!("mouse@{kind}{number}.dxf");
         let start = Instant::now();
         fs_err::rename(folder.join("outside").join(&name), folder.join("hot").join(&name))?;
         dropped.insert(name, start);
