@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v9/                 one folder for each format version
+//! <cache>/v10/                one folder for each format version
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -40,7 +40,7 @@ pub use shared::SharedSurfaces;
 pub use task::FitTask;
 
 /// Version of the file format and of the fit: increased whenever either changes.
-const VERSION: u32 = 9;
+const VERSION: u32 = 10;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
