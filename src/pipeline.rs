@@ -27,13 +27,13 @@ use crate::geometry::frame_outline::frame_outline;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::isometric::IsometricOptions;
-use crate::geometry::mapping::quality::{self, Distortion};
+use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::Form;
-use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
@@ -57,6 +57,7 @@ mod focus;
 mod in_space;
 mod landmarks;
 mod list;
+mod mapped_ink;
 mod marked;
 mod preview;
 mod on_part;
@@ -287,7 +288,9 @@ impl Pipeline {
         let (placed_pattern, map, tiles) = (rolled.pattern, rolled.map, rolled.tiles);
         let settings = &rolled.settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
-        let (placed, ink) = (placed_pattern.placed, placed_pattern.ink);
+        let placed = placed_pattern.placed;
+        let mapped = learned.recent.mapped(placed_pattern.ink, map, settings);
+        let (ink, map, projection) = (&mapped.ink, &mapped.map, mapped.projection(surface));
         let rejected = |reason: Reason| {
             let reason = checks::suggesting_place(reason, &placed, part, settings);
             checks::doubting_unit(reason, &facts).in_file(input.name)
@@ -297,19 +300,16 @@ impl Pipeline {
         }
         clock.lap("map");
 
-        let projection =
-            Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
-        let exposure = learned.recent.exposure(&projection, &ink);
+        let exposure = mapped.exposure(surface);
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
-        checks::exposure(&exposure, &projection, part, lift, &ink, settings, &mut notices)
-            .map_err(rejected)?;
-        checks::hidden(&projection, &ink, settings, lift).map_err(rejected)?;
-        notices.extend(checks::mark_region(&map, part, &ink, settings).map_err(rejected)?);
+        checks::exposure(exposure, &projection, part, lift, ink, settings, &mut notices).map_err(rejected)?;
+        checks::hidden(&projection, ink, settings, lift).map_err(rejected)?;
+        notices.extend(checks::mark_region(map, part, ink, settings).map_err(rejected)?);
         clock.lap("check");
         // Tiles are marked one after the other in front of the laser, where their lines cross.
         if tiles.is_none() {
-            notices.extend(checks::close_lines(&ink, &map, settings, lift));
+            notices.extend(checks::close_lines(ink, map, settings, lift));
         }
         clock.lap("check lines");
 
@@ -324,14 +324,14 @@ impl Pipeline {
         let shortened_as_drawn = chords::bend(&as_drawn, &placed, settings)
             .map_or_else(|_| Vec::new(), |bent| chords::of_ink(&placed, &bent, settings));
         clock.lap("bend");
-        let on_part = tiles.is_none().then_some((&map, surface));
+        let on_part = tiles.is_none().then_some((map, surface));
         let content =
             content::report(&placing.codes, &facts, &placing.whole_motion(), on_part, settings, &mut notices);
         notices.extend(placing.notices.iter().cloned());
-        let sensitivity = learned.recent.sensitivity(&projection, &ink, &settings.pose_uncertainty);
+        let sensitivity = mapped.sensitivity(surface);
         clock.lap("sensitivity");
         let outline = with_pictures
-            .then(|| frame_outline(&projection, &ink, settings.correction.tolerance))
+            .then(|| frame_outline(&projection, ink, settings.correction.tolerance))
             .transpose()
             .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
         if with_pictures {
@@ -346,28 +346,23 @@ impl Pipeline {
         clock.lap("fill");
         drawn.extend(filled.iter_mut().flat_map(|filled| std::mem::take(&mut filled.drawn)));
         let (drawn, stepped) =
-            focus::divide(&mut drawing, drawn, &projection, &exposure, settings).map_err(rejected)?;
+            focus::divide(&mut drawing, drawn, &projection, exposure, settings).map_err(rejected)?;
         clock.lap("focus");
 
         steps.at(Step::Measure);
-        let measured = |placed_at: &dyn Fn(FlatPoint) -> ViewPoint| measured(&ink, &map, placed_at, surface);
-        let results = learned.recent.results(&ink, &map, || {
-            let after = measured(&|at| map.point(at))?;
-            Ok((after, measured(&|at| ViewPoint::from(at.coords())).ok()))
-        });
         let (mut after, mut before) =
-            results.map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
+            mapped.results(surface).map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
         after.shorten(shortened);
         before.iter_mut().for_each(|before| before.shorten(shortened_as_drawn.iter().copied()));
         clock.lap("measure");
 
         steps.at(Step::Write);
-        let map_report = MapReport::new(&map, weights(&settings.correction));
-        checks::unrolled(&map, &mut notices);
-        let round = placing.round(&map, settings);
+        let map_report = MapReport::new(map, weights(&settings.correction));
+        checks::unrolled(map, &mut notices);
+        let round = placing.round(map, settings);
         notices.extend(checks::alignment(round.as_ref(), settings));
-        checks::settled(sku, &map, settings, &mut notices);
-        checks::quality(&map, &after, part, lift, &ink.extents, &mut notices);
+        checks::settled(sku, map, settings, &mut notices);
+        checks::quality(map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
         let rotary = tiles.as_ref().map(|tiles| tiles.report(&placed, &projection, &drawing, settings));
@@ -403,9 +398,9 @@ impl Pipeline {
                     .map(|(tiles, report)| tiles.picture(report, &drawing)),
             };
             let mut preview =
-                preview::preview(title, (&placed, &ink), &map, surface, settings, distortions, shown);
+                preview::preview(title, (&placed, ink), map, surface, settings, distortions, shown);
             if let Some(filled) = &filled {
-                preview::add_fill(&mut preview, filled, (&map, surface), placing.place, &after);
+                preview::add_fill(&mut preview, filled, (map, surface), placing.place, &after);
             }
             preview
         });
@@ -422,7 +417,7 @@ impl Pipeline {
             let shown = repair.places.iter().filter(|_| tiles.is_none());
             repair.notice.clone().at_places(shown.filter_map(on_part))
         }));
-        let landmarks = with_pictures.then(|| landmarks::landmarks(lift, &map, &exposure, &after, settings));
+        let landmarks = with_pictures.then(|| landmarks::landmarks(lift, map, exposure, &after, settings));
         notices.extend(facts.notices.iter().cloned());
         notices.sort_by_key(|notice| std::cmp::Reverse(notice.severity));
 
@@ -439,7 +434,7 @@ impl Pipeline {
                 surface,
                 learned.key.as_str(),
                 learned.from_cache,
-                &exposure,
+                exposure,
             ),
             pattern: PatternReport {
                 file: input.name.into(),
@@ -452,8 +447,8 @@ impl Pipeline {
             placement: PlacementReport { round, ..placing.report(settings) },
             map: map_report,
             quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
-            exposure: (&exposure).into(),
-            sensitivity: Some(SensitivityReport::new(&sensitivity, &settings.pose_uncertainty)),
+            exposure: exposure.into(),
+            sensitivity: Some(SensitivityReport::new(sensitivity, &settings.pose_uncertainty)),
             fill: filled.as_ref().map(|filled| filled.report.clone()),
             content,
             focus: stepped.as_ref().map(|stepped| stepped.report.clone()),
@@ -467,7 +462,7 @@ impl Pipeline {
         let marked = with_pictures.then(|| Marked {
             sku: sku.clone(),
             drawing: input.name.to_owned(),
-            drawn_range: preview::before_range(before.as_ref(), &ink, surface),
+            drawn_range: preview::before_range(before.as_ref(), ink, surface),
             mark_range: after.stretch_range,
             length: after.length,
             is_round: tiles.is_some(),
@@ -477,26 +472,13 @@ impl Pipeline {
                 Some(tiles) => tiles.drawn.with_layers(|layer| given.pattern.counts_as_ink(layer)),
                 None => placed.with_layers(is_ink),
             },
-            map,
+            map: map.clone(),
             drawn,
         });
         let steps = stepped.map_or_else(Vec::new, |stepped| stepped.steps);
         let tile_files = files.unwrap_or_default();
         Ok(Corrected { dxf, drawing, steps, profile, tile_files, report, preview, marked, landmarks, frame })
     }
-}
-
-/// The errors that a drawing has on the part if `place` projects it, estimated from above.
-///
-/// Where the part is recognised as a cylinder or cone, its surface is also known between the vertices.
-fn measured(
-    ink: &Ink,
-    map: &LengthTrueMap,
-    place: &dyn Fn(FlatPoint) -> ViewPoint,
-    surface: &FittedSurface,
-) -> Result<Distortion, ViewPoint> {
-    let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
-    quality::measure_on(surface, ink, place, !is_recognised)
 }
 
 /// Width and height of the part in the view, mm; `None` in a view that is not along an axis of the part.

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::mapped_ink::measured;
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
-use super::{checks, chords, hash, measured, method, program, weights};
+use super::{checks, chords, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::correction::Projection;

@@ -3,18 +3,16 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::mapped_ink::MappedInk;
 use super::marked::Marked;
-use crate::geometry::correction::{Exposure, Projection};
+use crate::config::JobSettings;
 use crate::geometry::ink::Ink;
-use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, Method};
-use crate::geometry::optics::{Fixture, ScanHead};
 use crate::geometry::pattern::Pattern;
-use crate::geometry::sensitivity::{PoseUncertainty, Sensitivity};
 use crate::geometry::space::FlatPoint;
 use crate::preview::OnPart;
 
-/// Maps that are remembered for one surface, and their results.
+/// Drawings that are remembered for one surface.
 const MOST: usize = 4;
 /// Pictures that are remembered for one surface: each has a mesh of the part.
 const MOST_PICTURES: usize = 1;
@@ -25,15 +23,10 @@ const LARGEST_INK: usize = 40_000;
 /// What was found for the last drawings on one surface, shared by its copies.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RecentDrawings {
-    maps: Recent<Drawing, LengthTrueMap>,
-    results: Recent<(Ink, LengthTrueMap), Results>,
-    exposures: Recent<Beams, Exposure>,
-    sensitivities: Recent<(Beams, PoseUncertainty), Sensitivity>,
-    pictures: Recent<Marked, OnPart>,
+    maps: Recent<(Drawing, LengthTrueMap)>,
+    inks: Recent<Arc<MappedInk>>,
+    pictures: Recent<(Marked, OnPart)>,
 }
-
-/// The errors with the correction, and without it if all ink is on the part then.
-pub(crate) type Results = (Distortion, Option<Distortion>);
 
 /// What a map follows from on a surface.
 #[derive(Debug)]
@@ -43,28 +36,6 @@ struct Drawing {
     is_ink: Vec<bool>,
     place: FlatPoint,
     method: Method,
-}
-
-/// What the beams of a mark follow from on a surface.
-#[derive(Debug)]
-struct Beams {
-    ink: Ink,
-    map: LengthTrueMap,
-    fixture: Fixture,
-    head: ScanHead,
-}
-
-impl Beams {
-    fn of(projection: &Projection, ink: &Ink) -> Self {
-        let Projection { map, fixture, head, .. } = *projection;
-        Self { ink: ink.clone(), map: map.clone(), fixture, head }
-    }
-
-    fn are_of(&self, projection: &Projection, ink: &Ink) -> bool {
-        (self.fixture, self.head) == (projection.fixture, projection.head)
-            && self.ink == *ink
-            && self.map == *projection.map
-    }
 }
 
 /// All that is remembered follows from the surface.
@@ -94,114 +65,75 @@ impl RecentDrawings {
                 && drawing.is_ink == is_ink
                 && drawing.placed == *placed
         };
-        if let Some(map) = self.maps.find(is_it) {
+        if let Some(map) = self.maps.find(|(known, map)| is_it(known).then(|| map.clone())) {
             return Ok(map);
         }
         let map = find()?;
-        if placed.paths.iter().map(|path| path.shape.segments().len()).sum::<usize>() <= LARGEST {
-            let drawing = Drawing { placed: placed.clone(), is_ink, place, method };
-            self.maps.keep(drawing, &map, MOST);
+        if is_small(placed) {
+            self.maps.keep((Drawing { placed: placed.clone(), is_ink, place, method }, map.clone()), MOST);
         }
         Ok(map)
     }
 
-    /// The errors of ink under a map: the remembered ones, or those that are found by `measure`.
-    ///
-    /// # Errors
-    /// Those of `measure`.
-    pub(crate) fn results<E>(
-        &self,
-        ink: &Ink,
-        map: &LengthTrueMap,
-        measure: impl FnOnce() -> Result<Results, E>,
-    ) -> Result<Results, E> {
-        if let Some(results) = self.results.find(|(known, by)| known == ink && by == map) {
-            return Ok(results);
+    /// Ink under its map: the remembered one with what was found for it, or the given one.
+    pub(super) fn mapped(&self, ink: Ink, map: LengthTrueMap, settings: &JobSettings) -> Arc<MappedInk> {
+        let given = Arc::new(MappedInk::new(ink, map, settings));
+        if given.ink.pieces.len() + given.ink.squares.len() > LARGEST_INK {
+            return given;
         }
-        let results = measure()?;
-        if is_small(ink) {
-            self.results.keep((ink.clone(), map.clone()), &results, MOST);
-        }
-        Ok(results)
-    }
-
-    /// The part under the ink, as the beam reaches it.
-    pub(crate) fn exposure(&self, projection: &Projection, ink: &Ink) -> Exposure {
-        if let Some(exposure) = self.exposures.find(|beams| beams.are_of(projection, ink)) {
-            return exposure;
-        }
-        let exposure = projection.expose(ink);
-        if is_small(ink) {
-            self.exposures.keep(Beams::of(projection, ink), &exposure, MOST);
-        }
-        exposure
-    }
-
-    /// What a misplaced part does to the mark.
-    pub(crate) fn sensitivity(
-        &self,
-        projection: &Projection,
-        ink: &Ink,
-        uncertainty: &PoseUncertainty,
-    ) -> Sensitivity {
-        let is_it =
-            |(beams, known): &(Beams, PoseUncertainty)| known == uncertainty && beams.are_of(projection, ink);
-        if let Some(sensitivity) = self.sensitivities.find(is_it) {
-            return sensitivity;
-        }
-        let sensitivity = projection.sensitivity(ink, uncertainty);
-        if is_small(ink) {
-            self.sensitivities.keep((Beams::of(projection, ink), *uncertainty), &sensitivity, MOST);
-        }
-        sensitivity
+        self.inks.find(|known| known.is_same(&given).then(|| known.clone())).unwrap_or_else(|| {
+            self.inks.keep(given.clone(), MOST);
+            given
+        })
     }
 
     /// The picture of a mark on the part: the remembered one under the drawing's name, or the one that is drawn by `draw`.
     pub(crate) fn picture(&self, marked: &Marked, draw: impl FnOnce() -> OnPart) -> OnPart {
-        if let Some(picture) = self.pictures.find(|known| known.is_same_mark(marked)) {
+        let known = |(of, picture): &(Marked, OnPart)| of.is_same_mark(marked).then(|| picture.clone());
+        if let Some(picture) = self.pictures.find(known) {
             return OnPart { drawing: marked.drawing.clone(), ..picture };
         }
         let picture = draw();
-        if marked.ink.paths.iter().map(|path| path.shape.segments().len()).sum::<usize>() <= LARGEST {
-            self.pictures.keep(marked.clone(), &picture, MOST_PICTURES);
+        if is_small(&marked.ink) {
+            self.pictures.keep((marked.clone(), picture.clone()), MOST_PICTURES);
         }
         picture
     }
 }
 
-fn is_small(ink: &Ink) -> bool {
-    ink.pieces.len() + ink.squares.len() <= LARGEST_INK
+fn is_small(pattern: &Pattern) -> bool {
+    pattern.paths.iter().map(|path| path.shape.segments().len()).sum::<usize>() <= LARGEST
 }
 
-/// The last results and what they follow from, the newest first.
+/// The last results, the newest first.
 #[derive(Debug)]
-struct Recent<K, V>(Arc<Mutex<VecDeque<(K, V)>>>);
+struct Recent<T>(Arc<Mutex<VecDeque<T>>>);
 
-impl<K, V> Clone for Recent<K, V> {
+impl<T> Clone for Recent<T> {
     fn clone(&self) -> Self {
         Self(self.0.clone())
     }
 }
 
-impl<K, V> Default for Recent<K, V> {
+impl<T> Default for Recent<T> {
     fn default() -> Self {
         Self(Arc::default())
     }
 }
 
-impl<K, V: Clone> Recent<K, V> {
-    fn known(&self) -> MutexGuard<'_, VecDeque<(K, V)>> {
+impl<T> Recent<T> {
+    fn known(&self) -> MutexGuard<'_, VecDeque<T>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn find(&self, is_it: impl Fn(&K) -> bool) -> Option<V> {
-        self.known().iter().find(|(of, _)| is_it(of)).map(|(_, result)| result.clone())
+    fn find<R>(&self, is_it: impl Fn(&T) -> Option<R>) -> Option<R> {
+        self.known().iter().find_map(is_it)
     }
 
-    fn keep(&self, of: K, result: &V, most: usize) {
+    fn keep(&self, result: T, most: usize) {
         let mut known = self.known();
         known.truncate(most - 1);
-        known.push_front((of, result.clone()));
+        known.push_front(result);
     }
 }
 
@@ -257,19 +189,20 @@ mod tests {
     }
 
     #[test]
-    fn results_are_those_of_the_same_ink_under_the_same_map() {
+    fn only_the_same_ink_under_the_same_map_before_the_same_laser_has_the_results_that_were_found() {
         let recent = RecentDrawings::default();
-        let mut count = 0;
-        let mut measure = |length: f64| {
+        let mut turned = JobSettings::default();
+        turned.fixture.rotation = 0.1;
+        let of = |length: f64, settings: &JobSettings| {
             let ink = Ink::sample(&line(length), ALL, 0.25, 0.25);
-            let results = recent.results(&ink, &LengthTrueMap::Plain, || {
-                count += 1;
-                let height = |_| Some(0.0);
-                crate::geometry::mapping::quality::measure(&ink, |at| LengthTrueMap::Plain.point(at), height)
-                    .map(|results| (results, None))
-            });
-            (results.unwrap().0.length, count)
+            recent.mapped(ink, LengthTrueMap::Plain, settings)
         };
-        assert_eq!([measure(1.0), measure(2.0), measure(1.0)], [(1.0, 1), (2.0, 2), (1.0, 2)]);
+        let straight = JobSettings::default();
+        let first = of(1.0, &straight);
+        assert!(Arc::ptr_eq(&first, &of(1.0, &straight)));
+        for other in [of(2.0, &straight), of(1.0, &turned)] {
+            assert!(!Arc::ptr_eq(&first, &other));
+        }
+        assert!(Arc::ptr_eq(&first, &of(1.0, &straight)));
     }
 }

@@ -1,0 +1,93 @@
+//! Ink under its map, and what follows from it on the surface.
+
+use std::sync::OnceLock;
+
+use crate::config::JobSettings;
+use crate::geometry::correction::{Exposure, Projection};
+use crate::geometry::ink::Ink;
+use crate::geometry::mapping::quality::{self, Distortion};
+use crate::geometry::mapping::{LengthTrueMap, Method};
+use crate::geometry::optics::{Fixture, ScanHead};
+use crate::geometry::sensitivity::{PoseUncertainty, Sensitivity};
+use crate::geometry::space::{FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
+
+/// Ink under its map, in front of a laser. What follows from it is found when it is first asked for; it is always asked for
+/// with the surface of the map.
+#[derive(Debug)]
+pub(super) struct MappedInk {
+    pub(super) ink: Ink,
+    pub(super) map: LengthTrueMap,
+    fixture: Fixture,
+    head: ScanHead,
+    uncertainty: PoseUncertainty,
+    exposure: OnceLock<Exposure>,
+    sensitivity: OnceLock<Sensitivity>,
+    results: OnceLock<Result<Results, ViewPoint>>,
+}
+
+/// The errors with the correction, and without it if all ink is on the part then.
+pub(super) type Results = (Distortion, Option<Distortion>);
+
+impl MappedInk {
+    pub(super) fn new(ink: Ink, map: LengthTrueMap, settings: &JobSettings) -> Self {
+        Self {
+            ink,
+            map,
+            fixture: settings.fixture,
+            head: settings.scan_head(),
+            uncertainty: settings.pose_uncertainty,
+            exposure: OnceLock::new(),
+            sensitivity: OnceLock::new(),
+            results: OnceLock::new(),
+        }
+    }
+
+    /// Whether the same follows from both on one surface.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        (self.fixture, self.head, self.uncertainty) == (other.fixture, other.head, other.uncertainty)
+            && self.ink == other.ink
+            && self.map == other.map
+    }
+
+    pub(super) fn projection<'a>(&'a self, surface: &'a FittedSurface) -> Projection<'a> {
+        Projection { map: &self.map, surface, fixture: self.fixture, head: self.head }
+    }
+
+    /// The part under the ink, as the beam reaches it.
+    pub(super) fn exposure(&self, surface: &FittedSurface) -> &Exposure {
+        self.exposure.get_or_init(|| self.projection(surface).expose(&self.ink))
+    }
+
+    /// What a misplaced part does to the mark.
+    pub(super) fn sensitivity(&self, surface: &FittedSurface) -> &Sensitivity {
+        self.sensitivity.get_or_init(|| self.projection(surface).sensitivity(&self.ink, &self.uncertainty))
+    }
+
+    /// The errors on the part, estimated from above.
+    ///
+    /// # Errors
+    /// The place of mapped ink that is not on the surface.
+    pub(super) fn results(&self, surface: &FittedSurface) -> Result<Results, ViewPoint> {
+        *self.results.get_or_init(|| {
+            let Self { ink, map, .. } = self;
+            let after = measured(ink, map, &|at| map.point(at), surface)?;
+            Ok((after, measured(ink, map, &|at| ViewPoint::from(at.coords()), surface).ok()))
+        })
+    }
+}
+
+/// The errors that a drawing has on the part if `place` projects it, estimated from above. Where the part is recognised as a
+/// cylinder or cone, its surface is also known between the vertices.
+///
+/// # Errors
+/// The place of ink that is not on the surface.
+pub(super) fn measured(
+    ink: &Ink,
+    map: &LengthTrueMap,
+    place: &dyn Fn(FlatPoint) -> ViewPoint,
+    surface: &FittedSurface,
+) -> Result<Distortion, ViewPoint> {
+    let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
+    quality::measure_on(surface, ink, place, !is_recognised)
+}
